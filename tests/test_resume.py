@@ -158,7 +158,7 @@ def test_bonds_that_break_after_the_step_do_not_shift_the_bonds_of_contact_pairs
     assert differing(resumed, whole) == []
     joined = {*zip(whole.bonds.first, whole.bonds.second, strict=True)}
     pairs = whole._stepper._batches[0].work.pairs  # type: ignore[attr-defined]
-    for k in range(pairs.count[0]):
+    for k in range(pairs.used[0]):
         bond = pairs.bond[k]
         ends = pairs.first[k], pairs.second[k]
         assert ends == (whole.bonds.first[bond], whole.bonds.second[bond]) if bond >= 0 else ends not in joined

@@ -90,7 +90,7 @@ def take_substeps_of_beams(
 ) -> int:  # fmt: skip
     """Take the sub-steps in one thread; returns the number of bonds broken."""
     tiles, pairs, fields, law = work.tiles, work.pairs, work.fields, pair_law(p)
-    context = _begin(el, bonds, work, sizes, around, rank, plan, p)
+    context = _step_context(el, bonds, work, sizes, around, rank, plan, p)
     in_use, count, broken = tiles.in_use[: context.bond_tiles], tile.tile_count(el.place.lon.size), 0
     for n in range(_first_substep(plan, p), plan.substeps):
         flags = _substep_flags(n, plan, context.period)
@@ -136,7 +136,7 @@ def take_substeps_in_threads(
 
 
 @stage
-def _begin(
+def _step_context(
     el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> StepContext:  # fmt: skip
@@ -382,7 +382,7 @@ def _begin_alone(
     el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> tuple[int, bool, bool, bool, float]:  # fmt: skip
-    on = _begin(el, bonds, work, sizes, around, rank, plan, p)
+    on = _step_context(el, bonds, work, sizes, around, rank, plan, p)
     # Numbers, not the named tuple: see `riftberg.compiled.kernels`.
     return on.bond_tiles, on.floor_acts, on.floor_varies, on.near_pole, on.period
 
