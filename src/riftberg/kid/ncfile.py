@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
-from riftberg.products.sizes import whole_size
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import refusal, replacing
 from riftberg.system.input_files import check_file, reading, value_shown
 from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.netcdf_headers import whole_size
 from riftberg.system.netcdf_lock import NETCDF, open_netcdf
 from riftberg.system.watchdog import opening
 
