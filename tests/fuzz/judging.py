@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import dask
+
 from riftberg.cli.main import app
 from riftberg.cli.terminal import EXIT_ERROR
 from riftberg.system.watchdog import STUCK_AFTER
@@ -258,6 +260,8 @@ def judge_apart(kind: Kind, folder: Path) -> Verdict:
         with open(said, "wb") as file:
             os.dup2(file.fileno(), 1)
             os.dup2(file.fileno(), 2)
+        # A child has none of its parent's threads: dask's pool, once used before the fork, would wait for them for ever.
+        dask.config.set(scheduler="synchronous")
         verdict = judge(kind, folder / "in")
         answer.write_text(json.dumps([verdict.what, verdict.message, verdict.seconds]))
         os._exit(0)

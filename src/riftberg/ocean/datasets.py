@@ -344,7 +344,9 @@ class DatasetForcing(DescribedForcing):
                     f"is on land: no {name} but {values[row]:.4g} m is known there, or these are heights, positive up"
                 )
                 remedy = f"Move the berg; of heights change the sign, or write positive: up on {part.original(name)}"
-            raise ForcingError(f"{_named(elements, row)} {what}", where=part.source, remedy=remedy)
+            raise ForcingError(
+                f"{_named(elements, row)} {what}", where=named(part.records.ds) or part.source, remedy=remedy
+            )
 
     def _check_keels(self, part: Part, elements: Elements) -> None:
         row = int(elements.thickness.argmax())

@@ -266,13 +266,13 @@ def _check_not_empty(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[n
 
 def check_believable(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:
     """Raise `ForcingError` where values (record, level, row, column) of a field cannot be true."""
-    known = values[np.isfinite(values)]
+    known = values[~np.isnan(values)]  # an infinite one is no missing value: it is beyond every range
     fault = unlikely(name, float(known.min()), float(known.max())) if known.size else ""
     if not fault:
         return
     least, most = QUANTITIES[name].range
     beyond = np.argwhere((values < least) | (values > most))
-    place = beyond[0] if beyond.size else np.argwhere(np.isfinite(values))[0]
+    place = beyond[0] if beyond.size else np.argwhere(~np.isnan(values))[0]
     record, _, row, column = (int(k) for k in place)
     when = f"{minute(dates[record])}, " if dates.size else ""
     units = QUANTITIES[name].units.removeprefix("1")

@@ -88,7 +88,7 @@ _ALONG_THE_GRID: dict[str, tuple[str, ...]] = {
 
 _OTHERS = re.compile(
     r"tid|stokes|geostrophic|anomaly|error|(wind|swell)_wave|gust|barotropic|(velocity|temperature|salinity)_at_sea_floor|bottom|"
-    r"westward|southward|upward_(east|north|x_|y_)"
+    r"westward|southward|upward_(east|north|x_|y_)|_correction_"
 )
 """Standard names of what a run does not take: parts of a current, other levels, other signs."""
 
