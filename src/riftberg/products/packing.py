@@ -20,9 +20,9 @@ def with_plain_packing(raw: xr.Dataset, where: str) -> xr.Dataset:
     for name, variable in raw.variables.items():
         for key in _PACKING:
             value = variable.attrs.get(key)
-            if np.size(value) > 1:
+            if isinstance(value, np.ndarray) and value.size > 1:
                 raise ForcingError(
-                    f"{key} of {name} has {np.size(value)} numbers", where=where,
+                    f"{key} of {name} has {value.size} numbers", where=where,
                     remedy=f"Give one: ncatted -a {key},{name},o,d,NUMBER FILE",
                 )  # fmt: skip
             if not isinstance(value, str):
