@@ -206,9 +206,10 @@ def words_without(words: Iterable[str], *options: str) -> list[str]:
 
 def _tell(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
     """Say what should be known before the run: what was made of the berg that was asked for, and what is doubtful."""
-    loses = "smaller berg.radius" in info.made  # more than half a per cent of the area: a notice, which --quiet leaves
-    if loses or (info.made and not wanted.quiet):
-        say(f"Notice: {info.made}" if loses else info.made)
+    if info.loses:  # a notice, which --quiet leaves
+        say(f"Notice: {info.made}")
+    elif info.made and not wanted.quiet:
+        say(info.made)
     for notice in notices_of(info, model, options, wanted.hours(info)):
         say(f"Notice: {notice}")
 

@@ -70,6 +70,7 @@ class Info:
     output_forces: bool = False  # Whether the run file holds the mean force of each medium between records
     output_cells: float | None = None  # Width (degrees) of the cells of the gridded output; None for none
     made: str = ""  # What became of the shape that was asked for, in a line
+    loses: bool = False  # A finer lattice would come closer to that shape
     story: Story | None = None  # What a test case tells and draws instead of break-ups and a map
 
 

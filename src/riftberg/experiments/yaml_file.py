@@ -128,6 +128,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     check_span(experiment.start, days, where="--days" if options.days else str(path))
     forcing = build_forcing(experiment, folder, days, options, berg, parameters)
     notices = tuple(getattr(forcing, "notices", ()))
+    made, loses = lost_in_lattice(berg)
     info = Info(
         experiment.name,
         experiment.title,
@@ -136,7 +137,8 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
         notices=notices,
         output_forces=experiment.output_forces,
         output_cells=experiment.output_cells,
-        made=lost_in_lattice(berg),
+        made=made,
+        loses=loses,
     )
     return Model(berg, forcing, parameters, experiment.start), info
 
