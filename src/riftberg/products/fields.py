@@ -147,6 +147,10 @@ def _canonical(
     field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})
     if quantity in COMPONENTS and not is_true(field, name):
         field = with_angle(ds, field, name, place, where=where)
+        if product.select is not None and not standard_name(ds[name]):
+            one.append(
+                f"{name} has no standard name: it is taken along its grid, not as a component to true east or north"
+            )
     if LEVEL in field.dims:
         field = on_depths(ds, field, _levels(ds, name), place, where=where)
     if product.select is not None and quantity == "depth_below_surface" and is_height(ds[name], name):
