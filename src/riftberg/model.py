@@ -16,7 +16,7 @@ import numpy as np
 from riftberg.bergs.assembly import refuse_overlap
 from riftberg.bergs.bonding import Metric, count_bonds
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.portrait import card, portrait
+from riftberg.bergs.report import card, portrait
 from riftberg.config.usual_ranges import unusual
 from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
