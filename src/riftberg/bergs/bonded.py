@@ -10,8 +10,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from riftberg.bergs import strength as strengths
-from riftberg.bergs.assembly import inscribed_radius, refuse_overlap
-from riftberg.bergs.bonding import Metric
+from riftberg.bergs.bonding import Metric, inscribed_radius, refuse_overlap
 from riftberg.bergs.raster import is_map
 from riftberg.config.values import native, number
 from riftberg.constants import EARTH_RADIUS_A68

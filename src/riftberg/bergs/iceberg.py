@@ -10,9 +10,16 @@ import numpy as np
 
 from riftberg.bergs import fields
 from riftberg.bergs import outline as outlines
-from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at, within_pieces
 from riftberg.bergs.bonded import BondedBerg, join
-from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.bonding import (
+    BondRule,
+    Metric,
+    form_bonds,
+    make_elements,
+    refuse_overlap,
+    thickness_at,
+    within_pieces,
+)
 from riftberg.bergs.keys import (
     BergOptions,
     FieldOfBergs,

@@ -24,7 +24,7 @@ from riftberg.state import Floats
 from riftberg.system.input_files import check_file, is_folder, needed, reading
 from riftberg.system.limits import MOST_VALUES, refuse_large
 from riftberg.system.netcdf_lock import open_lazily
-from riftberg.system.process_settings import own_filters
+from riftberg.system.process import own_filters
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -115,7 +115,7 @@ class App(typer.Typer):
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Run as the command line: values that are no numbers are told of in our words, not by warnings of NumPy."""
         warnings.filterwarnings("ignore", category=RuntimeWarning)
-        from riftberg.system.streams import make_streams_last
+        from riftberg.system.process import make_streams_last
 
         make_streams_last()
         return super().__call__(*args, **kwargs)

@@ -11,8 +11,8 @@ import typer
 
 from riftberg.cli.output import check_output
 from riftberg.errors import InputError
+from riftberg.system.atomic_files import only_writer
 from riftberg.system.input_files import is_folder
-from riftberg.system.output_lock import only_writer
 
 if TYPE_CHECKING:
     import numpy as np

@@ -12,9 +12,8 @@ import typer
 
 from riftberg.errors import RiftbergError
 from riftberg.system.atomic_files import refusal
-from riftberg.system.interrupts import insisting
-from riftberg.system.interrupts import say as say
-from riftberg.system.watchdog import advice, when_stuck
+from riftberg.system.process import advice, insisting, when_stuck
+from riftberg.system.process import say as say
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from riftberg.bergs.assembly import THICKEST
+from riftberg.bergs.bonding import THICKEST
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import Booleans, fill
 from riftberg.bergs.raster import Raster, projection, read_raster, unbroken

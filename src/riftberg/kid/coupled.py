@@ -32,9 +32,9 @@ from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, new_elements
 from riftberg.system.atomic_files import replacing
-from riftberg.system.interrupts import held
 from riftberg.system.limits import MOST_STEPS, refuse_large
 from riftberg.system.netcdf_lock import open_netcdf
+from riftberg.system.process import held
 
 RESTART: Final = "icebergs.res.nc"
 

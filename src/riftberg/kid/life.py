@@ -15,8 +15,8 @@ from riftberg.kid.calving_file import IdentifierCounter
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.trajectories import resample_environment
 from riftberg.life.draws import ReferenceDraws
+from riftberg.life.melt import life_values
 from riftberg.life.process import LifeModel
-from riftberg.life.values import life_values
 from riftberg.parameters import Parameters
 from riftberg.physics.rolling import roll
 from riftberg.runs.model import Model

@@ -21,7 +21,7 @@ from riftberg.kid.entries import GROUPS, convert, find_entry, lacking, refused
 from riftberg.kid.entry_table import CALVING, HONOURED, OCEAN, REFUSED, REPORTED, TEXT, Entry, Value
 from riftberg.system.input_files import check_file, reading
 from riftberg.system.limits import MOST_YAML
-from riftberg.system.process_settings import own_filters
+from riftberg.system.process import own_filters
 
 _FOLDERS: Final = ("restart_input_dir", "data_dir")
 

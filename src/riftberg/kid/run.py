@@ -28,10 +28,9 @@ from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Ints, new_bonds
-from riftberg.system.atomic_files import refusal
+from riftberg.system.atomic_files import only_writer, refusal
 from riftberg.system.input_files import is_folder
-from riftberg.system.interrupts import held, say
-from riftberg.system.output_lock import only_writer
+from riftberg.system.process import held, say
 
 _LOG = logging.getLogger(__name__)
 

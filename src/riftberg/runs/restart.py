@@ -30,7 +30,7 @@ from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import check_file, reading
 from riftberg.system.netcdf_lock import NETCDF, open_netcdf
-from riftberg.system.watchdog import opening
+from riftberg.system.process import opening
 from riftberg.version import __version__
 
 if TYPE_CHECKING:

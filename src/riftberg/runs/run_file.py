@@ -55,10 +55,9 @@ from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.texts import define_texts, texts
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
-from riftberg.system.atomic_files import refusal, replacing
+from riftberg.system.atomic_files import OneWriter, refusal, replacing
 from riftberg.system.input_files import is_folder
 from riftberg.system.netcdf_lock import open_netcdf
-from riftberg.system.output_lock import OneWriter
 
 if TYPE_CHECKING:
     import xarray as xr
