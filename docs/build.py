@@ -253,7 +253,7 @@ def _keys(doc: str) -> list[tuple[str, str]]:
 def commands_page() -> str:
     """Return the page of the command line, from the signatures of its functions."""
     from riftberg.cli.main import SUMMARIES, app, function_of
-    from riftberg.cli.verbose import verbose
+    from riftberg.cli.terminal import verbose
     from riftberg.experiments import EXPERIMENTS
 
     text = [

@@ -35,7 +35,10 @@ SUMMARIES: Final = {
 }
 """The commands in the order of the help, with the first lines of their own, so that help need not load them."""
 
-_ELSEWHERE: Final = {"experiments": "run"}
+_ELSEWHERE: Final = {
+    "experiments": "run", "doctor": "forcing_files", "fetch": "forcing_files",
+    **dict.fromkeys(("plot", "animate", "replay"), "pictures"),
+}  # fmt: skip
 """Commands that stand in the file of another."""
 
 
@@ -98,7 +101,7 @@ def _refusal(finding: Any) -> str:
 
 
 def _alone(name: str) -> typer.Typer:
-    from riftberg.cli.verbose import verbose
+    from riftberg.cli.terminal import verbose
 
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     alone.command(name)(verbose(function_of(name)))

@@ -2,6 +2,9 @@
 
 Whoever opens the file meets a complete one, and a process killed at any moment leaves at most a hidden ``.part``, which
 the next writer of the same file removes. Passing names are unique, so that two processes or threads never share one.
+
+A file that is being written is taken: whoever else wants to write it, a second run for example, is refused. The mark is a
+lock that the system gives back when the process ends, however it ends, on a hidden file beside it.
 """
 
 from __future__ import annotations
