@@ -15,8 +15,7 @@ from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.names import GIVEN, TAKEN, taken
-from riftberg.coupling.shares import Shares, shares_of
-from riftberg.coupling.shelf import IceShelf
+from riftberg.coupling.shelf import IceShelf, Shares, shares_of
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.ledger import PROCESSES

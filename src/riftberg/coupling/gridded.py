@@ -20,7 +20,7 @@ from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.names import GIVEN
-from riftberg.coupling.shares import Shares, shares_of
+from riftberg.coupling.shelf import Shares, shares_of
 from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES
 from riftberg.life.melt import scaled_mass

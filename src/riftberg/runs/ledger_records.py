@@ -10,7 +10,7 @@ import numpy as np
 from riftberg.life.ledger import PROCESSES, SOURCES, melt_of
 from riftberg.life.melt import mass_in_bits
 from riftberg.life.motion import GIVERS
-from riftberg.runs.texts import define_texts, texts
+from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats
 
 if TYPE_CHECKING:

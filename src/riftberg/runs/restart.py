@@ -22,7 +22,7 @@ import numpy as np
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.runs.checks import DAMAGED, check_restart, read_parameters, read_start
-from riftberg.runs.provenance import forcing_text
+from riftberg.runs.layout import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
 from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
