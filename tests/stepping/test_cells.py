@@ -19,12 +19,12 @@ from riftberg.stepping.lattice.cells import (
     outline_of_cells,
 )
 from riftberg.stepping.lattice.triangles import (
-    bond_stresses,
+    bond_weights,
     find_triangles,
-    freedom_count,
-    freedoms_of_nodes,
+    freedoms,
     stiffness_matrix,
     triangle_stresses,
+    volumes,
 )
 
 RADIUS = 0.5
@@ -68,36 +68,50 @@ def box(length: float, width: float) -> shapely.Polygon:
     return shapely.box(-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width)
 
 
-def whole(mesh, poisson: float = 0.3, drilling: float = 0.3):
-    """Triangles and stiffness without broken bonds."""
-    count = int(mesh.edge_bond.max()) + 1
-    freed = freed_edges(mesh, np.zeros(count, bool))
-    triangles = find_triangles(mesh, freed, np.ones(mesh.cells), 1.0, poisson, drilling)
-    return triangles, stiffness_matrix(mesh, triangles.stiffness)
+def found(mesh, broken, thickness=1.0, poisson: float = 0.3, drilling: float = 0.3):
+    """Unknowns of the triangles, their matrices, and the stiffness of the whole."""
+    at, volume = freedoms(mesh.triangle, mesh.owner), volumes(mesh, thickness * np.ones(mesh.cells))
+    vertex = mesh.xy[mesh.triangle]
+    triangles = find_triangles(vertex, volume, freed_edges(mesh, broken), 1.0, poisson, drilling)
+    return at, triangles, stiffness_matrix(at, triangles.stiffness, len(mesh.owner))
+
+
+def whole(mesh, **material):
+    """The same without broken bonds."""
+    return found(mesh, np.zeros(int(mesh.edge_bond.max()) + 1, bool), **material)
+
+
+def used(mesh):
+    """Unknowns that are any: nodes on the outline have no rotation of their own."""
+    every = np.arange(3 * len(mesh.owner))
+    return every[(every < 3 * mesh.cells) | (every % 3 < 2)]
+
+
+def eigenvalues(mesh, stiffness):
+    return np.linalg.eigvalsh(stiffness.toarray()[np.ix_(used(mesh), used(mesh))])
 
 
 def field(mesh, gradient):
-    """All unknowns in a uniform displacement gradient, in which every cell rotates with the ice."""
-    at, d = freedoms_of_nodes(mesh), np.zeros(freedom_count(mesh))
-    d[at[:, 0]], d[at[:, 1]] = (mesh.xy @ np.transpose(gradient)).T
-    d[at[:, 2]] = 0.5 * (gradient[1][0] - gradient[0][1])
-    return d
+    """Displacements in a uniform gradient, in which every cell rotates with the ice."""
+    turn = np.where(np.arange(len(mesh.owner)) < mesh.cells, 0.5 * (gradient[1][0] - gradient[0][1]), 0.0)
+    return np.column_stack([mesh.xy @ np.transpose(gradient), turn])
 
 
 def solved(mesh, stiffness, along_x, along_y):
     """Displacements under loads per area, less what would move the ice as a whole; the cell in the middle is held."""
-    at, area, (x, y) = freedoms_of_nodes(mesh), mesh.node_area, mesh.xy.T
+    area, (x, y) = mesh.node_area, mesh.xy.T
     one, none = np.ones_like(x), np.zeros_like(x)
-    rigid = np.column_stack([np.concatenate([one, none]), np.concatenate([none, one]), np.concatenate([-y, x])])
+    rigid = np.concatenate([np.stack([one, none, -y]), np.stack([none, one, x])], axis=1).T
     push, mass = np.concatenate([along_x + none, along_y + none]), np.tile(area, 2)
     push -= rigid @ np.linalg.solve((rigid * mass[:, None]).T @ rigid, rigid.T @ (mass * push))
-    load = np.zeros(freedom_count(mesh))
-    load[np.concatenate([at[:, 0], at[:, 1]])] = mass * push
-    held = np.zeros(freedom_count(mesh))
-    held[at[np.argmin(np.hypot(*(mesh.xy[: mesh.cells] - mesh.xy[: mesh.cells].mean(axis=0)).T))]] = 1.0
+    load = np.column_stack([*(mass * push).reshape(2, -1), none]).ravel()
+    held = np.zeros(3 * len(x))
+    centre = np.argmin(np.hypot(*(mesh.xy[: mesh.cells] - mesh.xy[: mesh.cells].mean(axis=0)).T))
+    held[3 * centre : 3 * centre + 3] = 1.0
+    held[3 * mesh.cells + 2 :: 3] = 1.0
     displacement = splu((stiffness + diags(held)).tocsc()).solve(load)
     assert abs(held * displacement).max() < 1e-9 * abs(displacement).max()
-    return displacement
+    return displacement.reshape(-1, 3)
 
 
 def principal(stress):
@@ -122,7 +136,7 @@ def test_triangles_fill_the_outline_and_are_no_slivers(packing, angle) -> None:
 def test_uniform_gradients_leave_no_forces_inside_and_store_the_energy_of_the_solid(packing, angle) -> None:
     """A bar of this ice is thus exactly as stiff as E, and thins as nu says: the field of the solid is its equilibrium."""
     mesh, first, _ = mesh_of(box(12, 7), packing, angle)
-    triangles, stiffness = whole(mesh)
+    at, triangles, stiffness = whole(mesh)
     shear = 0.5 / 1.3
     for gradient, stress, energy in (
         ([[1.0, 0.0], [0.0, -0.3]], [1.0, 0.0, 0.0], 0.5),
@@ -131,13 +145,14 @@ def test_uniform_gradients_leave_no_forces_inside_and_store_the_energy_of_the_so
         ([[0.0, -1.0], [1.0, 0.0]], [0.0, 0.0, 0.0], 0.0),
     ):
         d = field(mesh, gradient)
-        force = stiffness @ d
+        force = stiffness @ d.ravel()
         # Nodes on the outline bear the traction of the ice beyond; all other unknowns are free.
         assert abs(force[: 3 * mesh.cells]).max() < 2e-14
-        assert 0.5 * d @ force == pytest.approx(energy * 84.0, rel=1e-12, abs=1e-11)
-        got = triangle_stresses(mesh, triangles, d)
+        assert 0.5 * d.ravel() @ force == pytest.approx(energy * 84.0, rel=1e-12, abs=1e-11)
+        got = triangle_stresses(at, triangles, d)
         np.testing.assert_allclose(got, np.tile(stress, (len(got), 1)), rtol=0, atol=1e-13)
-        np.testing.assert_allclose(bond_stresses(mesh, got, first.size), np.tile(stress, (first.size, 1)), atol=1e-13)
+        at_bonds = bond_weights(mesh, first.size) @ got
+        np.testing.assert_allclose(at_bonds, np.tile(stress, (first.size, 1)), rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -146,9 +161,9 @@ def test_bays_curves_holes_and_narrow_inlets_are_filled(shape, packing, angle) -
     outline = SHAPES[shape]
     mesh, _, _ = mesh_of(outline, packing, angle)
     assert (mesh.weight * mesh.area).sum() == pytest.approx(outline.area, rel=3e-3 if shape == "disc" else 1e-12)
-    _, stiffness = whole(mesh)
-    assert abs((stiffness @ field(mesh, [[0.2, 0.7], [-0.4, 0.5]]))[: 3 * mesh.cells]).max() < 2e-14
-    values = np.linalg.eigvalsh(stiffness.toarray())
+    _, _, stiffness = whole(mesh)
+    assert abs((stiffness @ field(mesh, [[0.2, 0.7], [-0.4, 0.5]]).ravel())[: 3 * mesh.cells]).max() < 2e-14
+    values = eigenvalues(mesh, stiffness)
     assert (abs(values) < 1e-10 * values[-1]).sum() == 3
     if shape == "inlet":  # an outline node belongs to a cell on its own side of the water
         left = mesh.xy[mesh.cells :, 0] < 6.0
@@ -189,26 +204,24 @@ def test_diagonals_of_squares_hold_as_long_as_a_way_of_two_bonds_is_left() -> No
 def test_each_piece_keeps_three_rigid_motions_down_to_single_cells(packing, angle, drilling) -> None:
     mesh, first, second = mesh_of(box(6, 5), packing, angle)
     broken, thickness = np.zeros(first.size, bool), np.random.default_rng(3).uniform(0.5, 1.5, mesh.cells)
-    before, at = None, freedoms_of_nodes(mesh)
+    before = None
     for n, bond in enumerate(np.random.default_rng(int(angle) + len(packing)).permutation(first.size)):
         broken[bond] = True
         if n % 3 and n < first.size - 1:
             continue
-        triangles = find_triangles(mesh, freed_edges(mesh, broken), thickness, 1.0, 0.3, drilling)
-        stiffness = stiffness_matrix(mesh, triangles.stiffness).toarray()
-        np.testing.assert_allclose(stiffness, stiffness.T, rtol=0, atol=1e-14)
+        _, _, stiffness = found(mesh, broken, thickness, drilling=drilling)
         graph = csr_matrix((np.ones((~broken).sum()), (first[~broken], second[~broken])), shape=(mesh.cells,) * 2)
         pieces, piece = csgraph.connected_components(graph, directed=False)
-        values = np.linalg.eigvalsh(stiffness)
+        values = eigenvalues(mesh, stiffness)
         assert values[0] > -1e-13
         assert (values < 1e-9).sum() == 3 * pieces
         for number in range(pieces):  # pieces feel nothing of each other
             moved = field(mesh, [[0.0, -1.0], [1.0, 0.0]])
-            moved[at[:, 0]] += 3.0
-            moved[at[piece[mesh.owner] != number]] = 0.0
-            assert abs(stiffness @ moved).max() < 1e-12
+            moved[:, 0] += 3.0
+            moved[piece[mesh.owner] != number] = 0.0
+            assert abs(stiffness @ moved.ravel()).max() < 1e-12
         if before is not None:  # what breaks releases energy, whatever the state
-            assert np.linalg.eigvalsh(before - stiffness)[0] > -1e-13
+            assert eigenvalues(mesh, before - stiffness)[0] > -1e-13
         before = stiffness
     assert broken.all()
 
@@ -223,8 +236,7 @@ def test_neither_the_ends_of_bonds_nor_their_order_matter(packing) -> None:
     matrices = []
     for a, b, gone in ((first, second, broken), (other_first, other_second, broken[order])):
         mesh = cell_mesh(xy, a, b, outline, 1.0, both_diagonals=packing == "square")
-        triangles = find_triangles(mesh, freed_edges(mesh, gone), np.ones(mesh.cells), 1.0, 0.3)
-        matrices.append(stiffness_matrix(mesh, triangles.stiffness).toarray())
+        matrices.append(found(mesh, gone)[2].toarray())
     np.testing.assert_array_equal(*matrices)
 
 
@@ -232,10 +244,10 @@ def sag(packing: str, angle: float, across: int, poisson: float = 0.3) -> float:
     """Deflection of a free beam under a load q cos(2 pi x / L) along it, over that of a Timoshenko beam."""
     length, width = 6.0 * across, float(across)
     mesh, _, _ = mesh_of(box(length, width), packing, angle)
-    _, stiffness = whole(mesh, poisson)
+    _, _, stiffness = whole(mesh, poisson=poisson)
     k = 2.0 * np.pi / length
     displacement = solved(mesh, stiffness, 0.0, np.cos(k * mesh.xy[:, 0]))
-    deflection = displacement[freedoms_of_nodes(mesh)[: mesh.cells, 1]]
+    deflection = displacement[: mesh.cells, 1]
     x, y = mesh.xy[: mesh.cells].T
     bending = width / (k**2 * width**3 / 12.0) * (np.cos(k * x) / k**2 - 0.5 * x**2)
     shear_factor = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson)
@@ -263,11 +275,11 @@ def test_stress_at_bonds_is_alike_on_all_lattices() -> None:
     got = []
     for packing, angle in LATTICES:
         mesh, first, _ = mesh_of(box(30, 15), packing, angle)
-        triangles, stiffness = whole(mesh)
+        at, triangles, stiffness = whole(mesh)
         k = np.pi / 30.0
         displacement = solved(mesh, stiffness, np.sin(k * mesh.xy[:, 0]), 0.0)
-        stress = triangle_stresses(mesh, triangles, displacement)
-        got.append(principal(bond_stresses(mesh, stress, first.size)).max() * k)
+        stress = bond_weights(mesh, first.size) @ triangle_stresses(at, triangles, displacement)
+        got.append(principal(stress).max() * k)
     assert np.ptp(got) < 0.002
     assert np.mean(got) == pytest.approx(1.025, abs=0.002)
 
@@ -292,6 +304,5 @@ def test_without_an_outline_the_cells_themselves_make_one(packing, area) -> None
     assert outline.area == pytest.approx(len(xy) * area, rel=1e-4)
     mesh = cell_mesh(xy, first, second, outline, 1.0, both_diagonals=packing == "square")
     assert (mesh.weight * mesh.area).sum() == pytest.approx(outline.area, rel=1e-10)
-    _, stiffness = whole(mesh)
-    values = np.linalg.eigvalsh(stiffness.toarray())
-    assert (values < 1e-10).sum() == 3
+    _, _, stiffness = whole(mesh)
+    assert (eigenvalues(mesh, stiffness) < 1e-10).sum() == 3

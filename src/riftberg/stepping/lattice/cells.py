@@ -80,11 +80,10 @@ def outline_of_cells(xy: Floats, radius: float, packing: str, angle: float) -> s
     """
     sides = 6 if packing == "hexagonal" else 4
     corner = angle + (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
-    # Cells reach a little over their sides, so that round-off leaves no gaps between them.
-    reach = radius / math.cos(math.pi / sides)
-    ring = np.column_stack([np.cos(corner), np.sin(corner)])
-    cells = shapely.polygons(xy[:, None, :] + (reach + 1e-6 * radius) * ring)
-    return shapely.unary_union(cells).simplify(1e-4 * radius)
+    # Cells reach a little over their sides at first, so that round-off leaves no gaps between them.
+    over = 1e-3 * radius
+    ring = (radius + over) / math.cos(math.pi / sides) * np.column_stack([np.cos(corner), np.sin(corner)])
+    return shapely.unary_union(shapely.polygons(xy[:, None, :] + ring)).buffer(-over, join_style="mitre")
 
 
 def cell_mesh(

@@ -22,7 +22,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 
 from riftberg.state import Floats, Ints
 from riftberg.stepping.lattice.cells import Booleans, CellMesh
@@ -49,13 +49,14 @@ def plane_stress(youngs: float, poisson: float) -> Floats:
 
 
 def find_triangles(
-    mesh: CellMesh, freed: Booleans, thickness: Floats, youngs: float, poisson: float, drilling: float = DRILLING
+    vertex: Floats, volume: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING
 ) -> Triangles:
-    """Find the matrices of all triangles with their freed edges condensed out.
+    """Find the matrices of triangles with their freed edges condensed out.
 
-    ``freed``: shape (triangles, 3); ``thickness``: of the cells, m; linear between nodes.
+    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``volume``: of the ice, with the weight of the triangle,
+    m3; ``freed``: shape (triangles, 3).
     """
-    count, vertex = len(mesh.triangle), mesh.xy[mesh.triangle]
+    count = len(vertex)
     run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
     length = np.sqrt((run**2).sum(axis=2))
     tx, ty = run[..., 0] / length, run[..., 1] / length
@@ -75,7 +76,6 @@ def find_triangles(
     strain = np.linalg.inv(np.stack([tx**2, ty**2, tx * ty], axis=2)) / length[:, None, :]
     edge_shear = np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2) @ strain
     elastic = plane_stress(youngs, poisson)
-    volume = mesh.weight * mesh.area * thickness[mesh.owner[mesh.triangle]].mean(axis=1)
     natural = volume[:, None, None] * (strain.transpose(0, 2, 1) @ elastic @ strain)
     shear_modulus = 0.5 * youngs / (1.0 + poisson)
     drill = drilling * shear_modulus * volume / 6.0  # 2 c
@@ -103,46 +103,38 @@ def find_triangles(
     return Triangles(stiffness, elastic @ strain @ (known + inner @ least))
 
 
-def freedom_count(mesh: CellMesh) -> int:
-    """Number of unknowns: three for a cell, two for a node on the outline."""
-    return 3 * mesh.cells + 2 * (mesh.owner.size - mesh.cells)
+def volumes(mesh: CellMesh, thickness: Floats) -> Floats:
+    """Volume (m3) of the ice of each triangle, with its weight; ``thickness`` (m) of the cells is linear between nodes."""
+    return np.asarray(mesh.weight * mesh.area * thickness[mesh.owner[mesh.triangle]].mean(axis=1))
 
 
-def freedoms_of_nodes(mesh: CellMesh) -> Ints:
-    """Unknowns of each node: displacement along x and y, rotation of its owner; shape (nodes, 3).
+def freedoms(triangle: Ints, owner: Ints) -> Ints:
+    """Unknowns of each triangle in the order of the matrices of `Triangles`; shape (triangles, 9).
 
-    Those of the cells come first, as in `riftberg.stepping.lattice.equilibrium`: x, y, rotation of each.
+    Each node has three: displacements along x and y, and a rotation, which the nodes on the outline do not use.
     """
-    node = np.arange(mesh.owner.size)
-    start = np.where(node < mesh.cells, 3 * node, 2 * node + mesh.cells)
-    return np.column_stack([start, start + 1, 3 * mesh.owner + 2])
+    displacements = 3 * triangle[:, :, None] + np.arange(2)
+    return np.concatenate([displacements.reshape(-1, 6), 3 * owner[triangle] + 2], axis=1)
 
 
-def freedoms_of_triangles(mesh: CellMesh) -> Ints:
-    """Unknowns of each triangle, in the order of the matrices of `Triangles`; shape (triangles, 9)."""
-    at = freedoms_of_nodes(mesh)[mesh.triangle]
-    return np.concatenate([at[:, :, :2].reshape(-1, 6), at[:, :, 2]], axis=1)
-
-
-def stiffness_matrix(mesh: CellMesh, stiffness: Floats) -> csc_matrix:
-    """Add up the stiffness of the triangles."""
-    at, size = freedoms_of_triangles(mesh), freedom_count(mesh)
+def stiffness_matrix(at: Ints, stiffness: Floats, nodes: int) -> csr_matrix:
+    """Add up the stiffness of triangles with the unknowns ``at`` (`freedoms`); of shape (3 nodes, 3 nodes)."""
     row, column = np.repeat(at, 9, axis=1), np.tile(at, (1, 9))
-    return coo_matrix((stiffness.ravel(), (row.ravel(), column.ravel())), shape=(size, size)).tocsc()
+    return coo_matrix((stiffness.ravel(), (row.ravel(), column.ravel())), shape=(3 * nodes, 3 * nodes)).tocsr()
 
 
-def triangle_stresses(mesh: CellMesh, triangles: Triangles, displacement: Floats) -> Floats:
-    """Stress (Pa; xx, yy, xy) of each triangle; ``displacement``: all unknowns (m, m, rad)."""
-    return np.asarray(np.einsum("tsx,tx->ts", triangles.stress, displacement[freedoms_of_triangles(mesh)]))
+def triangle_stresses(at: Ints, triangles: Triangles, displacement: Floats) -> Floats:
+    """Stress (Pa; xx, yy, xy) of each triangle; ``displacement``: of all nodes (m, m, rad), shape (nodes, 3)."""
+    return np.asarray(np.einsum("tsx,tx->ts", triangles.stress, displacement.ravel()[at]))
 
 
-def bond_stresses(mesh: CellMesh, stress: Floats, bonds: int) -> Floats:
-    """Stress (Pa; xx, yy, xy) at each bond: the mean, by area, over the triangles that have an edge of the bond."""
-    # A bond has up to three edges of one triangle; it counts once.
-    number = np.arange(len(mesh.triangle))[:, None] + np.zeros(3, np.int64)
-    pairs = np.unique(np.column_stack([mesh.edge_bond.ravel(), number.ravel()])[mesh.edge_bond.ravel() >= 0], axis=0)
-    bond, triangle = pairs.T
+def bond_weights(mesh: CellMesh, bonds: int) -> csr_matrix:
+    """Weights of the triangles in the stress at each bond, shape (bonds, triangles): by area, of those that have an edge of it.
+
+    Freed edges carry nothing, and the stress of a triangle counts with what its edges carry.
+    """
+    edge, triangle = mesh.edge_bond.ravel(), np.repeat(np.arange(len(mesh.triangle)), 3)
+    bond, triangle = np.unique(np.column_stack([edge, triangle])[edge >= 0], axis=0).T
     share = (mesh.weight * mesh.area)[triangle]
     total = np.bincount(bond, share, bonds)
-    sums = np.column_stack([np.bincount(bond, share * stress[triangle, c], bonds) for c in range(3)])
-    return np.asarray(sums / np.where(total > 0.0, total, 1.0)[:, None])
+    return csr_matrix((share / total[bond], (bond, triangle)), shape=(bonds, len(mesh.triangle)))
