@@ -54,6 +54,7 @@ class BondedBerg:
     earth_radius: float = EARTH_RADIUS_A68
     density: float = 850.0
     bergs: tuple[tuple[str, int], ...] = ()
+    outlines: tuple[Any, ...] = ()
 
     def named(self, name: str) -> Self:
         """Return the berg with a name, which its fragments, counts, maps and files bear."""

@@ -44,6 +44,8 @@ class CellMesh(NamedTuple):
     """Triangles of one piece of ice as it was without broken bonds. Edge ``i`` of a triangle lies opposite its vertex ``i``."""
 
     cells: int  # Nodes 0 to cells - 1 are the centres of the cells, the others lie on the outline
+    bonds: int
+    ties: int
     xy: Floats  # m; shape (nodes, 2)
     owner: Ints  # Cell with which a node rotates; shape (nodes,)
     triangle: Ints  # Nodes, counter-clockwise; shape (triangles, 3)
@@ -127,14 +129,46 @@ def cell_mesh(
     path_bonds = np.array([bonds + [-1] * (longest - len(bonds)) for _, bonds in paths], np.int64).reshape(-1, longest)
     path_tie = np.array([tie for tie, _ in paths], np.int64)
     edge_bond, edge_tie = (of_pair[which].reshape(-1, 3).astype(np.int64) for of_pair in (pair_bond, pair_tie))
-    return CellMesh(len(centres), xy, owner, triangle, weight, area, edge_bond, edge_tie, path_tie, path_bonds)
+    return CellMesh(
+        len(centres), first.size, ties, xy, owner, triangle, weight, area, edge_bond, edge_tie, path_tie, path_bonds
+    )
+
+
+def lone_cell(xy: Floats) -> CellMesh:
+    """Return a mesh of one cell without triangles, for ice that has no bonds."""
+    none, no_edges = np.zeros(0), np.zeros((0, 3), np.int64)
+    one, no_paths = np.zeros(1, np.int64), np.zeros((0, 1), np.int64)
+    return CellMesh(1, 0, 0, xy, one, no_edges, none, none, no_edges, no_edges, one[:0], no_paths)
+
+
+def joined(meshes: list[CellMesh]) -> CellMesh:
+    """Return several meshes as one: cells, bonds and ties are numbered on, and nodes on outlines follow all cells."""
+    before = np.cumsum([[0, 0, 0, 0], *((m.cells, m.bonds, m.ties, m.owner.size - m.cells) for m in meshes)], axis=0)
+    longest = max(m.path_bonds.shape[1] for m in meshes)
+    centres, outer, parts = [], [], []
+    for m, (cells, bonds, ties, nodes) in zip(meshes, before, strict=False):
+        number = np.arange(m.owner.size) + np.where(
+            np.arange(m.owner.size) < m.cells, cells, before[-1, 0] + nodes - m.cells
+        )
+        path_bonds = np.full((len(m.path_tie), longest), -1)
+        path_bonds[:, : m.path_bonds.shape[1]] = np.where(m.path_bonds >= 0, m.path_bonds + bonds, -1)
+        centres.append((m.xy[: m.cells], m.owner[: m.cells] + cells))
+        outer.append((m.xy[m.cells :], m.owner[m.cells :] + cells))
+        of_bonds, of_ties = (
+            np.where(of >= 0, of + start, -1) for of, start in ((m.edge_bond, bonds), (m.edge_tie, ties))
+        )
+        parts.append((number[m.triangle], m.weight, m.area, of_bonds, of_ties, m.path_tie + ties, path_bonds))
+    nodes_of = (np.concatenate(arrays) for arrays in zip(*centres, *outer, strict=True))
+    total_cells, total_bonds, total_ties, _ = before[-1].tolist()
+    return CellMesh(
+        total_cells, total_bonds, total_ties, *nodes_of, *(np.concatenate(of) for of in zip(*parts, strict=True))
+    )
 
 
 def freed_edges(mesh: CellMesh, broken: Booleans) -> Booleans:
     """Return which edges the broken bonds have freed, shape (triangles, 3); ``broken``: of each bond."""
     whole = np.append(~broken, True)  # the last one stands for -1
-    ties = int(mesh.edge_tie.max(initial=-1)) + 1
-    held = np.append(np.bincount(mesh.path_tie, whole[mesh.path_bonds].all(axis=1), ties) > 0, True)
+    held = np.append(np.bincount(mesh.path_tie, whole[mesh.path_bonds].all(axis=1), mesh.ties) > 0, True)
     return np.asarray(~(whole[mesh.edge_bond] & held[mesh.edge_tie]))
 
 

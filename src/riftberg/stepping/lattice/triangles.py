@@ -108,13 +108,14 @@ def volumes(mesh: CellMesh, thickness: Floats) -> Floats:
     return np.asarray(mesh.weight * mesh.area * thickness[mesh.owner[mesh.triangle]].mean(axis=1))
 
 
-def freedoms(triangle: Ints, owner: Ints) -> Ints:
-    """Unknowns of each triangle in the order of the matrices of `Triangles`; shape (triangles, 9).
+def freedoms(node: Ints, owner: Ints) -> Ints:
+    """Unknowns of triangles in the order of the matrices of `Triangles`, from the nodes of their vertices and their owners.
 
-    Each node has three: displacements along x and y, and a rotation, which the nodes on the outline do not use.
+    Each node has three: displacements along x and y, and a rotation, which the nodes on the outline do not use. ``node``,
+    ``owner``: shape (triangles, 3); the result: (triangles, 9).
     """
-    displacements = 3 * triangle[:, :, None] + np.arange(2)
-    return np.concatenate([displacements.reshape(-1, 6), 3 * owner[triangle] + 2], axis=1)
+    displacements = 3 * node[:, :, None] + np.arange(2)
+    return np.concatenate([displacements.reshape(-1, 6), 3 * owner + 2], axis=1)
 
 
 def stiffness_matrix(at: Ints, stiffness: Floats, nodes: int) -> csr_matrix:
