@@ -53,8 +53,8 @@ NEVER = -1
 DISC = 0.2
 """Part of its radius by which the ice reaches beyond the centre of a cell at least, also where the outline does not."""
 
-NEGLIGIBLE = 1e-13
-"""Eigenvalues of what a break takes off the stiffness, in parts of the largest one, that are round-off."""
+NEGLIGIBLE = 1e-12
+"""Eigenvalues of what a break takes off the stiffness, in parts of the stiffness before, that are round-off."""
 
 
 class ElasticCells(NamedTuple):
@@ -231,8 +231,11 @@ class CellStiffness:
         """Stiffness of all nodes: displacements (m) and rotation (rad) of each."""
         return stiffness_matrix(self._at, self._triangles.stiffness, self.nodes)
 
-    def break_bond(self, bond: int) -> Floats:
-        """Free the edges of a bond (row of the state); returns w, with the stiffness less by the sum of w w^T, in rows."""
+    def break_bond(self, bond: int, scale: Floats) -> Floats:
+        """Free the edges of a bond (row of the state); returns w in rows: the stiffness falls by the sum of w w^T.
+
+        ``scale`` turns all unknowns into lengths, in which the stiffness is taken.
+        """
         before, old = self._freed, self._triangles.stiffness
         self._broken[self._bond_number[bond]] = True
         self._freed = freed_edges(self._mesh, self._broken) | self._lost
@@ -240,19 +243,15 @@ class CellStiffness:
         new = find_triangles(
             self._vertex[changed], self._volume[changed], self._freed[changed], self._p.youngs_modulus, self._p.poisson
         )
-        taken = old[changed] - new.stiffness
+        at, place = np.unique(self._at[changed], return_inverse=True)
+        place, less = place.reshape(-1, 9), np.zeros((at.size, at.size))
+        np.add.at(less, (place[:, :, None], place[:, None, :]), old[changed] - new.stiffness)
+        least = NEGLIGIBLE * float((old[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
         old[changed], self._triangles.stress[changed] = new.stiffness, new.stress
         self._outline = None
-        at, place = np.unique(self._at[changed], return_inverse=True)
-        place = place.reshape(-1, 9)
-        less = np.zeros((at.size, at.size))
-        np.add.at(less, (place[:, :, None], place[:, None, :]), taken)
-        # Lengths beside rotations: scaled to one unit, so that small eigenvalues are round-off and nothing else.
-        size = np.sqrt(np.maximum(np.diag(less), np.finfo(float).tiny))
-        value, vector = np.linalg.eigh(less / np.outer(size, size))
-        large = value > NEGLIGIBLE * value[-1]
-        columns = np.zeros((int(large.sum()), 3 * self.nodes))
-        columns[:, at] = (vector[:, large] * np.sqrt(value[large]) * size[:, None]).T
+        value, vector = np.linalg.eigh(less * np.outer(scale[at], scale[at]))
+        columns = np.zeros((int((value > least).sum()), scale.size))
+        columns[:, at] = (vector[:, value > least] * np.sqrt(value[value > least])).T
         return columns
 
     def displacements(self, of_elements: Floats) -> Floats:
@@ -301,14 +300,15 @@ class CellSolver(StiffnessSolver):
         diagonal = np.zeros((cells.nodes, 3, 3))
         diagonal[row[row == column]] = data[row == column]
         # Unknowns without any stiffness: rotations of nodes on the outline, ice that has melted away, supported freedoms.
-        added = np.where(diagonal[:, range(3), range(3)] > 0.0, 0.0, self.gauge_stiffness)
-        added.reshape(-1)[: self._added.size] += self._added
-        diagonal[:, range(3), range(3)] += added
+        added = np.zeros(3 * cells.nodes)
+        added[: self._added.size] = self._added
+        added[np.einsum("nii->ni", diagonal).ravel() == 0.0] = self.gauge_stiffness
+        diagonal[:, range(3), range(3)] += added.reshape(-1, 3)
         upper = row < column
         self._ldl = BlockLDL(row[upper], column[upper], diagonal, np.ascontiguousarray(data[upper]))
 
     def _columns_of(self, bond: int) -> Floats:
-        return self._cells.break_bond(bond) * self._scale
+        return self._cells.break_bond(bond, self._scale)
 
     def solve(self, load: Floats) -> Floats:
         """See `StiffnessSolver.solve`; the nodes on the outline bear no loads."""

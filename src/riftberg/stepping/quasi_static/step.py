@@ -119,9 +119,9 @@ class QuasiStaticStepper:
 
     def __init__(self, model: RunState) -> None:
         self._bodies: Bodies | None = None
-        # Where the ice is elastic in cells, they are made of the outlines at the start of a run, and read from then on.
+        # Where the ice is elastic in cells, they are made at the start of a run; a restart holds them from then on.
         self._cells: ElasticCells | None = None
-        if model.parameters.bonds.elasticity == "cells" and model.elements.size:
+        if model.parameters.bonds.elasticity == "cells" and model.elements.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
         self._lattice: FactoredLattice | None = None
         self._state: BodyState | None = None
