@@ -194,7 +194,7 @@ class CellStiffness:
         self._freed = freed_edges(self._mesh, self._broken) | self._lost
 
         self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
-        self._volume = volumes(self._mesh, np.where(living, el.thickness[row], 0.0))
+        self._volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
         self._triangles = find_triangles(self._vertex, self._volume, self._freed, p.youngs_modulus, p.poisson)
         vertex = self._mesh.triangle
         self._at = freedoms(number[vertex], number[mesh.owner[vertex]])

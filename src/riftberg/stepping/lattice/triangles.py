@@ -104,8 +104,11 @@ def find_triangles(
 
 
 def volumes(mesh: CellMesh, thickness: Floats) -> Floats:
-    """Volume (m3) of the ice of each triangle, with its weight; ``thickness`` (m) of the cells is linear between nodes."""
-    return np.asarray(mesh.weight * mesh.area * thickness[mesh.owner[mesh.triangle]].mean(axis=1))
+    """Volume (m3) of the ice of each triangle, with its weight; ``thickness`` (m) of the cells is linear between nodes.
+
+    It is not a number for cells that are gone: then that of the other vertices counts.
+    """
+    return np.asarray(mesh.weight * mesh.area * np.nanmean(thickness[mesh.owner[mesh.triangle]], axis=1))
 
 
 def freedoms(node: Ints, owner: Ints) -> Ints:
