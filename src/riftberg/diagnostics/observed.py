@@ -21,8 +21,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
-from riftberg.bergs.feature import DATE_KEYS
-from riftberg.bergs.outline_csv import rows_of_csv
+from riftberg.bergs.outline import DATE_KEYS, rows_of_csv
 from riftberg.diagnostics.dates import parse_date
 from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError

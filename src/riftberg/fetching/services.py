@@ -21,8 +21,8 @@ from riftberg.fetching import logins
 from riftberg.fetching.direct import GEBCO_URL, NCEP_URL, fetch_gebco, fetch_ncep
 from riftberg.fetching.download import Progress, Tell, made, missing_package, tell_terminal
 from riftberg.products.window import utc
+from riftberg.system.atomic_files import only_writer
 from riftberg.system.netcdf_lock import open_netcdf
-from riftberg.system.output_lock import only_writer
 
 Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"]
 Span = tuple[float, float]

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.kid.calendar import LATE_START, date_after
-from riftberg.kid.namelist import NamelistGroup
+from riftberg.kid.namelist import LATE_START, NamelistGroup, date_after
 from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields

@@ -22,8 +22,7 @@ from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.life.motion import GIVERS
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import SHAPE, dimensions_of_variables
-from riftberg.runs.provenance import forcing_text
+from riftberg.runs.layout import SHAPE, dimensions_of_variables, forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
 from riftberg.stepping.forces.media import FORCES
 from riftberg.system.input_files import check_file, reading, shown, value_shown

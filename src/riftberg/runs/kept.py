@@ -14,8 +14,8 @@ from riftberg.errors import InputError, RiftbergError
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import RunWriter, missing_records, open_run
 from riftberg.system.atomic_files import refusal
-from riftberg.system.interrupts import say
 from riftberg.system.netcdf_lock import open_netcdf
+from riftberg.system.process import say
 
 if TYPE_CHECKING:
     from riftberg.runs.restart import RestartState
