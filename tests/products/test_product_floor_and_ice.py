@@ -10,9 +10,9 @@ import pyproj
 import pytest
 
 from products import product_files as files
+from products.probe import at_points
 from riftberg.errors import ForcingError
 from riftberg.products import open_product, recognise, window
-from riftberg.products.interpolate import to_grid
 from riftberg.products.projected import to_latlon
 
 
@@ -81,7 +81,7 @@ def test_osisaf_regridding_gives_back_values_at_grid_points(tmp_path: Path) -> N
     lon, lat = float(ds["lon"][1, 2]), float(ds["lat"][1, 2])
     there = to_latlon(ds, np.array([lon]), np.array([lat]))["ice_fraction"].values[0, 0, 0]
     assert there == pytest.approx(float(ds["ice_fraction"][0, 1, 2]), abs=1e-4)
-    direct = to_grid(ds, np.array([lon]), np.array([lat]))["ice_fraction"].values[0, 0, 0]
+    direct = at_points(ds, np.array([lon]), np.array([lat]))["ice_fraction"].values[0, 0, 0]
     assert direct == pytest.approx(there, abs=1e-9)
 
 

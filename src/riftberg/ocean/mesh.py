@@ -36,6 +36,9 @@ FARTHEST = 3.0
 FOR_PLANE = 9
 """Nodes through which a plane is laid where a slope is asked for."""
 
+FOR_MEAN = 3
+"""Nodes whose weighted mean a model grid gets, so that its field has no steps."""
+
 
 class Points(NamedTuple):
     """Points of a product, degrees, shape (rows, columns); NaN where there is none."""
@@ -191,6 +194,14 @@ class NodeMesh:
         distance, node = self.nearest(lon, lat)
         row, zero = np.where(distance > FARTHEST * self._usual, -1, 0), np.zeros(lon.size)
         return Places(row, node, np.zeros_like(node), node, zero, zero)
+
+    def smooth(self, values: Floats, lon: Floats, lat: Floats) -> Floats:
+        """Return a field (levels, nodes) at positions: the known of the nearest nodes, weighted by distance**-2."""
+        distance, near = self._tree.query(unit_vectors(lon, lat), k=min(FOR_MEAN, values.shape[-1]))
+        distance, near = distance.reshape(lon.size, -1), near.reshape(lon.size, -1)
+        weight = np.where(np.isnan(values[:, near]), 0.0, 1.0 / np.maximum(distance, 1e-9) ** 2)
+        total, share = (np.nan_to_num(values[:, near]) * weight).sum(axis=-1), weight.sum(axis=-1)
+        return np.asarray(np.divide(total, share, out=np.full(total.shape, np.nan), where=share > 0.0))
 
     def slopes(self, values: Floats, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return the slope to the east and north (per m) of a field at positions: of the plane through the nodes near by.

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 Span = tuple[float, float]
 
 FILL_CELLS = 2
-"""Cells inland that the nearest water is used, as `riftberg.products.interpolate.to_grid` does by default."""
+"""Cells inland that the nearest water is used, as in a run (`riftberg.ocean.at_elements.REACH`)."""
 
 EDGE_POINTS = 25
 
