@@ -16,10 +16,10 @@ from riftberg.ocean.cells import (
     round_trip,
     settle_elements,
 )
-from riftberg.ocean.geometry import inverse_bilinear, wrap_around
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.search import find_cell, search_nearby
 from riftberg.parameters import Parameters
+from riftberg.physics.quadrilaterals import inverse_bilinear, wrap_around
 from riftberg.state import new_elements
 from twins import cells as twin
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.ocean.mesh import Places, Points, beside
+from riftberg.products.mesh import Places, Points, beside
 from riftberg.products.stencil import offsets_by_distance
 from riftberg.state import Floats, Ints
 

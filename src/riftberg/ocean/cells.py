@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.ocean.geometry import (
+from riftberg.physics.quadrilaterals import (
     bilinear,
     blend_corners,
     edge_sign,

@@ -27,10 +27,10 @@ from riftberg.ocean.at_elements import (
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
-from riftberg.ocean.mesh import Mesh, NodeMesh, Places, mesh_of
 from riftberg.ocean.product_records import ProductRecords
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
+from riftberg.products.mesh import Mesh, NodeMesh, Places, mesh_of
 from riftberg.products.records import WAVES, check_pairs, doubtful_units, idle_fields, in_python, named, named_remarks
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints

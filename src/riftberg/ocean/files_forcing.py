@@ -17,12 +17,12 @@ from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
 from riftberg.ocean.datasets import FILLS, OVER_KEEL, VECTORS, DatasetForcing, Part, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.mesh import AxesMesh, NodeMesh, Places
 from riftberg.ocean.product_records import Block, ProductRecords, check_not_empty, records_at_once
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
 from riftberg.products.levels import uppermost
+from riftberg.products.mesh import AxesMesh, NodeMesh, Places
 from riftberg.products.packing import VALID
 from riftberg.products.registry import open_named
 from riftberg.products.window import extent_text, utc, window, window_in_time

@@ -10,7 +10,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.ocean.cells import contains, locate_in_cell, position_in_cell
-from riftberg.ocean.geometry import wrap_around
+from riftberg.physics.quadrilaterals import wrap_around
 from riftberg.state import Floats, Ints
 
 if TYPE_CHECKING:

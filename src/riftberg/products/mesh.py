@@ -17,7 +17,7 @@ import xarray as xr
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
-from riftberg.ocean.geometry import inverse_bilinear
+from riftberg.physics.quadrilaterals import inverse_bilinear
 from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round
 from riftberg.products.cells import goes_round_in_x
