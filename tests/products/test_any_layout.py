@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 
 from products.probe import at_points
 from riftberg.errors import ForcingError
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_product
-from riftberg.products.doctor import doctor
 from riftberg.state import Elements, new_elements
 
 START = datetime(2020, 12, 16, 6)

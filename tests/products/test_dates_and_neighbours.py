@@ -23,10 +23,10 @@ from products.test_odd_files import elements as around
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import ForcingError, InputError
 from riftberg.ocean.datasets import DatasetForcing
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_all, open_product
-from riftberg.products.doctor import doctor
 
 DAY_0 = datetime(2020, 12, 16)
 UO_VO = ("uo", "vo")

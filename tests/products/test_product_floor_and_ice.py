@@ -13,7 +13,7 @@ from products import product_files as files
 from products.probe import at_points
 from riftberg.errors import ForcingError
 from riftberg.products import open_product, recognise, window
-from riftberg.products.projected import to_latlon
+from riftberg.products.vectors import to_latlon
 
 
 def test_srtm15_depth_is_positive_down_and_land_missing(shared: Path) -> None:

@@ -22,7 +22,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
 from riftberg.products.levels import uppermost
-from riftberg.products.mesh import AxesMesh, NodeMesh, Places
+from riftberg.products.mesh import AxesMesh, Located, NodeMesh
 from riftberg.products.packing import VALID
 from riftberg.products.registry import open_named
 from riftberg.products.window import extent_text, utc, window, window_in_time
@@ -185,30 +185,21 @@ class _GridRecords(ProductRecords):
         """Pass: gaps are those of the product, which its own records check."""
 
 
-class PlacedPoints(NamedTuple):
-    """Points, degrees, and where they lie on a product."""
-
-    lon: Floats
-    lat: Floats
-    places: Places
-
-
-def place_points(product: Part, lon: Floats, lat: Floats) -> PlacedPoints:
+def place_points(product: Part, lon: Floats, lat: Floats) -> Located:
     """Locate the points of a model grid on a product; refuse such as lie outside."""
-    lon, lat = lon.ravel(), lat.ravel()
-    places = product.mesh.locate(lon, lat)
-    outside = np.flatnonzero(places.row < 0)
+    there = Located(product.mesh, lon, lat)
+    outside = np.flatnonzero(there.outside)
     if outside.size:
         ds, first = product.records.ds, outside[0]
         raise ForcingError(
-            f"{outside.size} points of the model grid lie outside the data, the first at {lon[first]:g} E "
-            f"{lat[first]:g} N; the data cover {extent_text(ds)}",
+            f"{outside.size} points of the model grid lie outside the data, the first at {there.lon[first]:g} E "
+            f"{there.lat[first]:g} N; the data cover {extent_text(ds)}",
             where=records.named(ds), remedy="Give files that cover the box, or take a smaller one",
         )  # fmt: skip
-    return PlacedPoints(lon, lat, places)
+    return there
 
 
-def values_at(product: Part, name: str, time: float, at: PlacedPoints) -> Floats:
+def values_at(product: Part, name: str, time: float, at: Located) -> Floats:
     """Return a field at points and a time on each of its levels, shape (levels, points); NaN where nothing is known."""
     # Where one record knows nothing the other one counts, also of sea ice: 0 would thin the ice all around.
     moment = product.records.moment(name, time)._replace(absent=np.nan)

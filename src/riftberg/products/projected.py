@@ -1,4 +1,4 @@
-"""Fields on a map projection: axes in metres, positions by pyproj, regridding to longitude-latitude."""
+"""Fields on a map projection: axes in metres, positions by pyproj."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.products.cells import curvilinear
-from riftberg.products.stencil import Stencil
 
 Floats = NDArray[np.float64]
 METRES = {"km": 1000.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "": 1.0}
@@ -124,31 +122,3 @@ def _check_projection(ds: xr.Dataset, crs: Any) -> None:
             where=str(ds.encoding.get("source", "")),
             remedy="The file's grid mapping is wrong or missing: check its header",
         )
-
-
-def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
-    """Regrid a projected or curvilinear dataset to longitudes and latitudes, bilinearly in the projection or its cells.
-
-    ``lon``, ``lat``: target axes (degrees), ascending.
-    """
-    lon, lat = np.asarray(lon, float), np.asarray(lat, float)
-    grid_lon, grid_lat = np.meshgrid(lon, lat)
-    if "crs_wkt" in ds.attrs:
-        x, y = to_projection(ds.attrs["crs_wkt"], grid_lon, grid_lat)
-        stencil = Stencil.bilinear(ds["x"].values, ds["y"].values, x, y)
-    else:
-        stencil = curvilinear(ds["lon"].values, ds["lat"].values, grid_lon, grid_lat)
-    fields = {}
-    for name, field in ds.data_vars.items():
-        values = stencil.plain(field.transpose(..., "y", "x").values)
-        dims = (*[dim for dim in field.dims if dim not in ("y", "x")], "lat", "lon")
-        fields[name] = (dims, values, field.attrs)
-    axes = {
-        "lat": ("lat", lat, {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
-        "lon": ("lon", lon, {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
-    }
-    kept = {name: ds[name] for name in ("time", "depth") if name in ds.coords}
-    result = xr.Dataset(fields, coords={**kept, **axes})
-    result.attrs = {key: value for key, value in ds.attrs.items() if key != "crs_wkt"}
-    result.attrs["history"] = f"regridded bilinearly to longitude-latitude; {ds.attrs.get('history', '')}"
-    return result

@@ -11,10 +11,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
+from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, fill_values
+from riftberg.ocean.findings import DataFinding, FieldFinding, Report
+from riftberg.ocean.product_records import as_block
 from riftberg.products.axes import goes_round, step_of
 from riftberg.products.canonical import QUANTITIES, small_unit, unlikely
-from riftberg.products.findings import DataFinding, FieldFinding, Report
-from riftberg.products.on_path import FILL_CELLS, box_share_outside, on_path
+from riftberg.products.mesh import Located, NodeMesh, mesh_of
 from riftberg.products.packing import VALID
 from riftberg.products.records import (
     MAY_BE_EMPTY,
@@ -65,6 +67,7 @@ WHERE_FROM = {
 }
 _SAMPLE_RECORDS = 3
 _LARGE = 2000
+_EDGE_POINTS = 25  # along each edge of a box, to see how much of it lies on a grid
 
 HARMLESS = "which stops no run"
 """End of findings that need no action."""
@@ -181,9 +184,10 @@ def _examined(
         space=extent_text(ds),
         time=_time_cover(ds),
     )
-    crs = ds.attrs.get("crs_wkt")
     part = _part(ds, lon, lat, time, finding)
-    _space_problems(part if part is not None and "lat" not in ds.dims and not crs else ds, lon, lat, finding)
+    _space_problems(
+        part if part is not None and "lat" not in ds.dims and "crs_wkt" not in ds.attrs else ds, lon, lat, finding
+    )
     if part is None:
         _time_problems(ds, {}, time, finding)
         return finding
@@ -191,13 +195,13 @@ def _examined(
     _time_problems(
         ds, {name: part["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, finding
     )
-    outside = on_path(part[next(iter(part.data_vars))], path, crs).outside
-    if outside:
+    berg = Located(mesh_of(part), *np.reshape(path or (), (-1, 2)).T)
+    if berg.outside.any():
         finding.problems.append(
-            f"{outside} of {len(path or ())} positions of the berg lie outside. Fetch a larger area"
+            f"{berg.outside.sum()} of {berg.lon.size} positions of the berg lie outside. Fetch a larger area"
         )
     sample = _sampled(part, empty, finding)
-    finding.fields = [_field_report(sample[name], path, crs) for name in sample.data_vars]
+    finding.fields = [_field_report(sample[name], berg) for name in sample.data_vars]
     return finding
 
 
@@ -263,7 +267,9 @@ def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, finding:
     if lon is None or lat is None or finding.problems:
         return
     if "lat" not in ds.dims and "node" not in ds.dims:
-        outside = box_share_outside(ds, lon, lat, ds.attrs.get("crs_wkt"))
+        east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
+        box = np.meshgrid(np.linspace(lon[0], east, _EDGE_POINTS), np.linspace(*lat, _EDGE_POINTS))
+        outside = Located(mesh_of(ds), *box).outside.mean()
         if outside > 0.0:
             finding.problems.append(
                 f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
@@ -342,13 +348,31 @@ def _end_problems(
         )
 
 
-def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | None) -> FieldFinding:
+def _lacking(data: xr.DataArray, berg: Located) -> tuple[int, int]:
+    """Count positions of the berg at which any record of a field has no water around, and those without near water either.
+
+    Of levels the uppermost is looked at; scattered points have no cells, and are not counted.
+    """
+    if isinstance(berg.mesh, NodeMesh):
+        return 0, 0
+    known, draft = np.empty((2, berg.lon.size)), np.ones(berg.lon.size)
+    dry, unfilled = np.zeros((2, berg.lon.size), bool)
+    for record in as_block(data.isel(depth=slice(0, 1)) if "depth" in data.dims else data):
+        field = Blend(record, record, 0.0, SURFACE, np.nan)
+        for values, rings in zip(known, (NO_RINGS, RINGS), strict=True):
+            fill_values(field, berg.places, draft, berg.mesh.points.columns, rings, values)
+        dry |= np.isnan(known[0])
+        unfilled |= np.isnan(known[1])
+    return int((dry & ~berg.outside).sum()), int((unfilled & ~berg.outside).sum())
+
+
+def _field_report(data: xr.DataArray, berg: Located) -> FieldFinding:
     """Return range, missing share and problems of one field in the experiment."""
     quantity = QUANTITIES[str(data.name)]
     values = data.values
     known = np.isfinite(values)
     low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (np.nan, np.nan)
-    lacks = on_path(data, path, crs)
+    missing, unfilled = _lacking(data, berg)
     report = FieldFinding(
         name=quantity.name,
         original_name=str(data.attrs.get("original_name", "")),
@@ -358,10 +382,10 @@ def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | No
         low=low,
         high=high,
         missing_share=float(1.0 - known.mean()) if known.size else 1.0,
-        missing_on_path=lacks.missing,
-        unfilled_on_path=lacks.unfilled,
+        missing_on_path=missing,
+        unfilled_on_path=unfilled,
     )
-    _judge(report, len(path or ()))
+    _judge(report, berg.lon.size)
     if report.missing_share == 1.0 and (valid := data.attrs.get(VALID)):
         report.problems.append(f"the file calls only {valid} valid: check its valid_range and its units")
     return report
@@ -400,7 +424,7 @@ def _effect(finding: FieldFinding) -> str:
         return f"ice beside them is taken, else open water, {HARMLESS}"
     if finding.unfilled_on_path:
         return (
-            f"at {finding.unfilled_on_path} of them water is farther away than {FILL_CELLS} cells of the product, and the "
+            f"at {finding.unfilled_on_path} of them water is farther away than {REACH} cells of the product, and the "
             "field is 0 there. Take a product with water on the path"
         )
     return f"values from the nearest water will be used there, {HARMLESS}"

@@ -1,4 +1,4 @@
-"""What was found out about forcing files, and its words: the report of `riftberg.products.doctor`."""
+"""What was found out about forcing files, and its words: the report of `riftberg.ocean.doctor`."""
 
 from __future__ import annotations
 
