@@ -15,9 +15,9 @@ from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, f
 from riftberg.ocean.findings import DataFinding, FieldFinding, Report
 from riftberg.ocean.product_records import as_block
 from riftberg.products.axes import goes_round, step_of
-from riftberg.products.canonical import QUANTITIES, small_unit, unlikely
 from riftberg.products.mesh import Located, NodeMesh, mesh_of
 from riftberg.products.packing import VALID
+from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     WAVES,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from riftberg.products.canonical import QUANTITIES
+from riftberg.products.quantities import QUANTITIES
 
 
 @dataclass

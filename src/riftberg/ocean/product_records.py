@@ -15,9 +15,9 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import SURFACE, Blend
 from riftberg.ocean.forcing import SharedLock
 from riftberg.ocean.loading import wind_from_stress
-from riftberg.products.canonical import QUANTITIES, unlikely
 from riftberg.products.keel import layer_limits
 from riftberg.products.packing import VALID
+from riftberg.products.quantities import QUANTITIES, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     Gap,

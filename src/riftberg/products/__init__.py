@@ -12,7 +12,7 @@ Dimensions
     and ``lon``; scattered points (unstructured models) have one dimension ``node`` with ``lat`` and ``lon`` on it.
     Vectors point east and north on all of them.
 Variables
-    The names of `riftberg.products.canonical.QUANTITIES`, in the units given there. Land and missing values are
+    The names of `riftberg.products.quantities.QUANTITIES`, in the units given there. Land and missing values are
     NaN.
 
 Attributes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from riftberg.products.canonical import QUANTITIES, labelled
+from riftberg.products.quantities import QUANTITIES, labelled
 
 NOTES = ("elevations are turned into depths, positive down; land is missing (NaN)",)
 

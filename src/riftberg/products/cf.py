@@ -12,8 +12,8 @@ from collections.abc import Iterable
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES
 from riftberg.products.product import Product, Source
+from riftberg.products.quantities import QUANTITIES
 from riftberg.products.roles import coordinates_of, standard_name
 
 TO_DIRECTION = "sea_surface_wave_to_direction"

@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.cf import (
     TO_DIRECTION,
     above_ellipsoid,
@@ -25,6 +24,7 @@ from riftberg.products.levels import judged
 from riftberg.products.packing import VALID
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
+from riftberg.products.quantities import QUANTITIES, canonicalise
 from riftberg.products.records import MEAN_OF
 from riftberg.products.roles import coordinates_of, standard_name, units_of
 from riftberg.products.terrain import LEVEL, on_depths

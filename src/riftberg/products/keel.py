@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, labelled
+from riftberg.products.quantities import QUANTITIES, labelled
 
 Floats = NDArray[np.float64]
 

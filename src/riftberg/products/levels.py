@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, conversion
+from riftberg.products.quantities import QUANTITIES, conversion
 from riftberg.products.roles import bounds_of, coordinates_of, role_of_name, standard_name, units_of
 
 Floats = NDArray[np.float64]

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, doubtful_below, small_unit
+from riftberg.products.quantities import QUANTITIES, doubtful_below, small_unit
 
 Dates = NDArray[np.datetime64]
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
-from riftberg.products.canonical import QUANTITIES
 from riftberg.products.mesh import Located, mesh_of
+from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import VECTORS, named
 from riftberg.products.roles import standard_name, units_of
 
