@@ -50,21 +50,6 @@ ASSUMED = {
 }
 """What a run takes where no file gives a field that it should have."""
 
-WHERE_FROM = {
-    "uo": "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)",
-    "vo": "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)",
-    "ssh": "sea level: DUACS adt or GLORYS12 zos (free Copernicus Marine login)",
-    "ua": "wind: NCEP/NCAR R1 uwnd.10m.gauss.YEAR.nc (no login) or ERA5 u10",
-    "va": "wind: NCEP/NCAR R1 vwnd.10m.gauss.YEAR.nc (no login) or ERA5 v10",
-    "ice_fraction": "sea ice: GLORYS12 siconc, OSI SAF ice_conc or ERA5 siconc",
-    "ice_thickness": "sea ice thickness: GLORYS12 sithick",
-    "ui": "sea ice drift: GLORYS12 usi",
-    "vi": "sea ice drift: GLORYS12 vsi",
-    "depth_below_surface": "sea floor: GEBCO grid (`riftberg fetch gebco`), IBCSO south of 50 S",
-    "sst": "sea surface temperature: GLORYS12 thetao or ERA5 sst",
-    "sss": "salinity: GLORYS12 so",
-    "wave_height": "waves: ERA5 swh",
-}
 _SAMPLE_RECORDS = 3
 _LARGE = 2000
 _EDGE_POINTS = 25  # along each edge of a box, to see how much of it lies on a grid
@@ -442,7 +427,7 @@ def _conclude(report: Report, needed: Sequence[str], wished: Sequence[str]) -> N
     good = {item.name for finding in report.data for item in finding.fields if item.missing_share < 1.0}
     report.missing = [name for name in needed if name not in good]
     for name in (*report.missing, *(name for name in wished if name not in good)):
-        source = WHERE_FROM.get(name, "any CF file with standard name " + QUANTITIES[name].standard_name)
+        source = QUANTITIES[name].source or f"any CF file with standard name {QUANTITIES[name].standard_name}"
         text = f"o file gives {name} ({QUANTITIES[name].long_name}). Get {source}"
         if name in needed:
             report.advice.append(f"N{text}")

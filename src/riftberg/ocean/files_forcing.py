@@ -14,7 +14,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
-from riftberg.ocean.datasets import FILLS, OVER_KEEL, VECTORS, DatasetForcing, Part, product_part, served
+from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import Block, ProductRecords, check_not_empty, records_at_once
@@ -24,17 +24,12 @@ from riftberg.products.axes import step_of
 from riftberg.products.levels import uppermost
 from riftberg.products.mesh import AxesMesh, Located, NodeMesh
 from riftberg.products.packing import VALID
+from riftberg.products.quantities import QUANTITIES
 from riftberg.products.registry import open_named
 from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.state import Floats
 from riftberg.system.limits import refuse_large
 from riftberg.system.netcdf_lock import closing_files
-
-WANTED = frozenset({*FILLS, *VECTORS.values(), "taux", "tauy", *records.WAVES})
-"""Canonical fields that a run takes from its files."""
-
-MOVING = WANTED - {"depth_below_surface", "sst", "sss", "ice_fraction", "ice_thickness", "taux", "tauy"}
-"""Fields that change by the day; without dates they are a mean or a snapshot."""
 
 MARGIN = 3
 """Points of a product around the box that are read too."""
@@ -275,7 +270,7 @@ def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ..
     notices += [
         f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
         for ds in datasets
-        if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if str(name) in MOVING])
+        if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if QUANTITIES[str(name)].moves])
     ]
     return tuple(notices)
 
@@ -317,7 +312,7 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
         (_place(ds, str(name), number), number, str(name))
         for number, ds in enumerate(datasets)
         for name in ds.data_vars
-        if str(name) in WANTED and (str(name) not in records.WAVES or records.have_waves(ds))
+        if str(name) not in records.WAVES or records.have_waves(ds)
     )
     last = {name: number for _, number, name in places}
     if "wave_period" in last:

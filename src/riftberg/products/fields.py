@@ -10,7 +10,6 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.cf import (
-    TO_DIRECTION,
     above_ellipsoid,
     by_standard_name,
     is_height,
@@ -24,7 +23,7 @@ from riftberg.products.levels import judged
 from riftberg.products.packing import VALID
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
-from riftberg.products.quantities import QUANTITIES, canonicalise
+from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF
 from riftberg.products.roles import coordinates_of, standard_name, units_of
 from riftberg.products.terrain import LEVEL, on_depths

@@ -1,12 +1,22 @@
-"""The canonical quantities: names, units, CF names, signs; and the change of units into them."""
+"""The canonical quantities: names, units, CF names, signs, limits; and the change of units into them.
+
+A new quantity is a row of `QUANTITIES`: how it is found in files, what is believed of it and where to get it follow.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
+from typing import Final
 
 import xarray as xr
 
+from riftberg.config.units import parse_unit
 from riftberg.errors import ForcingError
+
+TO_DIRECTION: Final = "sea_surface_wave_to_direction"
+"""Standard name of the direction into which waves travel; the canonical one is that from which they come."""
 
 
 @dataclass(frozen=True)
@@ -15,11 +25,22 @@ class Quantity:
 
     name: str  # Name in the canonical dataset
     units: str  # CF units
-    standard_name: str  # CF standard name and meaning in plain words
-    long_name: str  # CF standard name and meaning in plain words
+    standard_name: str  # CF standard name
+    long_name: str  # Meaning in plain words
     sign: str  # What a positive value means
     limit: float  # Magnitude beyond which a value is not believable (in ``units``)
-    lowest: float  # Value below which none is believable
+    usual: tuple[str, ...]  # Names that files usually give it, the preferred one first
+    also: tuple[str, ...] = ()  # Other standard names that mean the same
+    along: tuple[str, ...] = ()  # Standard names of the component along an axis of the grid
+    on_levels: tuple[
+        str, ...
+    ] = ()  # Standard names on levels from the surface down; taken if nothing is of the surface alone
+    lowest: float = -math.inf  # Value below which none is believable; round-off of packing lies a little below zero
+    usual_most: float = (
+        0.0  # Numbers up to this, under a smaller unit such as cm or per cent, may be meant in ``units``
+    )
+    moves: bool = True  # Whether it changes by the day; without dates it is then a mean or a snapshot
+    source: str = ""  # Where to get it
 
     @property
     def range(self) -> tuple[float, float]:
@@ -27,224 +48,179 @@ class Quantity:
         return max(-self.limit, self.lowest), self.limit
 
 
-_ROWS = (
-    ("uo", "m s-1", "eastward_sea_water_velocity", "eastward current", "towards the east", 5.0),
-    ("vo", "m s-1", "northward_sea_water_velocity", "northward current", "towards the north", 5.0),
-    ("ssh", "m", "sea_surface_height_above_geoid", "sea surface height above the geoid", "up", 10.0),
-    ("sst", "degree_Celsius", "sea_surface_temperature", "sea surface temperature", "warmer", 45.0),
-    ("sss", "1e-3", "sea_surface_salinity", "sea surface salinity", "saltier", 45.0),
-    ("ua", "m s-1", "eastward_wind", "eastward wind at 10 m", "blowing towards the east", 80.0),
-    ("va", "m s-1", "northward_wind", "northward wind at 10 m", "blowing towards the north", 80.0),
-    ("taux", "Pa", "surface_downward_eastward_stress", "eastward wind stress", "pulling the sea eastward", 10.0),
-    ("tauy", "Pa", "surface_downward_northward_stress", "northward wind stress", "pulling the sea northward", 10.0),
-    ("ice_fraction", "1", "sea_ice_area_fraction", "sea ice area fraction", "more ice, 0 to 1", 1.01),
-    ("ice_thickness", "m", "sea_ice_thickness", "sea ice thickness", "thicker", 30.0),
-    ("ui", "m s-1", "eastward_sea_ice_velocity", "eastward drift of sea ice", "towards the east", 5.0),
-    ("vi", "m s-1", "northward_sea_ice_velocity", "northward drift of sea ice", "towards the north", 5.0),
-    ("wave_height", "m", "sea_surface_wave_significant_height", "significant wave height", "higher", 30.0),
-    ("wave_period", "s", "sea_surface_wave_mean_period", "mean wave period", "longer", 60.0),
-    (
-        "wave_direction",
-        "degree",
-        "sea_surface_wave_from_direction",
+_CURRENTS = "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)"
+
+QUANTITIES: Final = {quantity.name: quantity for quantity in (
+    Quantity(
+        "uo", "m s-1", "eastward_sea_water_velocity", "eastward current", "towards the east", 5.0,
+        ("uo", "water_u", "u_eastward", "uoe", "ugo", "unod", "ssu"), ("surface_eastward_sea_water_velocity",),
+        ("sea_water_x_velocity", "surface_sea_water_x_velocity"), usual_most=2.0, source=_CURRENTS,
+    ),
+    Quantity(
+        "vo", "m s-1", "northward_sea_water_velocity", "northward current", "towards the north", 5.0,
+        ("vo", "water_v", "v_northward", "von", "vgo", "vnod", "ssv"), ("surface_northward_sea_water_velocity",),
+        ("sea_water_y_velocity", "surface_sea_water_y_velocity"), source=_CURRENTS,
+    ),
+    Quantity(
+        "ssh", "m", "sea_surface_height_above_geoid", "sea surface height above the geoid", "up", 10.0,
+        ("ssh", "zos", "zeta", "surf_el", "SSH"), usual_most=3.0,
+        source="sea level: DUACS adt or GLORYS12 zos (free Copernicus Marine login)",
+    ),
+    Quantity(
+        "sst", "degree_Celsius", "sea_surface_temperature", "sea surface temperature", "warmer", 45.0,
+        ("sst", "tos", "analysed_sst"), ("sea_water_surface_temperature",),
+        on_levels=("sea_water_potential_temperature", "sea_water_temperature", "sea_water_conservative_temperature"),
+        lowest=-5.0, moves=False, source="sea surface temperature: GLORYS12 thetao or ERA5 sst",
+    ),
+    Quantity(
+        "sss", "1e-3", "sea_surface_salinity", "sea surface salinity", "saltier", 45.0, ("sss", "sos"),
+        on_levels=("sea_water_salinity", "sea_water_practical_salinity"),
+        lowest=-0.5, moves=False, source="salinity: GLORYS12 so",
+    ),
+    Quantity(
+        "ua", "m s-1", "eastward_wind", "eastward wind at 10 m", "blowing towards the east", 80.0,
+        ("ua", "u10", "U10", "uas", "eastward_wind"), along=("x_wind", "grid_eastward_wind"), usual_most=50.0,
+        source="wind: NCEP/NCAR R1 uwnd.10m.gauss.YEAR.nc (no login) or ERA5 u10",
+    ),
+    Quantity(
+        "va", "m s-1", "northward_wind", "northward wind at 10 m", "blowing towards the north", 80.0,
+        ("va", "v10", "V10", "vas", "northward_wind"), along=("y_wind", "grid_northward_wind"),
+        source="wind: NCEP/NCAR R1 vwnd.10m.gauss.YEAR.nc (no login) or ERA5 v10",
+    ),
+    Quantity(
+        "taux", "Pa", "surface_downward_eastward_stress", "eastward wind stress", "pulling the sea eastward", 10.0,
+        ("taux", "tauuo"), along=("surface_downward_x_stress",), moves=False,
+    ),
+    Quantity(
+        "tauy", "Pa", "surface_downward_northward_stress", "northward wind stress", "pulling the sea northward", 10.0,
+        ("tauy", "tauvo"), along=("surface_downward_y_stress",), moves=False,
+    ),
+    Quantity(
+        "ice_fraction", "1", "sea_ice_area_fraction", "sea ice area fraction", "more ice, 0 to 1", 1.01,
+        ("siconc", "aice", "ice_conc", "ice_fraction"), lowest=-0.01, usual_most=1.0, moves=False,
+        source="sea ice: GLORYS12 siconc, OSI SAF ice_conc or ERA5 siconc",
+    ),
+    Quantity(
+        "ice_thickness", "m", "sea_ice_thickness", "sea ice thickness", "thicker", 30.0,
+        ("sithick", "hice", "ice_thickness"), lowest=-0.01, usual_most=10.0, moves=False,
+        source="sea ice thickness: GLORYS12 sithick",
+    ),
+    Quantity(
+        "ui", "m s-1", "eastward_sea_ice_velocity", "eastward drift of sea ice", "towards the east", 5.0,
+        ("usi", "ui"), along=("sea_ice_x_velocity",), usual_most=0.5, source="sea ice drift: GLORYS12 usi",
+    ),
+    Quantity(
+        "vi", "m s-1", "northward_sea_ice_velocity", "northward drift of sea ice", "towards the north", 5.0,
+        ("vsi", "vi"), along=("sea_ice_y_velocity",), source="sea ice drift: GLORYS12 vsi",
+    ),
+    Quantity(
+        "wave_height", "m", "sea_surface_wave_significant_height", "significant wave height", "higher", 30.0,
+        ("VHM0", "swh", "hs"), lowest=-0.01, usual_most=20.0, source="waves: ERA5 swh",
+    ),
+    Quantity(
+        "wave_period", "s", "sea_surface_wave_mean_period", "mean wave period", "longer", 60.0, ("VTM02", "mwp"), lowest=-0.01,
+    ),
+    Quantity(
+        "wave_direction", "degree", "sea_surface_wave_from_direction",
         "direction FROM which the waves come, clockwise from north",
-        "coming FROM that bearing (90 = waves travelling west)",
-        360.0,
+        "coming FROM that bearing (90 = waves travelling west)", 360.0, ("VMDR", "mwd"), (TO_DIRECTION,),
     ),
-    (
-        "depth_below_surface",
-        "m",
-        "sea_floor_depth_below_geoid",
-        "depth of the sea floor below mean sea level",
-        "down (deeper); land is missing",
-        12000.0,
+    Quantity(
+        "depth_below_surface", "m", "sea_floor_depth_below_geoid", "depth of the sea floor below mean sea level",
+        "down (deeper); land is missing", 12000.0, ("deptho", "depth_below_surface", "bathymetry", "elevation"),
+        ("sea_floor_depth_below_mean_sea_level", "sea_floor_depth_below_sea_level", "sea_floor_depth"),
+        moves=False, source="sea floor: GEBCO grid (`riftberg fetch gebco`), IBCSO south of 50 S",
     ),
-)
-_LOWEST = {
-    "sst": -5.0, "sss": -0.5, "ice_fraction": -0.01, "ice_thickness": -0.01, "wave_height": -0.01, "wave_period": -0.01,
-}  # fmt: skip
-"""Lowest believable values; those of interpolation and packing may lie a little below zero."""
-
-FRESH = 0.06
-"""Salinity (1e-3) that some point of a sea exceeds: 0.035 are kilograms of salt per kilogram under another unit."""
-
-QUANTITIES: dict[str, Quantity] = {row[0]: Quantity(*row, _LOWEST.get(row[0], -float("inf"))) for row in _ROWS}
+)}  # fmt: skip
 """All canonical variables by name."""
 
-PERCENT = ("%", "percent", "percentage", "1e-2", "0.01", "1.e-2")
+FRESH: Final = 0.06
+"""Salinity (1e-3) that some point of a sea exceeds: 0.035 are kilograms of salt per kilogram under another unit."""
+
+PERCENT: Final = ("%", "percent", "percentage", "1e-2", "0.01", "1.e-2")
 """Ways to write hundredths."""
 
 _SAME = (1.0, 0.0)
-_UNITS: dict[str, dict[str, tuple[float, float]]] = {
-    "m s-1": {
-        **dict.fromkeys(
-            (
-                "m s-1",
-                "m/s",
-                "m s**-1",
-                "m s^-1",
-                "m.s-1",
-                "ms-1",
-                "meter/sec",
-                "meter/second",
-                "meters/second",
-                "metre/second",
-                "meter second-1",
-                "m sec-1",
-                "m/sec",
-                "meters s-1",
-                "metres s-1",
-                "meter s-1",
-                "metre s-1",
-                "metre second-1",
-                "meters second-1",
-                "m s-1.",
-                "m/s.",
-            ),
-            _SAME,
-        ),
-        **dict.fromkeys(("meters per second", "metres per second", "m per s", "m second-1"), _SAME),
-        **dict.fromkeys(
-            (
-                "cm/s",
-                "cm s-1",
-                "cm s**-1",
-                "cm/sec",
-                "cm.s-1",
-                "cm s^-1",
-                "cm sec-1",
-                "cm second-1",
-                "centimeters/second",
-                "centimeters per second",
-                "centimeter/sec",
-                "centimeter second-1",
-            ),
-            (0.01, 0.0),
-        ),
-        **dict.fromkeys(("mm/s", "mm s-1", "mm.s-1"), (0.001, 0.0)),
-        **dict.fromkeys(("knots", "knot", "kt", "kts", "kn"), (1852.0 / 3600.0, 0.0)),
-        **dict.fromkeys(("km/h", "km h-1", "km.h-1", "km hr-1", "km/hr", "kph"), (1.0 / 3.6, 0.0)),
-        **dict.fromkeys(("km/day", "km day-1", "km/d", "km d-1", "km.day-1"), (1.0 / 86.4, 0.0)),
-        **dict.fromkeys(("m/day", "m day-1", "m/d", "m d-1"), (1.0 / 86400.0, 0.0)),
-        **dict.fromkeys(("ft/s", "ft s-1", "feet/second"), (0.3048, 0.0)),
-        **dict.fromkeys(("mph", "miles/hour"), (0.44704, 0.0)),
-    },
-    "m": {
-        **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), _SAME),
-        **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), (0.01, 0.0)),
-        **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres"), (1000.0, 0.0)),
-        **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), (0.001, 0.0)),
-        **dict.fromkeys(("dm", "decimeter", "decimeters"), (0.1, 0.0)),
-        **dict.fromkeys(("ft", "feet", "foot"), (0.3048, 0.0)),
-        **dict.fromkeys(("fathom", "fathoms"), (1.8288, 0.0)),
-    },
-    "degree_Celsius": {
-        **dict.fromkeys(
-            (
-                "degree_celsius",
-                "degc",
-                "degrees_c",
-                "degree_c",
-                "celsius",
-                "c",
-                "degrees celsius",
-                "deg c",
-                "deg_c",
-                "degree_c.",
-                "degrees_celsius",
-                "deg celsius",
-                "degree celsius",
-                "degree c",
-                "degrees c",
-                "\N{DEGREE SIGN}c",
-            ),
-            _SAME,
-        ),
-        **dict.fromkeys(("k", "kelvin", "degk", "deg_k", "deg k", "kelvins", "degree_k", "degrees_k"), (1.0, -273.15)),
-        **dict.fromkeys(
-            (
-                "degf",
-                "fahrenheit",
-                "deg_f",
-                "deg f",
-                "degree_f",
-                "degrees_f",
-                "degree_fahrenheit",
-                "degrees fahrenheit",
-                "f",
-                "\N{DEGREE SIGN}f",
-            ),
-            (5.0 / 9.0, -160.0 / 9.0),
-        ),
-    },
-    "1e-3": {
-        **dict.fromkeys(
-            (
-                "",  # values tell: a salinity of 0.035 is refused by `unlikely`
-                "1e-3",
-                "psu",
-                "practical salinity units",
-                "pss",
-                "0.001",
-                "g/kg",
-                "g kg-1",
-                "1",
-                "pss-78",
-                "pss78",
-                "ppt",
-                "practical salinity",
-                "practical salinity unit",
-                "practical_salinity_unit",
-                "practical_salinity_units",
-                "permil",
-                "per mille",
-                "\N{PER MILLE SIGN}",
-            ),
-            _SAME,
-        ),
-        **dict.fromkeys(("kg/kg", "kg kg-1"), (1000.0, 0.0)),
-    },
-    "Pa": {
-        **dict.fromkeys(("pa", "n m-2", "n/m2", "n m**-2", "n/m^2", "n m^-2", "n.m-2", "pascal"), _SAME),
-        **dict.fromkeys(("dyn/cm2", "dyne/cm2", "dyn cm-2", "dyne cm-2", "dyne/cm^2", "dyn/cm^2"), (0.1, 0.0)),
-    },
-    "1": {
-        **dict.fromkeys(
-            ("1", "", "1.0", "(0 - 1)", "0-1", "fraction", "none", "dimensionless", "unitless", "m2 m-2", "m2/m2"),
-            _SAME,
-        ),
-        **dict.fromkeys(PERCENT, (0.01, 0.0)),
-        **dict.fromkeys(("tenths", "tenth", "0.1", "1e-1"), (0.1, 0.0)),
-    },
-    "s": {
-        **dict.fromkeys(("s", "second", "seconds", "sec"), _SAME),
-        **dict.fromkeys(("min", "minute", "minutes"), (60.0, 0.0)),
-    },
-    "degree": {
-        **dict.fromkeys(("degree", "degrees", "degree true", "degree_true", "degrees true", "deg", "degree_t"), _SAME),
-        **dict.fromkeys(("rad", "radian", "radians"), (57.29577951308232, 0.0)),
-    },
-}
+_NAMED: Final[dict[str, tuple[tuple[tuple[str, ...], tuple[float, float]], ...]]] = {
+    "degree_Celsius": (
+        ((
+            "degree_celsius", "degc", "degrees_c", "degree_c", "celsius", "c", "degrees celsius", "deg c", "deg_c", "degree_c.",
+            "degrees_celsius", "deg celsius", "degree celsius", "degree c", "degrees c", "\N{DEGREE SIGN}c",
+        ), _SAME),
+        (("k", "kelvin", "degk", "deg_k", "deg k", "kelvins", "degree_k", "degrees_k"), (1.0, -273.15)),
+        ((
+            "degf", "fahrenheit", "deg_f", "deg f", "degree_f", "degrees_f", "degree_fahrenheit", "degrees fahrenheit", "f",
+            "\N{DEGREE SIGN}f",
+        ), (5.0 / 9.0, -160.0 / 9.0)),
+    ),
+    "1e-3": (
+        ((
+            # Without units the values speak for themselves: `unlikely` refuses a salinity of 0.035.
+            "", "1e-3", "psu", "practical salinity units", "pss", "0.001", "g/kg", "g kg-1", "1", "pss-78", "pss78", "ppt",
+            "practical salinity", "practical salinity unit", "practical_salinity_unit", "practical_salinity_units", "permil",
+            "per mille", "\N{PER MILLE SIGN}",
+        ), _SAME),
+        (("kg/kg", "kg kg-1"), (1000.0, 0.0)),
+    ),
+    "1": (
+        (("1", "", "1.0", "(0 - 1)", "0-1", "fraction", "none", "dimensionless", "unitless", "m2 m-2", "m2/m2"), _SAME),
+        (PERCENT, (0.01, 0.0)),
+        (("tenths", "tenth", "0.1", "1e-1"), (0.1, 0.0)),
+    ),
+    "degree": ((("degree true", "degree_true", "degrees true", "degree_t"), _SAME),),
+}  # fmt: skip
+"""Units that are no powers of others, or are written as none, with the factor and offset into the canonical one."""
+
+_SPELLED: Final = {
+    "n": "N", "pa": "Pa", "pascal": "Pa", "ms": "m s", "kt": "kn", "kts": "kn", "kph": "km/h", "mph": "mile/h",
+    "radian": "rad", "radians": "rad",
+    "centimeter": "cm", "centimeters": "cm", "centimetre": "cm", "centimetres": "cm",
+    "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+}  # fmt: skip
+"""Words of files, in lower case, for units that `riftberg.config.units` knows under others."""
+
+_FOREIGN: Final = {
+    **dict.fromkeys(("ft", "foot", "feet"), (0.3048, "m")), **dict.fromkeys(("fathom", "fathoms"), (1.8288, "m")),
+    **dict.fromkeys(("mile", "miles"), (1609.344, "m")), **dict.fromkeys(("dm", "decimeter", "decimeters"), (0.1, "m")),
+    **dict.fromkeys(("dyn", "dyne"), (1e-5, "N")),
+}  # fmt: skip
+"""Units that only files have, in those of SI."""
+
+_READ_TOO: Final = {
+    "m s-1": "cm/s, mm/s, knots, km/h, km/day, m/day, ft/s, mph", "m": "cm, km, mm, dm, ft, fathom",
+    "degree_Celsius": "k, degf", "1e-3": "kg/kg", "Pa": "dyn/cm2", "1": "%, tenths", "s": "min", "degree": "rad",
+}  # fmt: skip
 
 
 def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, float]:
-    """Return factor and offset that turn ``units`` into the units of ``quantity``."""
-    table = _UNITS[quantity.units]
+    """Return factor and offset that turn ``units``, however a file writes them, into the units of ``quantity``."""
     key = " ".join(units.split()).lower()
-    if key not in table:
-        raise ForcingError(
-            f"units {units!r} are not known for {quantity.name} ({quantity.long_name})"
-            + ("" if key else ": the file gives none"),
-            where=where,
-            remedy=f"Convert it to {quantity.units} and write that into the file (read too: {', '.join(_ways(table))})",
-        )
-    return table[key]
+    for names, way in _NAMED.get(quantity.units, ()):
+        if key in names:
+            return way
+    scale = 1.0
 
+    def word(match: re.Match[str]) -> str:
+        nonlocal scale
+        name, slash, rest = _SPELLED.get(match[0], match[0]).partition("/")
+        size, unit = _FOREIGN.get(name, (1.0, name))
+        scale *= size
+        return unit + slash + rest
 
-def _ways(table: dict[str, tuple[float, float]]) -> list[str]:
-    """Return one name of each unit that is read, without the many ways to write it."""
-    seen = {_SAME}
-    return [name for name, way in table.items() if not (way in seen or seen.add(way))]  # type: ignore[func-returns-value]
+    try:
+        # "m.s-1" and "meters per second" are those of "m s-1", and a full stop at the end is none of a number.
+        parts = re.sub(r"(?<=[a-z])\.(?=[a-z])", " ", key.rstrip(".").replace(" per ", "/"))
+        given, wanted = parse_unit(re.sub(r"[a-z]+", word, parts)), parse_unit(quantity.units)
+        if key and given.powers == wanted.powers:
+            return scale * given.factor / wanted.factor, 0.0
+    except ValueError:
+        pass
+    raise ForcingError(
+        f"units {units!r} are not known for {quantity.name} ({quantity.long_name})"
+        + ("" if key else ": the file gives none"),
+        where=where,
+        remedy=f"Convert it to {quantity.units} and write that into the file (read too: {_READ_TOO[quantity.units]})",
+    )
 
 
 def canonicalise(data: xr.DataArray, quantity: Quantity, units: str, *, where: str) -> xr.DataArray:
@@ -288,16 +264,12 @@ def unlikely(name: str, low: float, high: float) -> str:
     return ""
 
 
-USUAL_MOST = {
-    "uo": 2.0, "ui": 0.5, "ua": 50.0, "ssh": 3.0, "ice_fraction": 1.0, "ice_thickness": 10.0, "wave_height": 20.0,
-}  # fmt: skip
-"""Numbers up to these, under a smaller unit such as cm or per cent, may be meant in the canonical unit."""
-
-
 def doubtful_below(name: str, units: str) -> float:
     """Return the magnitude (canonical units) up to which all of a field leaves the unit of its file in doubt; 0 for none."""
-    factor = conversion(QUANTITIES[name], units, where=name)[0] if name in USUAL_MOST else 1.0
-    return factor * USUAL_MOST[name] * (1.0 + 1e-6) if factor < 0.2 else 0.0
+    most = QUANTITIES[name].usual_most
+    factor = conversion(QUANTITIES[name], units, where=name)[0] if most else 1.0
+    # Only of units as small as these can numbers look like those of the canonical one; 1e-6 is round-off of packing.
+    return factor * most * (1.0 + 1e-6) if factor < 0.2 else 0.0
 
 
 def small_unit(name: str, low: float, high: float, units: str) -> str:
