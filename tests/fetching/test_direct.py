@@ -19,8 +19,7 @@ from fetching.serving import Shelf
 from products import product_files as files
 from riftberg.errors import ForcingError
 from riftberg.fetching import download
-from riftberg.fetching.direct import gebco_query
-from riftberg.fetching.services import fetch_product
+from riftberg.fetching.services import fetch_product, gebco_query
 from riftberg.ocean.doctor import doctor
 from riftberg.products import open_product
 

@@ -18,9 +18,8 @@ from riftberg.kid.calendar import LATE_START, Clock
 from riftberg.kid.namelist import KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields
+from riftberg.ocean.grid_arrays import Fields, celsius, wind_from_stress
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.state import Floats
 from riftberg.system.limits import MEANT, MOST_STEPS, extreme_allowed, refuse_large
 

@@ -18,8 +18,8 @@ from riftberg.errors import RunError
 from riftberg.life.draws import Draws
 from riftberg.life.melted import bit_shape
 from riftberg.life.values import LifeValues
+from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.search import locate_points
 from riftberg.parameters import Parameters
 from riftberg.physics.footloose import ASPECT, foot_length, piece_width, pieces_ready, rim_place, sides_without
 from riftberg.physics.geometry import move, separation
