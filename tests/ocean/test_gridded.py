@@ -10,8 +10,8 @@ import pytest
 
 from ocean.grids import degrees, random_fields, scattered, square_lakes
 from riftberg.errors import ForcingError
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields, without_gaps
+from riftberg.ocean.grid import Grid, without_gaps
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import FieldRules, GriddedForcing, add_tidal_drift
 from riftberg.ocean.interpolation import sample_gridded
 from riftberg.state import Environment

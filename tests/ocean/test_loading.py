@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ocean.grids import bent, random_fields, square_lakes
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields, at_corners, celsius, first_gap, usable, wind_from_stress, without_gaps
+from riftberg.ocean.grid import Grid, at_corners, celsius, first_gap, usable, wind_from_stress, without_gaps
+from riftberg.ocean.grid_arrays import Fields
 
 
 def corner_by_hand(grid, u, v, i, j, staggering):

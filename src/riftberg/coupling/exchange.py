@@ -23,8 +23,8 @@ from riftberg.life.ledger import PROCESSES
 from riftberg.life.process import LifeModel, date_of_birth
 from riftberg.life.thermodynamics import scaled_mass
 from riftberg.model import BareModel
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields, Staggering, at_corners, wind_from_stress
+from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
+from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.media import FORCES

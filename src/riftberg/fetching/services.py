@@ -1,7 +1,8 @@
 """Fetching of original products from the services that hold them, over a box and some days.
 
 The services' own clients are used where they are installed and logged in: earthaccess for OSCAR, copernicusmarine for
-GLORYS12 and DUACS, cdsapi for ERA5. NCEP/NCAR R1 wind comes from NOAA PSL and GEBCO's sea floor from an ERDDAP by plain HTTPS, without either.
+GLORYS12 and DUACS, cdsapi for ERA5. NCEP/NCAR R1 wind comes from NOAA PSL and GEBCO's sea floor from an ERDDAP by plain
+HTTPS, without either.
 """
 
 from __future__ import annotations

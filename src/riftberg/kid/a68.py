@@ -25,8 +25,8 @@ from riftberg.errors import ForcingError
 from riftberg.kid.calendar import LATE_START, date_after
 from riftberg.kid.namelist import NamelistGroup
 from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields, celsius, wind_from_stress
+from riftberg.ocean.grid import Grid, celsius, wind_from_stress
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.state import Floats
 from riftberg.system.limits import MEANT, extreme_allowed
 

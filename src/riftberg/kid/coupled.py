@@ -26,8 +26,8 @@ from riftberg.kid.parameters import namelist_period, time_step, to_parameters
 from riftberg.kid.restart import as_iceberg, read_restart
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.model import Recorder, finish_all
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields, celsius, wind_from_stress
+from riftberg.ocean.grid import Grid, celsius, wind_from_stress
+from riftberg.ocean.grid_arrays import Fields
 from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, new_elements
 from riftberg.system.atomic_files import replacing

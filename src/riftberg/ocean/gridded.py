@@ -17,8 +17,8 @@ from riftberg.config.values import moment, number, required
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.forcing import DescribedForcing, SharedLock
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import ZERO_ON_LAND, Fields, GridArrays, first_gap, usable
+from riftberg.ocean.grid import ZERO_ON_LAND, Grid, first_gap, usable
+from riftberg.ocean.grid_arrays import Fields, GridArrays
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
