@@ -224,40 +224,6 @@ class Convergence(Steady):
         )
 
 
-class SeamountFlow(Steady):
-    """A uniform current over a Gaussian seamount (equations 10.4).
-
-    ``centre``: x and y of the summit, m; ``height``, ``width``: height over the plain, and standard deviation, m;
-    ``depth``: depth of the plain, m.
-    """
-
-    def __init__(
-        self,
-        current: tuple[float, float],
-        centre: tuple[float, float],
-        height: float,
-        width: float,
-        depth: float = 1000.0,
-    ) -> None:
-        super().__init__(current=current, depth=depth)
-        self.centre, self.height, self.width = centre, height, width
-
-    def sample(self, elements: Elements, time: float) -> None:
-        """Fill the environment of the elements."""
-        super().sample(elements, time)
-        elements.depth[:] = self.depth(elements.lon, elements.lat)
-
-    def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at arrays of points (m)."""
-        squared = (np.asarray(lon) - self.centre[0]) ** 2 + (np.asarray(lat) - self.centre[1]) ** 2
-        return self.water - self.height * np.exp(-squared / (2.0 * self.width**2))
-
-    def describe(self) -> str:
-        """Return the values in words."""
-        summit = self.water - self.height
-        return f"current {pair_text(self.current)} m/s over a seamount whose summit is {summit:g} m deep, plain {self.water:g} m"
-
-
 class ConstantForcing(Section):
     """A uniform, steady environment."""
 

@@ -436,9 +436,3 @@ def usable(values: Floats, mask: Floats, zero_on_land: bool) -> Floats:
     if zero_on_land:
         q[mask < 0.5] = 0.0
     return q
-
-
-def without_gaps(fields: Fields, mask: Floats) -> Fields:
-    """Return fields without NaN, and 0 on land (sea level and depth keep their values there) (equations 3.1 rule 5)."""
-    pairs = zip(Fields._fields, fields, strict=True)
-    return Fields(**{name: usable(values, mask, name in ZERO_ON_LAND) for name, values in pairs})

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date, datetime, timedelta
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -130,10 +129,10 @@ class GriddedForcing(DescribedForcing):
 
     def __init__(
         self, grid: Grid, records: Records, times: ArrayLike | None = None, rules: FieldRules | None = None, *,
-        start: datetime | date | str | np.datetime64 | None = None, source: str = "", **earlier: Any,
+        start: datetime | date | str | np.datetime64 | None = None, source: str = "",
     ) -> None:  # fmt: skip
         required(grid, Grid, "a Grid, for example Grid.cartesian(20, 20, 1000.0)", where="grid", kind=ForcingError)
-        rules = _with_earlier(FieldRules() if rules is None else rules, earlier)
+        rules = FieldRules() if rules is None else rules
         self.grid: Grid | None = grid
         self._grid = grid
         self.rules, self.source = rules, source
@@ -144,13 +143,6 @@ class GriddedForcing(DescribedForcing):
         self._held = frozenset(Fields._fields if rules.interpolation == "previous" else rules.stepwise)
         self._store = _Records(grid, records, {"ssh"} if rules.sea_level_gaps else set())
         self._times = _checked_times(times, self._store.count)
-
-    def __getattr__(self, name: str) -> Any:
-        """Answer to the names that rules had when the forcing itself held them."""
-        if name not in FieldRules.__dataclass_fields__ or "rules" not in self.__dict__:
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        warnings.warn(f"{name} is now rules.{name}", DeprecationWarning, stacklevel=2)
-        return getattr(self.rules, name)
 
     @property
     def times(self) -> list[float] | None:
@@ -325,17 +317,6 @@ class GriddedForcing(DescribedForcing):
             if getattr(rules, name) > 0.0:
                 lines.append(f"{name.replace('_', ' ')} {getattr(rules, name):g} m/s")
         return "\n".join([*lines, *self.notices, self._grid.describe()])
-
-
-def _with_earlier(rules: FieldRules, earlier: dict[str, Any]) -> FieldRules:
-    """Return the rules with those given one by one, as it was done before; a `TypeError` for any other name."""
-    if earlier:
-        changed = replace(rules, **earlier)
-        warnings.warn(
-            f"{', '.join(sorted(earlier))}: give rules=FieldRules(...)", DeprecationWarning, stacklevel=3
-        )  # fmt: skip
-        return changed
-    return rules
 
 
 def _checked_times(times: ArrayLike | None, count: int) -> list[float] | None:
