@@ -15,7 +15,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import SURFACE, Blend
 from riftberg.ocean.forcing import SharedLock
 from riftberg.ocean.grid import wind_from_stress
-from riftberg.products.keel import layer_limits
+from riftberg.products.levels import layer_limits
 from riftberg.products.packing import VALID
 from riftberg.products.quantities import QUANTITIES, unlikely
 from riftberg.products.records import (

@@ -26,7 +26,7 @@ Use
 >>> currents = window(currents, lon=(-45, -30), lat=(-60, -50), margin=1.0)           # doctest: +SKIP
 """
 
-from riftberg.products.keel import keel_mean
+from riftberg.products.levels import keel_mean
 from riftberg.products.registry import PRODUCTS, open_all, open_product, product_named, recognise
 from riftberg.products.window import window
 

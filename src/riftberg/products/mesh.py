@@ -22,7 +22,7 @@ from riftberg.errors import ForcingError
 from riftberg.physics.quadrilaterals import inverse_bilinear
 from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round
-from riftberg.products.projected import to_degrees, to_projection
+from riftberg.products.place import to_degrees, to_projection
 from riftberg.state import Floats, Ints
 
 POLAR = 85.0

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.products.means import in_mid_month
+from riftberg.products.place import projected
 from riftberg.products.product import (
     DAY,
     DAY_SECONDS,
@@ -18,7 +19,6 @@ from riftberg.products.product import (
     text_of,
     without_single,
 )
-from riftberg.products.projected import projected
 from riftberg.products.records import usual_interval
 
 # OSCAR surface currents, mean over the top 30 m: third-degree v1 (retired), v2.0 (quarter degree, daily), v3.

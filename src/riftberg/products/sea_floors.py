@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import xarray as xr
 
+from riftberg.products.place import projected
 from riftberg.products.product import Product, Source, text_of
-from riftberg.products.projected import projected
 from riftberg.products.quantities import QUANTITIES, labelled
 
 NOTES = ("elevations are turned into depths, positive down; land is missing (NaN)",)

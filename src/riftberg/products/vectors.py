@@ -105,7 +105,7 @@ def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: 
 
 def _of_projection(field: xr.DataArray) -> Floats:
     """Return the angle of the first axis of a map projection."""
-    from riftberg.products.projected import to_degrees
+    from riftberg.products.place import to_degrees
 
     x, y = np.meshgrid(field["x"].values, field["y"].values)
     small = 1e-3 * max(1.0, float(np.abs(np.diff(field["x"].values)).min(initial=1e9)))

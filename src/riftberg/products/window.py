@@ -14,7 +14,7 @@ from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round, on_branch
 from riftberg.products.mesh import CurvilinearMesh, Located, NodeMesh
-from riftberg.products.projected import to_degrees, to_projection
+from riftberg.products.place import to_degrees, to_projection
 from riftberg.products.records import cover_of
 
 Floats = NDArray[np.float64]
