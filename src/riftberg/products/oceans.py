@@ -370,10 +370,6 @@ def _standard_projection(ds: xr.Dataset) -> str:
     return _STEREOGRAPHIC.format(pole=-90 if south else 90, true=-70 if south else 70, lon=0 if south else -45)
 
 
-def _on_polar_map(ds: xr.Dataset) -> xr.Dataset:
-    return projected(ds, x="xc", y="yc", fallback=_standard_projection(ds))
-
-
 OSISAF = Product(
     name="osisaf-ice",
     title="OSI SAF sea ice concentration",
@@ -381,7 +377,7 @@ OSISAF = Product(
     evidence="layout",
     matches=_is_osisaf,
     sources=(Source("ice_fraction", ("ice_conc",), "%"),),
-    reshape=_on_polar_map,
+    reshape=lambda ds: projected(ds, _standard_projection(ds)),
     variants=(("EASE2, 25 km", "documentation"),),
     finish=stamped_at_noon,
     averaging=DAY,

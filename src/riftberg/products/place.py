@@ -48,9 +48,12 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     if north.ndim == 1 and north.dims != east.dims:
         _check_axes(ds, lat, lon, north, east, where)
-        return _on_axes(bare, north, east)
+        # By way of names that no file has: a file may call its columns lat.
+        bare = bare.rename({str(north.dims[0]): "lat_", str(east.dims[0]): "lon_"}).rename(lat_="lat", lon_="lon")
+        return bare.assign_coords(lat=("lat", north.values, _NORTH), lon=("lon", east.values, _EAST))
     if north.ndim == 1:
-        return _on_points(bare, north, east)
+        bare = bare.rename({str(north.dims[0]): "node"})
+        return bare.assign_coords(lat=("node", north.values, _NORTH), lon=("node", east.values, _EAST))
     north, east = _without_origin(north, east.transpose(*north.dims), lat, lon, where)
     rows, columns = (str(dim) for dim in north.dims)
     bare = bare.rename({rows: "y", columns: "x"}) if (rows, columns) != ("y", "x") else bare
@@ -82,19 +85,6 @@ def _without_origin(
             remedy="Correct the file",
         )
     return north, east
-
-
-def _on_axes(field: xr.DataArray, north: xr.DataArray, east: xr.DataArray) -> xr.DataArray:
-    names = {str(north.dims[0]): "lat", str(east.dims[0]): "lon"}
-    field = field.rename({old: f"{new}_" for old, new in names.items()}).rename(
-        {f"{new}_": new for new in names.values()}
-    )
-    return field.assign_coords(lat=("lat", north.values, _NORTH), lon=("lon", east.values, _EAST))
-
-
-def _on_points(field: xr.DataArray, north: xr.DataArray, east: xr.DataArray) -> xr.DataArray:
-    field = field.rename({str(north.dims[0]): "node"})
-    return field.assign_coords(lat=("node", north.values, _NORTH), lon=("node", east.values, _EAST))
 
 
 def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
@@ -176,8 +166,11 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
             f"{lat} runs from {north.values.min():g} to {north.values.max():g}: that is no latitude", where=where,
             remedy="Give positions in degrees; for axes in metres the file needs a grid_mapping",
         )  # fmt: skip
-    for name, axis in ((lat, north), (lon, east)):
-        _check_repeats(name, axis.values, where)
+    for name, axis in ((lat, north), (lon, east)):  # which of two fields at a place is meant cannot be known
+        distinct, times = np.unique(axis.values, return_counts=True)
+        if (times > 1).any():
+            remedy = f"Keep one of each: ds.drop_duplicates('{name}')"
+            raise ForcingError(f"{name} has {distinct[times > 1][0]:g} twice", where=where, remedy=remedy)
     steps = np.diff(north.values)
     if steps.size and not ((steps > 0.0).all() or (steps < 0.0).all()):
         raise ForcingError(
@@ -192,14 +185,6 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
             f"{lat} and {lon} only count rows and columns (no units)", where=where,
             remedy="Write the positions in degrees, with units degrees_north and degrees_east",
         )  # fmt: skip
-
-
-def _check_repeats(name: str, values: Floats, where: str) -> None:
-    """Refuse an axis on which a place stands twice: which of the two fields is meant cannot be known."""
-    distinct, times = np.unique(values, return_counts=True)
-    if (times > 1).any():
-        remedy = f"Keep one of each: ds.drop_duplicates('{name}')"
-        raise ForcingError(f"{name} has {distinct[times > 1][0]:g} twice", where=where, remedy=remedy)
 
 
 def _straight(lat: Floats, lon: Floats) -> tuple[Floats, Floats] | None:
@@ -249,7 +234,10 @@ def _projected(
     bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
     if not degrees:
         x, y = x * factor["x"], y * factor["y"]
-    pair = _two_dimensional(ds, coordinates, (y_dim, x_dim))
+    both = [
+        [c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == set(rest)] for kind in ("lat", "lon")
+    ]
+    pair = tuple(names[0] for names in both) if all(both) else ()
     radius = ready or mapping is None or states_radius(mapping)
     off = _distance(ds, crs, x, y, pair, (y_dim, x_dim)) if pair else 0.0
     spacing = max((float(abs(axis[1] - axis[0])) for axis in (x, y) if axis.size > 1), default=0.0)
@@ -287,17 +275,6 @@ def _serves(crs: Any, units: dict[str, str], degrees: bool) -> bool:
     if degrees:
         return bool(getattr(crs, "is_derived", False)) and not crs.is_projected
     return bool(crs.is_projected) and all(unit and unit in METRES for unit in units.values())
-
-
-def _two_dimensional(
-    ds: xr.Dataset, coordinates: list[tuple[str, Any, bool]], dims: tuple[str, str]
-) -> tuple[str, ...]:
-    """Return the names of two-dimensional latitudes and longitudes on some dimensions; nothing unless there are both."""
-    pair = [
-        next((c for c, role, _ in coordinates if role == wanted and set(ds[c].dims) == set(dims)), "")
-        for wanted in ("lat", "lon")
-    ]
-    return tuple(pair) if all(pair) else ()
 
 
 def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, ...], dims: tuple[str, str]) -> float:
@@ -341,30 +318,13 @@ def states_radius(mapping: xr.Variable) -> bool:
     return bool({*RADII, *_TEXTS} & set(mapping.attrs))
 
 
-def projected(ds: xr.Dataset, *, x: str, y: str, fallback: str) -> xr.Dataset:
-    """Name the projected axes ``x`` and ``y`` in metres and note the projection as ``crs_wkt``."""
-    crs = _crs_of(ds, fallback)
-    ds = ds.rename({old: new for old, new in ((x, "x"), (y, "y")) if old != new})
-    for axis in ("x", "y"):
-        units = str(ds[axis].attrs.get("units", "")).lower()
-        values = ds[axis].values.astype(float) * METRES[units]
-        attributes = {"standard_name": f"projection_{axis}_coordinate", "units": "m", "axis": axis.upper()}
-        ds = ds.assign_coords({axis: (axis, values, attributes)})
-    if {"lat", "lon"} <= set(ds.variables):
-        _check_projection(ds, crs)
-    return ds.assign_attrs(crs_wkt=crs.to_wkt())
-
-
-def _crs_of(ds: xr.Dataset, fallback: str) -> Any:
-    """Return the projection from the grid mapping variable, else the fallback."""
+def projected(ds: xr.Dataset, fallback: str) -> xr.Dataset:
+    """Note the projection of a product's map as ``crs_wkt``: that of its grid mapping, else the fallback."""
     from pyproj import CRS
 
-    for variable in ds.variables.values():
-        if variable.ndim == 0 and "grid_mapping_name" in variable.attrs:
-            crs = crs_of_mapping(variable)
-            if crs is not None:
-                return crs
-    return CRS.from_user_input(fallback)
+    mappings = [v for v in ds.variables.values() if v.ndim == 0 and "grid_mapping_name" in v.attrs]
+    known = [crs for crs in map(crs_of_mapping, mappings) if crs is not None]
+    return ds.assign_attrs(crs_wkt=(known[0] if known else CRS.from_user_input(fallback)).to_wkt())
 
 
 def _transformer(crs: Any) -> Any:
@@ -418,19 +378,3 @@ def _plain_attributes(attributes: Any) -> dict[str, Any]:
     ):
         plain["standard_parallel"] = parallels[0]
     return plain
-
-
-def _check_projection(ds: xr.Dataset, crs: Any) -> None:
-    """Compare a sample of the file's positions with the projection; half a cell is the most that they may differ."""
-    lat, lon = ds["lat"], ds["lon"]
-    pick = {dim: slice(None, None, max(1, size // 8)) for dim, size in lat.sizes.items()}
-    lon_s, lat_s = lon.isel(pick).values, lat.isel(pick).values
-    x, y = to_projection(crs, lon_s, lat_s)
-    expected_x, expected_y = np.meshgrid(ds["x"].isel(x=pick["x"]).values, ds["y"].isel(y=pick["y"]).values)
-    off = np.nanmax(np.hypot(x - expected_x, y - expected_y)) if np.isfinite(lat_s).any() else 0.0
-    if not off <= 0.5 * abs(float(ds["x"][1] - ds["x"][0])):
-        raise ForcingError(
-            f"projection and positions of the file differ by {off / 1000.0:.1f} km",
-            where=str(ds.encoding.get("source", "")),
-            remedy="The file's grid mapping is wrong or missing: check its header",
-        )

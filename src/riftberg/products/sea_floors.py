@@ -61,10 +61,6 @@ def _is_ibcso(ds: xr.Dataset) -> bool:
     )
 
 
-def _on_its_map(ds: xr.Dataset) -> xr.Dataset:
-    return projected(ds, x="x", y="y", fallback=_IBCSO_MAP) if {"x", "y"} <= set(ds.dims) else ds
-
-
 IBCSO = Product(
     name="ibcso",
     title="International Bathymetric Chart of the Southern Ocean, version 2",
@@ -72,7 +68,7 @@ IBCSO = Product(
     evidence="documentation",
     matches=_is_ibcso,
     sources=(Source("depth_below_surface", ("z",), "m"),),
-    reshape=_on_its_map,
+    reshape=lambda ds: projected(ds, _IBCSO_MAP) if {"x", "y"} <= set(ds.dims) else ds,
     finish=depth_from_elevation,
     notes=(*NOTES, "polar stereographic, true scale at 65 S: to_latlon regrids it"),
 )
