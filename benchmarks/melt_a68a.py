@@ -15,7 +15,7 @@ from riftberg.bergs.bonding import count_bonds
 from riftberg.experiments.a68a_melt import DAYS, FRESH_WATER, START, THICKNESS, THINNING, TrackSea, melting_a68a
 from riftberg.experiments.options import Options
 from riftberg.life.ledger import Ledger
-from riftberg.life.thermodynamics import melt_step
+from riftberg.life.melt import melt_step
 
 STEP = 21600.0
 RADIUS = 6000.0

@@ -26,8 +26,7 @@ import xarray as xr
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.diagnostics.observed import Observations, read_observed
-from riftberg.diagnostics.outlines import Outline
-from riftberg.diagnostics.overlap import aligned_overlap, intersection_over_union
+from riftberg.diagnostics.outlines import Outline, aligned_overlap, intersection_over_union
 from riftberg.diagnostics.score import Match, Score, ScoredDay, score_run
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options, build

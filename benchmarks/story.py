@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from riftberg.diagnostics.overlap import axis_difference
+from riftberg.diagnostics.outlines import axis_difference
 from riftberg.diagnostics.summary import breakups, fragment_areas
 from riftberg.experiments import Numerics, Options
 from riftberg.experiments.a68a import DAYS, story_model
@@ -29,7 +29,7 @@ from riftberg.parameters import Packing
 from riftberg.physics.floating import draft_of
 from riftberg.plane import ConformalPlane
 from riftberg.runs.model import Model
-from riftberg.runs.shapes import element_polygons
+from riftberg.runs.scene import element_polygons
 from riftberg.runs.track import Position, berg_position
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "a68a-story.md"
@@ -206,7 +206,7 @@ def rectangle_azimuth(shape: Any) -> float:
     """Return the azimuth of the long side of the least rectangle around a shape (m east and north), degrees, 0 to 180.
 
     `riftberg.experiments.a68a_observed` gives it for the observed outlines. It goes by the outermost points, where the axis of
-    the largest second moment (`riftberg.diagnostics.overlap.polygon_moments`) goes by the area: for outlines of A68a both
+    the largest second moment (`riftberg.diagnostics.outlines.polygon_moments`) goes by the area: for outlines of A68a both
     differ by up to 10 degrees.
     """
     box = shape.minimum_rotated_rectangle

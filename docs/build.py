@@ -190,7 +190,7 @@ def variables_page() -> str:
 
 def namelist_page() -> str:
     """Return the page of KID's namelist entries."""
-    from riftberg.kid.entry_table import DRIVER, ICEBERGS
+    from riftberg.kid.entries import DRIVER, ICEBERGS
 
     words = {
         "honoured": "acts as in KID",
@@ -253,7 +253,7 @@ def _keys(doc: str) -> list[tuple[str, str]]:
 def commands_page() -> str:
     """Return the page of the command line, from the signatures of its functions."""
     from riftberg.cli.main import SUMMARIES, app, function_of
-    from riftberg.cli.verbose import verbose
+    from riftberg.cli.terminal import verbose
     from riftberg.experiments import EXPERIMENTS
 
     text = [
@@ -325,7 +325,7 @@ PAGES: dict[str, tuple[Callable[[], str], str]] = {
     "parameters.md": (parameters_page, "src/riftberg/config/parameter_groups.py"),
     "experiment-file.md": (experiment_page, "src/riftberg/experiments/schema.py"),
     "variables.md": (variables_page, "src/riftberg/state/variables.py and runs/run_file.py"),
-    "namelist.md": (namelist_page, "src/riftberg/kid/entry_table.py"),
+    "namelist.md": (namelist_page, "src/riftberg/kid/entries.py"),
     "summary.md": (summary_page, "src/riftberg/diagnostics/summary.py and speed.py"),
     "commands.md": (commands_page, "src/riftberg/cli and experiments"),
     "products.md": (products_page, "src/riftberg/products"),

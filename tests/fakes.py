@@ -17,7 +17,7 @@ from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
 from riftberg.stepping.fragments.tree import Fragment
-from riftberg.system.interrupts import held
+from riftberg.system.process import held
 
 SIDE = 3000.0
 EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})

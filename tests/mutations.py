@@ -33,8 +33,11 @@ SOURCE, TESTS = ROOT / "src" / "riftberg", ROOT / "tests"
 
 FOLDERS = ("physics", "stepping", "life", "ocean", "products", "bergs", "diagnostics", "runs")
 
-OTHERS = {"stepping": ("verification",), "physics": ("stepping",), "diagnostics": ("viz", "cli"), "runs": ("cli",)}
+OTHERS = {"physics": ("stepping",), "diagnostics": ("viz", "cli"), "runs": ("cli",)}
 """Folders of tests that also hold a folder of the source to its word."""
+
+COMPILED_OTHERS = {"stepping": ("verification",), "physics": ("verification",)}
+"""The same, of tests that take too long without compilation."""
 
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Lt: ast.GtE, ast.Gt: ast.LtE, ast.LtE: ast.Gt,
@@ -139,12 +142,13 @@ def sample(count: int, seed: int) -> list[Change]:
     return list(taken.values())[:count]
 
 
-def folder_of_tests(folder: str) -> list[Path]:
+def folder_of_tests(folder: str, *, compiled: bool) -> list[Path]:
     """Return the files of tests for a folder of the source."""
-    return [p for name in (folder, *OTHERS.get(folder, ())) for p in sorted((TESTS / name).rglob("test_*.py"))]
+    others = (*OTHERS.get(folder, ()), *(COMPILED_OTHERS.get(folder, ()) if compiled else ()))
+    return [p for name in (folder, *others) for p in sorted((TESTS / name).rglob("test_*.py"))]
 
 
-def test_files(change: Change) -> list[str]:
+def test_files(change: Change, *, compiled: bool) -> list[str]:
     """Return the files of tests for a change: those that name its module first, then the rest of its folder."""
     module = Path(change.path).stem
     dotted = "riftberg." + change.path.removesuffix(".py").replace("/", ".")
@@ -154,7 +158,10 @@ def test_files(change: Change) -> list[str]:
         used = dotted in path.read_text("utf-8")
         return (0 if named and used else 1 if used else 2 if named else 3), path.stat().st_size
 
-    return [str(p.relative_to(ROOT)) for p in sorted(folder_of_tests(change.path.split("/")[0]), key=rank)]
+    return [
+        str(p.relative_to(ROOT))
+        for p in sorted(folder_of_tests(change.path.split("/")[0], compiled=compiled), key=rank)
+    ]
 
 
 def pytest(source: Path, arguments: list[str], *, compiled: bool, seconds: float | None) -> tuple[int, str]:
@@ -173,8 +180,9 @@ def failing(folder: str, results: Path, *, compiled: bool) -> list[str]:
     path = results.with_suffix(".compiled.json" if compiled else ".baseline.json")
     known = json.loads(path.read_text()) if path.exists() else {}
     if folder not in known:
-        files = [str(p.relative_to(ROOT)) for p in folder_of_tests(folder)]
-        _, text = pytest(SOURCE.parent, ["--timeout", "60", *files], compiled=compiled, seconds=None)
+        files = [str(p.relative_to(ROOT)) for p in folder_of_tests(folder, compiled=compiled)]
+        longest = "60" if compiled else "10"  # s; what takes longer without compilation is left to the compiled run
+        _, text = pytest(SOURCE.parent, ["--timeout", longest, *files], compiled=compiled, seconds=None)
         known[folder] = re.findall(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", text, flags=re.M)
         path.write_text(json.dumps(known, indent=1))
     return known[folder]
@@ -190,7 +198,13 @@ def tried(change: Change, left_out: list[str], *, compiled: bool, seconds: float
         path.write_bytes(raw[: change.start] + change.new.encode() + raw[change.end :])
         line = path.read_text("utf-8").splitlines()[change.line - 1].strip()
         # A test that hangs fails after two minutes; tests of a folder that end neither way count as not noticed.
-        arguments = ["-x", "--timeout", "120", *(f"--deselect={test}" for test in left_out), *test_files(change)]
+        arguments = [
+            "-x",
+            "--timeout",
+            "120",
+            *(f"--deselect={test}" for test in left_out),
+            *test_files(change, compiled=compiled),
+        ]
         try:
             code, text = pytest(source, arguments, compiled=compiled, seconds=seconds)
         except subprocess.TimeoutExpired:

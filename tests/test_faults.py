@@ -18,8 +18,8 @@ from riftberg.cli.main import app
 from riftberg.cli.output import check_folder, check_output, results_folder
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
+from riftberg.system.atomic_files import OneWriter
 from riftberg.system.limits import MOST_ELEMENTS, allow_large, check_elements, check_work
-from riftberg.system.output_lock import OneWriter
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00

@@ -28,8 +28,8 @@ from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import open_run
-from riftberg.system import interrupts
-from riftberg.system.interrupts import held, insisting
+from riftberg.system import process as interrupts
+from riftberg.system.process import held, insisting
 
 SOURCES = Path(riftberg.__file__).parent
 

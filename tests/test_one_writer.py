@@ -16,7 +16,7 @@ import pytest
 from fakes import FakeModel
 from kid.conftest import write_case
 from riftberg.runs.run_file import RunWriter
-from riftberg.system.output_lock import only_writer
+from riftberg.system.atomic_files import only_writer
 
 SLAB = """\
 start: 2020-12-09 13:00

@@ -30,7 +30,7 @@ from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
 from riftberg.system.netcdf_lock import NETCDF, NetcdfLock, open_lazily, open_netcdf
-from riftberg.system.process_settings import own_filters
+from riftberg.system.process import own_filters
 
 SOURCES = Path(riftberg.__file__).parent
 WEAK = A68A_2022.changed(fracture={"normal_strength": 2e3, "shear_strength": 2e3})

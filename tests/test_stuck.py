@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from riftberg.cli import terminal as failures
 from riftberg.cli.main import app
-from riftberg.system import watchdog as stuck
+from riftberg.system import process as stuck
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 

@@ -13,16 +13,14 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from riftberg.bergs.assembly import refuse_overlap
-from riftberg.bergs.bonding import Metric, count_bonds
+from riftberg.bergs.bonding import Metric, count_bonds, refuse_overlap
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.portrait import card, portrait
+from riftberg.bergs.report import card, portrait
 from riftberg.config.usual_ranges import unusual
 from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
 from riftberg.life.motion import MotionLedger
-from riftberg.life.needs import check_water
-from riftberg.life.process import LifeProcess, lives
+from riftberg.life.process import LifeProcess, check_water, lives
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
@@ -44,8 +42,8 @@ from riftberg.stepping.schemes import make_stepper
 from riftberg.stepping.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
 from riftberg.stepping.stepper import Stepper
 from riftberg.system.input_files import shortened, value_shown
-from riftberg.system.interrupts import Hold, held
 from riftberg.system.limits import check_work
+from riftberg.system.process import Hold, held
 
 _LOG = logging.getLogger(__name__)
 

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.rifts import pieces
-from riftberg.bergs.strength import scatter
+from riftberg.bergs.strength import pieces, scatter
 from riftberg.errors import BergError
 
 

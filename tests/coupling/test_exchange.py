@@ -13,7 +13,7 @@ from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.errors import ForcingError, InputError
-from riftberg.life.thermodynamics import scaled_mass
+from riftberg.life.melt import scaled_mass
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 

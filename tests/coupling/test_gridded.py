@@ -14,7 +14,7 @@ from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.gridded import GridRecorder, cells_of
 from riftberg.errors import InputError
-from riftberg.life.thermodynamics import scaled_mass
+from riftberg.life.melt import scaled_mass
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model

@@ -13,7 +13,7 @@ from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import BergError, InputError, RiftbergError
-from riftberg.life.thermodynamics import scaled_mass
+from riftberg.life.melt import scaled_mass
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from riftberg import Iceberg, Model, Steady
-from riftberg.diagnostics.forces import FORCES, accelerations, external_forces
+from riftberg.diagnostics.cut import FORCES, accelerations, external_forces
 from riftberg.parameters import A68A_2022
 from riftberg.runs.run_file import RunWriter, open_run
 

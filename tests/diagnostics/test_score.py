@@ -16,9 +16,9 @@ from matplotlib.image import imread
 
 from fakes import FakeModel
 from riftberg.diagnostics.observed import Fix, Observations
-from riftberg.diagnostics.outlines import Outline
-from riftberg.diagnostics.overlap import (
+from riftberg.diagnostics.outlines import (
     WORST,
+    Outline,
     aligned_overlap,
     axis_difference,
     group_fragments,

@@ -16,8 +16,7 @@ from matplotlib.image import imread
 
 from fakes import FakeModel
 from riftberg.diagnostics import why
-from riftberg.diagnostics.cut import Breakup
-from riftberg.diagnostics.forces import FORCES
+from riftberg.diagnostics.cut import FORCES, Breakup
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.why import draw_reasons

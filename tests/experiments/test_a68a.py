@@ -14,8 +14,8 @@ from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, _path, stream
+from riftberg.runs.layout import forcing_title
 from riftberg.runs.model import Model
-from riftberg.runs.provenance import forcing_title
 from riftberg.runs.track import berg_position
 
 DAY = 86400.0

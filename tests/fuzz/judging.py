@@ -22,7 +22,7 @@ import dask
 
 from riftberg.cli.main import app
 from riftberg.cli.terminal import EXIT_ERROR
-from riftberg.system.watchdog import STUCK_AFTER
+from riftberg.system.process import STUCK_AFTER
 
 REFUSED, HARMLESS, RIGHT, TOLD = "refused well", "accepted, harmless", "right value", "told before the run"
 ACCEPTED, SILENT, TRACEBACK, HANG, VAGUE, REMAINS, REMOVED, LEAK, APART = (

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from riftberg.kid import parameters, trajectories
-from riftberg.kid.entries import GROUPS, convert, find_entry
-from riftberg.kid.entry_table import DRIVER, HONOURED, ICEBERGS, REFUSED, REPORTED, Entry
+from riftberg.kid.entries import DRIVER, GROUPS, HONOURED, ICEBERGS, REFUSED, REPORTED, Entry, convert, find_entry
 
 KINDS = {"L": "logical", "I": "integer", "I8": "integer", "R": "real", "R10": "reals"}
 

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 from riftberg.errors import InputError
-from riftberg.kid.entries import GROUPS, NEEDS
-from riftberg.kid.entry_table import HONOURED, INTEGER, LOGICAL, REFUSED, REPORTED, Entry
+from riftberg.kid.entries import GROUPS, HONOURED, INTEGER, LOGICAL, NEEDS, REFUSED, REPORTED, Entry
 
 from . import scenes
 from .entry_checks import BY_SCHEME, CHECKS

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg, Model, Parameters
-from riftberg.bergs.joining import join
+from riftberg.bergs.bonded import join
 from riftberg.errors import NamelistError
 from riftberg.kid.run import KidReport, run_kid
 from riftberg.ocean.grid import Grid

@@ -63,7 +63,7 @@ def all_factors() -> dict[str, list[Any]]:
 
 
 def scenes_entries() -> Any:
-    from riftberg.kid.entry_table import ICEBERGS
+    from riftberg.kid.entries import ICEBERGS
 
     return ICEBERGS
 

@@ -13,8 +13,7 @@ import pytest
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import InputError, NamelistError
 from riftberg.kid import ncfile
-from riftberg.kid.calendar import Clock
-from riftberg.kid.namelist import KidNamelist, read_namelist
+from riftberg.kid.namelist import Clock, KidNamelist, read_namelist
 from riftberg.kid.ncfile import BlockWriter, Column
 from riftberg.kid.parameters import to_parameters
 from riftberg.kid.restart import join_id

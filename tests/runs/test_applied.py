@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg import Iceberg, Model, Steady
-from riftberg.diagnostics.forces import FORCES, applied_forces, external_forces, forces_recorded
+from riftberg.diagnostics.cut import FORCES, applied_forces, external_forces, forces_recorded
 from riftberg.experiments import Options, build
 from riftberg.parameters import A68A_2022
 from riftberg.runs.applied import force_variables

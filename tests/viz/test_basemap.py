@@ -18,7 +18,7 @@ from matplotlib.image import imread
 from fakes import FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Box
-from riftberg.viz import basemap
+from riftberg.viz import panels as basemap
 from riftberg.viz.animate import write_film
 from riftberg.viz.map import draw_map
 from riftberg.viz.plots import draw_dates

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.quiver import QuiverKey
 
 from fakes import SIDE, FakeForcing, FakeModel
-from riftberg.cli.plot import usual_kinds
+from riftberg.cli.pictures import usual_kinds
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.errors import InputError
 from riftberg.parameters import A68A_2022, Parameters

@@ -1,21 +1,22 @@
-"""A berg as it lies there: elements, the bonds between them, what can be asked of it and done to its bonds."""
+"""A berg as it lies there: elements and bonds, what can be asked of it and done to its bonds, and several as one start."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from riftberg.bergs import rifts, strength
-from riftberg.bergs.assembly import inscribed_radius
+from riftberg.bergs import strength as strengths
+from riftberg.bergs.bonding import Metric, inscribed_radius, refuse_overlap
 from riftberg.bergs.raster import is_map
 from riftberg.config.values import native, number
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.state import Bonds, Elements, copy_state
+from riftberg.state import Bonds, Elements, copy_state, elements_of
 from riftberg.system.input_files import value_shown
 
 
@@ -127,8 +128,8 @@ class BondedBerg:
         strength = number(strength, "1", where="strength", kind=BergError)
         threshold = number(threshold, "1", where="threshold", kind=BergError)
         elements, bonds = copy_state(self.elements, self.bonds)
-        crossed = rifts.crossed_by(elements, bonds, rift, latlon=self.latlon, crs=crs, threshold=threshold)
-        rifts.weaken(elements, bonds, crossed, strength=strength, broken=broken)
+        crossed = strengths.crossed_by(elements, bonds, rift, latlon=self.latlon, crs=crs, threshold=threshold)
+        strengths.weaken(elements, bonds, crossed, strength=strength, broken=broken)
         made = {"crossed": int(crossed.sum()), "broken": broken, "strength": 0.0 if broken else strength}
         report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
         return replace(self, elements=elements, bonds=bonds, report=report)
@@ -176,13 +177,102 @@ class BondedBerg:
             )
             seed = check_seed(seed)
             seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
-            factors = strength.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
+            factors = strengths.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
             made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
         else:
             if is_map(distribution) or isinstance(distribution, Path):
-                factors = strength.mapped(distribution, elements, bonds)
+                factors = strengths.mapped(distribution, elements, bonds)
             else:
-                factors = strength.listed(distribution, len(bonds.first))
+                factors = strengths.listed(distribution, len(bonds.first))
             made = {"distribution": "given", "least": float(factors.min()), "largest": float(factors.max())}
         bonds.strength[:] *= factors
         return replace(self, elements=elements, bonds=bonds, report={**self.report, "scatter": made})
+
+
+B = TypeVar("B", bound=BondedBerg)
+
+
+def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = None) -> B:
+    """Return several bergs as one start of a run; see `riftberg.bergs.iceberg.Iceberg.join`."""
+    if isinstance(bergs, Mapping):
+        return join(list(bergs.values()), list(bergs) if names is None else names)
+    parts = list(bergs) if isinstance(bergs, Iterable) and not isinstance(bergs, str) else []
+    if not parts or not all(isinstance(berg, BondedBerg) for berg in parts):
+        raise BergError(
+            "no list of bergs",
+            where="Iceberg.join",
+            remedy="Give a list of one Iceberg or more, or a dict of names and bergs",
+        )
+    _check_alike(parts)
+    named = _named(parts, names)
+    first = parts[0]
+    whole = replace(
+        first,
+        elements=_joined_elements(parts),
+        bonds=_joined_bonds(parts),
+        # Elements know their sides; the packing of the whole says how many bonds one may have.
+        packing="hexagonal" if any(berg.packing == "hexagonal" for berg in parts) else "square",
+        radius=float(np.average([berg.radius for berg in parts], weights=[berg.elements.size for berg in parts])),
+        report={"source": f"{len(named)} bergs: {_listed([name for name, _ in named])}"},
+        bergs=tuple(named),
+    )
+    refuse_overlap(
+        whole.elements, whole.packing, Metric(first.latlon, first.earth_radius, 360.0 if first.latlon else 0.0)
+    )
+    asked = [berg.report.get("outline_area") for berg in parts]
+    # What the lattices lose is told of all together, where each was made from a shape.
+    return whole if None in asked else whole._reported({**whole.report, "outline_area": sum(asked)})
+
+
+def _check_alike(bergs: Sequence[BondedBerg]) -> None:
+    """Refuse bergs that cannot be in one run."""
+    for what, unit in (("latlon", ""), ("earth_radius", " m"), ("density", " kg m-3")):
+        values = {getattr(berg, what) for berg in bergs}
+        if len(values) > 1:
+            one, other = sorted(values)[:2]
+            raise BergError(
+                f"bergs with {what} {one}{unit} and {other}{unit}", where="Iceberg.join",
+                remedy="All bergs of a run have the same",
+            )  # fmt: skip
+
+
+def _named(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tuple[str, int]]:
+    """Return name and number of elements of each berg; those without a name are called ``berg 1`` and so on."""
+    if names is not None and len(names) != len(bergs):
+        raise BergError(f"{len(names)} names for {len(bergs)} bergs", where="Iceberg.join", remedy="Give one name each")
+    counts: list[tuple[str, int]] = []
+    for k, berg in enumerate(bergs, start=1):
+        own = berg.bergs if names is None else ((names[k - 1], berg.elements.size),)
+        counts += own or ((f"berg {k}", berg.elements.size),)
+    for name, _ in counts:
+        check_name(name)
+    taken = [name for name, _ in counts]
+    twice = next((name for name in taken if taken.count(name) > 1), None) if len(set(taken)) < len(taken) else None
+    if twice is not None:
+        raise BergError(f"two bergs are called {twice!r}", where="Iceberg.join", remedy="Give each its own name")
+    return counts
+
+
+def _joined_elements(bergs: Sequence[BondedBerg]) -> Any:
+    """Return all elements, with identifiers and pieces numbered on."""
+    arrays = [berg.elements.arrays() for berg in bergs]
+    whole = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
+    before = np.cumsum([0, *(int(berg.elements.berg.max(initial=0)) for berg in bergs)])
+    whole["berg"] = np.concatenate([berg.elements.berg + n for berg, n in zip(bergs, before, strict=False)])
+    whole["id"] = np.arange(1, whole["id"].size + 1)
+    return elements_of(whole)
+
+
+def _joined_bonds(bergs: Sequence[BondedBerg]) -> Bonds:
+    """Return all bonds, between the rows of all elements."""
+    arrays = [berg.bonds.arrays() for berg in bergs]
+    whole = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
+    before = np.cumsum([0, *(berg.elements.size for berg in bergs)])
+    for end in ("first", "second"):
+        whole[end] = np.concatenate([part[end] + n for part, n in zip(arrays, before, strict=False)])
+    whole["id"] = np.arange(1, whole["id"].size + 1)
+    return Bonds(**whole)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])} and {len(names) - 5} more"

@@ -1,4 +1,4 @@
-"""Which elements are bonded: a rule on the distance of their centres, among the pairs that `riftberg.state.neighbours` finds.
+"""From positions to checked elements, and which of them are bonded: a rule on the distance of their centres.
 
 Source: equations 1.3 (and quirk Q14 for the factor 1.25).
 """
@@ -7,14 +7,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from riftberg.constants import DEGREE
+from riftberg.bergs.keys import BergOptions
+from riftberg.bergs.lattice import element_area
+from riftberg.bergs.raster import Raster, is_gridded
+from riftberg.constants import DEGREE, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
-from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds
+from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
+from riftberg.system.input_files import value_shown
+from riftberg.system.limits import check_elements
 
 RADII_FACTOR = 1.25
 """Elements are bonded when closer than this times the sum of their radii."""
@@ -114,3 +121,146 @@ def _check_reaches(elements: Elements, reaches: Floats) -> None:
             where=f"element {elements.id[k]}",
             remedy="Bonds need finite positions and sizes",
         )
+
+
+THICKEST = 5000.0
+"""Thickness (m) that no ice on Earth has; what is above it is a fill value or a slip of units."""
+
+OVERLAP_ALLOWED = 0.01
+"""Part of R1 + R2 by which two elements may overlap before the berg is refused."""
+
+
+def make_elements(lon: Floats, lat: Floats, settings: BergOptions, *, static: Any = False) -> Elements:
+    """Return elements at positions, with all that follows from radius, thickness and density.
+
+    ``lon``, ``lat``: positions, degrees (m if not ``settings.latlon``).
+    """
+    check_elements(len(lon), kind=BergError)
+    radius, density, velocity = settings.radius, settings.density, settings.velocity
+    elements = new_elements(len(lon))
+    thickness = np.broadcast_to(one_each(settings.thickness, len(lon), "thickness"), lon.shape)
+    _check_elements(lon, lat, radius, thickness, density, settings.latlon)
+    elements.lon[:] = elements.lon_pair[:] = lon
+    elements.lat[:] = elements.lat_pair[:] = lat
+    for name in ("u", "u_sync", "u_pair"):
+        getattr(elements, name)[:] = velocity[0]
+    for name in ("v", "v_sync", "v_pair"):
+        getattr(elements, name)[:] = velocity[1]
+    elements.spin[:] = settings.spin
+    elements.static[:] = np.asarray(static, dtype=np.float64)
+    elements.thickness[:] = thickness
+    area = np.asarray([element_area(float(r), settings.packing) for r in np.atleast_1d(radius)])
+    elements.length[:] = elements.width[:] = np.sqrt(area)
+    elements.mass[:] = thickness * density * area
+    elements.sides[:] = 6 if settings.packing == "hexagonal" else 4
+    return elements
+
+
+def _check_elements(lon: Floats, lat: Floats, radius: Any, thickness: Floats, density: float, latlon: bool) -> None:
+    if len(lon) == 0:
+        raise BergError("no elements", remedy="Give at least one position")
+    if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
+        k = int(np.argmin(np.isfinite(lon) & np.isfinite(lat)))
+        raise BergError(
+            "positions that are not numbers",
+            where=f"element {k + 1}",
+            remedy="Remove them, or look at placement and size",
+        )
+    if latlon and abs(lat).max() > 89.0:
+        raise BergError(
+            f"latitude {lat[np.argmax(abs(lat))]:g}", remedy="Latitudes must lie within 89 degrees of the equator"
+        )
+    if not ((np.asarray(radius) > 0) & np.isfinite(radius)).all():
+        raise BergError(f"radius {np.min(radius)} m", remedy="Give a positive radius in metres")
+    if not 0 < density < RHO_SEAWATER:
+        raise BergError(
+            f"ice density {density} kg m-3",
+            remedy=f"Ice floats: give a density between 0 and {RHO_SEAWATER:g}, usually 850 to 917",
+        )
+    thick = thickness > THICKEST
+    if thick.any():
+        k = int(np.argmax(np.broadcast_to(thick, lon.shape)))
+        raise BergError(
+            f"thickness {np.broadcast_to(thickness, lon.shape)[k]:g} m",
+            where=f"element {k + 1} at {lon[k]:.4f}, {lat[k]:.4f}",
+            remedy=f"No ice is thicker than {THICKEST:g} m: give metres, and leave out fill values",
+        )
+    bad = ~(thickness > 0) | ~np.isfinite(thickness)
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise BergError(
+            f"thickness {thickness[k]:g} m ({bad.sum()} of {len(bad)} elements are not positive)",
+            where=f"element {k + 1} at {lon[k]:.4f}, {lat[k]:.4f}",
+            remedy="Give a positive thickness everywhere under the outline",
+        )
+
+
+def refuse_overlap(elements: Elements, packing: Packing, metric: Metric) -> None:
+    """Raise `BergError` if two elements stand closer than their radii allow."""
+    near = form_bonds(elements, BondRule(packing=packing), metric)
+    radius = inscribed_radius(elements, packing)
+    ratio = near.bond_length / (radius[near.first] + radius[near.second])
+    if len(ratio) == 0 or ratio.min() >= 1.0 - OVERLAP_ALLOWED:
+        return
+    k = int(np.argmin(ratio))
+    i, j = int(near.first[k]), int(near.second[k])
+    raise BergError(
+        f"elements {i + 1} and {j + 1} overlap: {near.bond_length[k]:.6g} m apart "
+        f"instead of {radius[i] + radius[j]:.6g} m",
+        where=f"near {elements.lon[i]:.5f}, {elements.lat[i]:.5f}",
+        remedy="Place elements at least two radii apart, or give a smaller radius",
+    )
+
+
+def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
+    """Radius (m) of the inscribed circle of bonded elements (equations 1.4)."""
+    return np.sqrt(elements.body.length * elements.body.width * inscribed_share(elements, packing))
+
+
+def one_each(values: Any, size: int, what: str) -> Floats:
+    """Return one number, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BergError(
+            f"{what} {value_shown(values)} is no number", remedy=f"Give one number, {size} numbers, or a map"
+        ) from error
+    if array.size == 1:
+        return array.reshape(())
+    if array.shape != (size,):
+        raise BergError(
+            f"{what} of shape {array.shape}",
+            remedy=f"Give one number, {size} numbers (one each), or a map with longitude and latitude",
+        )
+    return array
+
+
+def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
+    """Return thickness at positions: a number, one value per element, or a map that is sampled.
+
+    Of a map only ice counts, values above zero: the zeros and gaps around a berg are left out of the bilinear mean, or
+    they would thin its rim.
+
+    ``source``: the thickness, m.
+    """
+    if not (isinstance(source, str | Path | Raster) or is_gridded(source)):
+        return one_each(source, len(lon), "thickness")
+    raster: Raster = source if isinstance(source, Raster) else read(source)
+    values = raster.above(0.0).sample(lon, lat)
+    missing = ~np.isfinite(values)
+    if missing.any():
+        k = int(np.argmax(missing))
+        raise BergError(
+            f"no thickness for {missing.sum()} of {len(lon)} elements, the first at {lon[k]:.4f}, {lat[k]:.4f}",
+            where=raster.name,
+            remedy="Extend the map, fill its gaps and zeros, or give one number",
+        )
+    return values
+
+
+def within_pieces(bonds: Bonds, piece: Ints) -> Bonds:
+    """Return the bonds whose ends lie in the same piece."""
+    held = piece[bonds.first] == piece[bonds.second]
+    kept = new_bonds(bonds.first[held], bonds.second[held])
+    kept.bond_length[:] = bonds.bond_length[held]
+    return kept

@@ -8,12 +8,18 @@ from typing import Any, Literal, Unpack
 
 import numpy as np
 
-from riftberg.bergs import fields, rifts
+from riftberg.bergs import fields
 from riftberg.bergs import outline as outlines
-from riftberg.bergs.assembly import make_elements, refuse_overlap, thickness_at, within_pieces
-from riftberg.bergs.bonded import BondedBerg
-from riftberg.bergs.bonding import BondRule, Metric, form_bonds
-from riftberg.bergs.joining import join
+from riftberg.bergs.bonded import BondedBerg, join
+from riftberg.bergs.bonding import (
+    BondRule,
+    Metric,
+    form_bonds,
+    make_elements,
+    refuse_overlap,
+    thickness_at,
+    within_pieces,
+)
 from riftberg.bergs.keys import (
     BergOptions,
     FieldOfBergs,
@@ -27,7 +33,6 @@ from riftberg.bergs.keys import (
     berg_options,
 )
 from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
-from riftberg.bergs.makeberg import makeberg_lattice
 from riftberg.bergs.placement import (
     FillingPlane,
     ReferencePlane,
@@ -36,10 +41,10 @@ from riftberg.bergs.placement import (
     relax,
     turned,
 )
-from riftberg.bergs.portrait import card, portrait
 from riftberg.bergs.raster import Raster, check_on_globe, read_raster, unbroken
-from riftberg.bergs.regions import IceMask, ice_cells, mask_region, outline_region
-from riftberg.bergs.report import describe, one_line
+from riftberg.bergs.regions import IceMask, ice_cells, makeberg_lattice, mask_region, outline_region
+from riftberg.bergs.report import card, describe, one_line, portrait
+from riftberg.bergs.strength import number_pieces
 from riftberg.config.values import flag, given, number, numbers
 from riftberg.errors import BergError, placed_in
 from riftberg.plane import EqualAreaPlane
@@ -444,7 +449,7 @@ class Iceberg(BondedBerg):
         bonds = form_bonds(elements, rule or BondRule(packing=settings.packing), metric)
         if settings.pieces is not None:
             bonds = within_pieces(bonds, np.broadcast_to(np.asarray(settings.pieces, dtype=np.int64), lon.shape))
-        rifts.number_pieces(elements, bonds)
+        number_pieces(elements, bonds)
         return cls(
             elements, bonds, settings.packing, float(np.mean(settings.radius)), {"source": "points"}, settings.latlon,
             settings.earth_radius, settings.density,

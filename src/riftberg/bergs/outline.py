@@ -6,23 +6,78 @@ used.
 
 from __future__ import annotations
 
+import codecs
+import csv
 import json
+import re
 import zipfile
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import shapely
 import shapely.errors
 from shapely.geometry import shape
 
-from riftberg.bergs.feature import Feature, needed, polygon
-from riftberg.bergs.outline_csv import features_of_csv
-from riftberg.bergs.outline_kml import features_of_kml
 from riftberg.errors import BergError
-from riftberg.system.input_files import check_archive, check_file, reading
+from riftberg.system.input_files import check_archive, check_file, needed, reading, value_shown
 from riftberg.system.limits import MOST_TEXT
+
+DATE_KEYS = (
+    "date", "datetime", "date_time", "when", "timestamp", "begin", "acquired", "acq_date", "acqdate", "img_date",
+    "image_date", "obs_date", "sensing", "time_coverage_start", "time",
+)  # fmt: skip
+"""Attributes that hold the date of an outline, best first; small and capital letters are alike."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One feature of a file: a shapely geometry in longitude and latitude, and its properties."""
+
+    geometry: Any
+    properties: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def date(self) -> str:
+        """Date of the feature as text, empty if it has none."""
+        for key in DATE_KEYS:
+            for name, value in self.properties.items():
+                if name.lower() == key and value not in (None, ""):
+                    return str(value)
+        return ""
+
+    def label(self) -> str:
+        """Return date and other short properties, for messages."""
+        return ", ".join(f"{k}={v}" for k, v in self.properties.items() if len(str(v)) < 40) or "no properties"
+
+
+def polygon(shell: Any, holes: list[Any], where: str) -> Any:
+    """Return a shapely polygon of a shell and holes, or say what is wrong with its vertices."""
+    rings = [_ring(ring, where) for ring in (shell, *holes)]
+    return shapely.Polygon(rings[0], rings[1:])
+
+
+def _ring(ring: Any, where: str) -> Any:
+    """Return a ring as an array (n, 2), or say what is wrong with it."""
+    try:
+        vertices = np.asarray(ring, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise BergError(
+            "vertices that are no numbers", where=where, remedy="Give longitude and latitude each"
+        ) from error
+    if vertices.ndim != 2 or vertices.shape[1] < 2 or len(vertices) < 3:
+        raise BergError(
+            f"a ring of shape {vertices.shape}",
+            where=where,
+            remedy="A ring needs at least 3 vertices of longitude and latitude",
+        )
+    if not np.isfinite(vertices).all():
+        raise BergError("vertices that are not numbers", where=where, remedy="Remove them")
+    return vertices[:, :2]
+
 
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326", "OGC:CRS84")
 
@@ -303,3 +358,205 @@ def _vertex_arrays(source: Any, crs: str | None) -> list[Any]:
     if crs is None:
         return lines
     return line_strings(shapely.MultiLineString(lines), crs)
+
+
+LON_NAMES = ("lon", "longitude", "long", "x", "easting")
+LAT_NAMES = ("lat", "latitude", "y", "northing")
+FEATURE_COLUMNS = ("date", "time", "id", "name", "feature", "fragment", "variable")
+RING_COLUMNS = ("ring", "part", "polygon")
+LINE_COLUMNS = ("line", "rift", "segment")
+"""Columns that part the vertices of rifts into lines, besides those of features and rings."""
+
+Points = list[tuple[float, float]]
+
+
+def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
+    """Return the features of a table of vertices, one row each."""
+    rows, separator = rows_of_csv(path)
+    columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
+    lon, lat = (next((columns[n] for n in names if n in columns), None) for names in (LON_NAMES, LAT_NAMES))
+    if lon is None or lat is None:
+        raise BergError(
+            f"no columns of longitude and latitude among {', '.join(columns) or 'none'}",
+            where=str(path),
+            remedy="Name them lon and lat in the first line",
+        )
+    keys = [columns[n] for n in FEATURE_COLUMNS if n in columns]
+    parts = [columns[n] for n in (*RING_COLUMNS, *(LINE_COLUMNS if lines else ())) if n in columns]
+    groups: dict[tuple[str, ...], dict[tuple[str, ...], Points]] = {}
+    for number, row in enumerate(rows, start=2):
+        try:
+            point = (_number_of_text(row[lon], separator), _number_of_text(row[lat], separator))
+        except (TypeError, ValueError, AttributeError) as error:
+            raise BergError(
+                f"{value_shown(row[lon])}, {value_shown(row[lat])} are not numbers",
+                where=f"{path}, line {number}",
+                remedy="Write decimal degrees",
+            ) from error
+        key, part = tuple(row[k] for k in keys), tuple(row[k] for k in parts)
+        groups.setdefault(key, {}).setdefault(part, []).append(point)
+    combined = _lines_of_rows if lines else _polygons_of_rings
+    return [Feature(combined(list(g.values()), path), dict(zip(keys, key, strict=True))) for key, g in groups.items()]
+
+
+def rows_of_csv(path: Path) -> tuple[list[dict[str, str]], str]:
+    """Return the rows of a table by column, and its separator: comma, semicolon or tab. Empty lines are passed over."""
+    check_file(path, most=MOST_TEXT, remedy=_TABLE, kind=BergError)
+    lines = [line for line in _decoded(path.read_bytes()).splitlines() if line.strip(" ,;\t")]
+    if any("\0" in line for line in lines[:100]):
+        raise BergError("bytes that are no text", where=str(path), remedy=_TABLE)
+    if len(lines) < 2:
+        what = "no rows below the line of names" if lines else "no rows"
+        raise BergError(what, where=str(path), remedy=_TABLE)
+    separator = max(",;\t", key=lines[0].count)
+    with reading(path, "no table that can be read", _TABLE, BergError):
+        reader = csv.DictReader(lines, delimiter=separator)
+        names = [(name or "").strip().lower() for name in reader.fieldnames or ()]
+        twice = next((name for name in names if name and names.count(name) > 1), None)
+        if twice is not None:
+            raise BergError(f"two columns are called {twice!r}", where=str(path), remedy="Give each its own name")
+        return list(reader), separator
+
+
+_TABLE = "Give a table with a line of names and rows below, separated by commas, semicolons or tabs"
+
+
+def _decoded(content: bytes) -> str:
+    """Decode a table; programs that do not write UTF-8 write UTF-16 with a mark, or an 8-bit set (names only)."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _number_of_text(text: str, separator: str) -> float:
+    """Return a number; where commas do not separate columns they may stand for the decimal point."""
+    return float(text if separator == "," else text.replace(",", "."))
+
+
+def _polygons_of_rings(rings: list[Points], path: Path) -> Any:
+    """Combine rings by the even-odd rule, so that a ring inside a ring is a hole."""
+    geometry: Any = None
+    for ring in rings:
+        area = polygon(ring, [], str(path))
+        if geometry is not None and not (area.is_valid and geometry.is_valid):
+            raise BergError("a ring crosses itself", where=str(path), remedy="Repair the ring or leave it out")
+        geometry = area if geometry is None else geometry.symmetric_difference(area)
+    return geometry
+
+
+def _lines_of_rows(lines: list[Points], path: Path) -> Any:
+    for line in lines:
+        if len(line) < 2:
+            raise BergError(
+                "a line of 1 vertex",
+                where=str(path),
+                remedy="A line needs at least 2 rows; rows of a line are alike in "
+                + ", ".join((*FEATURE_COLUMNS, *RING_COLUMNS, *LINE_COLUMNS)),
+            )
+        if not np.isfinite(line).all():
+            raise BergError("vertices that are not numbers", where=str(path), remedy="Remove them")
+    return shapely.MultiLineString(lines)
+
+
+def features_of_kml(path: Path) -> list[Feature]:
+    """Return the placemarks of a file that are polygons or lines."""
+    try:
+        if path.suffix.lower() == ".kmz":
+            names = check_archive(path, MOST_TEXT, remedy="Export the outline again as KML", kind=BergError)
+            inside = next((n for n in names if n.lower().endswith(".kml")), None)
+            if inside is None:
+                raise BergError(
+                    f"an archive without KML; it holds {', '.join(names[:5])}", where=str(path),
+                    remedy="Export the outline again as KML",
+                )  # fmt: skip
+            with zipfile.ZipFile(path) as archive:
+                text = archive.read(inside)
+        else:
+            text = path.read_bytes()
+        if b"<!ENTITY" in text or b"<!DOCTYPE" in text:
+            raise BergError("a document type or entities, which KML has not", where=str(path), remedy="Remove them")
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, zipfile.BadZipFile, ValueError, LookupError, RuntimeError) as error:
+        raise BergError(f"not KML ({error})", where=str(path), remedy="Export the outline again as KML") from error
+    return list(_placemarks(root, {}, str(path)))
+
+
+def _tag(node: ElementTree.Element) -> str:
+    return node.tag.rpartition("}")[2]
+
+
+def _placemarks(node: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
+    """Yield the placemarks below a node; the name and the time of a folder hold for what lies in it."""
+    for child in node:
+        if _tag(child) == "Placemark":
+            yield from _placemark(child, above, where)
+        elif _tag(child) in ("Folder", "Document"):
+            own = [n for n in child if _tag(n) in ("name", "TimeStamp", "TimeSpan")]
+            times = {_tag(n): (n.text or "").strip() for part in own for n in part.iter() if _tag(n) in _KML_TOLD}
+            if _tag(child) == "Folder" and times.get("name"):
+                times["folder"] = times["name"]
+            times.pop("name", None)
+            yield from _placemarks(child, {**above, **times}, where)
+
+
+_KML_TOLD = ("name", "when", "begin")
+
+
+def _kml_properties(mark: ElementTree.Element) -> dict[str, Any]:
+    """Return name, time and the attributes that other programs keep as extended data."""
+    attributes: dict[str, Any] = {}
+    for node in mark.iter():
+        text = (node.text or "").strip()
+        if _tag(node) in _KML_TOLD or (node in list(mark) and _tag(node) == "description"):
+            attributes[_tag(node)] = text
+        elif _tag(node) == "SimpleData":
+            attributes[node.get("name", "")] = text
+        elif _tag(node) == "Data":
+            attributes[node.get("name", "")] = next(((n.text or "").strip() for n in node if _tag(n) == "value"), "")
+    return attributes
+
+
+def _placemark(mark: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
+    properties = {**above, **_kml_properties(mark)}
+    polygons, lines = [], []
+    for node in mark.iter():
+        if _tag(node) == "Polygon":
+            shell: list[Any] = []
+            holes: list[Any] = []
+            for border in node.iter():
+                if _tag(border) in ("outerBoundaryIs", "innerBoundaryIs"):
+                    (shell if _tag(border).startswith("outer") else holes).append(_points(border, where))
+            polygons.append(polygon(shell[0] if shell else [], holes, where))
+        elif _tag(node) == "LineString":
+            points = _points(node, where)
+            if len(points) < 2:
+                raise BergError(f"a line of {len(points)} vertices", where=where, remedy="A line needs at least 2")
+            lines.append(shapely.LineString(points))
+    if polygons:
+        yield Feature(polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons), properties)
+    if lines:
+        yield Feature(lines[0] if len(lines) == 1 else shapely.MultiLineString(lines), properties)
+
+
+def _points(node: ElementTree.Element, where: str) -> list[tuple[float, float]]:
+    """Return the vertices of a ring or line.
+
+    KML parts vertices by white space and the numbers of one by commas alone. Hand-made files also have a space after
+    the comma; they are read where two or three numbers to a vertex remain.
+    """
+    text = next((n.text or "" for n in node.iter() if _tag(n) == "coordinates"), "")
+    for written in (text, re.sub(r"\s*,\s*", ",", text)):
+        try:
+            vertices = [[float(part) for part in point.rstrip(",").split(",")] for point in written.split()]
+        except ValueError:
+            continue
+        if all(len(vertex) in (2, 3) for vertex in vertices):
+            return [(vertex[0], vertex[1]) for vertex in vertices]
+    raise BergError(
+        f"coordinates that cannot be read: '{text.strip()[:60]}'",
+        where=where,
+        remedy="Write longitude,latitude without a space after the comma, and a space between vertices",
+    )

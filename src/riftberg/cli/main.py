@@ -35,7 +35,10 @@ SUMMARIES: Final = {
 }
 """The commands in the order of the help, with the first lines of their own, so that help need not load them."""
 
-_ELSEWHERE: Final = {"experiments": "run"}
+_ELSEWHERE: Final = {
+    "experiments": "run", "doctor": "forcing_files", "fetch": "forcing_files",
+    **dict.fromkeys(("plot", "animate", "replay"), "pictures"),
+}  # fmt: skip
 """Commands that stand in the file of another."""
 
 
@@ -98,7 +101,7 @@ def _refusal(finding: Any) -> str:
 
 
 def _alone(name: str) -> typer.Typer:
-    from riftberg.cli.verbose import verbose
+    from riftberg.cli.terminal import verbose
 
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     alone.command(name)(verbose(function_of(name)))
@@ -115,7 +118,7 @@ class App(typer.Typer):
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Run as the command line: values that are no numbers are told of in our words, not by warnings of NumPy."""
         warnings.filterwarnings("ignore", category=RuntimeWarning)
-        from riftberg.system.streams import make_streams_last
+        from riftberg.system.process import make_streams_last
 
         make_streams_last()
         return super().__call__(*args, **kwargs)

@@ -1,7 +1,7 @@
 """Where results go: found out before any work whether they can, and cleared away again where there are none.
 
 A run may take hours; that its file cannot be written is to be said first. A folder that was made for a run that was
-refused is removed. Two commands that write one file are kept apart (`riftberg.system.output_lock`).
+refused is removed. Two commands that write one file are kept apart (`riftberg.system.atomic_files`).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Final
 
 from riftberg.errors import InputError
+from riftberg.system.atomic_files import only_writer
 from riftberg.system.input_files import shown
 from riftberg.system.limits import human
-from riftberg.system.output_lock import only_writer
 
 LEAST_SPACE: Final = 2e6
 """Bytes that must be free at least."""

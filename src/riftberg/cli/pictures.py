@@ -1,4 +1,4 @@
-"""What the commands that draw have in common: the run, the observations, dates, and where the picture goes."""
+"""``riftberg plot``, ``animate`` and ``replay``: figures of a run, a film, one web page; and what commands that draw share."""
 
 from __future__ import annotations
 
@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.output import check_output
+from riftberg.cli.options import OutputBeside, Quiet, positive, within
+from riftberg.cli.output import check_output, results_folder
+from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
+from riftberg.system.atomic_files import only_writer
 from riftberg.system.input_files import is_folder
-from riftberg.system.output_lock import only_writer
+from riftberg.system.limits import refuse_large
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
     from riftberg.diagnostics.observed import Observations
+
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' made.")]
 ObservedFile = Annotated[
@@ -104,3 +108,177 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) ->
         moment = np.datetime64((timed[0] if day_only and timed else when).isoformat())
         days.append(moment + hour if day_only and not timed else moment)
     return days
+
+
+KINDS = ("map", "dates", "stress", "timeline", "damage", "story")
+
+
+@reported
+def plot(
+    run: Run,
+    output: OutputBeside = None,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--kind", "-k",
+            help=f"{', '.join(KINDS)}.  [default: dates, stress, timeline, damage where it is on; story of test cases]",
+        ),
+    ] = None,
+    date: Dates = None,
+    observed: ObservedFile = None,
+    picture: Format = "png",
+    dpi: Annotated[int, typer.Option("--dpi", min=30, max=1200, help="Resolution.")] = 150,
+) -> None:  # fmt: skip
+    """Draw maps at chosen dates with observed outlines, stress and damage of the bonds, and the history of the fragments."""
+    from riftberg.runs.run_file import open_run
+
+    for name in kind or ():
+        if name not in KINDS:
+            raise InputError(f"{name!r} is not known", where="--kind", remedy=f"Use {', '.join(KINDS)}")
+    check_picture_format(picture)
+    observations = seen(observed)
+    with open_run(run) as dataset:
+        kinds = kind or usual_kinds(dataset)
+        files = [f"{name}.{picture}" for name in dict.fromkeys(kinds)]
+        when = moments(date, dataset, observations)
+        shown = observations.rings_by_day()
+        with results_folder(folder_beside(run, output), files, taken=files) as folder:
+            for name in kinds:
+                typer.echo(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, dpi))
+
+
+def usual_kinds(run: xr.Dataset) -> list[str]:
+    """Return the kinds of figures that a run has something for."""
+    from riftberg.experiments.registry import story_of
+
+    if story_of(run) is not None:
+        return ["story", "stress"]
+    bonds = ["stress"] if run.sizes["bond"] else []
+    return ["dates", *bonds, "timeline", *(["damage"] if "damage" in run else [])]
+
+
+def _drawn(
+    name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], shown: dict[str, list[Any]], dpi: int
+) -> Path:
+    """Draw one figure."""
+    from riftberg.viz import map as maps
+    from riftberg.viz import plots
+
+    if name == "story":
+        return _story(run, path, dpi)
+    if name == "map":
+        return maps.draw_map(run, path, observed=shown, dpi=dpi)
+    if name == "timeline":
+        return plots.draw_timeline(run, path, dpi=dpi)
+    if name == "dates":
+        return plots.draw_dates(run, path, dates=when, observed=shown, dpi=dpi)
+    draw = plots.draw_stress if name == "stress" else plots.draw_damage
+    return draw(run, path, dates=when, dpi=dpi)
+
+
+def _story(run: xr.Dataset, path: Path, dpi: int) -> Path:
+    from riftberg.experiments.registry import story_of
+
+    story = story_of(run)
+    if story is None:
+        raise InputError(
+            "the run is none of the beams or collisions that come with Riftberg",
+            where="--kind story",
+            remedy="Draw another kind",
+        )
+    return story.draw(run, path, dpi)
+
+
+@reported
+def animate(
+    run: Run,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="MP4 or GIF.  [default: film.mp4 beside the run, film.gif without ffmpeg]"),
+    ] = None,
+    hours: Annotated[
+        float | None, typer.Option("--hours", help="Hours between frames.  [default: a film of 20 s]")
+    ] = None,
+    fps: Annotated[
+        int | None, typer.Option("--fps", min=1, max=60, help="Frames per second.  [default: 20, GIF 10]")
+    ] = None,
+    dpi: Annotated[
+        int | None, typer.Option("--dpi", min=30, max=400, help="Resolution.  [default: 110, GIF 80]")
+    ] = None,
+    observed: ObservedFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a film of a run."""
+    from riftberg.runs.run_file import open_run
+    from riftberg.viz.animate import default_ending
+
+    positive(hours, "--hours", "hours", most=1e6)
+    shown = outlines(observed)
+    with (
+        open_run(run) as dataset,
+        picture_path(run, output, "film" + default_ending(), observed=observed) as goal,
+    ):
+        check_frames(dataset["time"].values, hours)
+        path = _filmed(dataset, goal, hours, fps, dpi, shown, quiet)
+    typer.echo(path)
+
+
+MOST_FRAMES = 20_000
+"""Frames of a film: a quarter of an hour at 20 a second."""
+
+
+def check_frames(times: Any, hours: float | None) -> None:
+    """Refuse a film of more frames than anybody will look at."""
+    if hours is not None:
+        length = float((times[-1] - times[0]).astype("timedelta64[s]").astype(float)) / 3600.0
+        refuse_large(
+            length / hours, MOST_FRAMES, "frames", where="--hours", remedy="Give more hours between frames",
+            kind=InputError,
+        )  # fmt: skip
+
+
+def _filmed(
+    dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, shown: Any, quiet: bool
+) -> Path:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from riftberg.viz.animate import write_film
+
+    with Progress(console=Console(stderr=True), disable=quiet) as bar:
+        task = bar.add_task("frames", total=None)
+        return write_film(
+            dataset, goal, hours=hours, fps=fps, dpi=dpi, observed=shown,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )  # fmt: skip
+
+
+@reported
+def replay(
+    run: Run,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Page.  [default: replay.html beside the run]")
+    ] = None,
+    title: Annotated[str, typer.Option("--title", help="Heading.")] = "",
+    observed: ObservedFile = None,
+    largest: Annotated[
+        float, typer.Option("--largest", min=0.5, help="Size in MB above which records are thinned out.")
+    ] = 10.0,
+    show: Annotated[bool, typer.Option("--show", help="Open the page in the browser.")] = False,
+) -> None:
+    """Write one web page that plays the run offline, with scrubbing and zoom."""
+    from riftberg.runs.run_file import open_run
+    from riftberg.viz.replay import write_replay
+
+    within(largest, "--largest", 0.5, 1000.0)
+    if output is not None and output.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{output.name[:60]!r} is no name of a web page", where="--output", remedy="Name it PAGE.html")
+    shown = outlines(observed)
+    with (
+        open_run(run) as dataset,
+        picture_path(run, output, "replay.html", observed=observed) as goal,
+    ):
+        path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6)
+    typer.echo(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
+    if show:
+        typer.launch(str(path))

@@ -29,8 +29,8 @@ from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 from riftberg.system.atomic_files import refusal
 from riftberg.system.input_files import check_file, is_folder, shown
-from riftberg.system.interrupts import held
 from riftberg.system.limits import allow_large
+from riftberg.system.process import held
 
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch

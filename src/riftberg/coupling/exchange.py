@@ -15,13 +15,12 @@ from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.names import GIVEN, TAKEN, taken
-from riftberg.coupling.shares import Shares, shares_of
-from riftberg.coupling.shelf import IceShelf
+from riftberg.coupling.shelf import IceShelf, Shares, shares_of
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.ledger import PROCESSES
+from riftberg.life.melt import scaled_mass
 from riftberg.life.process import LifeModel, date_of_birth
-from riftberg.life.thermodynamics import scaled_mass
 from riftberg.model import BareModel
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
 from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields

@@ -20,11 +20,11 @@ from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.names import GIVEN
-from riftberg.coupling.shares import Shares, shares_of
+from riftberg.coupling.shelf import Shares, shares_of
 from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES
+from riftberg.life.melt import scaled_mass
 from riftberg.life.process import LifeModel
-from riftberg.life.thermodynamics import scaled_mass
 from riftberg.model import BareModel
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid

@@ -15,10 +15,8 @@ from riftberg.constants import DEGREE, LATENT_HEAT
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.errors import InputError
 from riftberg.life.calving import FluxCalving
-from riftberg.life.melted import bit_shape
+from riftberg.life.melt import LifeValues, MeltStep, bit_shape, life_values, scaled_mass
 from riftberg.life.process import LifeModel, LifeProcess
-from riftberg.life.thermodynamics import MeltStep, scaled_mass
-from riftberg.life.values import LifeValues, life_values
 from riftberg.model import BareModel
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields

@@ -20,7 +20,7 @@ import numpy as np
 from riftberg.config.places import latitude, longitude
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.observed import Fix
-from riftberg.diagnostics.overlap import axis_difference, best_pairs
+from riftberg.diagnostics.outlines import axis_difference, best_pairs
 from riftberg.ocean.grid import haversine
 from riftberg.runs.checks import read_summary
 from riftberg.runs.scene import Scene

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from datetime import datetime, timedelta
 from typing import Any, Final
 
-from riftberg.bergs.feature import DATE_KEYS
+from riftberg.bergs.outline import DATE_KEYS
 from riftberg.config.values import in_utc, nanoseconds
 from riftberg.errors import InputError
 

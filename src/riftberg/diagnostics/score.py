@@ -3,7 +3,7 @@
 A day without a time is compared at one hour, by default that of the start of the run. The model's outline is the union
 of its elements. Which of the model's fragments make up an observed piece is found in two steps. First each piece gets
 at most one fragment, all pieces together in the best way: by overlap, by the distance of the centroids in diameters,
-and by the ratio of areas (`riftberg.diagnostics.overlap.pair_cost`); a fragment that answered to the piece the time
+and by the ratio of areas (`riftberg.diagnostics.outlines.pair_cost`); a fragment that answered to the piece the time
 before is preferred, and beyond three mean diameters or a factor of four in area a piece stays without. Only the berg
 itself, the largest fragment and the largest piece, is known however far the run has gone astray. Then each fragment that
 is left joins the piece that the fragments, laid on it centroid on centroid, overlap better with it than without
@@ -26,9 +26,9 @@ import shapely
 import xarray as xr
 
 from riftberg.diagnostics.observed import Fix, Observations
-from riftberg.diagnostics.outlines import Outline
-from riftberg.diagnostics.overlap import (
+from riftberg.diagnostics.outlines import (
     REACH,
+    Outline,
     axis_difference,
     best_pairs,
     group_fragments,

@@ -32,7 +32,7 @@ from numba import njit
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.state import Floats, Ints
-from riftberg.system.interrupts import held
+from riftberg.system.process import held
 from riftberg.version import __version__
 
 if TYPE_CHECKING:

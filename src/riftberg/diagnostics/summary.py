@@ -44,9 +44,8 @@ import numpy as np
 
 from riftberg import constants
 from riftberg.config.places import area_text
-from riftberg.life.by_fragment import melt_of
-from riftberg.life.ledger import PROCESSES
-from riftberg.runs.provenance import forcing_text
+from riftberg.life.ledger import PROCESSES, melt_of
+from riftberg.runs.layout import forcing_text
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.track import Position, track_table
 from riftberg.system.atomic_files import write_json

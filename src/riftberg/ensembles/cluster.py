@@ -11,7 +11,7 @@ from typing import Any
 
 from riftberg.ensembles.member import Job, Outcome, run_member
 from riftberg.errors import InputError
-from riftberg.system.interrupts import SIGNALS, Hold
+from riftberg.system.process import SIGNALS, Hold
 
 WAIT_SECONDS = 0.1
 """Wall time between two looks for members that are done."""

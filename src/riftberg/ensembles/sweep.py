@@ -22,11 +22,10 @@ from riftberg.errors import InputError
 from riftberg.experiments.changes import changed
 from riftberg.experiments.options import Options
 from riftberg.runs.progress import SweepBar
-from riftberg.system.atomic_files import write_text
+from riftberg.system.atomic_files import only_writer, write_text
 from riftberg.system.input_files import check_file, is_folder, reading, value_shown
-from riftberg.system.interrupts import Hold, held
 from riftberg.system.limits import large_allowed
-from riftberg.system.output_lock import only_writer
+from riftberg.system.process import Hold, held
 
 if TYPE_CHECKING:
     from riftberg.runs.model import Model

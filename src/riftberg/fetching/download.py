@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from riftberg.errors import ForcingError
-from riftberg.system.interrupts import say
-from riftberg.system.output_lock import only_writer
+from riftberg.system.atomic_files import only_writer
+from riftberg.system.process import say
 
 if TYPE_CHECKING:
     import pooch  # type: ignore[import-untyped, unused-ignore]

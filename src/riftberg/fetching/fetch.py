@@ -16,9 +16,8 @@ import xarray as xr
 from riftberg.errors import ForcingError
 from riftberg.fetching.download import Progress, Resuming, fetch_one, is_pointer, made, progressing
 from riftberg.fetching.services import fetch_product
-from riftberg.system.atomic_files import refusal
+from riftberg.system.atomic_files import only_writer, refusal
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
-from riftberg.system.output_lock import only_writer
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
 

@@ -30,8 +30,8 @@ from riftberg.fetching.download import (
     tell_terminal,
 )
 from riftberg.products.window import utc
+from riftberg.system.atomic_files import only_writer
 from riftberg.system.netcdf_lock import open_netcdf
-from riftberg.system.output_lock import only_writer
 
 Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"]
 Span = tuple[float, float]

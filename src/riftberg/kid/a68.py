@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.kid.calendar import LATE_START, date_after
-from riftberg.kid.namelist import NamelistGroup
+from riftberg.kid.namelist import LATE_START, NamelistGroup, date_after
 from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
 from riftberg.ocean.grid_arrays import Fields
@@ -119,7 +118,7 @@ class HourlyFile:
             place = f"in row {j + 1}, column {i + 1} ({g.lon[j + halo, i + halo]:g}, {g.lat[j + halo, i + halo]:g})"
             if math.isfinite(value):
                 what = f"{name} = {value:g} {place} is not plausible: the most is {limit:g} {unit}"
-                remedy = f"Write {name} in {unit}, declare what is missing as _FillValue, {MEANT}"
+                remedy = f"Check its units and write {name} in {unit}, declare what is missing as _FillValue, {MEANT}"
             else:
                 what = f"{name} = {value:g} {place} is no number, and not declared as missing"
                 remedy = (

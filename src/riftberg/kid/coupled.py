@@ -1,6 +1,7 @@
 """KID cases that exchange with an ocean: the small driver of group ``drv_nml``, its files, and what it hands over.
 
-Its fields are formulas: see `ocean_fields`. Source: files 5.
+Its fields are formulas: see `ocean_fields`. Melt, rolling and footloose calving act by KID's own rules, here as in runs without
+an ocean. Source: files 1, 2 and 5; quirks T5 to T13, T44 to T46.
 """
 
 from __future__ import annotations
@@ -11,29 +12,85 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric
 from riftberg.coupling.forcing import OceanForcing
 from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
-from riftberg.kid.calendar import Clock
-from riftberg.kid.calving_file import CALVING_FILE, read_stores, write_stores
+from riftberg.kid.calving_file import CALVING_FILE, IdentifierCounter, read_stores, write_stores
 from riftberg.kid.checks import check_distances
 from riftberg.kid.driver import MOST_CELLS, check_medium, field_rules
-from riftberg.kid.life import attach_life
-from riftberg.kid.namelist import KidNamelist, NamelistGroup
+from riftberg.kid.namelist import Clock, KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step, to_parameters
 from riftberg.kid.restart import as_iceberg, read_restart
+from riftberg.kid.trajectories import resample_environment
 from riftberg.life.calving import FluxCalving, Stores, check_flux
+from riftberg.life.draws import ReferenceDraws
+from riftberg.life.melt import life_values
+from riftberg.life.process import LifeModel
 from riftberg.model import Recorder, finish_all
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
 from riftberg.ocean.grid_arrays import Fields
+from riftberg.parameters import Parameters
+from riftberg.physics.rolling import roll
 from riftberg.runs.model import Model
-from riftberg.state import Elements, Floats, new_elements
+from riftberg.state import Bonds, Elements, Floats, new_elements
 from riftberg.system.atomic_files import replacing
-from riftberg.system.interrupts import held
 from riftberg.system.limits import MOST_STEPS, refuse_large
 from riftberg.system.netcdf_lock import open_netcdf
+from riftberg.system.process import held
+
+
+def without_idle_life(p: Parameters, elements: Elements, bonds: Bonds, passive: bool) -> Parameters:
+    """Return the parameters, with melt and rolling off where they cannot change anything in the whole run.
+
+    So it is with rates of zero, no bits to melt and no element that would roll, now or once its bonds have broken, and with
+    bergs that do not decay while nothing is returned to an ocean.
+    """
+    if p.footloose.enabled:
+        return p
+    off = p.changed(melt={"enabled": False}, rolling={"enabled": False})
+    if p.melt.keep_shape:
+        return off if passive else p
+    bits = p.melt.bits_fraction > 0.0 and (elements.life.mass_of_bits > 0.0).any()
+    if not p.melt.zero_rates or bits:
+        return p
+    count = np.bincount(np.concatenate([bonds.first, bonds.second]), minlength=elements.size)
+    free = (elements.static < 0.5) & ((count == 0) | p.fracture.enabled)
+    return p if p.rolling.enabled and (free & _would_roll(elements, p)).any() else off
+
+
+def _would_roll(elements: Elements, p: Parameters) -> NDArray[np.bool_]:
+    """Whether elements without bonds would roll at once."""
+    values, body = life_values(p), elements.body
+    shapes = zip(body.thickness.tolist(), body.width.tolist(), body.length.tolist(), strict=True)
+    rolled = [roll(t, w, q, values.rolling_scheme, values.tip, values.rho_ice)[0] != t for t, w, q in shapes]
+    return np.asarray(rolled, np.bool_)
+
+
+def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path, ranks: tuple[int, int]) -> None:
+    """Give the life of a model KID's rules: its environment, dates, identifiers and random numbers."""
+    life, grid = model.life, model.forcing.grid
+    if life is None or grid is None:
+        return
+    first = clock.date(0.0)
+    seed = first.year, first.month, first.day, first.hour, first.minute, int(first.second)
+    life.draws = ReferenceDraws(seed, group.flag("fl_init_child_xy_by_pe"))
+    life.ranks = ranks
+    life.names = IdentifierCounter.beside(restarts, grid, model.elements.id).take
+    single = model.parameters.stepping.scheme != "mts"
+
+    def born(m: LifeModel) -> tuple[int, float]:
+        date = clock.date((m.step_number - 1) * clock.dt)
+        return date.year, date.year_day()
+
+    def look(m: LifeModel) -> None:
+        if single:
+            resample_environment(m, (m.step_number - 1) * clock.dt, group)
+
+    life.born, life.look_around = born, look
+
 
 RESTART: Final = "icebergs.res.nc"
 

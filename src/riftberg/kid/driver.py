@@ -14,8 +14,7 @@ import numpy as np
 
 from riftberg.errors import NamelistError
 from riftberg.kid.a68 import LIMITS, STRESS, a68_grid, a68_records
-from riftberg.kid.calendar import LATE_START, Clock
-from riftberg.kid.namelist import KidNamelist, NamelistGroup
+from riftberg.kid.namelist import LATE_START, Clock, KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
 from riftberg.ocean.grid_arrays import Fields

@@ -13,13 +13,11 @@ import numpy as np
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
 from riftberg.kid.a68 import place_note
-from riftberg.kid.calendar import Clock
 from riftberg.kid.calving_file import CALVING_FILE
 from riftberg.kid.checks import check_both_sides, check_calving_store, check_distances, check_footloose, order_sides
-from riftberg.kid.coupled import CoupledRun
+from riftberg.kid.coupled import CoupledRun, attach_life, without_idle_life
 from riftberg.kid.driver import build_clock, build_grid, driver_forcing
-from riftberg.kid.life import attach_life, without_idle_life
-from riftberg.kid.namelist import KidNamelist, NamelistGroup, read_namelist
+from riftberg.kid.namelist import Clock, KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import to_parameters
 from riftberg.kid.restart import as_iceberg, id_text, read_bonds, read_restart, write_bonds, write_restart
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
@@ -28,10 +26,9 @@ from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Ints, new_bonds
-from riftberg.system.atomic_files import refusal
+from riftberg.system.atomic_files import only_writer, refusal
 from riftberg.system.input_files import is_folder
-from riftberg.system.interrupts import held, say
-from riftberg.system.output_lock import only_writer
+from riftberg.system.process import held, say
 
 _LOG = logging.getLogger(__name__)
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.kid.calendar import Clock, Date, is_sampled
-from riftberg.kid.namelist import NamelistGroup
+from riftberg.kid.namelist import Clock, Date, NamelistGroup, is_sampled
 from riftberg.kid.ncfile import BlockWriter, Column
 from riftberg.kid.restart import DEM_COLUMNS, GONE, LIFE, OPTIONAL, REQUIRED, directed, split_id
 from riftberg.life.process import LifeModel

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.errors import RunError
 from riftberg.life.draws import Draws
-from riftberg.life.melted import bit_shape
-from riftberg.life.values import LifeValues
+from riftberg.life.melt import LifeValues, bit_shape
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters

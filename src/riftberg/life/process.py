@@ -1,4 +1,7 @@
-"""The life of the bergs as a part of each long step: pieces break off, ice melts, bergs that are gone are removed."""
+"""The life of the bergs as a part of each long step: pieces break off, ice melts, bergs that are gone are removed.
+
+A run whose forcing lacks what melt needs is refused before its first step.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,46 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
-from riftberg.life.by_fragment import add_melt
+from riftberg.errors import InputError
 from riftberg.life.draws import Draws, OwnDraws
 from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose, let_children_go
-from riftberg.life.ledger import Balance, Ledger, latent_deficit, stocks, water_by_process
-from riftberg.life.thermodynamics import MeltStep, melt_step
-from riftberg.life.values import life_values
+from riftberg.life.ledger import Balance, Ledger, add_melt, latent_deficit, stocks, water_by_process
+from riftberg.life.melt import MeltStep, life_values, melt_step
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import Floats
+
+
+def check_water(forcing: Forcing, p: Parameters) -> None:
+    """Refuse melt without a temperature, or without a salinity where the law of the base needs one.
+
+    Runs with the reference's numerics take what their driver hands over.
+    """
+    melt = p.melt
+    if not melt.enabled or melt.zero_rates or p.compatibility.zero_start:
+        return
+    known = provided(forcing)
+    missing = []
+    if melt.temperature is None and "sst" not in known:
+        missing.append(("temperature", "sst", "melt.temperature"))
+    needs_salt = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
+    if needs_salt and melt.salinity is None and "sss" not in known:
+        missing.append(("salinity", "sss", "melt.salinity"))
+    if missing:
+        what = " and no ".join(name for name, _, _ in missing)
+        fields = " and ".join(field for _, field, _ in missing)
+        numbers = " and ".join(number for _, _, number in missing)
+        raise InputError(
+            f"bergs are to melt, but there is no {what} of the sea",
+            where=f"forcing: {forcing.describe()}",
+            remedy=f"Give files with {fields}, or numbers: {numbers}; or set melt.enabled = false",
+        )
+
+
+def provided(forcing: Forcing) -> frozenset[str]:
+    """Return which variables around the elements a forcing knows; empty where it does not say."""
+    return frozenset(getattr(forcing, "provides", ()))
+
 
 LEDGER: Final = "life_ledger"
 """Name under which a restart keeps the ledger."""

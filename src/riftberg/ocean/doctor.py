@@ -342,7 +342,7 @@ def _lacking(data: xr.DataArray, berg: Located) -> tuple[int, int]:
         return 0, 0
     known, draft = np.empty((2, berg.lon.size)), np.ones(berg.lon.size)
     dry, unfilled = np.zeros((2, berg.lon.size), bool)
-    for record in as_block(data.isel(depth=slice(0, 1)) if "depth" in data.dims else data):
+    for record in as_block(data.isel(depth=slice(0, 1)) if "depth" in data.dims else data, "forcing"):
         field = Blend(record, record, 0.0, SURFACE, np.nan)
         for values, rings in zip(known, (NO_RINGS, RINGS), strict=True):
             fill_values(field, berg.places, draft, berg.mesh.points.columns, rings, values)

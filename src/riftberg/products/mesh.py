@@ -74,7 +74,7 @@ class Mesh(Protocol):
 def mesh_of(ds: xr.Dataset | xr.DataArray) -> Mesh:
     """Return the mesh of a canonical dataset, or of a field that has been placed."""
     if {"lat", "lon"} <= set(ds.dims):
-        return AxesMesh(_axis(ds, "lon"), _axis(ds, "lat"))
+        return AxesMesh(np.unwrap(_axis(ds, "lon"), period=360.0), _axis(ds, "lat"))
     if {"y", "x"} <= set(ds.dims) and "crs_wkt" in ds.attrs:
         crs = ds.attrs["crs_wkt"]
         x, y = _axis(ds, "x"), _axis(ds, "y")

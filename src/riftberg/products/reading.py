@@ -23,7 +23,7 @@ from riftberg.products.text_dates import with_plain_time_units, with_text_dates
 from riftberg.system.input_files import check_file, is_folder
 from riftberg.system.netcdf_headers import whole_size
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily
-from riftberg.system.process_settings import SETTINGS, own_filters
+from riftberg.system.process import SETTINGS, own_filters
 
 CHUNK = "16MiB"
 _OPENINGS = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.products.cf import USUAL_NAMES
 from riftberg.products.product import DAY_SECONDS, Product, Source, text_of, without_single
 
 # NCEP reanalyses, 10 m wind on the T62 Gaussian grid: NCEP/NCAR NCEP_R1 and NCEP/DOE NCEP_R2 (NOAA PSL).
@@ -150,7 +151,9 @@ def _is_era5(ds: xr.Dataset) -> bool:
         any(name.startswith("10m_u_component") for name in names)
         or "significant_height_of_combined_wind_waves_and_swell" in names
     )
-    return arco or (bool(_ERA5_NAMES & names) and (ecmwf or "valid_time" in ds.dims or {"u10", "v10"} <= names))
+    # By its names alone a file is one of ERA5 only where it holds nothing that ERA5 does not have.
+    bare = {"u10", "v10"} <= names and not names & (USUAL_NAMES - _ERA5_NAMES)
+    return arco or (bool(_ERA5_NAMES & names) and (ecmwf or "valid_time" in ds.dims or bare))
 
 
 def _one_version(ds: xr.Dataset) -> xr.Dataset:

@@ -14,8 +14,8 @@ from riftberg.errors import InputError, RiftbergError
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import RunWriter, missing_records, open_run
 from riftberg.system.atomic_files import refusal
-from riftberg.system.interrupts import say
 from riftberg.system.netcdf_lock import open_netcdf
+from riftberg.system.process import say
 
 if TYPE_CHECKING:
     from riftberg.runs.restart import RestartState
@@ -97,6 +97,11 @@ def last_good(
             good.append((state.time, path))
         except RiftbergError as error:
             passed.append(f"{path.name} is passed over: {error}")
+    if not good and not passed and (folder / "summary.json").exists():
+        raise InputError(
+            "the run has come to its end, and left no state to go on from", where=str(folder),
+            remedy="For a longer run start anew with more days, without --resume",
+        )  # fmt: skip
     if not good:
         raise InputError(
             f"no state to go on from{'; ' if passed else ''}{'; '.join(passed)}", where=str(folder),

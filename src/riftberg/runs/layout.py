@@ -2,13 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Final
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any, Final
 
+import netCDF4
 import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
+from riftberg.version import __version__
+
+if TYPE_CHECKING:
+    from riftberg.model import BareModel
+
+
+LENGTH = 96
+"""Bytes of a text; a longer one is cut."""
+
+
+def define_texts(file: netCDF4.Dataset, name: str, dimension: str) -> netCDF4.Variable[Any]:
+    """Create a variable of texts along a dimension; xarray and netCDF4 read it as texts."""
+    if "text" not in file.dimensions:
+        file.createDimension("text", LENGTH)
+    variable = file.createVariable(name, "S1", (dimension, "text"))
+    variable._Encoding = "utf-8"
+    return variable
+
+
+def texts(values: Iterable[str]) -> NDArray[Any]:
+    """Return texts as such a variable takes them."""
+    cut = [value.encode()[:LENGTH].decode(errors="ignore") for value in values]
+    return np.array(cut, dtype=f"U{LENGTH}")
+
 
 SHAPE: Final = ("length", "width", "mass", "sides")
 """Variables of the elements written once, and at every record of a run in which they change."""
@@ -150,3 +179,61 @@ def placed(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArr
     column = np.full(rows.size, missing, values.dtype)
     column[row[row < rows.size]] = values[row < rows.size]
     return column
+
+
+HUTH_2022 = (
+    "Huth, A., Adcroft, A., Sergienko, O. and Khan, N. (2022): Ocean currents break up a tabular iceberg. "
+    "Science Advances 8, eabq6974. https://doi.org/10.1126/sciadv.abq6974"
+)
+"""The model that Riftberg implements."""
+
+LIBRARIES = ("numpy", "numba", "xarray", "netCDF4", "pydantic")
+
+
+def library_versions() -> dict[str, str]:
+    """Return the versions of Riftberg, Python and the libraries that decide on numbers."""
+    versions = {"riftberg": __version__, "python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "unknown"
+    return versions
+
+
+def forcing_text(forcing: Any) -> str:
+    """Return what the forcing says of itself, or nothing where it is silent."""
+    describe = getattr(forcing, "describe", None)
+    return str(describe()) if callable(describe) else ""
+
+
+def forcing_title(forcing: Any) -> str:
+    """Return the short name of the forcing for titles: its ``title``, else the first line of its description."""
+    title = getattr(forcing, "title", "")
+    text = str(title() if callable(title) else title).strip()
+    return text or next((line.strip() for line in forcing_text(forcing).splitlines() if line.strip()), "")
+
+
+def citations(model: BareModel) -> list[str]:
+    """Return the works to cite for this run: the model, and the data products that the forcing names."""
+    return [HUTH_2022, *(str(text) for text in getattr(model.forcing, "citations", ()))]
+
+
+def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None = None) -> dict[str, Any]:
+    """Return global attributes that let another person understand and repeat the run."""
+    now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return {
+        "title": f"Drift and break-up of bonded icebergs: {experiment or 'run'}",
+        "experiment": experiment,
+        "source": f"Riftberg {__version__}",
+        "history": f"{now} written by Riftberg {__version__}",
+        "date_created": now,
+        "references": "\n".join(citations(model)),
+        "start": model.start.isoformat(),
+        "forcing": forcing_text(model.forcing),
+        "forcing_title": forcing_title(model.forcing),
+        "parameters": model.parameters.describe(),
+        "parameters_json": model.parameters.model_dump_json(),
+        "versions_json": json.dumps(library_versions()),
+        "seed": "none" if seed is None else str(seed),
+    }

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any, Final
 import netCDF4
 import numpy as np
 
-from riftberg.life.by_fragment import melt_of
-from riftberg.life.ledger import PROCESSES, SOURCES
+from riftberg.life.ledger import PROCESSES, SOURCES, melt_of
+from riftberg.life.melt import mass_in_bits
 from riftberg.life.motion import GIVERS
-from riftberg.life.thermodynamics import mass_in_bits
-from riftberg.runs.texts import define_texts, texts
+from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats
 
 if TYPE_CHECKING:

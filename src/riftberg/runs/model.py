@@ -18,7 +18,7 @@ from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import memory_run
 from riftberg.system.atomic_files import refusal
-from riftberg.system.interrupts import held, say
+from riftberg.system.process import held, say
 
 if TYPE_CHECKING:
     import xarray as xr

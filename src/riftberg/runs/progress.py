@@ -10,7 +10,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Final
 
 from riftberg.constants import SECONDS_PER_DAY
-from riftberg.system.interrupts import say
+from riftberg.system.process import say
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel

@@ -22,7 +22,7 @@ import numpy as np
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.runs.checks import DAMAGED, check_restart, read_parameters, read_start
-from riftberg.runs.provenance import forcing_text
+from riftberg.runs.layout import forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
 from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
@@ -30,7 +30,7 @@ from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import check_file, reading
 from riftberg.system.netcdf_lock import NETCDF, open_netcdf
-from riftberg.system.watchdog import opening
+from riftberg.system.process import opening
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -113,6 +113,8 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             bergs=[(str(name), int(count)) for name, count in json.loads(file.bergs_json)],
             contacts=dict(json.loads(file.contacts_json)),
         )
+        if lost := set(str(getattr(file["extra"], "names", "")).split()) - set(state.extra):
+            raise InputError(f"variable extra/{min(lost)} is missing", where=str(path), remedy=DAMAGED)
         state.fragment_rows()  # rows that are no fragments are found here
         state.contact_log()
         if check:
@@ -180,6 +182,7 @@ def _plain(value: Any) -> Any:
 
 def _write_extra(file: netCDF4.Dataset, extra: Mapping[str, Any]) -> None:
     group = file.createGroup("extra")
+    group.setncattr("names", " ".join(extra))  # by these a reader finds what was lost
     for name, value in extra.items():
         array = np.asarray(value)
         if array.dtype == bool:

@@ -47,18 +47,18 @@ from riftberg.runs.layout import (
     FRAGMENT_VARIABLES,
     SHAPE,
     Layout,
+    define_texts,
     element_history,
     placed,
+    run_attributes,
+    texts,
 )
 from riftberg.runs.ledger_records import define_ledger, ledger_row, write_fragment_melt, write_ledger
-from riftberg.runs.provenance import run_attributes
 from riftberg.runs.restart import contact_rows, fragment_rows
-from riftberg.runs.texts import define_texts, texts
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
-from riftberg.system.atomic_files import refusal, replacing
+from riftberg.system.atomic_files import OneWriter, refusal, replacing
 from riftberg.system.input_files import is_folder
 from riftberg.system.netcdf_lock import open_netcdf
-from riftberg.system.output_lock import OneWriter
 
 if TYPE_CHECKING:
     import xarray as xr

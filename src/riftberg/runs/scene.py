@@ -15,12 +15,46 @@ from riftberg import constants
 from riftberg.errors import InputError
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
-from riftberg.runs.shapes import element_polygons
 from riftberg.state import Floats, Ints
 from riftberg.stepping.forces.media import aground
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+def corner_offsets(packing: Packing) -> Floats:
+    """Return the corners of an element of area 1, shape (corners, 2), metres east and north.
+
+    Squares have sides along the axes. The lattice of hexagons has columns along y, so a hexagon has flat sides in the
+    north and south and corners in the east and west.
+    """
+    if packing == "square":
+        return np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    angle = np.arange(6) * math.pi / 3.0
+    corner = math.sqrt(2.0 / (3.0 * math.sqrt(3.0)))  # distance to a corner of a hexagon of area 1
+    return corner * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def element_polygons(
+    lon: Floats, lat: Floats, rotation: Floats, area: Floats, packing: Packing, *, latlon: bool, radius: float
+) -> NDArray[np.float64]:
+    """Return the corners of elements in the units of their positions.
+
+    ``lon``, ``lat``: centres, degrees (metres where ``latlon`` is false) (shape (n,)); ``rotation``: angle turned since
+    the start, counter-clockwise, rad (shape (n,)); ``area``: plan areas, m2 (shape (n,)); ``radius``: radius of the
+    sphere, m.
+    """
+    offset = corner_offsets(packing)
+    c, s = np.cos(rotation)[:, None], np.sin(rotation)[:, None]
+    size = np.sqrt(area)[:, None]
+    east = size * (c * offset[:, 0] - s * offset[:, 1])
+    north = size * (s * offset[:, 0] + c * offset[:, 1])
+    if latlon:
+        metres = constants.DEGREE * radius
+        north = north / metres
+        east = east / (metres * np.cos(np.radians(lat))[:, None])
+    return np.stack([lon[:, None] + east, lat[:, None] + north], axis=-1)
+
 
 SMALL = 0.01
 """Fragments below this part of the area of the berg that they come from have neither track nor entry in the legend."""

@@ -6,12 +6,13 @@ libraries that read formats raise errors of every kind on a damaged file. Every 
 
 from __future__ import annotations
 
+import importlib
 import stat
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from riftberg.errors import InputError, RiftbergError
 from riftberg.system.limits import human, refuse_large
@@ -143,3 +144,13 @@ def _reason(error: BaseException) -> str:
     text = shown(lines[0] if lines else type(error).__name__)
     text = text if len(text) <= 160 else f"{text[:157]}..."
     return text.rstrip(".")
+
+
+def needed(module: str, why: str = "outlines need it", extra: str = "outline") -> Any:
+    """Import an optional package or say which extra holds it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise RiftbergError(
+            f"{module.split('.')[0]} is not installed but {why}: pip install 'riftberg[{extra}]'"
+        ) from error

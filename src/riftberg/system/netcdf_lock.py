@@ -28,7 +28,7 @@ import netCDF4
 from riftberg.errors import RiftbergError
 from riftberg.system.atomic_files import FULL, refused, replacing
 from riftberg.system.input_files import no_plain_file
-from riftberg.system.watchdog import opening
+from riftberg.system.process import opening
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -28,8 +28,16 @@ from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import replacing
 from riftberg.viz import colours, style
-from riftberg.viz.basemap import widened
-from riftberg.viz.panels import Panel, Water, arrow_key, fragment_colours, fragment_patches, speed_bar, speed_scale
+from riftberg.viz.panels import (
+    Panel,
+    Water,
+    arrow_key,
+    fragment_colours,
+    fragment_patches,
+    speed_bar,
+    speed_scale,
+    widened,
+)
 from riftberg.viz.plots import figure_title
 from riftberg.viz.style import moment_text, new_figure
 

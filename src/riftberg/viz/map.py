@@ -16,7 +16,6 @@ from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
-from riftberg.viz.basemap import widened
 from riftberg.viz.panels import (
     Panel,
     Water,
@@ -28,6 +27,7 @@ from riftberg.viz.panels import (
     nearest_record,
     speed_bar,
     speed_scale,
+    widened,
 )
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from riftberg.runs.background import water_of
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
-from riftberg.viz.basemap import NO_FLOOR, widened
 from riftberg.viz.panels import (
+    NO_FLOOR,
     Panel,
     Water,
     arrow_key,
@@ -27,6 +27,7 @@ from riftberg.viz.panels import (
     nearest_record,
     speed_bar,
     speed_scale,
+    widened,
 )
 from riftberg.viz.style import date_axis, day_text, is_short, moment_texts, new_figure
 

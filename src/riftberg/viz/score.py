@@ -12,8 +12,8 @@ from riftberg.diagnostics.score import Match, Score
 from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import style
-from riftberg.viz.basemap import KnownDepth, Map, widened
 from riftberg.viz.colours import MODEL, OBSERVED, PAIRING
+from riftberg.viz.panels import KnownDepth, Map, widened
 from riftberg.viz.style import date_axis, day_text, new_figure, plain_axes
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from riftberg.config.values import required
 from riftberg.errors import InputError
 from riftberg.runs.scene import Box
 from riftberg.viz import style
-from riftberg.viz.basemap import Map, widened
+from riftberg.viz.panels import Map, widened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""What one step of melt does to each element: losses by process, and what is left; nothing of the state is changed here.
+"""One step of melt: what each element loses by process and what is left; bergs become smaller, roll, or are gone.
 
 Source: files 1.
 """
@@ -6,13 +6,14 @@ Source: files 1.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.life.values import BERG, EXPOSED, MIXED, LifeValues
-from riftberg.physics.basal_melt import basal_melt_rate
+from riftberg.parameters import Parameters
+from riftberg.physics.basal_melt import ExchangeValues, basal_melt_rate
 from riftberg.physics.coriolis import coriolis_parameter
 from riftberg.physics.floating import draft_of
 from riftberg.physics.footloose import ASPECT, grow_foot, piece_width
@@ -23,9 +24,98 @@ from riftberg.physics.melting import (
     side_melt_rate,
     wave_erosion_rate,
 )
-from riftberg.physics.rolling import roll
-from riftberg.state import Elements, Floats
+from riftberg.physics.rolling import LEGACY, UPDATED, WEEKS_MELLOR, roll
+from riftberg.state import Elements, Floats, Ints, Life, Place
 from riftberg.state.numbering import numbered
+
+EXPOSED, BERG, SHELF, MIXED = range(4)
+"""Modes of melt, in the order of `riftberg.config.parameter_groups.MeltMode`."""
+
+_MODES: Final = {"exposed": EXPOSED, "berg": BERG, "shelf": SHELF, "mixed": MIXED}
+_SCHEMES: Final = {"updated": UPDATED, "weeks_mellor": WEEKS_MELLOR, "legacy": LEGACY}
+
+
+class LifeValues(NamedTuple):
+    """Scalars that the kernels of life read; what is not given as a number is NaN."""
+
+    rho_ice: float
+    dt: float
+    mode: int
+    turbulent: bool
+    exchange: ExchangeValues
+    temperature: float
+    salinity: float
+    salinity_from_ocean: bool
+    split: bool
+    sea_ice_shift: float
+    bits_fraction: float
+    zero_rates: bool
+    bits_melt_at_zero_rates: bool
+    keep_shape: bool
+    least_gap: float
+    most_bonds: int
+    bonds_on: bool
+    rolls: bool
+    rolling_scheme: int
+    tip: float
+    footloose: bool
+    youngs: float
+    strength: float
+    bits_always_roll: bool
+    drop_orphan_bits: bool
+    element_length: bool
+    latlon: bool
+    f_plane: bool
+    reference_latitude: float
+
+
+def life_values(p: Parameters) -> LifeValues:
+    """Flatten the groups ``melt``, ``rolling`` and ``footloose`` and what else they need."""
+    melt, quirks = p.melt, p.compatibility
+    exchange = ExchangeValues(
+        three_equation=melt.base == "three_equation",
+        const_gamma=melt.const_gamma,
+        gamma_t=melt.gamma_t,
+        least_friction=melt.least_friction,
+        drag=melt.friction_drag,
+        tide=melt.tide,
+        as_reference=quirks.plain_basal_search,
+    )
+    return LifeValues(
+        rho_ice=p.ice.density,
+        dt=p.stepping.time_step,
+        mode=_MODES[melt.mode],
+        turbulent=melt.base == "turbulent",
+        exchange=exchange,
+        temperature=_number(melt.temperature),
+        salinity=_number(melt.salinity),
+        salinity_from_ocean=melt.salinity_from_ocean,
+        split=melt.split,
+        sea_ice_shift=melt.sea_ice_shift,
+        bits_fraction=melt.bits_fraction,
+        zero_rates=melt.zero_rates or not melt.enabled,
+        bits_melt_at_zero_rates=quirks.bits_melt_at_zero_rates and melt.enabled,
+        keep_shape=melt.keep_shape,
+        least_gap=_number(melt.least_gap),
+        most_bonds=6 if p.bonds.packing == "hexagonal" else 4,
+        bonds_on=p.bonds.law != "none",
+        rolls=p.rolling.enabled,
+        rolling_scheme=_SCHEMES[p.rolling.scheme],
+        tip=p.rolling.tip,
+        footloose=p.footloose.enabled,
+        youngs=p.footloose.youngs,
+        strength=p.footloose.strength,
+        bits_always_roll=quirks.bits_always_roll,
+        drop_orphan_bits=quirks.drop_orphan_bits,
+        element_length=quirks.element_length_in_base_law,
+        latlon=p.earth.latlon,
+        f_plane=p.earth.f_plane,
+        reference_latitude=p.earth.reference_latitude,
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 class Melted(NamedTuple):
@@ -266,3 +356,84 @@ def base_spans(elements: Elements, values: LifeValues) -> Floats:
     area = np.bincount(berg, body.length * body.width)[berg]
     alone = np.bincount(berg, minlength=number.size)[berg] == 1
     return np.where(alone, body.length, np.sqrt(area))
+
+
+class MeltStep(NamedTuple):
+    """What the ocean got in one step, for whoever hands it on; the rows are those of the elements before any was removed."""
+
+    id: Ints  # Elements
+    place: Place  # Where they were: positions, cells, places in the cells
+    scaling: Floats  # Number of bergs that each stands for: everything in ``melted`` is for one of them
+    heat_density: Floats  # Heat that the ice brings with it, J kg-1
+    start_mass: Floats  # Mass at calving, kg
+    u: Floats  # Velocity, m s-1
+    v: Floats  # Velocity, m s-1
+    melted: Melted  # Losses and remains
+    gone: NDArray[np.bool_]  # Elements of which nothing is left; they are removed
+
+    @property
+    def water(self) -> Floats:
+        """Melt water of all bergs of each element, kg."""
+        return self.melted.water * self.scaling
+
+
+def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float]) -> MeltStep:
+    """Melt all elements by one long step and change them; those of which nothing is left are marked, not removed."""
+    body, life = elements.body, elements.life
+    result = melted(elements, values)
+    place = Place(*(getattr(elements, name).copy() for name in Place._fields))
+    step = MeltStep(
+        body.id.copy(), place, life.mass_scaling.copy(), life.heat_density.copy(), life.start_mass.copy(),
+        elements.motion.u.copy(), elements.motion.v.copy(), result, np.zeros(body.id.size, bool),
+    )  # fmt: skip
+    life.fl_k[:] = result.foot
+    if values.keep_shape:
+        return step
+    _store(elements, result)
+    empty = result.mass <= 0.0
+    replaced = empty & (result.fl_bits > 0.0)
+    if replaced.any():
+        _let_bits_replace(elements, result, replaced, values.rho_ice, born)
+    step.gone[:] = empty & ~replaced
+    return step
+
+
+def _store(elements: Elements, result: Melted) -> None:
+    """Take mass, sizes and bits over; the longer side is the length (files, 1.12)."""
+    body, life = elements.body, elements.life
+    body.mass[:], body.thickness[:] = result.mass, result.thickness
+    body.width[:] = np.minimum(result.width, result.length)
+    body.length[:] = np.maximum(result.width, result.length)
+    life.mass_of_bits[:], life.mass_of_fl_bits[:] = result.bits, result.fl_bits
+    life.mass_of_fl_bergy_bits[:] = result.fl_bergy_bits
+
+
+def _let_bits_replace(
+    elements: Elements, result: Melted, rows: NDArray[np.bool_], rho_ice: float, born: tuple[int, float]
+) -> None:
+    """Where a berg has melted but its footloose bits have not, they go on in its place (files, 1.12)."""
+    body, life = elements.body, elements.life
+    thickness, width, length = (a[rows] for a in (result.fl_thickness, result.fl_width, result.fl_length))
+    mass = length * width * thickness * rho_ice
+    before = life.mass_scaling[rows]
+    scaling = result.fl_bits[rows] * before / mass
+    body.mass[rows], body.thickness[rows], body.width[rows], body.length[rows] = mass, thickness, width, length
+    life.mass_of_bits[rows] = result.fl_bergy_bits[rows] * before / scaling
+    life.mass_of_fl_bits[rows] = life.mass_of_fl_bergy_bits[rows] = 0.0
+    life.mass_scaling[rows], life.fl_k[rows] = scaling, -1.0
+    life.start_year[rows], life.start_day[rows] = born
+
+
+def mass_in_bits(life: Life) -> float:
+    """Ice in bits of all kinds and of all bergs, kg."""
+    return float((_bits(life) * life.mass_scaling).sum())
+
+
+def scaled_mass(life: Life, mass: Floats) -> Floats:
+    """Ice in all bergs of each element with all bits, kg."""
+    return (mass + _bits(life)) * life.mass_scaling
+
+
+def _bits(life: Life) -> Floats:
+    """Ice in bits of all kinds of one berg of each element, kg."""
+    return life.mass_of_bits + life.mass_of_fl_bits + life.mass_of_fl_bergy_bits

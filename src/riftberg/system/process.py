@@ -1,0 +1,313 @@
+"""What a process has once: settings shared by its threads, standard streams, files that do not open, signals.
+
+Settings: Python's filters of warnings and the settings of dask are put back at the end of a block to what they were at its
+beginning. Where two blocks overlap, the second one puts back what the first one had set, for ever.
+
+Streams: standard streams may be closed, or their terminal or reader may go; nothing ends because nobody listens.
+
+Files: damaged bytes can send the HDF5 library round in a circle for ever. Nothing stops a C library in mid-call, no signal
+and no other thread. So a clock runs beside each opening of a file. When it has run out, a program is warned in its log, and
+the command line gives up in one sentence.
+
+Signals: Ctrl-C and requests to terminate are held back until the work at hand has come to an end that can be gone on from. A
+signal that meets a long step in its middle would leave a state of which half has moved. It is noted instead, and comes into
+force where the outermost `held` block ends, or where a loop asks (`Hold.requested`). A second one comes into force at once.
+Python gives signals to the main thread only, so in other threads there is nothing to hold back.
+"""
+
+from __future__ import annotations
+
+import _thread
+import errno
+import logging
+import os
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any, Final, cast
+
+SETTINGS: Final = threading.RLock()
+"""Held by whoever changes such a setting for a while."""
+
+
+@contextmanager
+def own_filters() -> Iterator[None]:
+    """Let a block set filters of warnings, which end with it.
+
+    Other libraries' `warnings.catch_warnings` may begin or end in other threads meanwhile and put another list in place of
+    the one that the block began with; its own filters are then taken out of both.
+    """
+    with SETTINGS:
+        begun, before = cast("list[Any]", warnings.filters), list(warnings.filters)
+        try:
+            yield
+        finally:
+            own = [entry for entry in begun if all(entry is not kept for kept in before)]
+            if warnings.filters is begun:
+                begun[:] = before
+            else:
+                for filters in (begun, cast("list[Any]", warnings.filters)):
+                    filters[:] = [entry for entry in filters if entry not in own]
+            # Python remembers which warnings it has shown, until it is said that the filters have changed.
+            getattr(warnings, "_filters_mutated", lambda: None)()
+
+
+_GONE: Final = (errno.EPIPE, errno.EIO)
+"""What the system says when the reader of a pipe, or a terminal, has gone."""
+
+
+class Stream:
+    """Stream whose listener may go; what is written from then on goes nowhere.
+
+    Parameters
+    ----------
+    stream : text file
+        Standard output or the error stream.
+    told : bool
+        What is written only tells of the work, so that no failure counts.
+    """
+
+    def __init__(self, stream: Any, *, told: bool) -> None:
+        self._stream, self._told = stream, told
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        try:
+            self._stream.write(text)
+        except OSError as error:
+            self._failed(error)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what waits."""
+        try:
+            self._stream.flush()
+        except OSError as error:
+            self._failed(error)
+
+    def _failed(self, error: OSError) -> None:
+        """Let the file go nowhere where its listener has gone; else the error counts for results alone."""
+        if error.errno in _GONE:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+            self._stream.flush()
+        elif not self._told:
+            raise error
+
+    def __getattr__(self, name: str) -> Any:
+        """Return whatever else the stream has."""
+        return getattr(self._stream, name)
+
+
+def make_streams_last() -> None:
+    """Open what was closed at the start, so that no file of results takes its place, and let listeners go."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        stream = getattr(sys, name)
+        if stream is None:
+            stream = open(number, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  it is open as long as the process
+        with suppress(AttributeError, ValueError, OSError):  # not a stream of the system
+            stream.fileno()
+            setattr(sys, name, Stream(stream, told=number == 2))
+
+
+_LOG = logging.getLogger(__name__)
+
+STUCK_AFTER: Final = 60.0
+"""Seconds within which a file on a disk has opened; only its header is read."""
+
+
+def _warn(path: str) -> None:
+    _LOG.warning("%s: %s", path, advice())
+
+
+_action: list[Callable[[str], None]] = [_warn]
+
+
+def advice() -> str:
+    """Return what is wrong with a file that does not open, and what helps."""
+    return f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
+
+
+@contextmanager
+def when_stuck(action: Callable[[str], None]) -> Iterator[None]:
+    """Name what is done when a file does not open within this block; it is called in a thread of its own, with the path."""
+    before, _action[0] = _action[0], action
+    try:
+        yield
+    finally:
+        _action[0] = before
+
+
+@contextmanager
+def opening(path: object) -> Iterator[None]:
+    """Watch a block that opens a file."""
+    clock = threading.Timer(STUCK_AFTER, lambda: _action[0](str(path)))
+    clock.daemon = True
+    clock.start()
+    try:
+        yield
+    finally:
+        clock.cancel()
+
+
+SIGNALS: Final = (signal.SIGINT, *(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)))
+"""Ctrl-C, what batch systems send before they kill, and what comes when a terminal is closed or a connection drops."""
+
+AGAIN: Final = 1.0
+"""Seconds after which a Ctrl-C that a library has lost comes again."""
+
+
+class Hold:
+    """Whether a signal waits."""
+
+    def __init__(self) -> None:
+        self.requested = 0
+        self._before: dict[int, Any] = {}
+        self._then: Callable[[], None] | None = None
+
+    def take(self) -> None:
+        """Take over the signals; a program that ignores them (``nohup``), or handles them itself, goes on doing so."""
+        for number in SIGNALS:
+            handler = signal.getsignal(number)
+            if handler in (signal.SIG_DFL, signal.default_int_handler) or _insists(handler):
+                self._before[number] = handler
+                signal.signal(number, self._note)
+
+    def then(self, action: Callable[[], None]) -> None:
+        """Name what is to be done as soon as a signal comes: something short, such as making a file."""
+        self._then = action
+
+    def give_back(self) -> None:
+        """Hand the signals back to whom they belonged."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before = {}
+
+    def check(self) -> None:
+        """Let the signal that came take effect."""
+        if self.requested == signal.SIGINT:
+            raise KeyboardInterrupt
+        if self.requested:
+            raise SystemExit(128 + self.requested)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.requested:
+            raise KeyboardInterrupt
+        self.requested = number
+        if self._then is not None:
+            self._then()
+        say("Stopping after this step; press Ctrl-C again to stop at once.")
+
+
+class _Insistence:
+    """A Ctrl-C that comes again every second until the block that it is to end has ended."""
+
+    def __init__(self) -> None:
+        self.came = False
+        self._over = False
+        self._ended = threading.Event()
+        self._sending = threading.Lock()
+
+    def handle(self, number: int, frame: FrameType | None) -> None:
+        if self._over:
+            return
+        if not self.came:
+            self.came = True
+            threading.Thread(target=self._again, daemon=True).start()
+        raise KeyboardInterrupt
+
+    def _again(self) -> None:
+        while not self._ended.wait(AGAIN):
+            with self._sending:
+                if not self._over:
+                    _thread.interrupt_main(signal.SIGINT)
+
+    def end(self) -> None:
+        """Send no more; what is on its way is not heard."""
+        self._over = True
+        self._ended.set()
+        with self._sending:
+            pass
+
+
+def _insists(handler: Any) -> bool:
+    return isinstance(getattr(handler, "__self__", None), _Insistence)
+
+
+@contextmanager
+def insisting() -> Iterator[None]:
+    """Let one Ctrl-C end this block, also where a library loses it.
+
+    The compiled parts of netCDF4 throw about one in a hundred away, and those of matplotlib make errors of their own of
+    them ("Invalid bounding box"). So the interrupt comes again until the block has ended, and any error that follows it
+    counts as the interrupt.
+    """
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    ):
+        yield
+        return
+    insistence = _Insistence()
+    signal.signal(signal.SIGINT, insistence.handle)
+    try:
+        yield
+    except Exception as error:
+        if insistence.came:
+            raise KeyboardInterrupt from error
+        raise
+    finally:
+        insistence.end()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def say(text: str) -> None:
+    """Write to the error stream, from a signal handler too, which may have come in the middle of another line.
+
+    A stream that is closed, or whose terminal or reader has gone, ends nothing: there is nobody to be told.
+    """
+    if sys.stderr is not None:
+        with suppress(RuntimeError, OSError, ValueError):
+            print(text, file=sys.stderr, flush=True)
+
+
+_holding: Hold | None = None
+
+
+@contextmanager
+def held() -> Iterator[Hold]:
+    """Hold Ctrl-C and termination back in this block; an inner block leaves that to the outer one.
+
+    Examples
+    --------
+    >>> with held() as hold:
+    ...     for step in range(3):
+    ...         if hold.requested:
+    ...             break
+
+    """
+    global _holding
+    if threading.current_thread() is not threading.main_thread():
+        yield Hold()
+        return
+    if _holding is not None:
+        yield _holding
+        return
+    _holding = hold = Hold()
+    try:
+        hold.take()
+        yield hold
+    finally:
+        _holding = None
+        hold.give_back()
+    hold.check()
