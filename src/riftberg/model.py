@@ -35,6 +35,7 @@ from riftberg.stepping.explicit.stability import (
 )
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
+from riftberg.stepping.fragments.outline import measure_outlines
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 from riftberg.stepping.new_elements import complete_state, sample_new_elements
 from riftberg.stepping.run_state import RunState
@@ -173,6 +174,8 @@ class BareModel(RunState):
         self._stepper: Stepper = make_stepper(self)
         self._stepped = self.elements.body.id.copy()
         if self._visited:
+            if not self.elements.body.berg_length.all():  # of a restart file that does not hold it
+                measure_outlines(self.elements, self.constants)
             if forcing.grid is not None:
                 forcing.grid.check_cells(self.elements)
             # The same values as in the file, unless the run failed because its forcing was at fault.
@@ -370,6 +373,8 @@ class BareModel(RunState):
         check_state(self.elements, self.bonds)
         if self.population.version != version:
             self._follow_rows(ids)
+        if self._visited:
+            measure_outlines(self.elements, self.constants)
         new_bonds = self.bonds.id >= next_bond
         changed[self.bonds.first[new_bonds]] = True
         assign_substeps(self, changed)

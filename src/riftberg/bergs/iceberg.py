@@ -27,7 +27,6 @@ from riftberg.bergs.keys import (
     LatticeRows,
     PointOptions,
     Rectangle,
-    RectangleOptions,
     ShapeOptions,
     TableOptions,
     berg_options,
@@ -126,8 +125,8 @@ class Iceberg(BondedBerg):
         repair : bool
             Mend an outline that crosses itself instead of refusing it.
         **options
-            Radius, packing, density, velocity, spin, radius of the sphere; rotation, shift, placement, offset, conformal
-            (`riftberg.bergs.keys.BergOptions`). The report gives areas on the sphere, not on the
+            Radius, packing, density, velocity, spin, radius of the sphere; rotation, shift, placement, offset, lattice_angle,
+            conformal (`riftberg.bergs.keys.BergOptions`). The report gives areas on the sphere, not on the
             ellipsoid of a chart (0.7 % less at 55 S for the radius of the A68a experiment).
 
         Raises
@@ -144,7 +143,7 @@ class Iceberg(BondedBerg):
         )
         region = outline_region(geometry, plane)
         with placed_in(where):
-            lattice = fill(region, settings.radius, settings.packing, settings.offset)
+            lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         centre = plane.forward(np.array([geometry.centroid.x]), np.array([geometry.centroid.y]))
         heights = thickness_at(settings.thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
         moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), settings.placement, settings.shift)
@@ -152,7 +151,9 @@ class Iceberg(BondedBerg):
         report: dict[str, Any] = {
             "source": where, "feature": chosen.label(), "outline_area": region.area, "outline_pieces": region.pieces,
         }  # fmt: skip
-        settings = settings.model_copy(update={"thickness": heights, "pieces": region.piece_of(lattice)})
+        settings = settings.model_copy(
+            update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
+        )
         return cls._placed(x + centre[0], y + centre[1], moved, settings, report)
 
     @classmethod
@@ -217,7 +218,7 @@ class Iceberg(BondedBerg):
             ice, lambda b, c: filling_plane(b, c, settings.conformal, settings.earth_radius)
         )
         with placed_in(mask.name):
-            lattice = fill(region, settings.radius, settings.packing, settings.offset)
+            lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         ice_itself = unbroken(mask, ice_cells(mask, threshold)).above(threshold) if thickness is None else None
         heights = thickness_at(
             settings.thickness if ice_itself is None else ice_itself,
@@ -226,7 +227,9 @@ class Iceberg(BondedBerg):
         )
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
         x, y = turned(lattice.x - cx, lattice.y - cy, settings.rotation)
-        settings = settings.model_copy(update={"thickness": heights, "pieces": region.piece_of(lattice)})
+        settings = settings.model_copy(
+            update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
+        )
         moved = centroid_moved(plane_of, centroid, settings.placement, settings.shift)
         report = {"source": mask.name, "outline_area": region.area, "outline_pieces": region.pieces}
         return cls._placed(x + cx, y + cy, moved, settings, report)
@@ -254,8 +257,8 @@ class Iceberg(BondedBerg):
         radius : float, optional
             Radius of the elements, m; another than ``table_radius`` fills the union of the table's cells anew.
         thickness, **options
-            Packing, density, velocity, spin, rotation, conformal, latlon, earth_radius, as in `from_outline`; ``thickness``
-            may be one value per element.
+            Packing, density, velocity, spin, rotation, offset, lattice_angle, conformal, latlon, earth_radius, as in
+            `from_outline`; ``thickness`` may be one value per element.
         """
         settings = berg_options(options, TableOptions, thickness, placement=placement)
         table_radius = given(table_radius, LatticeRows, "cell_radius", where="table_radius", kind=BergError)
@@ -264,9 +267,10 @@ class Iceberg(BondedBerg):
             settings = settings.model_copy(update={"radius": table_radius})
         column, row = cells_of_rows(rows)
         region = cells_region(column, row, 2.0 * table_radius)
-        lattice = fill(region, settings.radius, settings.packing)
+        lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         centre = (2.0 * table_radius * (column.mean() + 0.5), 2.0 * table_radius * (row.mean() + 0.5))
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
+        settings = settings.model_copy(update={"radius": radius})
         report = {"source": "table of lattice rows", "outline_area": region.area}
         return cls._about(x, y, settings, report)
 
@@ -278,7 +282,7 @@ class Iceberg(BondedBerg):
         *,
         thickness: Any,
         placement: tuple[float, float] = (0.0, 0.0),
-        **options: Unpack[RectangleOptions],
+        **options: Unpack[TableOptions],
     ) -> Iceberg:
         """Build an idealised rectangular berg.
 
@@ -289,15 +293,16 @@ class Iceberg(BondedBerg):
         placement : tuple of float
             Longitude and latitude (x and y in m if not ``latlon``) of the centre.
         thickness, **options
-            Radius, packing, density, velocity, spin, rotation, offset, conformal, latlon, earth_radius, as in `from_outline`;
-            ``thickness`` may be one value per element.
+            Radius, packing, density, velocity, spin, rotation, offset, lattice_angle, conformal, latlon, earth_radius, as in
+            `from_outline`; ``thickness`` may be one value per element.
         """
-        settings = berg_options(options, RectangleOptions, thickness, placement=placement)
+        settings = berg_options(options, TableOptions, thickness, placement=placement)
         length = given(length, Rectangle, "length", kind=BergError)
         width = given(width, Rectangle, "width", kind=BergError)
         region = rectangle_region(length, width)
-        lattice = fill(region, settings.radius, settings.packing, settings.offset)
+        lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         x, y = turned(lattice.x, lattice.y, settings.rotation)
+        settings = settings.model_copy(update={"radius": radius})
         report = {"source": f"rectangle {length:g} m x {width:g} m", "outline_area": region.area}
         return cls._about(x, y, settings, report)
 

@@ -580,6 +580,13 @@ class Compatibility(Group):
         False, "", "contact inside a berg is damped explicitly: unstable beyond about 0.2 / sqrt(k)", "equations 5.5"
     )
     frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "equations 4.1")
+    forces_by_element: bool = quantity(
+        False,
+        "",
+        "Q34: each element feels waves as a berg of its own, inner ones too, and drag on as many sides as no bond covers; "
+        "drift then depends on the size of the elements",
+        "equations 4.1",
+    )
     rest_length_from_sizes: bool = quantity(
         False,
         "",
@@ -679,6 +686,7 @@ class Compatibility(Group):
             "uncentred_half_kicks": True,
             "explicit_contact_damping": True,
             "frozen_sea_ice_drag": True,
+            "forces_by_element": True,
             "rest_length_from_sizes": True,
             "bergs_coupled": True,
             "bits_melt_at_zero_rates": True,
