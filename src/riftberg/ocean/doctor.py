@@ -16,7 +16,6 @@ from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, f
 from riftberg.ocean.product_records import as_block
 from riftberg.products.axes import goes_round, step_of
 from riftberg.products.mesh import Located, NodeMesh, mesh_of
-from riftberg.products.packing import VALID
 from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
@@ -33,6 +32,7 @@ from riftberg.products.records import (
     usual_interval,
 )
 from riftberg.products.registry import expand, open_named, product_named, recognise
+from riftberg.products.repair import VALID
 from riftberg.products.window import extent_text, longitudes_near, utc, window, window_in_time
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 

@@ -23,9 +23,9 @@ from riftberg.products import records
 from riftberg.products.axes import step_of
 from riftberg.products.levels import uppermost
 from riftberg.products.mesh import AxesMesh, Located, NodeMesh
-from riftberg.products.packing import VALID
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.registry import open_named
+from riftberg.products.repair import VALID
 from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.state import Floats
 from riftberg.system.limits import refuse_large

@@ -16,7 +16,6 @@ from riftberg.ocean.at_elements import SURFACE, Blend
 from riftberg.ocean.forcing import SharedLock
 from riftberg.ocean.grid import wind_from_stress
 from riftberg.products.levels import layer_limits
-from riftberg.products.packing import VALID
 from riftberg.products.quantities import QUANTITIES, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
@@ -29,6 +28,7 @@ from riftberg.products.records import (
     outside_remedy,
     values_of,
 )
+from riftberg.products.repair import VALID
 from riftberg.products.window import utc
 from riftberg.state import Floats
 

@@ -18,13 +18,13 @@ from riftberg.products.cf import (
     turned_away,
     unread,
 )
-from riftberg.products.dated import dated, declared_mean
+from riftberg.products.dates import dated, declared_mean
 from riftberg.products.levels import LEVEL, judged, on_depths
-from riftberg.products.packing import VALID, without_land
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF
+from riftberg.products.repair import VALID, without_land
 from riftberg.products.roles import coordinates_of, standard_name, units_of
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
