@@ -13,7 +13,7 @@ import xarray as xr
 from products import product_files as files
 from riftberg.errors import ForcingError
 from riftberg.products import PRODUCTS, open_product, product_named, recognise
-from riftberg.products.canonical import QUANTITIES, conversion
+from riftberg.products.quantities import QUANTITIES, conversion
 from riftberg.products.reading import open_raw
 
 SAMPLES = {

@@ -72,7 +72,6 @@ def test_the_interval_is_the_shortest_of_what_is_known() -> None:
     assert own_interval(series(1, 6, interval_seconds=3600.0)) == 3600.0
     assert gap_limit(series(1, 2, 3)) == 2.5 * DAY_SECONDS
     assert gap_limit(series(1, 2, 3, max_gap_seconds=7.0)) == 7.0
-    assert gap_limit(series(1, 2, 3, max_gap_seconds=7.0), np.timedelta64(1, "h")) == 3600.0
     assert cover_of(series(1, 2, averaging_seconds=DAY_SECONDS)) == tuple(dates(0.5, 2.5))
     assert cover_of(series(1, 2, averaging_seconds=DAY_SECONDS, hold_seconds=0.0)) == tuple(dates(1, 2))
 

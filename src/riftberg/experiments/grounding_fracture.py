@@ -10,7 +10,8 @@ import numpy as np
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.options import Info, Options
-from riftberg.ocean.analytic import SeamountFlow
+from riftberg.ocean.analytic import Steady
+from riftberg.ocean.formulas import Seamount
 from riftberg.parameters import Parameters
 from riftberg.state import Floats
 
@@ -76,6 +77,8 @@ def build(options: Options) -> tuple[Model, Info]:
     if options.numerics == "reference":
         parameters = reference_numerics(PARAMETERS.changed(stepping={"substeps": 200}))
         parameters = parameters.changed(stepping={"skip_first_long_force": False})
-    forcing = SeamountFlow(current=CURRENT, centre=(63e3, 60e3), height=950.0, width=5e3, depth=1000.0)
+    forcing = Steady(current=CURRENT) + Seamount(
+        (63e3, 60e3), height=950.0, width=5e3, depth=1000.0, latlon=False, latitude=0.0
+    )
     model = Model(berg(), forcing, options.apply(parameters))
     return model, Info("grounding-fracture", "A berg runs aground and breaks", days=3.0, output_every_hours=1.0)

@@ -30,9 +30,9 @@ from riftberg.experiments.schema import (
     Strength,
     check_span,
 )
+from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.formulas import Sum
-from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.parameters import Earth, Parameters
 from riftberg.system.input_files import value_shown
 from riftberg.system.netcdf_lock import closing_files

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, conversion
+from riftberg.products.quantities import QUANTITIES, conversion
 
 Floats = NDArray[np.float64]
 

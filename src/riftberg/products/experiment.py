@@ -16,8 +16,8 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.beside import grid_of
 from riftberg.products.cf import USUAL_NAMES
+from riftberg.products.models import grid_of
 from riftberg.products.product import DAY_SECONDS, Evidence, Product, Source
 from riftberg.products.roles import role_of
 
@@ -123,7 +123,7 @@ def _without_zeros(ds: xr.Dataset) -> xr.Dataset:
 
 
 def _finish(ds: xr.Dataset) -> xr.Dataset:
-    from riftberg.products.bathymetry import depth_from_elevation
+    from riftberg.products.sea_floors import depth_from_elevation
 
     return depth_from_elevation(_without_zeros(ds))
 

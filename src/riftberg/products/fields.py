@@ -9,9 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.cf import (
-    TO_DIRECTION,
     above_ellipsoid,
     by_standard_name,
     is_height,
@@ -20,14 +18,14 @@ from riftberg.products.cf import (
     turned_away,
     unread,
 )
-from riftberg.products.dated import dated, declared_mean
-from riftberg.products.levels import judged
-from riftberg.products.packing import VALID, without_land
+from riftberg.products.dates import dated, declared_mean
+from riftberg.products.levels import LEVEL, judged, on_depths
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
+from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF
+from riftberg.products.repair import VALID, without_land
 from riftberg.products.roles import coordinates_of, standard_name, units_of
-from riftberg.products.terrain import LEVEL, on_depths
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
 _KEPT = ("time", "depth", "lat", "lon", "y", "x", "grid_angle")

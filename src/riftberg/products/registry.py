@@ -10,23 +10,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products import (
-    cf,
-    duacs,
-    era5,
-    experiment,
-    gebco,
-    globcurrent,
-    glorys,
-    ibcso,
-    jra55,
-    models,
-    ncep,
-    oras5,
-    oscar,
-    osisaf,
-    srtm15,
-)
+from riftberg.products import cf, experiment, models, oceans, sea_floors, winds
 from riftberg.products.levels import uppermost
 from riftberg.products.means import settled
 from riftberg.products.product import Product
@@ -42,23 +26,23 @@ LONGEST_NAME = 60
 """Letters of the title of a dataset that serve as its name."""
 
 PRODUCTS: tuple[Product, ...] = (
-    globcurrent.PRODUCT,
-    oscar.V1,
-    oscar.V3,
-    oscar.V2,
-    duacs.PRODUCT,
-    duacs.GEOSTROPHIC,
-    glorys.FORECAST,
-    glorys.PRODUCT,
-    oras5.PRODUCT,
-    ncep.R2,
-    ncep.R1,
-    jra55.PRODUCT,
-    era5.PRODUCT,
-    ibcso.PRODUCT,
-    osisaf.PRODUCT,
-    gebco.PRODUCT,
-    srtm15.PRODUCT,
+    oceans.GLOBCURRENT,
+    oceans.OSCAR_V1,
+    oceans.OSCAR_V3,
+    oceans.OSCAR_V2,
+    oceans.DUACS,
+    oceans.DUACS_GEOSTROPHIC,
+    oceans.MERCATOR_FORECAST,
+    oceans.GLORYS,
+    oceans.ORAS5,
+    winds.NCEP_R2,
+    winds.NCEP_R1,
+    winds.JRA55,
+    winds.ERA5,
+    sea_floors.IBCSO,
+    oceans.OSISAF,
+    sea_floors.GEBCO,
+    sea_floors.SRTM15,
     experiment.PRODUCT,
     experiment.KEEL_MEAN,
     models.ROMS,
