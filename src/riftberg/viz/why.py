@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.config.places import area_text
-from riftberg.diagnostics.cut import Breakup
+from riftberg.diagnostics.cut import FORCES, Breakup
 from riftberg.diagnostics.dates import minute_text
-from riftberg.diagnostics.forces import FORCES
 from riftberg.diagnostics.why import Reasons
 from riftberg.viz import colours, style
 from riftberg.viz.style import new_figure, save_figure
