@@ -221,10 +221,16 @@ def test_another_run_into_the_folder_is_not_gone_on_with(tmp_path: Path, monkeyp
 def test_short_runs_keep_nothing_and_an_empty_folder_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ended(command(tmp_path, "melts", "--days", "0.2", "-o", str(tmp_path / "out")))
     assert not list((tmp_path / "out").glob("*.restart.nc"))
-    for folder, said in ((tmp_path / "out", "no state to go on from"), (tmp_path, "no such file")):
+    (tmp_path / "lost").mkdir()
+    (tmp_path / "lost" / "run.nc").write_bytes((tmp_path / "out" / "run.nc").read_bytes())
+    for folder, said in (
+        (tmp_path / "out", "the run has come to its end, and left no state to go on from. For a longer run start anew"),
+        (tmp_path / "lost", "lost: no state to go on from. Start the run anew"),
+        (tmp_path, "no such file"),
+    ):
         result = CliRunner().invoke(app, command(tmp_path, "melts", "--resume", str(folder)))
         assert result.exit_code == 2
-        assert said in result.stderr
+        assert said in " ".join(result.stderr.split())
 
 
 def test_states_are_kept_by_the_clock_and_a_full_disk_is_no_end(

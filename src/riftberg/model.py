@@ -35,6 +35,7 @@ from riftberg.stepping.explicit.stability import (
 )
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
+from riftberg.stepping.fragments.outline import measure_outlines
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 from riftberg.stepping.new_elements import complete_state, sample_new_elements
 from riftberg.stepping.run_state import RunState
@@ -128,7 +129,7 @@ class BareModel(RunState):
         elements, bonds = copy_state(berg.elements, berg.bonds)
         sized = _with_constant_size(packed, elements, bonds)
         stepped = with_nonresonant_step(elements, bonds, sized)
-        self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs)
+        self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs, outlines=berg.outlines)
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
             refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
@@ -148,11 +149,12 @@ class BareModel(RunState):
     def _begin(
         self, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float = 0.0,
         step_number: int = 0, fragments: Sequence[Fragment] = (), bergs: Sequence[tuple[str, int]] = (),
+        outlines: tuple[Any, ...] = (),
     ) -> None:  # fmt: skip
         """Check the state and set up the stepper."""
         super().__init__(
             population, forcing, parameters, parameters.kernel_values(), FragmentTree(list(fragments), bergs), start,
-            time, step_number,
+            time, step_number, outlines=outlines,
         )  # fmt: skip
         self.life = LifeProcess(parameters) if lives(parameters) else None
         self.motion = MotionLedger(parameters)
@@ -173,6 +175,8 @@ class BareModel(RunState):
         self._stepper: Stepper = make_stepper(self)
         self._stepped = self.elements.body.id.copy()
         if self._visited:
+            if not self.elements.body.berg_length.all():  # of a restart file that does not hold it
+                measure_outlines(self.elements, self.constants)
             if forcing.grid is not None:
                 forcing.grid.check_cells(self.elements)
             # The same values as in the file, unless the run failed because its forcing was at fault.
@@ -370,6 +374,8 @@ class BareModel(RunState):
         check_state(self.elements, self.bonds)
         if self.population.version != version:
             self._follow_rows(ids)
+        if self._visited:
+            measure_outlines(self.elements, self.constants)
         new_bonds = self.bonds.id >= next_bond
         changed[self.bonds.first[new_bonds]] = True
         assign_substeps(self, changed)

@@ -84,6 +84,7 @@ class KernelParameters(NamedTuple):
     rigid_bodies: bool
     rho_ice: Annotated[float, "ice.density"]
     ocean_scale: Annotated[float, "drag.ocean_scale"]
+    forces_by_element: bool
     sides_by_bonds: Annotated[bool, "drag.sides_by_bonds"]
     radius_based: Annotated[bool, "drag.radius_based"]
     rotational_drag: Annotated[bool, "drag.rotational"]
@@ -216,6 +217,17 @@ class Parameters(Group):
                 "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
                 "and bonds.no_shear = false, or stepping.scheme = 'mts'"
             )
+        if self.bonds.elasticity == "cells":
+            if scheme != "quasi_static" or self.bonds.law != "dem":
+                raise ValueError(
+                    "bonds.elasticity = 'cells' needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
+                    "bonds.law = 'dem', or bonds.elasticity = 'bonds'"
+                )
+            if self.fracture.enabled and self.fracture.criterion != "bond":
+                raise ValueError(
+                    f"fracture.criterion = {self.fracture.criterion!r} reads the forces of elastic bonds: set "
+                    "bonds.elasticity = 'bonds', or fracture.criterion = 'bond'"
+                )
         self._check_criterion()
         g = self.grounding
         if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
@@ -332,6 +344,8 @@ class Parameters(Group):
             **{name: read(self) for name, read in _AS_THEY_STAND.items()},
             multiple_steps=multiple,
             rigid_bodies=p.stepping.scheme == "quasi_static",
+            # Elements whose sides no bond covers stand in the water each for itself.
+            forces_by_element=p.compatibility.forces_by_element or not p.drag.sides_by_bonds,
             max_sides=6 if hexagonal else 4,
             ground_coefficient=0.0 if quadratic else p.grounding.coefficient,
             ground_quadratic=p.grounding.quadratic_coefficient if quadratic else 0.0,

@@ -127,7 +127,7 @@ def test_gridded_thickness_is_mask_and_thickness_in_one():
     expected = 250 + 50 * (berg.elements.lon + 39)
     inner = abs(berg.elements.lon + 39) < 0.45
     np.testing.assert_allclose(berg.elements.thickness[inner], expected[inner], atol=0.1)
-    assert berg.mass == pytest.approx(850 * (berg.elements.thickness * 9e6).sum(), rel=1e-12)
+    assert berg.mass == pytest.approx(850 * (berg.elements.thickness * berg.elements.length**2).sum(), rel=1e-12)
 
 
 def test_thickness_raster_is_sampled_where_the_outline_was_drawn():

@@ -20,7 +20,7 @@ from riftberg.errors import BergError
 
 
 def test_square_rectangle_is_filled_completely():
-    lattice = fill(rectangle_region(30e3, 12e3), 1500.0, "square")
+    lattice = fill(rectangle_region(30e3, 12e3), 1500.0, "square")[0]
     assert len(lattice) == 10 * 4
     assert lattice.x.min() == -15e3 + 1500.0
     assert lattice.y.max() == 6e3 - 1500.0
@@ -50,7 +50,8 @@ def test_hexagonal_lattice_is_that_of_the_collision_case():
 
 @pytest.mark.parametrize(("packing", "neighbours", "distance"), [("square", 4, 2.0), ("hexagonal", 6, 2.0)])
 def test_interior_elements_have_all_neighbours_at_two_radii(packing, neighbours, distance):
-    lattice = fill(rectangle_region(20.0, 20.0), 1.0, packing, (0.0, 0.0))
+    lattice, radius = fill(rectangle_region(20.0, 20.0), 1.0, packing, (0.0, 0.0))
+    distance *= radius
     d = np.hypot(lattice.x[:, None] - lattice.x, lattice.y[:, None] - lattice.y)
     touching = (np.abs(d - distance) < 1e-9).sum(axis=1)
     assert touching.max() == neighbours
@@ -59,30 +60,31 @@ def test_interior_elements_have_all_neighbours_at_two_radii(packing, neighbours,
 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_elements_tile_the_plane(packing):
-    """A large disc holds as many elements as its area says."""
+    """A disc holds as many elements as its area says, of a size near the one that was asked for."""
     disc = Region((-50.0, -50.0, 50.0, 50.0), math.pi * 2500, (0.0, 0.0), lambda x, y: x * x + y * y < 2500)
-    lattice = fill(disc, 0.5, packing)
-    assert len(lattice) * element_area(0.5, packing) == pytest.approx(disc.area, rel=2e-3)
+    lattice, radius = fill(disc, 0.5, packing)
+    assert len(lattice) * element_area(radius, packing) == pytest.approx(disc.area, rel=1e-12)
+    assert radius == pytest.approx(0.5, rel=1e-2)
     assert math.hypot(lattice.x.mean(), lattice.y.mean()) < 0.3
 
 
 def test_best_offset_is_at_least_as_good_as_none():
     region = rectangle_region(31e3, 13.5e3)
     cell = element_area(1500.0, "square")
-    plain, best = (fill(region, 1500.0, "square", offset) for offset in ((0.0, 0.0), None))
+    plain, best = (fill(region, 1500.0, "square", offset)[0] for offset in ((0.0, 0.0), None))
     assert abs(len(best) * cell - region.area) <= abs(len(plain) * cell - region.area)
 
 
 def test_elements_are_sorted_across_the_short_side_first():
-    wide = fill(rectangle_region(30e3, 9e3), 1500.0, "square")
-    tall = fill(rectangle_region(9e3, 30e3), 1500.0, "square")
+    wide = fill(rectangle_region(30e3, 9e3), 1500.0, "square")[0]
+    tall = fill(rectangle_region(9e3, 30e3), 1500.0, "square")[0]
     assert np.all(np.diff(wide.column) >= 0)
     assert np.all(np.diff(tall.row) >= 0)
 
 
 def test_cells_give_themselves_back():
     column, row = cells_of_rows([(0, 1, 3), (1, 0, 0), (1, 2, 4)])
-    lattice = fill(cells_region(column, row, 3000.0), 1500.0, "square")
+    lattice = fill(cells_region(column, row, 3000.0), 1500.0, "square")[0]
     got = set(zip((lattice.x // 3000).tolist(), (lattice.y // 3000).tolist(), strict=True))
     assert got == set(zip(column.tolist(), row.tolist(), strict=True))
 
@@ -103,10 +105,34 @@ def test_a_region_that_holds_no_element_is_refused_with_a_radius_that_fits(size,
     with pytest.raises(BergError, match=fault) as caught:
         fill(region, 1500.0, "square")
     fitting = float(caught.value.remedy.split("below ")[1].split(" m")[0])
-    assert len(fill(region, fitting, "square")) >= count
+    assert len(fill(region, fitting, "square")[0]) >= count
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf])
 def test_impossible_radius_is_refused(radius):
     with pytest.raises(BergError, match="radius"):
         fill(rectangle_region(1.0, 1.0), radius, "square")
+
+
+@pytest.mark.parametrize("angle", [0.0, 15.0, 30.0, 45.0, -70.0])
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("shape", [(30e3, 15e3), (61e3, 31.7e3), (20e3, 9e3)])
+def test_a_turned_lattice_has_the_area_of_its_outline(shape, packing, angle):
+    """Lattices held 0.80 to 1.09 of the area of a 30 x 15 km berg, by packing, turn and size of the elements."""
+    region = rectangle_region(*shape)
+    lattice, radius = fill(region, 1500.0, packing, angle=angle)
+    assert len(lattice) * element_area(radius, packing) == pytest.approx(region.area, rel=1e-12)
+    assert radius == pytest.approx(1500.0, rel=0.1)
+    assert np.hypot(lattice.x.mean(), lattice.y.mean()) < radius
+    # Rows lie along the angle: the neighbours of an element lie at multiples of the angle between its sides from there.
+    dx, dy = lattice.x[:, None] - lattice.x, lattice.y[:, None] - lattice.y
+    near = np.abs(np.hypot(dx, dy) - 2.0 * radius) < 1e-6 * radius
+    sector = 90.0 if packing == "square" else 60.0
+    start = 90.0 + angle  # both packings have neighbours along the columns
+    turn = (np.degrees(np.arctan2(dy[near], dx[near])) - start + 0.5 * sector) % sector - 0.5 * sector
+    np.testing.assert_allclose(turn, 0.0, atol=1e-6)
+
+
+def test_an_outline_that_fits_keeps_its_elements():
+    lattice, radius = fill(rectangle_region(30e3, 15e3), 1500.0, "square")
+    assert (len(lattice), radius) == (50, 1500.0)

@@ -166,3 +166,73 @@ def test_real_tables(shared: Path) -> None:
     assert december[0].lat == pytest.approx(-55.0, abs=0.2)
     byu = read_observed(shared / "data/observed/a68_tracks_20201101_20210131_byu.csv")
     assert {f.name for f in byu.fixes} == {"A68A", "A68C", "A68D", "A68E", "A68F", "A68G"}
+
+
+# --- what would be scored wrongly in silence ------------------------------------------------------------------------------
+
+SQUARE = [(-39.0, -55.0), (-38.0, -55.0), (-38.0, -54.5), (-39.0, -54.5)]
+
+
+def table(path: Path, order: tuple[int, ...], *, column: str = "vertex", numbers: str = "0123", berg: str = "") -> Path:
+    head = f"date,{column},lat,lon" + (",berg" if berg else "")
+    rows = [f"2020-12-10,{numbers[k]},{SQUARE[k][1]},{SQUARE[k][0]}{f',{berg}' if berg else ''}" for k in order]
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("order", [(2, 0, 3, 1), (3, 2, 1, 0), (0, 2, 1, 3), (1, 1, 0, 2, 3, 3), (0, 1, 2, 3, 0)])
+@pytest.mark.parametrize("column", ["vertex", "order", "point"])
+def test_corners_are_taken_by_their_numbers_in_whatever_order_they_stand(
+    tmp_path: Path, order: tuple[int, ...], column: str
+) -> None:
+    """A berg of 560 km2 had 142."""
+    (outline,) = read_observed(table(tmp_path / "o.csv", order, column=column)).outlines
+    np.testing.assert_array_equal(outline.ring, SQUARE)
+
+
+def test_corners_with_names_stand_in_the_order_of_the_file(tmp_path: Path) -> None:
+    (outline,) = read_observed(table(tmp_path / "o.csv", (1, 2, 3, 0), numbers="badc")).outlines
+    np.testing.assert_array_equal(outline.ring, [SQUARE[k] for k in (1, 2, 3, 0)])
+
+
+def test_two_outlines_of_a_date_need_names(tmp_path: Path) -> None:
+    path = table(tmp_path / "o.csv", (0, 1, 2, 3))
+    moved = [line.replace("-39.0", "-49.0").replace("-38.0", "-48.0") for line in path.read_text().splitlines()[1:]]
+    path.write_text(path.read_text() + "\n".join(moved) + "\n")
+    with pytest.raises(
+        InputError, match=r"o\.csv, 2020-12-10: two corners of one outline have the same number.*column 'berg'"
+    ):
+        read_observed(path)
+
+
+@pytest.mark.parametrize("order", [(0, 2, 1, 3), (2, 0, 1, 3)])
+@pytest.mark.parametrize("east", [0.0, 218.5])
+def test_an_outline_that_crosses_itself_is_refused_where_its_area_is_in_doubt(
+    tmp_path: Path, order: tuple[int, ...], east: float
+) -> None:
+    ring = [[(SQUARE[k][0] + east + 180.0) % 360.0 - 180.0, SQUARE[k][1]] for k in (*order, order[0])]
+    with pytest.raises(
+        InputError, match=r"feature 0: an outline that crosses itself \(Self-intersection.*in their order"
+    ):
+        read_observed(
+            geojson(tmp_path / "o.json", feature({"type": "Polygon", "coordinates": [ring]}, date="2020-12-17"))
+        )
+    good = [[(x + east + 180.0) % 360.0 - 180.0, y] for x, y in SQUARE]
+    loop = [*good[:3], [good[2][0], good[2][1] + 0.01], [good[2][0] - 0.01, good[2][1] - 0.001], *good[3:], good[0]]
+    path = geojson(tmp_path / "o.json", feature({"type": "Polygon", "coordinates": [loop]}, date="2020-12-17"))
+    assert len(read_observed(path).outlines) == 1  # a small loop of a hand-drawn line
+
+
+@pytest.mark.parametrize("twice", ["line by line", "the whole table", "with the longitude written otherwise"])
+def test_a_position_given_twice_counts_once(tmp_path: Path, twice: str) -> None:
+    """Days whose lines stood twice had twice the weight in the root mean square."""
+    rows = [f"2020-12-{day},-55.5,{-39.0 + 0.1 * day},A68A" for day in (10, 11, 12)]
+    again = [row.replace("-38.0,", "-38.00,") for row in rows]
+    lines = (
+        [row for pair in zip(rows, again, strict=True) for row in pair] if twice == "line by line" else [*rows, *again]
+    )
+    path = tmp_path / "track.csv"
+    path.write_text("\n".join(["date,lat,lon,iceberg", *lines]) + "\n")
+    assert [fix.when.day for fix in read_observed(path).fixes] == [10, 11, 12]
+    path.write_text(path.read_text() + "2020-12-12,-55.5,-37.8,A68D\n")
+    assert len(read_observed(path).fixes) == 4  # another berg

@@ -747,7 +747,7 @@ def scalars() -> Iterator[Kind]:
         return both
 
     for name, change in {
-        "sigma of 0.995": scalar("sigma", 0.995), "sigma beside a depth of its own": level(scalar("sigma", 0.995, standard_name="atmosphere_sigma_coordinate", units="1")), "height of 2 m of another field": scalar("height", 2.0, False, files=("level.nc",), units="m", standard_name="height"),
+        "sigma of 0.995": scalar("sigma", 0.995), "sigma beside a depth of its own": level(scalar("sigma", 0.995, files=("ocean.nc",), standard_name="atmosphere_sigma_coordinate", units="1")), "height of 2 m of another field": scalar("height", 2.0, False, files=("level.nc",), units="m", standard_name="height"),
         "number 0": scalar("number", np.int32(0)), "crs": scalar("crs", np.int32(0), False), "heightAboveGround of 10 m": scalar("heightAboveGround", 10.0, files=("wind.nc",), units="m"), "surface of 0": scalar("surface", 0.0), "month of 12": scalar("month", np.int32(12)),
         "step of 0": scalar("step", 0.0, units="hours", standard_name="forecast_period"), "meanSea of 0": scalar("meanSea", 0.0, files=("level.nc",)),
     }.items():  # fmt: skip

@@ -275,7 +275,7 @@ def fast_bergs() -> Iterator[Kind]:
     def schemes(**ice: Any) -> Callable[[], dict[str, Any]]:
         return lambda: {**_with(CURRENT, lambda v: v * 100.0)(), "ice": ice}
 
-    cause = ("m s-1|m/s|fast|speed|velocity|beyond|believ|uvel|vvel",)
+    cause = ("m s-1|m/s|fast|speed|velocity|beyond|believ|uvel|vvel|SSH = .* the most is",)
     for name, change in {
         "uvel of 50": start(uvel=50.0), "vvel of -120": start(vvel=-120.0), "uvel of 999": start(uvel=999.0), "uvel of 1e5": start(uvel=1e5), "a current of 30 with Verlet": schemes(mts=False), "a current of 30 with Runge-Kutta": schemes(mts=False, Runge_not_Verlet=True, iceberg_bonds_on=False, dem=False), "a current of 30 with sub-steps": schemes(), "a current of 30 on springs": schemes(dem=False),
         "a wind of 300": _with(WIND, lambda v: v * 50.0), "a slope of metres a cell": _with(SEA, lambda v: v * 200.0),
@@ -296,7 +296,7 @@ def namelist_texts() -> Iterator[Kind]:
     ice, drv = "icebergs_nml", "icebergs_driver_nml"
     said = ("input.nml|twice|group|unknown|entry|line|default|no such|ignored",)
     for name, change, more in (
-        ("100,000 unknown entries", line(ice, "\n  ".join(f"unknown_{k} = {k}" for k in range(100_000))), {}), ("an entry twice, the later one counts", line(ice, "rho_bergs = 700."), {}), ("a group twice", lambda s: s + "&icebergs_nml\n  rho_bergs = 700.\n/\n", {}), ("entry of the other group", line(drv, "rho_bergs = 700."), {}), ("density in g/cm3", line(ice, "rho_bergs = 0.85"), {"never": True}), ("exponent by d", lambda s: s.replace("ibdt = 1800.0", "ibdt = 1.8d3"), {}),
+        ("100,000 unknown entries", line(ice, "\n  ".join(f"unknown_{k} = {k}" for k in range(100_000))), {}), ("an entry twice, the later one counts", line(ice, "mts_sub_steps = 30"), {}), ("a group twice", lambda s: s + "&icebergs_nml\n  rho_bergs = 800.\n/\n", {}), ("entry of the other group", line(drv, "rho_bergs = 700."), {}), ("density in g/cm3", line(ice, "rho_bergs = 0.85"), {"never": True}), ("exponent by d", lambda s: s.replace("ibdt = 1800.0", "ibdt = 1.8d3"), {}),
         ("comment behind a value", lambda s: s.replace("ibdt = 1800.0", "ibdt = 1800.0 ! seconds"), {}), ("logical as T", lambda s: s.replace("grid_is_latlon = .true.", "grid_is_latlon = T"), {}), ("decimal comma", lambda s: s.replace("ibdt = 1800.0", "ibdt = 1800,5"), {}), ("Windows line ends and a BOM", lambda s: "\ufeff" + s.replace("\n", "\r\n"), {}),
     ):  # fmt: skip
         yield case(f, name, dict, touch=edited(change), told=said, **more)

@@ -701,6 +701,8 @@ def kind_of(number: int, *, doctor: bool = True) -> Kind:
     made = layout(number)
     reasons = tuple(reason for choice in made.choices for reason in choice.reasons)
     told = tuple(word for choice in made.choices for word in choice.told)
+    if made.names == "usual":  # a component without a standard name on points that make no rows, or on a turned grid
+        reasons, told = (*reasons, "scattered points, and the file does not say"), (*told, "is taken along its grid")
     never = any(choice.never for choice in made.choices)
 
     def make(folder: Path) -> list[str]:

@@ -193,7 +193,7 @@ def full_disks() -> Iterator[Kind]:
 def kills() -> Iterator[Kind]:
     """Kill a run at some moment and go on from what it left: without a gap, and bit for bit."""
     f = "runs that were killed"
-    text = LONG.replace("days: 12", "days: 60").replace("output_every_hours: 0.5", "output_every_hours: 6")
+    text = LONG.replace("days: 12", "days: 240").replace("output_every_hours: 0.5", "output_every_hours: 6")
 
     def killed(number: int, records: float, extra: tuple[str, ...] = ()) -> Callable[[Path], list[str]]:
         def make(folder: Path) -> list[str]:
@@ -204,8 +204,9 @@ def kills() -> Iterator[Kind]:
             os.kill(child, number)
             os.waitpid(child, 0)
             saved = sorted((folder / "out").glob("*restart*"), key=lambda p: p.stat().st_mtime)
-            # A run that left nothing cannot be gone on with: then the folder itself is named, and the answer is judged.
-            return [*RUN[:-2], "-q", "--no-map", "--resume", str(saved[-1]) if saved else "out", "-o", "rest"]
+            if not saved:  # it had ended before: then the folder is named, and the answer is judged
+                return ["run", "good.yaml", "-q", "--no-map", "--resume", "out"]
+            return ["run", "good.yaml", "-q", "--no-map", "--resume", str(saved[-1]), "-o", "rest"]
 
         return make
 
@@ -222,7 +223,15 @@ def kills() -> Iterator[Kind]:
         ("SIGTERM soon", signal.SIGTERM, 0.2), ("SIGTERM later", signal.SIGTERM, 1.0), ("SIGINT soon", signal.SIGINT, 0.2), ("SIGINT later", signal.SIGINT, 1.0), ("hang-up soon", signal.SIGHUP, 0.2), ("hang-up later", signal.SIGHUP, 1.0), ("hang-up at once", signal.SIGHUP, 0.0), ("SIGTERM at once", signal.SIGTERM, 0.0), ("SIGINT at once", signal.SIGINT, 0.0), ("hang-up last", signal.SIGHUP, 2.0),
     ):  # fmt: skip
         yield Kind(
-            f, name, killed(number, pause), ("restart", "out", "--resume"), False, Truth(whole), ("(?!)",), None, SOON
+            f,
+            name,
+            killed(number, pause),
+            ("restart", "out", "--resume"),
+            False,
+            Truth(whole),
+            ("has come to its end",),
+            None,
+            SOON,
         )
 
 
@@ -269,7 +278,7 @@ def streams() -> Iterator[Kind]:
     run = [*RUN]
     for name, arguments, numbers, pipe, file, code in (
         ("run without stderr", run, (2,), False, "out/run.nc", "0"), ("run without stdout", run, (1,), False, "out/run.nc", "0"), ("run without either", run, (1, 2), False, "out/run.nc", "0"), ("run with a broken pipe for stderr", run, (2,), True, "out/run.nc", "0"), ("run with progress, without stderr", [a for a in run if a != "-q"], (2,), False, "out/run.nc", "0"),
-        ("a mistake without stderr", ["run", "nowhere.yaml", "-o", "out"], (2,), False, "", "2"), ("kid without stderr", ["kid", "case", "-o", "out"], (2,), False, "out", "0"), ("score without stderr", ["score", "run.nc", "seen.csv", "--no-figure", "-o", "out"], (2,), False, "out/score.json", "0"), ("doctor without stderr", ["doctor", "ocean.nc"], (2,), False, "", "1"), ("run without stdin and stderr", run, (0, 2), False, "out/run.nc", "0"),
+        ("a mistake without stderr", ["run", "nowhere.yaml", "-o", "out"], (2,), False, "", "2"), ("kid without stderr", ["kid", "case", "-o", "out"], (2,), False, "out", "0"), ("score without stderr", ["score", "run.nc", "seen.csv", "--no-figure", "-o", "out"], (2,), False, "out/score.json", "0"), ("doctor without stderr", ["doctor", "ocean.nc"], (2,), False, "", "0"), ("run without stdin and stderr", run, (0, 2), False, "out/run.nc", "0"),
     ):  # fmt: skip
         yield Kind(f, name, closed(arguments, numbers, pipe), (), False, Truth(done(file, code)), (), None, SOON)
 

@@ -135,3 +135,12 @@ def test_coupling_cases_are_read(shared: Path) -> None:
         assert namelist.coupled
         assert namelist.driver.whole("nsteps") == 40
         assert any(line.startswith("add_weight_to_ocean = True (default): honoured") for line in namelist.report())
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_a_byte_order_mark_hides_no_group(tmp_path: Path, ends: str) -> None:
+    """The first group was "missing" with it."""
+    text = ends.join(["\ufeff&icebergs_driver_nml", " ni=2, nj=3", "/", "&icebergs_nml", " spring_coef = 2.", "/", ""])
+    (tmp_path / "input.nml").write_bytes(text.encode())
+    found = read_namelist(tmp_path / "input.nml")
+    assert (found.driver.whole("nj"), found.icebergs.number("spring_coef")) == (3, 2.0)

@@ -156,6 +156,14 @@ def test_switches(tmp_path: Path) -> None:
     assert p.grounding.on_substeps
 
 
+@pytest.mark.parametrize("density", [0.85, 85.0, 8.5e-4])
+def test_a_density_in_other_units_is_refused(tmp_path: Path, density: float) -> None:
+    with pytest.raises(
+        NamelistError, match=r"input.nml, &icebergs_nml: rho_bergs = .* is no density of ice.*in kg m-3"
+    ):
+        mapped(tmp_path, rho_bergs=density)
+
+
 def test_impossible_value_names_the_entry(tmp_path: Path) -> None:
     with pytest.raises(NamelistError, match=r"input.nml, &icebergs_nml: gives ice.density(: | = )1100.0"):
         mapped(tmp_path, rho_bergs=1100.0)

@@ -23,7 +23,7 @@ REAL = (np.nan, np.inf, -1e300)
 HARMLESS = {
     # Identifiers may have gaps of any size below 2**62.
     ("element_id", 2**31), ("bond_id", 2**31), ("extra/next_element", 2**31), ("extra/next_bond", 2**31),
-    ("extra/rigid_left_id", 2**31), ("element_entered", 2**31), ("extra/exchange_counter", 2**31),
+    ("element_entered", 2**31), ("extra/exchange_counter", 2**31),
     # A value at the keel that is missing, and a bond that holds.
     ("element_start_year", -5),
     *(((f"element_keel_{name}"), "nan") for name in ("temperature", "salinity")), ("bond_break_time", "nan"),
@@ -199,3 +199,36 @@ def test_restarts_of_every_scheme_are_taken(scheme: str, tmp_path: Path) -> None
     other = Model.resume(path, ocean())
     other.advance(steps=1)
     np.testing.assert_array_equal(other.elements.lon, model.elements.lon)
+
+
+@pytest.mark.parametrize(
+    "name", ["rigid_pose", "rigid_left_lon", "motion_ledger", "next_element", "record_times", "life_ledger"]
+)
+def test_an_array_that_the_run_needs_and_that_is_gone_is_missed(file: Path, name: str) -> None:
+    """Without the pose of the bodies the run went on, from bodies made anew, and not bit for bit."""
+    with netCDF4.Dataset(file, "a") as ds:
+        found = next(n for n in ds["extra"].variables if n.startswith(name))
+        ds["extra"].renameVariable(found, "a_users_own")
+    with pytest.raises(InputError, match=f"variable extra/{found} is missing"):
+        load_state(file)
+
+
+@pytest.mark.parametrize("name", ["rigid_left_id", "record_rows_of_elements", "record_rows_of_bonds"])
+def test_identifiers_stand_once_and_are_some_that_were_given(file: Path, name: str) -> None:
+    with netCDF4.Dataset(file, "a") as ds:
+        name = next(n for n in ds["extra"].variables if n.startswith(name))
+        values = np.array(ds["extra"][name][...])
+        ds["extra"][name][1] = values[0]
+    with pytest.raises(InputError, match=f"extra/{name}.*two entries are the same"):
+        load_state(file)
+    with netCDF4.Dataset(file, "a") as ds:
+        ds["extra"][name][1] = 10**9
+    with pytest.raises(InputError, match=rf"extra/{name}.*entry 2 is 1e\+09, not a whole number from 0 to"):
+        load_state(file)
+
+
+@pytest.mark.parametrize(("name", "value"), [("cell_i", 10**9), ("cell_j", 10**8), ("cell_j", -2)])
+def test_cells_that_no_grid_has_are_refused_without_a_grid_too(file: Path, name: str, value: int) -> None:
+    spoil(file, f"element_{name}", value)
+    with pytest.raises(InputError, match=f"element_{name}.*not a whole number from -1 to 1000000"):
+        load_state(file)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Unpack
 
 import numpy as np
+import shapely
+import shapely.affinity
 
 from riftberg.bergs import fields
 from riftberg.bergs import outline as outlines
@@ -27,7 +29,6 @@ from riftberg.bergs.keys import (
     LatticeRows,
     PointOptions,
     Rectangle,
-    RectangleOptions,
     ShapeOptions,
     TableOptions,
     berg_options,
@@ -76,6 +77,8 @@ class Iceberg(BondedBerg):
         Ice density, kg m-3.
     bergs : tuple of (str, int)
         Name and number of elements of each berg, in the order of the rows; empty for one without a name.
+    outlines : tuple of shapely polygons
+        Outline of the ice in the coordinates of the elements, where one is known; ``bonds.elasticity: cells`` fills it.
 
     Examples
     --------
@@ -126,8 +129,8 @@ class Iceberg(BondedBerg):
         repair : bool
             Mend an outline that crosses itself instead of refusing it.
         **options
-            Radius, packing, density, velocity, spin, radius of the sphere; rotation, shift, placement, offset, conformal
-            (`riftberg.bergs.keys.BergOptions`). The report gives areas on the sphere, not on the
+            Radius, packing, density, velocity, spin, radius of the sphere; rotation, shift, placement, offset, lattice_angle,
+            conformal (`riftberg.bergs.keys.BergOptions`). The report gives areas on the sphere, not on the
             ellipsoid of a chart (0.7 % less at 55 S for the radius of the A68a experiment).
 
         Raises
@@ -144,7 +147,7 @@ class Iceberg(BondedBerg):
         )
         region = outline_region(geometry, plane)
         with placed_in(where):
-            lattice = fill(region, settings.radius, settings.packing, settings.offset)
+            lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         centre = plane.forward(np.array([geometry.centroid.x]), np.array([geometry.centroid.y]))
         heights = thickness_at(settings.thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
         moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), settings.placement, settings.shift)
@@ -152,8 +155,12 @@ class Iceberg(BondedBerg):
         report: dict[str, Any] = {
             "source": where, "feature": chosen.label(), "outline_area": region.area, "outline_pieces": region.pieces,
         }  # fmt: skip
-        settings = settings.model_copy(update={"thickness": heights, "pieces": region.piece_of(lattice)})
-        return cls._placed(x + centre[0], y + centre[1], moved, settings, report)
+        settings = settings.model_copy(
+            update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
+        )
+        flat = shapely.transform(geometry, plane.forward, interleaved=False)
+        ice = shapely.affinity.rotate(flat, settings.rotation, origin=tuple(np.ravel(centre)))
+        return cls._placed(x + centre[0], y + centre[1], moved, settings, report, ice)
 
     @classmethod
     def from_mask(
@@ -217,7 +224,7 @@ class Iceberg(BondedBerg):
             ice, lambda b, c: filling_plane(b, c, settings.conformal, settings.earth_radius)
         )
         with placed_in(mask.name):
-            lattice = fill(region, settings.radius, settings.packing, settings.offset)
+            lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         ice_itself = unbroken(mask, ice_cells(mask, threshold)).above(threshold) if thickness is None else None
         heights = thickness_at(
             settings.thickness if ice_itself is None else ice_itself,
@@ -226,7 +233,9 @@ class Iceberg(BondedBerg):
         )
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
         x, y = turned(lattice.x - cx, lattice.y - cy, settings.rotation)
-        settings = settings.model_copy(update={"thickness": heights, "pieces": region.piece_of(lattice)})
+        settings = settings.model_copy(
+            update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
+        )
         moved = centroid_moved(plane_of, centroid, settings.placement, settings.shift)
         report = {"source": mask.name, "outline_area": region.area, "outline_pieces": region.pieces}
         return cls._placed(x + cx, y + cy, moved, settings, report)
@@ -254,8 +263,8 @@ class Iceberg(BondedBerg):
         radius : float, optional
             Radius of the elements, m; another than ``table_radius`` fills the union of the table's cells anew.
         thickness, **options
-            Packing, density, velocity, spin, rotation, conformal, latlon, earth_radius, as in `from_outline`; ``thickness``
-            may be one value per element.
+            Packing, density, velocity, spin, rotation, offset, lattice_angle, conformal, latlon, earth_radius, as in
+            `from_outline`; ``thickness`` may be one value per element.
         """
         settings = berg_options(options, TableOptions, thickness, placement=placement)
         table_radius = given(table_radius, LatticeRows, "cell_radius", where="table_radius", kind=BergError)
@@ -264,9 +273,10 @@ class Iceberg(BondedBerg):
             settings = settings.model_copy(update={"radius": table_radius})
         column, row = cells_of_rows(rows)
         region = cells_region(column, row, 2.0 * table_radius)
-        lattice = fill(region, settings.radius, settings.packing)
+        lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         centre = (2.0 * table_radius * (column.mean() + 0.5), 2.0 * table_radius * (row.mean() + 0.5))
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
+        settings = settings.model_copy(update={"radius": radius})
         report = {"source": "table of lattice rows", "outline_area": region.area}
         return cls._about(x, y, settings, report)
 
@@ -278,7 +288,7 @@ class Iceberg(BondedBerg):
         *,
         thickness: Any,
         placement: tuple[float, float] = (0.0, 0.0),
-        **options: Unpack[RectangleOptions],
+        **options: Unpack[TableOptions],
     ) -> Iceberg:
         """Build an idealised rectangular berg.
 
@@ -289,17 +299,19 @@ class Iceberg(BondedBerg):
         placement : tuple of float
             Longitude and latitude (x and y in m if not ``latlon``) of the centre.
         thickness, **options
-            Radius, packing, density, velocity, spin, rotation, offset, conformal, latlon, earth_radius, as in `from_outline`;
-            ``thickness`` may be one value per element.
+            Radius, packing, density, velocity, spin, rotation, offset, lattice_angle, conformal, latlon, earth_radius, as in
+            `from_outline`; ``thickness`` may be one value per element.
         """
-        settings = berg_options(options, RectangleOptions, thickness, placement=placement)
+        settings = berg_options(options, TableOptions, thickness, placement=placement)
         length = given(length, Rectangle, "length", kind=BergError)
         width = given(width, Rectangle, "width", kind=BergError)
         region = rectangle_region(length, width)
-        lattice = fill(region, settings.radius, settings.packing, settings.offset)
+        lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         x, y = turned(lattice.x, lattice.y, settings.rotation)
+        settings = settings.model_copy(update={"radius": radius})
         report = {"source": f"rectangle {length:g} m x {width:g} m", "outline_area": region.area}
-        return cls._about(x, y, settings, report)
+        ice = shapely.affinity.rotate(shapely.box(*region.bounds), settings.rotation, origin=(0.0, 0.0))
+        return cls._about(x, y, settings, report, ice)
 
     @classmethod
     def from_points(
@@ -311,6 +323,7 @@ class Iceberg(BondedBerg):
         static: Any = False,
         bond_length: float | None = None,
         period: float = 0.0,
+        outline: Any = None,
         **options: Unpack[PointOptions],
     ) -> Iceberg:
         """Build a berg from the positions of its elements, which stay exactly where they are.
@@ -327,6 +340,8 @@ class Iceberg(BondedBerg):
             Bond elements closer than this (m) instead of closer than 1.25 (R1 + R2).
         period : float
             Zonal period in degrees (m if not ``latlon``); 0 if there is none.
+        outline : geometry, dict or array_like, optional
+            Outline of the ice (polygon) in the coordinates of the elements, for ``bonds.elasticity: cells``.
         **options
             Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius
             and velocity may be arrays, and elements of different pieces are not bonded, however close they are.
@@ -340,9 +355,13 @@ class Iceberg(BondedBerg):
         lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
         if lon.shape != lat.shape or lon.ndim != 1:
             raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
-        return cls._of_points(
+        berg = cls._of_points(
             lon, lat, settings, static=static, rule=BondRule(bond_length, settings.packing), period=period
         )
+        if outline is None:
+            return berg
+        ice = outlines.select_outline(outlines.read_features(outline), where="outline").geometry
+        return replace(berg, outlines=tuple(getattr(ice, "geoms", [ice])))
 
     @classmethod
     def join(cls, bergs: Sequence[Iceberg] | Mapping[str, Iceberg], names: Sequence[str] | None = None) -> Iceberg:
@@ -456,21 +475,25 @@ class Iceberg(BondedBerg):
         )  # fmt: skip
 
     @classmethod
-    def _about(cls, x: Floats, y: Floats, settings: BergOptions, report: dict[str, Any]) -> Iceberg:
+    def _about(
+        cls, x: Floats, y: Floats, settings: BergOptions, report: dict[str, Any], outline: Any = None
+    ) -> Iceberg:
         """Place points given about the origin around a centre."""
         assert settings.placement is not None
         if not settings.latlon:
-            berg = cls._of_points(x + settings.placement[0], y + settings.placement[1], settings)
-            return berg._reported(report)
+            east, north = settings.placement
+            berg = cls._of_points(x + east, y + north, settings)
+            return berg._reported(report)._within(outline, lambda a, b: (a + east, b + north))
         plane: FillingPlane = EqualAreaPlane(*settings.placement, settings.earth_radius)
         if not settings.conformal:
             plane = ReferencePlane(*settings.placement, settings.placement[1], settings.earth_radius)
-        return cls._placed(x, y, plane, settings, report)
+        return cls._placed(x, y, plane, settings, report, outline)
 
     @classmethod
     def _placed(
-        cls, x: Floats, y: Floats, plane: FillingPlane, settings: BergOptions, report: dict[str, Any]
-    ) -> Iceberg:
+        cls, x: Floats, y: Floats, plane: FillingPlane, settings: BergOptions, report: dict[str, Any],
+        outline: Any = None,
+    ) -> Iceberg:  # fmt: skip
         """Bring plane points to the sphere, without strain if ``settings.conformal``."""
         lon, lat = plane.inverse(x, y)
         berg = cls._of_points(lon, lat, settings)
@@ -478,4 +501,12 @@ class Iceberg(BondedBerg):
             rest = np.full(len(berg.bonds.first), 2.0 * berg.radius)
             lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, settings.earth_radius))
             berg = cls._of_points(lon, lat, settings)
-        return berg._reported(report)
+        return berg._reported(report)._within(outline, plane.inverse)
+
+    def _within(self, outline: Any, placed: Callable[[Floats, Floats], tuple[Floats, Floats]]) -> Iceberg:
+        """Return the berg with its outline on a plane (m), brought to the coordinates of the elements."""
+        if outline is None:
+            return self
+        # Straight sides of the plane are none in longitude and latitude: they get points as dense as the elements.
+        there = shapely.transform(shapely.segmentize(outline, 2.0 * self.radius), placed, interleaved=False)
+        return replace(self, outlines=tuple(getattr(there, "geoms", [there])))

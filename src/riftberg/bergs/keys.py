@@ -20,22 +20,6 @@ from riftberg.errors import BergError
 from riftberg.parameters import Packing
 
 
-class BergKeys(Section):
-    """Thickness, elements, place and motion of a berg of any shape."""
-
-    thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
-    radius: float = key(1500.0, "m", "half the width of an element", gt=0, le=1e6)
-    packing: Packing = key("square", "", "square or hexagonal elements")
-    placement: Position | None = key(None, "degree", "longitude and latitude of the centre", **PLACE)
-    rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
-    shift: Shift = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
-    velocity: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
-    # A turn in ten minutes: a slip of units, such as degrees a day taken for rad/s.
-    spin: Annotated[float, at_most(0.01, "rad s-1")] = key(
-        0.0, "rad s-1", "angular velocity at the start, counter-clockwise"
-    )
-
-
 def _within_a_pitch(offset: Pair) -> Pair:
     """Refuse a longer shift of the lattice, which would leave a strip of the outline empty."""
     if not all(0.0 <= part <= 1.0 for part in offset):
@@ -44,6 +28,31 @@ def _within_a_pitch(offset: Pair) -> Pair:
             "Allowed: 2 numbers from 0 to 1, parts of the distance between neighbouring elements",
         )
     return offset
+
+
+LATTICE = frozenset({"lattice_angle", "offset"})
+"""Keys that say how the lattice lies in an outline."""
+
+
+class BergKeys(Section):
+    """Thickness, elements, place and motion of a berg of any shape."""
+
+    thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
+    radius: float = key(1500.0, "m", "half the width of an element", gt=0, le=1e6)
+    packing: Packing = key("square", "", "square or hexagonal elements")
+    lattice_angle: float = key(0.0, "degree", "turn of the lattice inside of the outline, counter-clockwise")
+    # By default the shift with which the centre of the elements comes nearest to that of the outline.
+    offset: Annotated[Pair, AfterValidator(_within_a_pitch)] | None = key(
+        None, "", "shift of the lattice inside of the outline, in parts of the distance between its rows"
+    )
+    placement: Position | None = key(None, "degree", "longitude and latitude of the centre", **PLACE)
+    rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
+    shift: Shift = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
+    velocity: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
+    # A turn in ten minutes: a slip of units, such as degrees a day taken for rad/s.
+    spin: Annotated[float, at_most(0.01, "rad s-1")] = key(
+        0.0, "rad s-1", "angular velocity at the start, counter-clockwise"
+    )
 
 
 class BergOptions(BergKeys):
@@ -55,10 +64,6 @@ class BergOptions(BergKeys):
     earth_radius: float = key(EARTH_RADIUS_A68, "m", "radius of the sphere", gt=0)
     latlon: bool = key(True, "", "positions are degrees, otherwise metres")
     pieces: Any = None  # piece of each element; elements of different pieces are not bonded
-    # By default the shift of the lattice with the smallest error of area.
-    offset: Annotated[Pair, AfterValidator(_within_a_pitch)] | None = key(
-        None, "", "shift of the lattice as parts of its pitch"
-    )
     conformal: bool = key(True, "", "bonds start without strain; false is the rule of the reference (files 8.3)")
 
 
@@ -80,6 +85,7 @@ class ShapeOptions(MaterialOptions, total=False):
     shift: tuple[float, float]
     placement: tuple[float, float] | None
     offset: tuple[float, float] | None
+    lattice_angle: float
     conformal: bool
 
 
@@ -87,14 +93,10 @@ class TableOptions(MaterialOptions, total=False):
     """What `Iceberg.from_table` takes."""
 
     rotation: float
+    lattice_angle: float
+    offset: tuple[float, float] | None
     conformal: bool
     latlon: bool
-
-
-class RectangleOptions(TableOptions, total=False):
-    """What `Iceberg.rectangle` takes."""
-
-    offset: tuple[float, float] | None
 
 
 class PointOptions(TypedDict, total=False):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,22 +103,25 @@ def lattice_points(
     return Lattice(*places, column.astype(np.int64), row.astype(np.int64)).where(inside)
 
 
-def fill(region: Region, radius: float, packing: Packing, offset: tuple[float, float] | None = None) -> Lattice:
-    """Fill a region with the elements whose centres lie in it."""
+def fill(
+    region: Region, radius: float, packing: Packing, offset: tuple[float, float] | None = None, angle: float = 0.0, *,
+    stretched: bool = True,
+) -> tuple[Lattice, float]:  # fmt: skip
+    """Fill a region with the elements whose centres lie in it, and with its area.
+
+    The lattice is turned by ``angle`` (degrees, counter-clockwise), shifted by ``offset`` (parts of its pitch; by default the
+    shift that fits best), and stretched until the area of the elements is that of the region, unless told not to. Returns the
+    lattice and the radius (m) of its elements, which is ``radius`` where that fits already.
+    """
     if not radius > 0 or not math.isfinite(radius):
         raise BergError(f"radius is {radius} m", remedy="Give a positive radius in metres, for example 1500")
     _check_size(region, radius, packing)
     parts = [k / OFFSETS_TRIED for k in range(OFFSETS_TRIED)]
     tried = [(a, b) for a in parts for b in parts] if offset is None else [offset]
-    best, best_misfit = None, math.inf
-    for shift in tried:
-        lattice = lattice_points(region.bounds, radius, packing, shift)
-        lattice = lattice.where(region.inside(lattice.x, lattice.y))
-        misfit = _misfit(lattice, region, element_area(radius, packing)) if len(lattice) else math.inf
-        if misfit < best_misfit - 1e-9:  # equal fits keep the first shift
-            best, best_misfit = lattice, misfit
+    found = [(shift, _filled(region, radius, packing, shift, angle)) for shift in tried]
+    fits = [(_misfit(lattice, region, radius, packing), k) for k, (_, lattice) in enumerate(found) if len(lattice)]
     one = element_area(radius, packing)
-    if best is None or region.area < one:
+    if not fits or region.area < one:
         x0, y0, x1, y1 = region.bounds
         fault, wide = f"is smaller than one element ({one / 1e6:.4g} km2)", math.sqrt(region.area)
         if region.area >= one:
@@ -126,7 +129,79 @@ def fill(region: Region, radius: float, packing: Packing, offset: tuple[float, f
         raise BergError(
             f"the outline ({region.area / 1e6:.4g} km2) {fault}", remedy=f"Give a radius below {0.2 * wide:.3g} m"
         )
-    return along(best)
+    # Equal fits keep the first shift.
+    best = [found[k] for _, k in sorted((round(misfit, 9), k) for misfit, k in fits)]
+    if not stretched:
+        return along(best[0][1]), radius
+    # All shifts of a small lattice are stretched, the three that fit best of a large one.
+    most = max(3, MOST_STRETCHED // len(best[0][1]))
+    made = [_with_area_of(region, lattice, radius, packing, shift, angle) for shift, lattice in best[:most]]
+    lattice, own = min(made, key=lambda one: round(_misfit(one[0], region, one[1], packing), 9))
+    return along(lattice), own
+
+
+def _filled(region: Region, radius: float, packing: Packing, shift: tuple[float, float], angle: float) -> Lattice:
+    """Return the lattice points in a region, the lattice turned by an angle (degrees) about the middle of its box."""
+    if angle == 0.0:
+        lattice = lattice_points(region.bounds, radius, packing, shift)
+    else:
+        x0, y0, x1, y1 = region.bounds
+        x, y, c, s = 0.5 * (x0 + x1), 0.5 * (y0 + y1), math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        # The box of the region as the turned lattice sees it.
+        wide, high = 0.5 * (abs(c) * (x1 - x0) + abs(s) * (y1 - y0)), 0.5 * (abs(s) * (x1 - x0) + abs(c) * (y1 - y0))
+        own = lattice_points((-wide, -high, wide, high), radius, packing, shift)
+        lattice = replace(own, x=x + c * own.x - s * own.y, y=y + s * own.x + c * own.y)
+    return lattice.where(region.inside(lattice.x, lattice.y))
+
+
+MOST_STRETCHED = 100_000
+"""Elements of all shifts together that are stretched to the area of the outline before the best is chosen."""
+
+MOST_STRETCH = 0.1
+"""Part by which the distance of elements may be changed so that they have the area of the outline."""
+
+STRETCH_STEP = 0.005
+"""Part by which it is changed at first, until the area changes from too large to too small or back."""
+
+
+def _with_area_of(
+    region: Region, lattice: Lattice, radius: float, packing: Packing, shift: tuple[float, float], angle: float
+) -> tuple[Lattice, float]:
+    """Return the lattice whose elements have the area of the region, and their radius, the nearest to ``radius`` (m).
+
+    Area over radius is a saw: it grows as elements grow, and drops where one leaves the outline. Between a radius with too small
+    and one with too large an area bisection therefore ends on a slope, where the number of elements gives the radius. Where
+    none is found (an outline one or two elements wide), the lattice stays as it is.
+    """
+
+    def excess(count: int, r: float) -> float:
+        return count * element_area(r, packing) / region.area - 1.0
+
+    start = excess(len(lattice), radius)
+    if abs(start) < 1e-9:
+        return lattice, radius
+    inner, many, away = radius, len(lattice), -STRETCH_STEP if start > 0.0 else STRETCH_STEP
+    for k in range(1, round(MOST_STRETCH / STRETCH_STEP) + 1):
+        outer = radius * (1.0 + k * away)
+        few = len(_filled(region, outer, packing, shift, angle))
+        if (excess(few, outer) > 0.0) != (start > 0.0):
+            break
+        inner, many = outer, few
+    else:
+        return lattice, radius
+    for _ in range(40):
+        if many == few:
+            fitting = math.sqrt(region.area / (many * element_area(1.0, packing)))
+            fitted = _filled(region, fitting, packing, shift, angle)
+            if len(fitted) == many:
+                return fitted, fitting
+        middle = 0.5 * (inner + outer)
+        count = len(_filled(region, middle, packing, shift, angle))
+        if (excess(count, middle) > 0.0) == (start > 0.0):
+            inner, many = middle, count
+        else:
+            outer, few = middle, count
+    return lattice, radius
 
 
 _SPARSE = 50
@@ -146,8 +221,9 @@ def _check_size(region: Region, radius: float, packing: Packing) -> None:
     check_elements((x1 - x0) * (y1 - y0) / size / _SPARSE, kind=BergError)
 
 
-def _misfit(lattice: Lattice, region: Region, area: float) -> float:
+def _misfit(lattice: Lattice, region: Region, radius: float, packing: Packing) -> float:
     """Relative error of the area plus distance of the centroids relative to the size of the region."""
+    area = element_area(radius, packing)
     off_centre = math.hypot(lattice.x.mean() - region.centroid[0], lattice.y.mean() - region.centroid[1])
     return abs(len(lattice) * area / region.area - 1.0) + off_centre / math.sqrt(region.area)
 

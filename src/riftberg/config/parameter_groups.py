@@ -17,6 +17,7 @@ from riftberg.system.input_files import value_shown
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
+Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["linear", "quadratic"]
 Criterion = Literal["bond", "averaged", "toughness"]
 Packing = Literal["square", "hexagonal"]
@@ -197,6 +198,12 @@ class BondParameters(Group):
 
     law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "equations 5")
     packing: Packing = quantity("square", "", "square or hexagonal elements", "equations 1.4")
+    elasticity: Elasticity = quantity(
+        "bonds",
+        "",
+        "what is elastic: the bonds, or (with quasi_static) the ice of the cells, as a solid that is alike in all directions",
+        "equations 5; cells: Argyris 1964, Hughes and Brezzi 1989",
+    )
     spring: float | None = quantity(
         None,
         "s-2",
@@ -580,6 +587,13 @@ class Compatibility(Group):
         False, "", "contact inside a berg is damped explicitly: unstable beyond about 0.2 / sqrt(k)", "equations 5.5"
     )
     frozen_sea_ice_drag: bool = quantity(False, "", "Q36: motionless sea ice exerts no drag", "equations 4.1")
+    forces_by_element: bool = quantity(
+        False,
+        "",
+        "Q34: each element feels waves as a berg of its own, inner ones too, and drag on as many sides as no bond covers; "
+        "drift then depends on the size of the elements",
+        "equations 4.1",
+    )
     rest_length_from_sizes: bool = quantity(
         False,
         "",
@@ -679,6 +693,7 @@ class Compatibility(Group):
             "uncentred_half_kicks": True,
             "explicit_contact_damping": True,
             "frozen_sea_ice_drag": True,
+            "forces_by_element": True,
             "rest_length_from_sizes": True,
             "bergs_coupled": True,
             "bits_melt_at_zero_rates": True,

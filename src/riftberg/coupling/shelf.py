@@ -283,7 +283,8 @@ class IceShelf:
         if self.grid.arrays.latlon:
             return Iceberg.from_outline(geometry, thickness=height, earth_radius=self.grid.earth_radius, **options)
         region = outline_region(geometry, EqualAreaPlane(0.0, 0.0, self.grid.earth_radius, False))
-        lattice = fill(region, options["radius"], options["packing"])
+        lattice, radius = fill(region, options["radius"], options["packing"])
+        options = {**options, "radius": radius}
         return Iceberg.from_points(
             lattice.x, lattice.y, thickness=height, latlon=False, pieces=region.piece_of(lattice), **options
         )

@@ -47,6 +47,7 @@ from riftberg.stepping.forces import media
 from riftberg.stepping.forces.implicit_velocity import apply_at_velocities
 from riftberg.stepping.forces.media import allocate_surroundings, find_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.fragments.outline import measure_outlines
 
 _WORDS: Final = {
     "water": "ocean drag",
@@ -112,6 +113,7 @@ def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
             stored = run[name].isel(time=record) if "time" in run[name].dims else run[name]
             getattr(el, v.name)[:] = stored.values
     el.u[:], el.v[:] = el.u_sync, el.v_sync
+    measure_outlines(el, p)
     return el
 
 

@@ -111,7 +111,9 @@ def _table(path: Path) -> Observations:
         raise _unknown(path, rows[0], "no column of dates")
     if any(name in rows[0] for name in _VERTEX):
         return Observations(path.name, outlines=_without_twins(_vertices(path, rows, date)))
-    fixes = list(_fixes(path, rows, date))
+    fixes = [
+        *{(f.name, f.when, f.lon, f.lat, f.interpolated): f for f in _fixes(path, rows, date)}.values()
+    ]  # once each
     if not fixes:
         raise InputError(
             "no position that is a number", where=str(path), remedy="Give latitude and longitude in degrees"
@@ -179,16 +181,36 @@ def _without_twins(outlines: Iterable[Outline]) -> list[Outline]:
 
 def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Outline]:
     lat, lon = _plain_columns(path, rows[0])
-    name = next((n for n in NAMES if n in rows[0]), "")
-    groups: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    name, vertex = (next((n for n in names if n in rows[0]), "") for names in (NAMES, _VERTEX))
+    groups: dict[tuple[str, str], list[Corner]] = {}
     for number, row in enumerate(rows):
         key = row.get(date, ""), row.get(name, "")
         groups.setdefault(key, []).append(
-            (_number_of_row(row, lon, path, number), _number_of_row(row, lat, path, number))
+            (row.get(vertex, ""), _number_of_row(row, lon, path, number), _number_of_row(row, lat, path, number))
         )
-    for (day, berg), points in groups.items():
+    for (day, berg), corners in groups.items():
         when, day_only = _date_of_text(day, date, str(path))
-        yield Outline(berg, when, day_only, checked_ring(points, f"{path}, {day}"))
+        where = f"{path}, {' '.join(filter(None, [day, berg]))}"
+        yield Outline(berg, when, day_only, checked_ring(_by_number(corners, where), where))
+
+
+Corner = tuple[str, float, float]
+"""Number of a corner as it is written, longitude and latitude."""
+
+
+def _by_number(corners: list[Corner], where: str) -> list[tuple[float, float]]:
+    """Return the positions of corners in the order of their numbers; without numbers in that of the file."""
+    corners = list(dict.fromkeys(corners))  # a row that stands twice, as the one that closes the ring
+    try:
+        numbers = [float(number) for number, _, _ in corners]
+    except ValueError:
+        return [(lon, lat) for _, lon, lat in corners]
+    if len(set(numbers)) < len(numbers):
+        raise InputError(
+            "two corners of one outline have the same number", where=where,
+            remedy="Number them in their order; several outlines of a date need a column 'berg'",
+        )  # fmt: skip
+    return [(lon, lat) for _, (_, lon, lat) in sorted(zip(numbers, corners, strict=True))]
 
 
 def _date_of_text(text: str, column: str, where: str) -> tuple[datetime, bool]:

@@ -18,7 +18,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import shapely
 import xarray as xr
+from shapely import Polygon, make_valid
 from shapely.affinity import translate
+from shapely.validation import explain_validity
 
 from riftberg.bergs.outline import TALLEST, read_features
 from riftberg.bergs.raster import Raster, read_raster
@@ -40,6 +42,9 @@ NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
 
 SMALLEST: Final = 0.005
 """Pieces of a mask below this part of all ice of their date are left out: single cells are no bergs."""
+
+CROSSED: Final = 0.02
+"""Part of its area that an outline may have in loops that cross: hand-drawn ones have small ones."""
 
 _MOST: Final = 500
 """Most pieces that whole numbers may tell apart; with more of them it is no mask but a depth or a height."""
@@ -81,6 +86,12 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
         raise InputError(
             f"an outline over {np.ptp(ring[:, 1]):.3g} degrees of latitude", where=where,
             remedy="No berg is that long: look for a missing sign, or swapped longitude and latitude",
+        )  # fmt: skip
+    drawn = Polygon(np.column_stack([np.unwrap(ring[:, 0], period=360.0), ring[:, 1]]))
+    if not drawn.is_valid and abs(drawn.area / make_valid(drawn).area - 1.0) > CROSSED:
+        raise InputError(
+            f"an outline that crosses itself ({explain_validity(drawn)})", where=where,
+            remedy="Give its corners in their order around the berg",
         )  # fmt: skip
     return ring
 

@@ -68,7 +68,8 @@ def a68a_berg(
             A68A_ROWS, placement=(_into(lon0, west), lat0), table_radius=A68A_RADIUS, radius=radius, **body
         )
     else:
-        lon, lat = _published_positions(along(fill(region, radius, packing)), position, column, row)
+        lattice, _ = fill(region, radius, packing, stretched=False)
+        lon, lat = _published_positions(along(lattice), position, column, row)
         berg = Iceberg.from_points(_into(lon, west), lat, radius=radius, **body)
     made = {
         "source": "A68a, 9 December 2020 (Huth et al. 2022)",

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from riftberg.bergs.keys import BergKeys, FieldOfBergs, LatticeRows, Rectangle
+from riftberg.bergs.keys import LATTICE, BergKeys, FieldOfBergs, LatticeRows, Rectangle
 from riftberg.config.sections import Pair, Section, key
 from riftberg.config.values import (
     NORTHERNMOST,
@@ -137,10 +137,10 @@ class Berg(BergKeys):
         extra = sorted(self.model_fields_set - {"field", "thickness", "velocity"})
         if shapes[0] == "field" and extra:
             raise ValueError(f"a field of bergs has no {extra[0]}; beside field it may have thickness and velocity")
-        placed = sorted(self.model_fields_set & {"thickness", "placement", "rotation", "shift"})
+        placed = sorted(self.model_fields_set & {"thickness", "placement", "rotation", "shift", *LATTICE})
         if shapes[0] == "shelf" and placed:
             raise ValueError(
-                f"a berg from a shelf has no {placed[0]}: it is as thick as the shelf, and lies where that is"
+                f"a berg from a shelf has no {placed[0]}: thickness, place and lattice are those of the shelf"
             )
         return self
 

@@ -208,7 +208,7 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
     common: dict[str, Any] = {
         "thickness": thickness, "radius": berg.radius, "packing": berg.packing, "density": parameters.ice.density,
         "velocity": berg.velocity, "spin": berg.spin, "rotation": berg.rotation,
-        "earth_radius": parameters.earth.radius,
+        "earth_radius": parameters.earth.radius, "lattice_angle": berg.lattice_angle, "offset": berg.offset,
     }  # fmt: skip
     if berg.outline is not None:
         outline = berg.outline

@@ -119,7 +119,7 @@ class HourlyFile:
             place = f"in row {j + 1}, column {i + 1} ({g.lon[j + halo, i + halo]:g}, {g.lat[j + halo, i + halo]:g})"
             if math.isfinite(value):
                 what = f"{name} = {value:g} {place} is not plausible: the most is {limit:g} {unit}"
-                remedy = f"Write {name} in {unit}, declare what is missing as _FillValue, {MEANT}"
+                remedy = f"Check its units and write {name} in {unit}, declare what is missing as _FillValue, {MEANT}"
             else:
                 what = f"{name} = {value:g} {place} is no number, and not declared as missing"
                 remedy = (

@@ -101,6 +101,8 @@ class Clock:
 _FOLDERS: Final = ("restart_input_dir", "data_dir")
 
 _REMEDY: Final = "A KID run folder holds input.nml"
+_MARK: Final = "\xef\xbb\xbf"
+"""Byte order mark of UTF-8, as the file is read, which editors of Windows write."""
 _CONTROL: Final = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _ASSIGNED: Final = re.compile(r"(?:^|[\s,])([A-Za-z]\w*)\s*(?:\([^()=]*\)\s*)?=", re.MULTILINE)
 _REPEATED: Final = re.compile(r"(?<![\w.])(\d{3,})\*")
@@ -190,7 +192,7 @@ def read_namelist(path: Path) -> KidNamelist:
     """Read a KID namelist file."""
     path = check_file(path, most=MOST_YAML, remedy=_REMEDY, kind=NamelistError)
     with reading(path, "cannot be read", _REMEDY, NamelistError):
-        text = path.read_text(encoding="latin-1")
+        text = path.read_text(encoding="latin-1").removeprefix(_MARK)
     odd = _CONTROL.search(text)
     if odd:
         line = text.count("\n", 0, odd.start()) + 1

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from riftberg.errors import InputError
 from riftberg.kid.namelist import KidNamelist, NamelistGroup, check_supported
+from riftberg.kid.restart import DENSITIES
 from riftberg.parameters import Compatibility, Parameters, Scheme
 from riftberg.stepping.speed_limit import DEBRIS_SPEED
 from riftberg.system.limits import extreme_allowed
@@ -94,6 +95,11 @@ def is_plain_kid(group: NamelistGroup) -> bool:
 
 
 def _check_scheme(group: NamelistGroup) -> None:
+    if group.number("rho_bergs") < DENSITIES[0]:
+        raise group.error(
+            f"rho_bergs = {group.number('rho_bergs'):g} kg m-3 is no density of ice",
+            f"Give it in kg m-3: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g}",
+        )
     if group.flag("dem") and scheme(group) == "runge_kutta":
         raise group.error("dem = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
     if group.flag("footloose") and scheme(group) == "runge_kutta":

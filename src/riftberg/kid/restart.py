@@ -198,13 +198,15 @@ def _check_values(elements: Elements, path: Path, *, degrees: bool) -> None:
     """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers too."""
     fields, life = {**REQUIRED, **OPTIONAL}, elements.life
 
-    def refuse(bad: NDArray[np.bool_], values: Floats, name: str, demand: str, shown: str = "g") -> None:
+    def refuse(
+        bad: NDArray[np.bool_], values: Floats, name: str, demand: str, shown: str = "g", meant: str = ""
+    ) -> None:
         if bad.any():
             k = int(np.argmax(bad))
             raise BergError(
                 f"{name} = {values[k]:{shown}} of record {k + 1} is not {demand}",
                 where=f"{path}, variable {name}",
-                remedy="Correct the record, or remove that element",
+                remedy=f"Correct the record, or remove that element{meant}",
             )
 
     for name, field in fields.items():
@@ -215,12 +217,12 @@ def _check_values(elements: Elements, path: Path, *, degrees: bool) -> None:
         refuse(~good, values, name, demand, "")
     for name, most in _LARGEST.items():
         values = getattr(elements, fields[name])
-        refuse(np.abs(values) > most, values, name, f"at most {most:g}")
+        refuse(np.abs(values) > most, values, name, f"a number of at most {most:g}")
     speed = np.hypot(elements.u, elements.v)
     if np.median(speed) > FASTEST and not extreme_allowed():  # some may be debris that contact has flung, not most
         name = "uvel" if np.median(np.abs(elements.u)) >= np.median(np.abs(elements.v)) else "vvel"
         values = getattr(elements, REQUIRED[name])
-        refuse(speed > FASTEST, values, name, f"a speed of ice, at most {FASTEST:g} m/s, {MEANT},")
+        refuse(speed > FASTEST, values, name, f"a speed of ice, at most {FASTEST:g} m/s", meant=f", {MEANT}")
     if degrees:
         refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", "a latitude from -90 to 90")
         refuse(np.abs(elements.lon) > 720.0, elements.lon, "lon", "a longitude in degrees")

@@ -59,7 +59,7 @@ VARIABLES: Final = tuple(name for names in FILLS.values() for name in names)
 VECTORS: Final = {"uo": "vo", "ui": "vi", "ua": "va"}
 """Northward component of each vector by its eastward one."""
 
-MUST_BE_KNOWN: Final = ("uo", "ua", "ssh")
+MUST_BE_KNOWN: Final = ("uo", "vo", "ua", "va", "ssh")
 """Fields without which an element cannot start: where they are unknown there is no water, or no data."""
 
 
@@ -326,14 +326,14 @@ class DatasetForcing(DescribedForcing):
         for part, places in self._placed(elements):
             part.records.check(start, end)
             for name in part.serves:
-                self._check_known(part, name, places, elements, start)
+                for component in (name, VECTORS.get(name, "")):
+                    if component in (*MUST_BE_KNOWN, "depth_below_surface"):
+                        self._check_known(part, component, places, elements, start)
             if "uo" in part.serves and part.records.has_levels:
                 self._check_keels(part, elements)
 
     def _check_known(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
         """Refuse elements where a field is unknown, or the sea floor above the water."""
-        if name not in (*MUST_BE_KNOWN, "depth_below_surface"):
-            return
         values = _values(part, name, places, time, None)
         dry = values <= 0.0 if name == "depth_below_surface" else np.isnan(values)
         if dry.any():

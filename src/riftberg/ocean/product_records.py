@@ -174,7 +174,7 @@ class ProductRecords:
     def _read(self, first: int) -> Block:
         records = slice(first, first + self._length)
         part = self._reader(self.ds, records)
-        block = {str(name): _as_block(field) for name, field in part.data_vars.items()}
+        block = {str(name): _as_block(field, named(self.ds)) for name, field in part.data_vars.items()}
         for name, values in block.items():
             _check_not_empty(name, values, self.ds, self.dates[records])
             check_believable(name, values, part.assign_attrs(self.ds.attrs), self.dates[records])
@@ -226,11 +226,11 @@ def plane_dims(field: xr.DataArray | xr.Dataset) -> tuple[str, ...]:
     return next((plane for plane in PLANES if set(plane) <= set(field.dims)), ())
 
 
-def _as_block(field: xr.DataArray) -> Floats:
+def _as_block(field: xr.DataArray, where: str) -> Floats:
     """Return values in the order (time, level, row, column); axes that a field lacks have length 1."""
     plane = plane_dims(field)
     lead = [name for name in ("time", "depth") if name in field.dims]
-    values = np.asarray(values_of(field.transpose(*lead, *plane)), np.float64)
+    values = np.asarray(values_of(field.transpose(*lead, *plane), where), np.float64)
     shape = [field.sizes.get(name, 1) for name in ("time", "depth")]
     rows = [1] if len(plane) == 1 else []
     return np.ascontiguousarray(values.reshape(*shape, *rows, *(field.sizes[name] for name in plane)))

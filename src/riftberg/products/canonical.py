@@ -294,8 +294,14 @@ USUAL_MOST = {
 """Numbers up to these, under a smaller unit such as cm or per cent, may be meant in the canonical unit."""
 
 
+DEEPEST_KM = 12.0
+"""No sea is deeper than so many kilometres: sea floors of no larger numbers may be in kilometres."""
+
+
 def doubtful_below(name: str, units: str) -> float:
     """Return the magnitude (canonical units) up to which all of a field leaves the unit of its file in doubt; 0 for none."""
+    if name == "depth_below_surface":
+        return DEEPEST_KM * conversion(QUANTITIES[name], units, where=name)[0]
     factor = conversion(QUANTITIES[name], units, where=name)[0] if name in USUAL_MOST else 1.0
     return factor * USUAL_MOST[name] * (1.0 + 1e-6) if factor < 0.2 else 0.0
 
@@ -306,5 +312,6 @@ def small_unit(name: str, low: float, high: float, units: str) -> str:
     if not 0.0 < largest <= doubtful_below(name, units):
         return ""
     numbers = largest / conversion(QUANTITIES[name], units, where=name)[0]
-    meant = "shares of 1" if QUANTITIES[name].units == "1" else QUANTITIES[name].units
+    meant = {"1": "shares of 1"}.get(QUANTITIES[name].units, QUANTITIES[name].units)
+    meant = "km" if name == "depth_below_surface" else meant
     return f"{name} is at most {numbers:.3g} in magnitude although the file says {units}: are these {meant}?"

@@ -88,9 +88,9 @@ _ALONG_THE_GRID: dict[str, tuple[str, ...]] = {
 
 _OTHERS = re.compile(
     r"tid|stokes|geostrophic|anomaly|error|(wind|swell)_wave|gust|barotropic|(velocity|temperature|salinity)_at_sea_floor|bottom|"
-    r"westward|southward|upward_(east|north|x_|y_)|_correction_"
+    r"westward|southward|upward_(east|north|x_|y_)|_correction_|sea_surface_height_above_sea_level|steric|change"
 )
-"""Standard names of what a run does not take: parts of a current, other levels, other signs."""
+"""Standard names of what a run does not take: parts of a current or of the sea level, other levels, other signs."""
 
 _SPREADS = re.compile(
     r"\b(time|t|realization|ensemble|member|number)\s*:\s*"

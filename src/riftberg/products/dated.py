@@ -11,7 +11,7 @@ import xarray as xr
 from riftberg.errors import ForcingError
 from riftberg.products.records import MEAN_OF
 from riftberg.products.roles import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
-from riftberg.products.stated import iso_seconds
+from riftberg.products.stated import HEADINGS, MEAN_WORDS, iso_seconds
 from riftberg.products.text_dates import CALENDARS
 
 _NOT_VALID = re.compile(r"reference|initial|issue|creation|production|analysis")
@@ -189,12 +189,15 @@ def _middles(ds: xr.Dataset, dates: xr.DataArray, field: str) -> tuple[xr.DataAr
     return dates.copy(data=np.where(wide, first + lengths // 2, dates.values)), np.where(wide, seconds, 0.0)
 
 
-def declared_mean(variable: xr.DataArray) -> str:
-    """Return how a variable says that its records are means over time; empty if it does not."""
-    methods, step = (str(variable.attrs.get(key, "")) for key in ("cell_methods", "GRIB_stepType"))
+def declared_mean(ds: xr.Dataset, name: str) -> str:
+    """Return how a variable, or the heading of its file, says that its records are means over time; empty if none does."""
+    methods, step = (str(ds[name].attrs.get(key, "")) for key in ("cell_methods", "GRIB_stepType"))
     if _MEAN.search(methods):
         return f"cell_methods {methods.strip()!r}"
-    return f"GRIB_stepType {step}" if step.startswith("avg") else ""
+    if step.startswith("avg"):
+        return f"GRIB_stepType {step}"
+    headed = {key: str(ds.attrs.get(key, "")) for key in HEADINGS} if not (_POINT.search(methods) or step) else {}
+    return next((f"{key} {text[:60]!r}" for key, text in headed.items() if MEAN_WORDS.search(text)), "")
 
 
 def _with_dates(field: xr.DataArray, dates: xr.DataArray, means: Any = None) -> xr.DataArray:

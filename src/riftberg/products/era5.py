@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import xarray as xr
 
+from riftberg.products.cf import USUAL_NAMES
 from riftberg.products.product import DAY_SECONDS, Product, Source, text_of, without_single
 
 _SOURCES = (
@@ -34,7 +35,9 @@ def _matches(ds: xr.Dataset) -> bool:
         any(name.startswith("10m_u_component") for name in names)
         or "significant_height_of_combined_wind_waves_and_swell" in names
     )
-    return arco or (bool(_OWN & names) and (ecmwf or "valid_time" in ds.dims or {"u10", "v10"} <= names))
+    # By its names alone a file is one of ERA5 only where it holds nothing that ERA5 does not have.
+    bare = {"u10", "v10"} <= names and not names & (USUAL_NAMES - _OWN)
+    return arco or (bool(_OWN & names) and (ecmwf or "valid_time" in ds.dims or bare))
 
 
 def _one_version(ds: xr.Dataset) -> xr.Dataset:

@@ -22,7 +22,7 @@ from riftberg.products.cf import (
 )
 from riftberg.products.dated import dated, declared_mean
 from riftberg.products.levels import judged
-from riftberg.products.packing import VALID
+from riftberg.products.packing import VALID, without_land
 from riftberg.products.place import positioned
 from riftberg.products.product import DAY_SECONDS, Product
 from riftberg.products.records import MEAN_OF
@@ -31,6 +31,8 @@ from riftberg.products.terrain import LEVEL, on_depths
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
 _KEPT = ("time", "depth", "lat", "lon", "y", "x", "grid_angle")
+_NOT_OF_THE_SEA = frozenset({"ua", "va", "taux", "tauy", "depth_below_surface"})
+"""Fields that are known over land too."""
 
 
 def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset]:
@@ -43,7 +45,7 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     chosen = list(_chosen(ds, product, where))
     for quantity, name, remark in chosen:
         field, remarks = _canonical(ds, product, quantity, name, where)
-        means = declared_mean(ds[name]) if "time" in field.dims and MEAN_OF not in field.coords else ""
+        means = declared_mean(ds, name) if "time" in field.dims and MEAN_OF not in field.coords else ""
         key = _key(field)
         depth = field["depth"].values.tobytes() if "depth" in field.dims else b""
         if depth and levels.setdefault(key, depth) != depth:
@@ -132,6 +134,7 @@ def _canonical(
         )  # fmt: skip
     attributes = dict(ds[name].attrs)
     field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
     field, one = _one_member(ds, name, field, where)
     field, remarks = judged(ds, name, field, quantity, where=where)
@@ -144,6 +147,10 @@ def _canonical(
     field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})
     if quantity in COMPONENTS and not is_true(field, name):
         field = with_angle(ds, field, name, place, where=where)
+        if product.select is not None and not standard_name(ds[name]):
+            one.append(
+                f"{name} has no standard name: it is taken along its grid, not as a component to true east or north"
+            )
     if LEVEL in field.dims:
         field = on_depths(ds, field, _levels(ds, name), place, where=where)
     if product.select is not None and quantity == "depth_below_surface" and is_height(ds[name], name):

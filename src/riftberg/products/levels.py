@@ -160,7 +160,7 @@ def _edges(ds: xr.Dataset, axis: str) -> Floats | None:
 def _judge_single(axis: xr.DataArray, edges: Floats | None, name: str, quantity: str, where: str) -> list[str]:
     """Refuse a field on a single level elsewhere than it is needed; return a remark where the level is worth one."""
     kind, value, units = kind_of(axis), _level_value(axis), units_of(axis)
-    place = f"{axis.name} = {value:g} {units}".rstrip()
+    place = f"{axis.name} = {value:g} {units if units != '1' else ''}".rstrip()
     if quantity in WINDS:
         if kind in ("height", "depth") and WIND_HEIGHTS[0] <= abs(value) * _metres(units) <= WIND_HEIGHTS[1]:
             return []

@@ -65,7 +65,9 @@ def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
     middle = np.full(records.size, 0.5 * step)
     if by_month and step:  # a stamp within two days of the middle is meant as such
         into = np.asarray((records - months.astype(records.dtype)) / np.timedelta64(1, "s"))
-        middle = np.clip(into, 13.0 * DAY_SECONDS, 17.0 * DAY_SECONDS)
+        if bool((np.clip(into, 13.0 * DAY_SECONDS, 17.0 * DAY_SECONDS) == into).all()):
+            return in_mid_month(ds)
+        middle[:] = np.nan
     elif step == DAY_SECONDS and not into.any():
         ds = _standing_for(ds, np.full(records.size, step), records + np.timedelta64(12, "h"))
         return _told(

@@ -1,4 +1,4 @@
-"""What a file says about the numbers that it stores, where xarray does not look: packing as text, ranges of valid values."""
+"""What a file says about the numbers that it stores, where xarray does not look: packing as text, valid values, masks."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
+from riftberg.products.roles import standard_name
 
 VALID = "valid"
 """Attribute that notes which values of a field are valid by its file."""
 
 _PACKING = ("scale_factor", "add_offset")
+
+_SEA, _LAND = ("sea_binary_mask", "sea_area_fraction"), ("land_binary_mask", "land_area_fraction")
+"""Standard names of masks: above 0 there is sea, from 1 on there is land alone."""
 
 
 def with_plain_packing(raw: xr.Dataset, where: str) -> xr.Dataset:
@@ -25,16 +29,30 @@ def with_plain_packing(raw: xr.Dataset, where: str) -> xr.Dataset:
                     f"{key} of {name} has {value.size} numbers", where=where,
                     remedy=f"Give one: ncatted -a {key},{name},o,d,NUMBER FILE",
                 )  # fmt: skip
-            if not isinstance(value, str):
+            if value is None:
                 continue
+            correct = f"Correct it: ncatted -a {key},{name},o,d,NUMBER FILE"
             try:
-                variable.attrs[key] = float(value)
+                scale = float(np.ravel(value)[0])
             except ValueError:
                 raise ForcingError(
-                    f"{key} of {name} is {value[:40]!r}, which is no number", where=where,
-                    remedy=f"Correct it: ncatted -a {key},{name},o,d,NUMBER FILE",
-                ) from None  # fmt: skip
+                    f"{key} of {name} is {value[:40]!r}, which is no number", where=where, remedy=correct
+                ) from None
+            if not np.isfinite(scale) or (scale == 0.0 and key == "scale_factor"):
+                raise ForcingError(
+                    f"{key} of {name} is {scale:g}, which leaves nothing of its values", where=where, remedy=correct
+                )
+            if isinstance(value, str):
+                variable.attrs[key] = scale
     return raw
+
+
+def without_land(ds: xr.Dataset, field: xr.DataArray) -> xr.DataArray:
+    """Return a field of the sea without the values where a mask of its file says land, which files write as zeros."""
+    for name, mask in ds.variables.items():
+        if mask.ndim > 1 and set(mask.dims) <= set(field.dims) and (said := standard_name(mask)) in (*_SEA, *_LAND):
+            field = field.where(ds[name] > 0 if said in _SEA else ~(ds[name] >= 1))
+    return field
 
 
 def within_valid_range(ds: xr.Dataset) -> xr.Dataset:

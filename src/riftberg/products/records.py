@@ -221,19 +221,19 @@ def doubtful_units(datasets: Sequence[xr.Dataset]) -> list[str]:
             units = str(ds[name].attrs.get("original_units", ""))
             if not units or not doubtful_below(name, units):
                 continue
-            parts = [_a_few(ds[part]) for part in (name, dict(VECTORS).get(name)) if part in ds]
+            parts = [_a_few(ds[part], named(ds)) for part in (name, dict(VECTORS).get(name)) if part in ds]
             low, high = (float(f([f(values, initial=0.0) for values in parts])) for f in (np.min, np.max))
             if doubt := small_unit(name, low, high, units):
                 said.append(f"{named(ds)}: {doubt}")
     return said
 
 
-def _a_few(field: xr.DataArray) -> NDArray[Any]:
+def _a_few(field: xr.DataArray, where: str) -> NDArray[Any]:
     """Return the known values of a field in three of its records, at its uppermost level."""
     field = field.isel(depth=0) if "depth" in field.dims else field
     if "time" in field.dims:
         field = field.isel(time=np.unique(np.linspace(0, field.sizes["time"] - 1, 3).astype(int)))
-    values = values_of(field)
+    values = values_of(field, where)
     return np.asarray(values[np.isfinite(values)])
 
 
@@ -261,20 +261,20 @@ def named_remarks(datasets: Sequence[xr.Dataset]) -> list[str]:
     return [f"{named(ds)}: {said}" for ds in datasets for said in remarks(ds)]
 
 
-def values_of(field: xr.DataArray) -> NDArray[Any]:
-    """Return the values of a field; `ForcingError` where a damaged file does not give them up."""
+def values_of(field: xr.DataArray, where: str) -> NDArray[Any]:
+    """Return the values of a field; `ForcingError` where a damaged file (``where``) does not give them up."""
     try:
         return np.asarray(field.values)
     except Exception as error:  # whatever libraries make of a damaged or strange file, it becomes a sentence
         name = field.attrs.get("original_name", field.name)
         raise ForcingError(
             f"values of {name} cannot be read ({' '.join(str(error).split())[:120]})",
-            where="forcing",
+            where=where or "forcing",
             remedy="The file is damaged: fetch it again",
         ) from error
 
 
-def empty_records(field: xr.DataArray) -> NDArray[np.bool_]:
+def empty_records(field: xr.DataArray, where: str = "") -> NDArray[np.bool_]:
     """Tell which records of a field hold no value at all; of levels the uppermost is looked at.
 
     One row of points is read of every record; only where that row is missing is the whole record read.
@@ -286,18 +286,18 @@ def empty_records(field: xr.DataArray) -> NDArray[np.bool_]:
     for k in range(empty.size):
         if known is not None and known[k]:
             continue
-        finite = np.isfinite(values_of(surface.isel(time=k)))
+        finite = np.isfinite(values_of(surface.isel(time=k), where))
         empty[k] = not finite.any()
         if known is None and not empty[k] and surface.ndim > 2:  # scattered points have no rows
             row = int(finite.sum(axis=-1).argmax())
-            known = np.isfinite(values_of(surface.isel({surface.dims[1]: row}))).any(axis=-1)
+            known = np.isfinite(values_of(surface.isel({surface.dims[1]: row}), where)).any(axis=-1)
     return empty
 
 
 def empty_by_field(ds: xr.Dataset) -> dict[str, NDArray[np.bool_]]:
     """Return the records without values of each field with time, sea ice excepted; of a vector with either component."""
     empty = {
-        str(name): empty_records(field)
+        str(name): empty_records(field, named(ds))
         for name, field in ds.data_vars.items()
         if "time" in field.dims and str(name) not in MAY_BE_EMPTY
     }

@@ -182,11 +182,23 @@ def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: b
         order[path] = number
         chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
         products[chosen.name] = chosen
-        for ds in read(path, chosen):
+        for ds in _read(path, chosen, named=isinstance(product, str)):
             groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
     joined = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
     merged = _merged([_named(_settled(part, product), order) for part, product in joined])
     return together(merged) if turned else merged
+
+
+def _read(path: str, product: Product, *, named: bool) -> list[xr.Dataset]:
+    """Read a file; where that fails and it does not look like the product named for it, say so."""
+    try:
+        return read(path, product)
+    except ForcingError as error:
+        if not named or _belongs(open_raw(path, chunked=False), product):
+            raise
+        what = f"{error.what}; it is named {product.name} and does not look like it"
+        remedy = f"Name the right product, or none. Of {product.name}: {error.remedy}"
+        raise ForcingError(what, where=error.where, remedy=remedy) from error
 
 
 def _named(ds: xr.Dataset, order: dict[str, int]) -> xr.Dataset:

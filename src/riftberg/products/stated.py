@@ -16,9 +16,14 @@ _FREQUENCIES = {
     "1hr": 3600.0, "3hr": 3 * 3600.0, "6hr": 6 * 3600.0, "day": DAY_SECONDS, "mon": MONTH_SECONDS,
 }  # fmt: skip
 _WORDS = (
-    (re.compile(r"monthly[ _-]mean|month mean|_p1m-m|\bp1m\b"), MONTH_SECONDS),
-    (re.compile(r"daily[ _-]mean|day mean|_p1d-m|\bp1d\b"), DAY_SECONDS),
+    (re.compile(r"\bmonth(ly)?[ _-](mean|average)|_p1m-m|\bp1m\b"), MONTH_SECONDS),
+    (re.compile(r"\b(daily|day)[ _-](mean|average)|_p1d-m|\bp1d\b"), DAY_SECONDS),
 )
+HEADINGS = ("title", "id", "source", "product", "comment", "summary", "description")
+"""Attributes of a file that say in words what its records are."""
+
+MEAN_WORDS = re.compile(r"\b(month|monthly|day|daily)[ _-](mean|average)|_p1[md]-m", re.I)
+"""Words of a heading by which records are means."""
 _NAMES = (
     (re.compile(r"p1m-m|_mean_\d{6}(?!\d)|monthly"), MONTH_SECONDS),
     (re.compile(r"p1d-m|_mean_\d{8}(?!\d)|daily"), DAY_SECONDS),
@@ -39,7 +44,7 @@ def stated_interval(raw: xr.Dataset, path: str) -> float:
         iso_seconds(str(raw.attrs.get("time_coverage_resolution", ""))),
         _FREQUENCIES.get(str(raw.attrs.get("frequency", "")), 0.0),
         _delta(raw),
-        _told(" ".join(str(raw.attrs.get(k, "")) for k in ("title", "id", "source", "product", "comment")), _WORDS),
+        _told(" ".join(str(raw.attrs.get(k, "")) for k in HEADINGS), _WORDS),
         _told(Path(path).name, _NAMES),
     )
     return next((seconds for seconds in ways if seconds > 0.0), 0.0)

@@ -149,7 +149,7 @@ def stencil_between(source: xr.Dataset | xr.DataArray, lon: Floats, lat: Floats)
     if "node" in source.dims:
         return scattered(source["lon"].values, source["lat"].values, lon, lat)
     if "lat" in source.dims:
-        axis = np.asarray(source["lon"].values, float)
+        axis = np.unwrap(np.asarray(source["lon"].values, float), period=360.0)
         turn = 360.0 if goes_round(axis) else 0.0
         if not turn:
             middle = 0.5 * (axis[0] + axis[-1])

@@ -381,13 +381,17 @@ class Bound(NamedTuple):
     shape: tuple[int | str | None, ...]
     least: int | str | None = None  # Whole numbers between these; None for real numbers, which must be finite
     most: int | str | None = None  # Whole numbers between these; None for real numbers, which must be finite
+    once: bool = False  # None of the numbers stands twice
 
 
 LARGEST_WHOLE: Final = 2**62
 """Identifiers and counters stay below it, so that no sum of two of them wraps."""
 
+MOST_COLUMNS: Final = 1_000_000
+"""Rows or columns of a model grid: 40 m around the equator."""
+
 WHOLE_NUMBERS: Final[Mapping[str, tuple[int, int | str]]] = {
-    "element_id": (0, LARGEST_WHOLE), "element_cell_i": (-1, MOST_VALUES), "element_cell_j": (-1, MOST_VALUES),
+    "element_id": (0, LARGEST_WHOLE), "element_cell_i": (-1, MOST_COLUMNS), "element_cell_j": (-1, MOST_COLUMNS),
     "element_entered": (-1, LARGEST_WHOLE),
     "element_berg": (0, "fragments"), "element_bond_count": (0, "bonds"), "element_sides": (0, 6),
     "element_substeps": (0, MOST_SUBSTEPS), "element_start_year": (-10**6, 10**6),
@@ -406,7 +410,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "rigid_(shape|bend)": Bound(("left", 3)),
     "rigid_pose": Bound(("bodies", 3, 3)),
     "rigid_rate": Bound(("bodies", 3)),
-    "rigid_left_id": Bound(("left",), 0, LARGEST_WHOLE),
+    "rigid_left_id": Bound(("left",), 0, "next_element - 1", once=True),
     "rigid_left_.+": Bound(("left",)),
     "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
     "motion_ledger": Bound((len(GIVERS) + 3, 3)),
@@ -416,8 +420,8 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "record_seconds_.+": Bound(()),
     "record_times_.+": Bound((2,)),
     # Identifiers in the order of the rows of the run file; whether it has gaps, and which sizes change.
-    "record_rows_of_elements_.+": Bound((None,), 0, "next_element - 1"),
-    "record_rows_of_bonds_.+": Bound((None,), 0, "next_bond - 1"),
+    "record_rows_of_elements_.+": Bound((None,), 0, "next_element - 1", once=True),
+    "record_rows_of_bonds_.+": Bound((None,), 0, "next_bond - 1", once=True),
     "record_rows_change_.+": Bound((None,), 0, 1),
     "sweep_track": Bound((None, 5)),
     "exchange_totals": Bound((4,)),
@@ -463,6 +467,8 @@ def check_extra(state: State, path: Path) -> None:
         else:
             least, most = (_resolved(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
             _refuse_outside(values, least, most, path, place)
+        if bound.once and np.unique(values).size < values.size:
+            raise _damaged("two entries are the same", path, place)
 
 
 def _bounds_of(extra: Mapping[str, Any]) -> list[tuple[str, Bound]]:

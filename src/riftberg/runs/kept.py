@@ -97,6 +97,11 @@ def last_good(
             good.append((state.time, path))
         except RiftbergError as error:
             passed.append(f"{path.name} is passed over: {error}")
+    if not good and not passed and (folder / "summary.json").exists():
+        raise InputError(
+            "the run has come to its end, and left no state to go on from", where=str(folder),
+            remedy="For a longer run start anew with more days, without --resume",
+        )  # fmt: skip
     if not good:
         raise InputError(
             f"no state to go on from{'; ' if passed else ''}{'; '.join(passed)}", where=str(folder),

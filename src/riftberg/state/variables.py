@@ -114,6 +114,9 @@ class Body(NamedTuple):
     ]
     berg: Annotated[Ints, _is("1", "number of the conglomerate (fragment) that the element belongs to", output=True)]
     bond_count: Annotated[Ints, _is("1", "unbroken bonds of the element", output=True)]
+    side_share: Annotated[Floats, _is("1", "part of the sides of its berg that the element bears")]
+    berg_length: Annotated[Floats, _is("m", "length of the rectangle with the area and second moments of the berg")]
+    berg_width: Annotated[Floats, _is("m", "width of that rectangle")]
     bond_area: Annotated[
         Floats, _is("m2", "constant plan area by which bonds know the element; 0 while not yet known", stepped=False)
     ]

@@ -128,6 +128,9 @@ class ElementView(NamedTuple):
     slope_y: float
     vorticity: float
     waves: Waves
+    side_share: float  # Part of the sides of its berg that the element bears
+    berg_length: float
+    berg_width: float
 
 
 @kernel
@@ -190,26 +193,32 @@ def media_of(el: ElementView, p: KernelParameters) -> Media:
     draft = draft_of(el.thickness, p.rho_ice)
     freeboard = el.thickness - draft
     ice = min(el.ice_thickness, draft)
-    # The reference takes the sides of an element from its radius, but only in its code for hexagons with beams.
-    by_diameter = p.multiple_steps and p.dem and el.sides == 6 and p.radius_based
-    side = side_width(el.length, el.width, by_diameter)
-    wave_length = side if by_diameter else el.length
-    exposed = exposed_sides(el.bonds, el.sides, p.bonds_on and p.sides_by_bonds)
+    if p.forces_by_element:
+        # The reference takes the sides of an element from its radius, but only in its code for hexagons with beams.
+        by_diameter = p.multiple_steps and p.dem and el.sides == 6 and p.radius_based
+        side = side_width(el.length, el.width, by_diameter)
+        exposed = exposed_sides(el.bonds, el.sides, p.bonds_on and p.sides_by_bonds)
+        facing_length, facing_width, facing = (side if by_diameter else el.length), side, 1.0
+    else:
+        # What acts on the sides is that on the sides of the berg, a quarter of whose perimeter faces the flow, and each
+        # element bears its share: on counted sides it would depend on how the lattice lies in the outline.
+        side, exposed = 0.5 * (el.berg_length + el.berg_width), el.side_share
+        facing_length, facing_width, facing = el.berg_length, el.berg_width, el.side_share
     water = ocean_drag(el.mass, el.length, el.width, side, max(0.0, draft - ice), exposed, p.ocean_scale)
     turning = spin_drag(el.inertia, el.radius, p.ocean_scale) if p.rotational_drag else 0.0
     air = air_drag(el.mass, el.length, el.width, side, freeboard, exposed)
     sea_ice = sea_ice_drag(el.mass, side, ice, exposed, el.ui, el.vi, p.frozen_sea_ice_drag)
     if el.waves.height < 0.0:
-        by_waves = wave_acceleration(el.ua, el.va, el.uo, el.vo, el.mass, freeboard, wave_length, side)
+        push = wave_acceleration(el.ua, el.va, el.uo, el.vo, el.mass, freeboard, facing_length, facing_width)
     else:
-        by_waves = given_wave_acceleration(el.waves, el.mass, freeboard, wave_length, side)
+        push = given_wave_acceleration(el.waves, el.mass, freeboard, facing_length, facing_width)
     return Media(
         # Water under the element turns with half its vorticity.
         Medium(0.0, water, el.uo, el.vo, 0.0, 0.0, 0.0, turning, 0.5 * el.vorticity),
         pushed(slope_acceleration(el.slope_x, el.slope_y)),
         dragged(air, el.ua, el.va),
         dragged(sea_ice, el.ui, el.vi),
-        pushed(by_waves),
+        pushed((facing * push[0], facing * push[1])),
         sea_floor(el, p),
     )
 
@@ -245,6 +254,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
     sides, bonds, depth, ice, vorticity = body.sides, body.bond_count, env.depth, env.ice_thickness, env.vorticity
     uo, vo, ua, va, ui, vi, sx, sy = env.uo, env.vo, env.ua, env.va, env.ui, env.vi, env.slope_x, env.slope_y
     height, period, wave_x, wave_y = env.wave_height, env.wave_period, env.wave_x, env.wave_y
+    side_share, berg_length, berg_width = body.side_share, body.berg_length, body.berg_width
     bond_radius, bond_area, bond_mass = sizes.bond_radius, sizes.bond_area, sizes.bond_mass
     media, coriolis = around.media, around.coriolis
     for e in range(mass.size):
@@ -255,7 +265,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
         view = ElementView(
             mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], bond_radius[e], bond_mass[e],
             inertia, area, m, depth[e], ice[e], uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], vorticity[e],
-            Waves(height[e], period[e], wave_x[e], wave_y[e]),
+            Waves(height[e], period[e], wave_x[e], wave_y[e]), side_share[e], berg_length[e], berg_width[e],
         )  # fmt: skip
         rows = media_of(view, p)
         put_row(media, e, 0, rows.water)

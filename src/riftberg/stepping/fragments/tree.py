@@ -13,6 +13,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.media import aground
 from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.fragments.outline import measure_outlines
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,7 @@ class FragmentTree:
             self.rows.append(row)
         self.calved_from.clear()
         elements.berg[:] = number[part]
+        measure_outlines(elements, p)
         return count
 
     def origin(self, number: int) -> int:

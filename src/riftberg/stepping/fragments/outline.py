@@ -1,0 +1,101 @@
+"""The size of each berg as a whole, and the part of its sides that each element bears.
+
+Waves and the drag on sides act on the outline of a berg. How many sides of its elements are counted along that outline depends
+on how the lattice lies in it (up to the root of two more), so the outline is measured by what does not: area and second moments.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from riftberg.compiled.kernels import kernel
+from riftberg.parameters import KernelParameters
+from riftberg.physics.drag import exposed_sides
+from riftberg.physics.geometry import nearest_image, separation
+from riftberg.state import Elements, Floats, Ints
+from riftberg.stepping.forces.sizes import sides_of
+
+
+def measure_outlines(elements: Elements, p: KernelParameters) -> None:
+    """Set length and width of the berg that each element belongs to, and the element's share of its sides."""
+    place, body = elements.place, elements.body
+    numbers, part = np.unique(body.berg, return_inverse=True)
+    count = numbers.size
+    length, width = equivalent_rectangles(
+        place.lon, place.lat, body.length, body.width, part, count, p.latlon, p.earth_radius, p.period
+    )
+    body.berg_length[:], body.berg_width[:] = length[part], width[part]
+    share_sides(body.length, body.width, body.sides, body.bond_count, part, count, p, body.side_share)
+
+
+@kernel
+def equivalent_rectangles(
+    lon: Floats, lat: Floats, length: Floats, width: Floats, part: Ints, count: int, latlon: bool, radius: float, period: float
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Length and width (m) of the rectangle with the area of each berg and the ratio of its principal second moments.
+
+    With the principal moments ``i_1 >= i_2`` of the area A: ``L = sqrt(A r)``, ``W = sqrt(A / r)``, ``r = sqrt(i_1 / i_2)``. A
+    rectangle of elements gives its own sides, and a berg of one element those of the element.
+
+    Parameters
+    ----------
+    lon, lat : ndarray
+        Positions, degrees (m if not ``latlon``).
+    length, width : ndarray
+        Sides of the elements, m.
+    part : ndarray of int
+        Berg of each element, from 0.
+    count : int
+        Number of bergs.
+    latlon : bool
+        Positions are degrees.
+    radius, period : float
+        Radius of the sphere, m, and period of the longitude (0: none).
+    """
+    first = np.full(count, -1, np.int64)
+    number, area, x_mean, y_mean, ixx, iyy, ixy = np.zeros((7, count))
+    for e in range(part.size):
+        k, a = part[e], length[e] * width[e]
+        if first[k] < 0:
+            first[k] = e
+        number[k] += 1.0
+        area[k] += a
+        x_mean[k] += a * nearest_image(lon[e] - lon[first[k]], period)
+        y_mean[k] += a * lat[e]
+    for k in range(count):
+        x_mean[k] = lon[first[k]] + x_mean[k] / area[k]
+        y_mean[k] /= area[k]
+    for e in range(part.size):
+        k, a = part[e], length[e] * width[e]
+        x, y = separation(lon[e], lat[e], x_mean[k], y_mean[k], latlon, radius, period)
+        # An element of many may lie any way round: the mean of its own two moments counts along both axes.
+        own = (length[e] * length[e] + width[e] * width[e]) / 24.0
+        ixx[k] += a * (x * x + own)
+        iyy[k] += a * (y * y + own)
+        ixy[k] += a * x * y
+    long, short = np.empty(count), np.empty(count)
+    for k in range(count):
+        half = 0.5 * math.sqrt((ixx[k] - iyy[k]) ** 2 + 4.0 * ixy[k] * ixy[k])
+        mean = 0.5 * (ixx[k] + iyy[k])
+        ratio = math.sqrt((mean + half) / (mean - half))
+        if number[k] == 1.0:
+            one = first[k]
+            ratio = max(length[one], width[one]) / min(length[one], width[one])
+        long[k], short[k] = math.sqrt(area[k] * ratio), math.sqrt(area[k] / ratio)
+    return long, short
+
+
+@kernel
+def share_sides(
+    length: Floats, width: Floats, sides: Ints, bonds: Ints, part: Ints, count: int, p: KernelParameters, share: Floats
+) -> None:  # fmt: skip
+    """Write to ``share`` the part of the sides of its berg that each element bears: by the sides that no bond covers."""
+    total = np.zeros(count)
+    for e in range(part.size):
+        share[e] = exposed_sides(bonds[e], sides_of(sides[e], p), p.bonds_on) * math.sqrt(length[e] * width[e])
+        total[part[e]] += share[e]
+    for e in range(part.size):
+        if total[part[e]] > 0.0:
+            share[e] /= total[part[e]]
