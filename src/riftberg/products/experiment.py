@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.products.cf import USUAL_NAMES
 from riftberg.products.models import grid_of
-from riftberg.products.product import DAY_SECONDS, Evidence, Product, Source
+from riftberg.products.product import Evidence, Product, Source
 from riftberg.products.roles import role_of
 
 _FIELDS = {"uo", "vo", "SSH", "ssh_bgrid", "ua", "va", "taux", "tauy", "elevation"}
@@ -160,7 +161,7 @@ PRODUCT = Product(
     sources=_sources("uo", "vo"),
     mend=_mend,
     finish=_finish,
-    longest_step=31 * DAY_SECONDS,
+    longest_step=31 * SECONDS_PER_DAY,
     notes=_NOTES,
     variants=_VARIANTS,
 )
@@ -173,7 +174,7 @@ KEEL_MEAN = Product(
     sources=_sources("uo_mean_over_berg_depth", "vo_mean_over_berg_depth"),
     mend=_mend,
     finish=_finish,
-    longest_step=31 * DAY_SECONDS,
+    longest_step=31 * SECONDS_PER_DAY,
     variants=_VARIANTS,
     notes=(*_NOTES, "uo, vo are means from the surface to 200 m"),
 )

@@ -7,18 +7,10 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from riftberg.products.means import in_mid_month
+from riftberg.constants import SECONDS_PER_DAY
+from riftberg.products.dates import in_mid_month
 from riftberg.products.place import projected
-from riftberg.products.product import (
-    DAY,
-    DAY_SECONDS,
-    Evidence,
-    Product,
-    Source,
-    stamped_at_noon,
-    text_of,
-    without_single,
-)
+from riftberg.products.product import DAY, Evidence, Product, Source, stamped_at_noon, text_of, without_single
 from riftberg.products.records import usual_interval
 
 # OSCAR surface currents, mean over the top 30 m: third-degree v1 (retired), v2.0 (quarter degree, daily), v3.
@@ -80,7 +72,7 @@ OSCAR_V1 = Product(
     matches=_is_oscar_v1,
     sources=_OSCAR_CURRENTS,
     reshape=_drop_year_axis,
-    longest_step=6 * DAY_SECONDS,
+    longest_step=6 * SECONDS_PER_DAY,
     notes=(*_OSCAR_NOTES, "one record about every five days", "longitudes 20..420: the repeated part is dropped"),
 )
 OSCAR_V2 = Product(
@@ -235,9 +227,9 @@ def _in_mid_day_or_month(ds: xr.Dataset) -> xr.Dataset:
             "one record, and nothing in the file tells whether it is the mean of a day or of a month: taken as a day"
         )
         return stamped_at_noon(ds).assign_attrs(doubt=doubt)
-    if step < DAY_SECONDS:  # hourly products are instants at their stamp
+    if step < SECONDS_PER_DAY:  # hourly products are instants at their stamp
         return ds.assign_attrs(averaging_seconds=0.0)
-    if step < 20 * DAY_SECONDS:
+    if step < 20 * SECONDS_PER_DAY:
         return stamped_at_noon(ds)
     return in_mid_month(ds)
 

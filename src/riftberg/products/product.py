@@ -18,7 +18,6 @@ EVIDENCE: dict[Evidence, str] = {
 }
 """Kinds of evidence in words, the strongest first."""
 
-DAY_SECONDS = 86400.0
 DAY = np.timedelta64(86400, "s")
 
 

@@ -14,12 +14,11 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.axes import tidy_axes
+from riftberg.products.dates import stated_interval, told_kind
 from riftberg.products.fields import gathered
 from riftberg.products.product import Product
 from riftberg.products.records import REMARKS
-from riftberg.products.repair import with_plain_packing, within_valid_range
-from riftberg.products.stated import stated_interval, told_kind
-from riftberg.products.text_dates import with_plain_time_units, with_text_dates
+from riftberg.products.repair import with_plain_packing, with_plain_time_units, with_text_dates, within_valid_range
 from riftberg.system.input_files import check_file, is_folder
 from riftberg.system.netcdf_headers import whole_size
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily

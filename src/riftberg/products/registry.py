@@ -11,8 +11,8 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products import cf, experiment, models, oceans, sea_floors, winds
+from riftberg.products.dates import settled
 from riftberg.products.levels import uppermost
-from riftberg.products.means import settled
 from riftberg.products.product import Product
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval

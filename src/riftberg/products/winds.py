@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.products.cf import USUAL_NAMES
-from riftberg.products.product import DAY_SECONDS, Product, Source, text_of, without_single
+from riftberg.products.product import Product, Source, text_of, without_single
 
 # NCEP reanalyses, 10 m wind on the T62 Gaussian grid: NCEP/NCAR NCEP_R1 and NCEP/DOE NCEP_R2 (NOAA PSL).
 #
@@ -59,7 +60,7 @@ NCEP_R1 = Product(
     matches=_is_ncep_r1,
     sources=_NCEP_WINDS,
     reshape=_at_ten_metres,
-    longest_step=DAY_SECONDS,
+    longest_step=SECONDS_PER_DAY,
     notes=(*_NCEP_NOTES, "a real file of the same layout was read too, but of the air temperature at 2 m"),
 )
 NCEP_R2 = Product(
@@ -70,7 +71,7 @@ NCEP_R2 = Product(
     matches=_is_ncep_r2,
     sources=_NCEP_WINDS,
     reshape=_at_ten_metres,
-    longest_step=DAY_SECONDS,
+    longest_step=SECONDS_PER_DAY,
     notes=_NCEP_NOTES,
 )
 
@@ -116,7 +117,7 @@ JRA55 = Product(
     matches=_is_jra55,
     sources=(Source("ua", _JRA55_EAST, "m s-1"), Source("va", _JRA55_NORTH, "m s-1")),
     reshape=_with_ncl_axes_named,
-    longest_step=DAY_SECONDS,
+    longest_step=SECONDS_PER_DAY,
     notes=("values at their stamp: 6-hourly (JRA-55) or 3-hourly (JRA55-do)",),
 )
 
@@ -178,7 +179,7 @@ ERA5 = Product(
     matches=_is_era5,
     sources=_ERA5_FIELDS,
     reshape=_one_version,
-    longest_step=DAY_SECONDS,
+    longest_step=SECONDS_PER_DAY,
     variants=(("new Climate Data Store", "layout"), ("ARCO Zarr store", "documentation")),
     notes=(
         "instantaneous values at their stamp; monthly means (GRIB_stepType avgua, avgad) in mid-month",
