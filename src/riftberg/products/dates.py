@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
+from riftberg.products.product import noted
 from riftberg.products.records import MEAN_OF, named, usual_interval
 from riftberg.products.repair import CALENDARS
 from riftberg.products.roles import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
@@ -381,8 +382,8 @@ def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
     by_month = MONTH[0] <= step <= MONTH[1] or (of_months and not step)
     if not said:
         if first and by_month and records.size > 1 and not known and "longest_step" not in ds.attrs:
-            return _doubted(
-                ds, f"records {stamp}, taken as values of these dates: are they means? Then write bounds of time"
+            return noted(
+                ds, doubt=f"records {stamp}, taken as values of these dates: are they means? Then write bounds of time"
             )
         return ds
     if of_months and 0.0 < shown <= SECONDS_PER_DAY:
@@ -391,7 +392,9 @@ def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
             remedy="Give the monthly means of all hours, or hourly data",
         )  # fmt: skip
     if by_month and (first or last):
-        return _told(in_mid_month(ds), f"monthly means ({said}) without bounds, stamped {stamp}, are put in mid-month")
+        return noted(
+            in_mid_month(ds), told=f"monthly means ({said}) without bounds, stamped {stamp}, are put in mid-month"
+        )
     into = np.asarray((records - days.astype(records.dtype)) / np.timedelta64(1, "s"))
     middle = np.full(records.size, 0.5 * step)
     if by_month and step:  # a stamp within two days of the middle is meant as such
@@ -401,20 +404,12 @@ def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
         middle[:] = np.nan
     elif step == SECONDS_PER_DAY and not into.any():
         ds = _standing_for(ds, np.full(records.size, step), records + np.timedelta64(12, "h"))
-        return _told(
-            ds, f"daily means ({said}) without bounds, stamped 00:00, are put at noon of the day that begins there"
+        return noted(
+            ds, told=f"daily means ({said}) without bounds, stamped 00:00, are put at noon of the day that begins there"
         )
     elif 0.0 < step < SECONDS_PER_DAY:
         into = into % step
     if step and bool((into == middle).all()):
         return _standing_for(ds, np.full(records.size, step), records)
     over = f"over about {step / 3600.0:.3g} h" if step else "over a time that nothing says"
-    return _doubted(ds, f"means ({said}) {over} without bounds are taken as values of their stamps")
-
-
-def _told(ds: xr.Dataset, remark: str) -> xr.Dataset:
-    return ds.assign_attrs(told="; ".join(filter(None, [str(ds.attrs.get("told", "")), remark])))
-
-
-def _doubted(ds: xr.Dataset, doubt: str) -> xr.Dataset:
-    return ds.assign_attrs(doubt="; ".join(filter(None, [str(ds.attrs.get("doubt", "")), doubt])))
+    return noted(ds, doubt=f"means ({said}) {over} without bounds are taken as values of their stamps")

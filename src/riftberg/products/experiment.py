@@ -19,7 +19,7 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.products.cf import USUAL_NAMES
 from riftberg.products.models import grid_of
-from riftberg.products.product import Evidence, Product, Source
+from riftberg.products.product import Evidence, Product, Source, noted
 from riftberg.products.roles import role_of
 
 _FIELDS = {"uo", "vo", "SSH", "ssh_bgrid", "ua", "va", "taux", "tauy", "elevation"}
@@ -84,7 +84,7 @@ def _positioned(ds: xr.Dataset) -> xr.Dataset:
         )
     lon, lat = grid["longitude"].values[0], grid["latitude"].values[:, 0]
     shift = 0.5 * (lon[1] - lon[0]) if centred else 0.0
-    ds = ds.assign_attrs(told=grid.attrs["told"])
+    ds = noted(ds, told=grid.attrs["told"])
     return ds.assign_coords(lon=("lon", lon - shift), lat=("lat", lat - shift))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.product import Product, Source, text_of
+from riftberg.products.product import Product, Source, noted, text_of
 from riftberg.system.netcdf_lock import open_lazily
 
 _CITATION = "see the file"
@@ -39,7 +39,7 @@ def _with_grid(ds: xr.Dataset) -> xr.Dataset:
     )  # fmt: skip
     if grid is not None:
         held = {name: grid[name] for name in grid.variables if name not in ds.variables}
-        return _shared_dims(ds, ds.assign(held)).assign_attrs(told=grid.attrs["told"])
+        return noted(_shared_dims(ds, ds.assign(held)), told=grid.attrs["told"])
     raise ForcingError(
         "has no positions (lat_rho, lon_rho): they are in the grid file of the model", where=where,
         remedy="Put the grid file (*_grd.nc) of the same size into the same folder",

@@ -10,7 +10,7 @@ import xarray as xr
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.products.dates import in_mid_month
 from riftberg.products.place import projected
-from riftberg.products.product import DAY, Evidence, Product, Source, stamped_at_noon, text_of, without_single
+from riftberg.products.product import DAY, Evidence, Product, Source, noted, stamped_at_noon, text_of, without_single
 from riftberg.products.records import usual_interval
 
 # OSCAR surface currents, mean over the top 30 m: third-degree v1 (retired), v2.0 (quarter degree, daily), v3.
@@ -226,7 +226,7 @@ def _in_mid_day_or_month(ds: xr.Dataset) -> xr.Dataset:
         doubt = (
             "one record, and nothing in the file tells whether it is the mean of a day or of a month: taken as a day"
         )
-        return stamped_at_noon(ds).assign_attrs(doubt=doubt)
+        return noted(stamped_at_noon(ds), doubt=doubt)
     if step < SECONDS_PER_DAY:  # hourly products are instants at their stamp
         return ds.assign_attrs(averaging_seconds=0.0)
     if step < 20 * SECONDS_PER_DAY:

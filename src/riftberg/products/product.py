@@ -83,6 +83,12 @@ class Product:
         return "; ".join([*(kinds or [EVIDENCE[self.evidence]]), *others])
 
 
+def noted(ds: xr.Dataset, **remarks: str) -> xr.Dataset:
+    """Return the dataset with remarks (``told``, ``doubt``, ``unread``) behind those that it has."""
+    said = {key: "; ".join(filter(None, (str(ds.attrs.get(key, "")), remark))) for key, remark in remarks.items()}
+    return ds.assign_attrs({key: text for key, text in said.items() if text})
+
+
 def text_of(ds: xr.Dataset, *names: str) -> str:
     """Return the named global attributes joined in lower case, empty where absent."""
     return " ".join(str(ds.attrs.get(name, "")) for name in names).lower()

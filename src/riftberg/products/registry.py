@@ -13,7 +13,7 @@ from riftberg.errors import ForcingError
 from riftberg.products import cf, experiment, models, oceans, sea_floors, winds
 from riftberg.products.dates import settled
 from riftberg.products.levels import uppermost
-from riftberg.products.product import Product
+from riftberg.products.product import Product, noted
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
@@ -217,11 +217,11 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
     _, first = np.unique(ds["time"].values, return_index=True)
     if first.size < ds.sizes["time"]:  # days written 00:00 in one file and 12:00 in another
         lost = ds.sizes["time"] - first.size
-        ds = ds.isel(time=first).assign_attrs(
-            doubt=f"{lost} record(s) are means over the time of another: the first is taken"
+        ds = noted(
+            ds.isel(time=first), doubt=f"{lost} record(s) are means over the time of another: the first is taken"
         )
-    noted = ds if product.longest_step is None else ds.assign_attrs(longest_step=product.longest_step)
-    return ds.assign_attrs(interval_seconds=own_interval(noted))
+    stepped = ds if product.longest_step is None else ds.assign_attrs(longest_step=product.longest_step)
+    return ds.assign_attrs(interval_seconds=own_interval(stepped))
 
 
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
@@ -261,8 +261,7 @@ def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
     joined = joined.assign_attrs(stated_seconds=min(stated)) if stated else joined
     order = np.argsort(joined["time"].values, kind="stable")
     joined = _sourced(joined if np.all(np.diff(order) == 1) else joined.isel(time=order), whole)
-    said = "; ".join(filter(None, [str(joined.attrs.get("told", "")), told]))
-    return [joined.assign_attrs(told=said) if said else joined]
+    return [noted(joined, told=told)]
 
 
 def _later_counts(parts: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:

@@ -122,7 +122,7 @@ CALENDARS = (
 _CALENDARS = {"gregorianproleptic": "proleptic_gregorian"} | {name.replace("_", ""): name for name in CALENDARS}
 
 
-def with_text_dates(ds: xr.Dataset) -> xr.Dataset:
+def with_text_dates(ds: xr.Dataset, where: str = "") -> xr.Dataset:
     """Return a dataset, decoded or not, with numbers since 1970 in place of texts that are the dates of its fields.
 
     Text that belongs to a dimension and is no date is noted in ``encoding["texts"]``, by dimension.
@@ -208,7 +208,7 @@ def _seconds(text: str) -> float | None:
     return float(date.astype(np.int64)) + float(f"0.{fraction or 0}") - ahead
 
 
-def with_plain_time_units(ds: xr.Dataset) -> xr.Dataset:
+def with_plain_time_units(ds: xr.Dataset, where: str) -> xr.Dataset:
     """Return a dataset whose units of time read ``hours since DATE`` in a calendar of CF, however they were written."""
     for variable in ds.variables.values():
         units = variable.attrs.get("units")
@@ -221,3 +221,17 @@ def with_plain_time_units(ds: xr.Dataset) -> xr.Dataset:
             if written in _CALENDARS:
                 variable.attrs["calendar"] = _CALENDARS[written]
     return ds
+
+
+def without_false_fill(raw: xr.Dataset, where: str) -> xr.Dataset:
+    """Drop a NaN fill value from integer variables: it can never occur in them and stops the decoding."""
+    for variable in raw.variables.values():
+        fill = variable.attrs.get("_FillValue")
+        if variable.dtype.kind in "iu" and isinstance(fill, (float, np.floating)) and np.isnan(fill):
+            variable.attrs.pop("_FillValue")
+    return raw
+
+
+# Texts become numbers with units of time before these units are put in order.
+REPAIRS = (with_plain_packing, with_text_dates, with_plain_time_units, without_false_fill)
+"""What is repaired in an undecoded file before xarray decodes it; each takes the dataset and its place in messages."""
