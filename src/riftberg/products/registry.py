@@ -14,7 +14,7 @@ from riftberg.errors import ForcingError
 from riftberg.products import cf, experiment, models, oceans, sea_floors, winds
 from riftberg.products.dates import settled
 from riftberg.products.levels import uppermost
-from riftberg.products.product import Product, noted
+from riftberg.products.product import Heading, Product, noted
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
@@ -91,7 +91,7 @@ def recognise(path: str | Path) -> Product:
 
 def product_of(ds: xr.Dataset) -> Product | None:
     """Return the product that an open dataset belongs to, told by its attributes, variables and dimensions."""
-    return next((product for product in PRODUCTS if _belongs(ds, product)), None)
+    return next((product for product in PRODUCTS if belongs(ds, product)), None)
 
 
 def _group_with_fields(path: str) -> str:
@@ -105,9 +105,10 @@ def _group_with_fields(path: str) -> str:
         return ""
 
 
-def _belongs(ds: xr.Dataset, product: Product) -> bool:
+def belongs(ds: xr.Dataset, product: Product) -> bool:
+    """Return whether an open dataset looks like a product."""
     try:
-        return product.matches(ds)
+        return cf.holds_fields(ds) if product is cf.PRODUCT else product.matches(Heading.of(ds))
     except Exception:  # a file so damaged that its heading cannot be compared is not of this product
         return False
 
@@ -174,7 +175,7 @@ def read_named(path: str, product: str | Product | None, number: int) -> list[tu
     try:
         parts = read(path, chosen)
     except ForcingError as error:
-        if not isinstance(product, str) or _belongs(open_raw(path, chunked=False), chosen):
+        if not isinstance(product, str) or belongs(open_raw(path, chunked=False), chosen):
             raise
         what = f"{error.what}; it is named {chosen.name} and does not look like it"
         remedy = f"Name the right product, or none. Of {chosen.name}: {error.remedy}"
