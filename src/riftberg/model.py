@@ -129,7 +129,7 @@ class BareModel(RunState):
         elements, bonds = copy_state(berg.elements, berg.bonds)
         sized = _with_constant_size(packed, elements, bonds)
         stepped = with_nonresonant_step(elements, bonds, sized)
-        self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs)
+        self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs, outlines=berg.outlines)
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
             refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
@@ -149,11 +149,12 @@ class BareModel(RunState):
     def _begin(
         self, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float = 0.0,
         step_number: int = 0, fragments: Sequence[Fragment] = (), bergs: Sequence[tuple[str, int]] = (),
+        outlines: tuple[Any, ...] = (),
     ) -> None:  # fmt: skip
         """Check the state and set up the stepper."""
         super().__init__(
             population, forcing, parameters, parameters.kernel_values(), FragmentTree(list(fragments), bergs), start,
-            time, step_number,
+            time, step_number, outlines=outlines,
         )  # fmt: skip
         self.life = LifeProcess(parameters) if lives(parameters) else None
         self.motion = MotionLedger(parameters)

@@ -217,6 +217,17 @@ class Parameters(Group):
                 "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
                 "and bonds.no_shear = false, or stepping.scheme = 'mts'"
             )
+        if self.bonds.elasticity == "cells":
+            if scheme != "quasi_static" or self.bonds.law != "dem":
+                raise ValueError(
+                    "bonds.elasticity = 'cells' needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
+                    "bonds.law = 'dem', or bonds.elasticity = 'bonds'"
+                )
+            if self.fracture.enabled and self.fracture.criterion != "bond":
+                raise ValueError(
+                    f"fracture.criterion = {self.fracture.criterion!r} reads the forces of elastic bonds: set "
+                    "bonds.elasticity = 'bonds', or fracture.criterion = 'bond'"
+                )
         self._check_criterion()
         g = self.grounding
         if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):

@@ -11,11 +11,10 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from riftberg.runs.shapes import corner_offsets, element_polygons
 
 from fakes import SIDE, FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.runs.scene import Box, Scene
+from riftberg.runs.scene import Box, Scene, corner_offsets, element_polygons
 from riftberg.viz.map import draw_map
 from riftberg.viz.panels import Panel, speed_bar
 from riftberg.viz.style import Labels, degree_label, new_figure, round_length

@@ -55,6 +55,7 @@ class BondedBerg:
     earth_radius: float = EARTH_RADIUS_A68
     density: float = 850.0
     bergs: tuple[tuple[str, int], ...] = ()
+    outlines: tuple[Any, ...] = ()
 
     def named(self, name: str) -> Self:
         """Return the berg with a name, which its fragments, counts, maps and files bear."""
@@ -215,6 +216,7 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
         radius=float(np.average([berg.radius for berg in parts], weights=[berg.elements.size for berg in parts])),
         report={"source": f"{len(named)} bergs: {_listed([name for name, _ in named])}"},
         bergs=tuple(named),
+        outlines=tuple(outline for berg in parts for outline in berg.outlines),
     )
     refuse_overlap(
         whole.elements, whole.packing, Metric(first.latlon, first.earth_radius, 360.0 if first.latlon else 0.0)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Unpack
 
 import numpy as np
+import shapely
+import shapely.affinity
 
 from riftberg.bergs import fields
 from riftberg.bergs import outline as outlines
@@ -75,6 +77,8 @@ class Iceberg(BondedBerg):
         Ice density, kg m-3.
     bergs : tuple of (str, int)
         Name and number of elements of each berg, in the order of the rows; empty for one without a name.
+    outlines : tuple of shapely polygons
+        Outline of the ice in the coordinates of the elements, where one is known; ``bonds.elasticity: cells`` fills it.
 
     Examples
     --------
@@ -154,7 +158,9 @@ class Iceberg(BondedBerg):
         settings = settings.model_copy(
             update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
         )
-        return cls._placed(x + centre[0], y + centre[1], moved, settings, report)
+        flat = shapely.transform(geometry, plane.forward, interleaved=False)
+        ice = shapely.affinity.rotate(flat, settings.rotation, origin=tuple(np.ravel(centre)))
+        return cls._placed(x + centre[0], y + centre[1], moved, settings, report, ice)
 
     @classmethod
     def from_mask(
@@ -304,7 +310,8 @@ class Iceberg(BondedBerg):
         x, y = turned(lattice.x, lattice.y, settings.rotation)
         settings = settings.model_copy(update={"radius": radius})
         report = {"source": f"rectangle {length:g} m x {width:g} m", "outline_area": region.area}
-        return cls._about(x, y, settings, report)
+        ice = shapely.affinity.rotate(shapely.box(*region.bounds), settings.rotation, origin=(0.0, 0.0))
+        return cls._about(x, y, settings, report, ice)
 
     @classmethod
     def from_points(
@@ -316,6 +323,7 @@ class Iceberg(BondedBerg):
         static: Any = False,
         bond_length: float | None = None,
         period: float = 0.0,
+        outline: Any = None,
         **options: Unpack[PointOptions],
     ) -> Iceberg:
         """Build a berg from the positions of its elements, which stay exactly where they are.
@@ -332,6 +340,8 @@ class Iceberg(BondedBerg):
             Bond elements closer than this (m) instead of closer than 1.25 (R1 + R2).
         period : float
             Zonal period in degrees (m if not ``latlon``); 0 if there is none.
+        outline : geometry, dict or array_like, optional
+            Outline of the ice (polygon) in the coordinates of the elements, for ``bonds.elasticity: cells``.
         **options
             Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius
             and velocity may be arrays, and elements of different pieces are not bonded, however close they are.
@@ -345,9 +355,13 @@ class Iceberg(BondedBerg):
         lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
         if lon.shape != lat.shape or lon.ndim != 1:
             raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
-        return cls._of_points(
+        berg = cls._of_points(
             lon, lat, settings, static=static, rule=BondRule(bond_length, settings.packing), period=period
         )
+        if outline is None:
+            return berg
+        ice = outlines.select_outline(outlines.read_features(outline), where="outline").geometry
+        return replace(berg, outlines=tuple(getattr(ice, "geoms", [ice])))
 
     @classmethod
     def join(cls, bergs: Sequence[Iceberg] | Mapping[str, Iceberg], names: Sequence[str] | None = None) -> Iceberg:
@@ -461,21 +475,25 @@ class Iceberg(BondedBerg):
         )  # fmt: skip
 
     @classmethod
-    def _about(cls, x: Floats, y: Floats, settings: BergOptions, report: dict[str, Any]) -> Iceberg:
+    def _about(
+        cls, x: Floats, y: Floats, settings: BergOptions, report: dict[str, Any], outline: Any = None
+    ) -> Iceberg:
         """Place points given about the origin around a centre."""
         assert settings.placement is not None
         if not settings.latlon:
-            berg = cls._of_points(x + settings.placement[0], y + settings.placement[1], settings)
-            return berg._reported(report)
+            east, north = settings.placement
+            berg = cls._of_points(x + east, y + north, settings)
+            return berg._reported(report)._within(outline, lambda a, b: (a + east, b + north))
         plane: FillingPlane = EqualAreaPlane(*settings.placement, settings.earth_radius)
         if not settings.conformal:
             plane = ReferencePlane(*settings.placement, settings.placement[1], settings.earth_radius)
-        return cls._placed(x, y, plane, settings, report)
+        return cls._placed(x, y, plane, settings, report, outline)
 
     @classmethod
     def _placed(
-        cls, x: Floats, y: Floats, plane: FillingPlane, settings: BergOptions, report: dict[str, Any]
-    ) -> Iceberg:
+        cls, x: Floats, y: Floats, plane: FillingPlane, settings: BergOptions, report: dict[str, Any],
+        outline: Any = None,
+    ) -> Iceberg:  # fmt: skip
         """Bring plane points to the sphere, without strain if ``settings.conformal``."""
         lon, lat = plane.inverse(x, y)
         berg = cls._of_points(lon, lat, settings)
@@ -483,4 +501,12 @@ class Iceberg(BondedBerg):
             rest = np.full(len(berg.bonds.first), 2.0 * berg.radius)
             lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, settings.earth_radius))
             berg = cls._of_points(lon, lat, settings)
-        return berg._reported(report)
+        return berg._reported(report)._within(outline, plane.inverse)
+
+    def _within(self, outline: Any, placed: Callable[[Floats, Floats], tuple[Floats, Floats]]) -> Iceberg:
+        """Return the berg with its outline on a plane (m), brought to the coordinates of the elements."""
+        if outline is None:
+            return self
+        # Straight sides of the plane are none in longitude and latitude: they get points as dense as the elements.
+        there = shapely.transform(shapely.segmentize(outline, 2.0 * self.radius), placed, interleaved=False)
+        return replace(self, outlines=tuple(getattr(there, "geoms", [there])))

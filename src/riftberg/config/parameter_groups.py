@@ -17,6 +17,7 @@ from riftberg.system.input_files import value_shown
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
+Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["linear", "quadratic"]
 Criterion = Literal["bond", "averaged", "toughness"]
 Packing = Literal["square", "hexagonal"]
@@ -197,6 +198,12 @@ class BondParameters(Group):
 
     law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "equations 5")
     packing: Packing = quantity("square", "", "square or hexagonal elements", "equations 1.4")
+    elasticity: Elasticity = quantity(
+        "bonds",
+        "",
+        "what is elastic: the bonds, or (with quasi_static) the ice of the cells, as a solid that is alike in all directions",
+        "equations 5; cells: Argyris 1964, Hughes and Brezzi 1989",
+    )
     spring: float | None = quantity(
         None,
         "s-2",

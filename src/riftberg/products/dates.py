@@ -246,8 +246,9 @@ _WORDS = (
     (re.compile(r"\bmonth(ly)?[ _-](mean|average)|_p1m-m|\bp1m\b"), MONTH_SECONDS),
     (re.compile(r"\b(daily|day)[ _-](mean|average)|_p1d-m|\bp1d\b"), SECONDS_PER_DAY),
 )
-HEADINGS = ("title", "id", "source", "product", "comment", "summary", "description")
-"""Attributes of a file that say in words what its records are."""
+TITLES = ("title", "id", "source", "product", "comment")
+HEADINGS = (*TITLES, "summary", "description")
+"""Attributes of a file that say in words what its records are; the last two speak of what they were made from, too."""
 
 MEAN_WORDS = re.compile(r"\b(month|monthly|day|daily)[ _-](mean|average)|_p1[md]-m", re.I)
 """Words of a heading by which records are means."""
@@ -271,7 +272,7 @@ def stated_interval(raw: xr.Dataset, path: str) -> float:
         iso_seconds(str(raw.attrs.get("time_coverage_resolution", ""))),
         _FREQUENCIES.get(str(raw.attrs.get("frequency", "")), 0.0),
         _delta(raw),
-        _length_in(" ".join(str(raw.attrs.get(k, "")) for k in HEADINGS), _WORDS),
+        _length_in(" ".join(str(raw.attrs.get(k, "")) for k in TITLES), _WORDS),
         _length_in(Path(path).name, _FILE_NAMES),
     )
     return next((seconds for seconds in ways if seconds > 0.0), 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from typing import Any
 
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
@@ -26,6 +27,9 @@ class RunState:
     time: float = 0.0  # Seconds since the start
     step_number: int = 0  # Long steps taken
     contacts: ContactLog = field(default_factory=ContactLog)  # Contacts between bergs
+    outlines: tuple[
+        Any, ...
+    ] = ()  # Polygons (shapely) that the ice fills at the start, in the coordinates of positions
 
     @property
     def elements(self) -> Elements:

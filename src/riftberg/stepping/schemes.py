@@ -27,7 +27,7 @@ def make_stepper(run: RunState) -> Stepper:
         # Its sparse solver takes half a second to import, which runs by other schemes do not wait for.
         from riftberg.stepping.quasi_static.step import QuasiStaticStepper
 
-        return QuasiStaticStepper()
+        return QuasiStaticStepper(run)
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)
 
 

@@ -13,6 +13,7 @@ other than ``quasi_static`` know the stress of single bonds alone, and `riftberg
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Protocol
 
@@ -26,6 +27,7 @@ from riftberg.physics.averaging import critical_distance, disc_of_lattice, disc_
 from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
 from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overload
+from riftberg.stepping.lattice.elastic_cells import CellStiffness
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
 
 CHUNK = 512
@@ -36,17 +38,25 @@ class Equilibrium:
     """A lattice under its loads, with the stresses of its bonds, found when first needed."""
 
     def __init__(
-        self, lattice: ElasticLattice, intact: Ints, displacement: Floats, load: Floats, p: KernelParameters
-    ) -> None:
+        self, lattice: ElasticLattice, intact: Ints, displacement: Floats, load: Floats, p: KernelParameters,
+        cells: CellStiffness | None = None,
+    ) -> None:  # fmt: skip
         self.lattice = lattice
         self.intact = intact  # bonds, as rows of the state
         self.displacement = displacement  # m, m and rad; shape (elements, 3)
         self.load = load  # balanced, N, N and N m; shape (elements, 3)
-        self._p = p
+        self._p, self._cells = p, cells
 
     @cached_property
     def _deformation_and_stress(self) -> tuple[Floats, Floats]:
-        return deformations_and_stresses(self.lattice, self.intact, self.displacement, self._p)
+        deformation, stress = deformations_and_stresses(self.lattice, self.intact, self.displacement, self._p)
+        return deformation, stress if self._cells is None else _strongest(self.tensor)
+
+    @cached_property
+    def tensor(self) -> Floats:
+        """Stress (Pa; xx, yy, xy) of the ice at the intact bonds, shape (intact bonds, 3); of elastic cells alone."""
+        assert self._cells is not None
+        return self._cells.bond_stresses(self.displacement, self.intact)
 
     @property
     def deformation(self) -> Floats:
@@ -106,13 +116,15 @@ def criterion_for(
     body: Ints,
     volume: Floats,
     p: KernelParameters,
+    cells: CellStiffness | None = None,
 ) -> Criterion:
     """Make the criterion that the parameters name, for a lattice with these intact bonds.
 
-    ``xy``: reference coordinates, m; ``body``: fragments; ``volume``: of the ice, m3; all of the elements.
+    ``xy``: reference coordinates, m; ``body``: fragments; ``volume``: of the ice, m3; all of the elements. ``cells``: where
+    the ice is elastic in cells.
     """
     if fracture.criterion == "bond":
-        return BondStress()
+        return BondStress() if cells is None else CellStress()
     distance = fracture.distance
     if fracture.criterion == "toughness":
         distance = critical_distance(fracture.toughness, fracture.normal_strength)
@@ -125,6 +137,25 @@ class BondStress:
     def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
         return most_overloaded(moment.stress, strengths)
+
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
+        """See `Criterion`."""
+        return _stress_ratios(moment.stress, strengths)
+
+
+class CellStress:
+    """The largest tension and shear of the ice at each bond, for ice that is elastic in cells.
+
+    They hardly depend on the direction of a bond, so in one place several are alike: of those that fail there the one
+    breaks that is the most nearly in line with the tension.
+    """
+
+    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+        """See `Criterion`."""
+        row, ratio = most_overloaded(moment.stress, strengths)
+        if ratio > 1.0 and overload(moment.stress[row, 0], 0.0, strengths.normal[row], strengths.shear[row]) == ratio:
+            row = _most_in_line(moment.lattice, moment.intact, moment.tensor, moment.stress, strengths, row)
+        return row, ratio
 
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
@@ -262,6 +293,27 @@ def _most_loaded_near(
         ratio = overload(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
         if away < radius and ratio > highest:
             best, highest = k, ratio
+    return best
+
+
+@kernel
+def _most_in_line(
+    lattice: ElasticLattice, intact: Ints, tensor: Floats, stress: Floats, strengths: Strengths, row: int
+) -> int:
+    """Row of the failing bond at either end of the one in ``row`` that is the most nearly in line with the tension there."""
+    angle = 0.5 * math.atan2(2.0 * tensor[row, 2], tensor[row, 0] - tensor[row, 1])
+    x, y, i, j = math.cos(angle), math.sin(angle), lattice.first[intact[row]], lattice.second[intact[row]]
+    best = row
+    nearest = abs(lattice.nx[intact[row]] * x + lattice.ny[intact[row]] * y)
+    for k in range(intact.size):
+        b = intact[k]
+        first, second = lattice.first[b], lattice.second[b]
+        if first != i and first != j and second != i and second != j:
+            continue
+        in_line = abs(lattice.nx[b] * x + lattice.ny[b] * y)
+        fails = overload(stress[k, 0], 0.0, strengths.normal[k], strengths.shear[k]) > 1.0
+        if fails and in_line > nearest + 1e-9:
+            best, nearest = k, in_line
     return best
 
 

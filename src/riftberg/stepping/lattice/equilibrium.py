@@ -286,7 +286,13 @@ class StiffnessSolver:
     """Solves ``K d = b`` with factors of K, corrected for bonds that have broken since."""
 
     def __init__(self, lattice: ElasticLattice, intact: Ints, supports: Supports, gauge_springs: Ints) -> None:
-        self._lattice, self._free = lattice, supports.free
+        self._take(lattice, intact, supports.free, lattice.radius, gauge_springs)
+        diagonal, between = _blocks(lattice, intact, supports.free, self._added)
+        self._ldl = BlockLDL(lattice.first[intact], lattice.second[intact], diagonal, between)
+
+    def _take(self, lattice: ElasticLattice, intact: Ints, free: Floats, radius: Floats, gauge_springs: Ints) -> None:
+        """Note which freedoms there are (``free``, ``radius``: of all unknowns and nodes), and find what is added to K."""
+        self._lattice, self._free, self._radius = lattice, free, radius
         # Three kinds of springs are added on the diagonal, all of the mean stiffness of the bonds: soft ones would let
         # round-off in the loads move a fragment far, stiff ones would worsen the condition of K.
         #
@@ -296,14 +302,12 @@ class StiffnessSolver:
         # carry is the imbalance of the load of one element, which is round-off; in a berg of single elements there are no
         # other loads to compare it with, so the check leaves them out.
         self.gauge_stiffness = float(lattice.stiffness[intact, 0].mean()) if intact.size else 1.0
-        added = np.where(supports.free > 0.0, 0.0, self.gauge_stiffness)
-        added[gauge_springs] += self.gauge_stiffness
-        bondless = np.ones(supports.free.size // 3, bool)
+        self._added = np.where(free[: 3 * lattice.radius.size] > 0.0, 0.0, self.gauge_stiffness)
+        self._added[gauge_springs] += self.gauge_stiffness
+        bondless = np.ones(lattice.radius.size, bool)
         bondless[lattice.first[intact]] = bondless[lattice.second[intact]] = False
-        added[np.repeat(bondless, 3)] = self.gauge_stiffness
+        self._added[np.repeat(bondless, 3)] = self.gauge_stiffness
         self._gauge = gauge_springs[~bondless[gauge_springs // 3]]
-        diagonal, between = _blocks(lattice, intact, supports.free, added)
-        self._ldl = BlockLDL(lattice.first[intact], lattice.second[intact], diagonal, between)
         self._columns: list[Floats] = []  # w of K + sum of -w w^T
         self._solved: list[Floats] = []  # K^-1 w
 
@@ -314,25 +318,28 @@ class StiffnessSolver:
 
     def downdate(self, bond: int) -> None:
         """Take a bond out of K."""
-        i, j = self._lattice.first[bond], self._lattice.second[bond]
-        at = np.concatenate([3 * i + np.arange(3), 3 * j + np.arange(3)])
-        for s in range(3):
-            column = np.zeros(self._free.size)
-            column[at] = np.sqrt(self._lattice.stiffness[bond, s]) * self._lattice.strain_operator[bond, s]
-            column *= self._free
+        for column in self._columns_of(bond) * self._free:
             self._columns.append(column)
             self._solved.append(self._ldl.solve(column))
+
+    def _columns_of(self, bond: int) -> Floats:
+        """Return w of what a bond holds of K, sum of w w^T, in rows."""
+        i, j = self._lattice.first[bond], self._lattice.second[bond]
+        at = np.concatenate([3 * i + np.arange(3), 3 * j + np.arange(3)])
+        columns = np.zeros((3, self._free.size))
+        columns[:, at] = np.sqrt(self._lattice.stiffness[bond])[:, None] * self._lattice.strain_operator[bond]
+        return columns
 
     def solve(self, load: Floats) -> Floats:
         """Displacements (m, m, rad), shape (elements, 3), under balanced loads (N, N, N m)."""
         displacement = np.empty(load.shape)
-        largest = self._ldl.solve_scaled(load, self._lattice.radius, self._free, displacement)
+        largest = self._ldl.solve_scaled(load, self._radius, self._free, displacement)
         if self._columns:
             # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with d = K^-1 b and A = K^-1 W^T.
             d, w, a = displacement.reshape(-1), np.array(self._columns), np.array(self._solved)
             d -= a.T @ np.linalg.solve(w @ a.T - np.eye(len(w)), w @ d)
         self._check_residual(float(max_gauge_displacement(displacement, self._gauge)), largest, load)
-        displacement[:, 2] /= self._lattice.radius
+        displacement[:, 2] /= self._radius
         return displacement
 
     def _check_residual(self, give: float, largest: float, load: Floats) -> None:

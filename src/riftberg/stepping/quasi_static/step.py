@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,15 @@ from riftberg.stepping.fracture.strengths import (
     store_stresses,
 )
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
+from riftberg.stepping.lattice.elastic_cells import (
+    CELL_NAMES,
+    CellSolver,
+    CellStiffness,
+    ElasticCells,
+    cells_from_arrays,
+    cells_to_arrays,
+    with_new_cells,
+)
 from riftberg.stepping.lattice.equilibrium import (
     ElasticLattice,
     StiffnessSolver,
@@ -107,8 +117,12 @@ SNAPSHOT_NAMES = tuple(f"rigid_left_{name}" for name in StepSnapshot._fields)
 class QuasiStaticStepper:
     """The scheme, and what lives from one time step to the next."""
 
-    def __init__(self) -> None:
+    def __init__(self, model: RunState) -> None:
         self._bodies: Bodies | None = None
+        # Where the ice is elastic in cells, they are made at the start of a run; a restart holds them from then on.
+        self._cells: ElasticCells | None = None
+        if model.parameters.bonds.elasticity == "cells" and model.elements.size and model.step_number == 0:
+            self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
         self._lattice: FactoredLattice | None = None
         self._state: BodyState | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
@@ -117,8 +131,10 @@ class QuasiStaticStepper:
         self._work: BodyWorkspace | None = None
         self._touched = NO_PAIRS
         self._snapshot: StepSnapshot | None = None
-        # Time, bodies and snapshot at the start of the last step, for a model that takes a failed step back.
-        self._last_start: tuple[float, Bodies | None, StepSnapshot | None] = math.nan, None, None
+        # Time, bodies, snapshot and cells at the start of the last step, for a model that takes a failed step back.
+        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None] = (
+            math.nan, None, None, None
+        )  # fmt: skip
 
     @property
     def applied(self) -> Floats:
@@ -133,9 +149,8 @@ class QuasiStaticStepper:
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
         bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
-        return (
-            bodies if self._snapshot is None else {**bodies, **dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))}
-        )
+        before = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
+        return {**bodies, **before, **({} if self._cells is None else cells_to_arrays(self._cells))}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
@@ -145,6 +160,8 @@ class QuasiStaticStepper:
         if all(name in saved for name in SNAPSHOT_NAMES):
             ids, *rest = (np.asarray(saved[name]) for name in SNAPSHOT_NAMES)
             self._snapshot = StepSnapshot(ids.astype(np.int64), *(np.array(a, np.float64) for a in rest))
+        if all(name in saved for name in CELL_NAMES):
+            self._cells = cells_from_arrays(saved)
 
     def sample_forcing(self, model: RunState) -> None:
         """Sample at the present positions."""
@@ -157,17 +174,17 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
         if self._last_start[0] == model.time:  # the model has taken the last step back
-            (_, self._bodies, self._snapshot), self._state = self._last_start, None
-        self._last_start = model.time, self._bodies, self._snapshot
+            (_, self._bodies, self._snapshot, self._cells), self._state = self._last_start, None
+        self._last_start = model.time, self._bodies, self._snapshot, self._cells
         unknown = self._sync(model)
-        step = TimeStep(model, self._bodies, self._lattice, self._state, self._sizes, self._work, unknown)
+        step = TimeStep(model, self._bodies, self._lattice, self._state, self._sizes, self._work, unknown, self._cells)
         self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
         # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a
         # restarted run does.
         self._bodies, self._lattice, self._state = step.state.bodies, step.lattice, None if step.cracked else step.state
         self._applied, self._touched = step.applied, concatenate_pairs(step.touched)
-        self._sizes, self._work = step.sizes, step.work
+        self._sizes, self._work, self._cells = step.sizes, step.work, step.cells
         if step.cracked:
             self._topology = _topology_key(model)
         self._snapshot = take_snapshot(model.elements)
@@ -233,8 +250,9 @@ class TimeStep:
     def __init__(
         self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
         state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
-        unknown: NDArray[np.bool_] | None = None,
+        unknown: NDArray[np.bool_] | None = None, cells: ElasticCells | None = None,
     ) -> None:  # fmt: skip
+        self.cells = cells
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
         self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
@@ -427,7 +445,7 @@ class TimeStep:
         if self.model.parameters.damage.enabled:
             # By the equilibrium in the middle of the step (explicit midpoint rule).
             lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
-            middle = Equilibrium(lattice.lattice, lattice.intact, displacement, 0.5 * (start.load + state.load), c)
+            middle = lattice.moment(displacement, 0.5 * (start.load + state.load), c)
             drive = lattice.criterion.damage_drive(middle, lattice.strengths(self.bonds, c))
             grow_damage(self.bonds, lattice.intact, drive, h, c)
         return Trial(h, state, contact)
@@ -560,7 +578,7 @@ class TimeStep:
         """Return the equilibrium at a part of a trial: loads change linearly from start to end, and displacements with them."""
         one, two = start.bodies.displacement, trial.state.bodies.displacement
         load = start.load + share * (trial.state.load - start.load)
-        return Equilibrium(self.lattice.lattice, self.lattice.intact, one + share * (two - one), load, self.c)
+        return self.lattice.moment(one + share * (two - one), load, self.c)
 
     def _peak_equilibrium(self, trial: Trial) -> Equilibrium | None:
         """Return the equilibrium under the peak contact loads of a trial; None where no bonded fragment was touched."""
@@ -569,7 +587,7 @@ class TimeStep:
             return None
         if trial.peak is None:
             load = self._peak_load(trial.state, contact.peak_load)
-            trial.peak = Equilibrium(lattice.lattice, lattice.intact, lattice.solver.solve(load), load, self.c)
+            trial.peak = lattice.moment(lattice.solver.solve(load), load, self.c)
         return trial.peak
 
     def _peak_load(self, state: BodyState, peak: PeakContactLoad) -> Floats:
@@ -694,10 +712,17 @@ class TimeStep:
         lattice = find_lattice(bonds, xy, el.thickness, self.sizes, c)
         intact = np.flatnonzero(bonds.status == 0)
         supports = Supports(el.static, el.free_y)
-        solver = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(bodies.body, xy))
+        gauge_springs = supports.gauge_springs(bodies.body, xy)
+        cells: CellStiffness | None = None
+        solver: Callable[..., StiffnessSolver] = StiffnessSolver
+        if self.model.parameters.bonds.elasticity == "cells":
+            self.cells = with_new_cells(self.cells, el, bonds, (), c)
+            cells = CellStiffness(self.cells, el, bonds, bodies.body, xy, c)
+            solver = partial(CellSolver, cells)
         volume = el.length * el.width * el.thickness
-        criterion = criterion_for(self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c)
-        return FactoredLattice(xy, lattice, intact, supports, solver, criterion)
+        criterion = criterion_for(self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c, cells)
+        factors = solver(lattice, intact, supports, gauge_springs)
+        return FactoredLattice(xy, lattice, intact, supports, factors, criterion, cells)
 
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
@@ -714,6 +739,7 @@ class FactoredLattice:
     supports: Supports
     solver: StiffnessSolver
     criterion: Criterion
+    cells: CellStiffness | None = None  # Where the ice is elastic in cells; else along its bonds
     _latest: Equilibrium | None = None
     _strengths: tuple[tuple[int, bytes, bytes], Strengths] | None = None
 
@@ -728,8 +754,12 @@ class FactoredLattice:
         """Return the equilibrium with these displacements; the latest is cached, so that its stresses are found once."""
         latest = self._latest
         if latest is None or latest.displacement is not displacement or latest.intact is not self.intact:
-            self._latest = latest = Equilibrium(self.lattice, self.intact, displacement, load, p)
+            self._latest = latest = self.moment(displacement, load, p)
         return latest
+
+    def moment(self, displacement: Floats, load: Floats, p: KernelParameters) -> Equilibrium:
+        """Return an equilibrium of any moment."""
+        return Equilibrium(self.lattice, self.intact, displacement, load, p, self.cells)
 
 
 def _bracket(occurred: Callable[[float], bool], h: float, tolerance: float) -> tuple[float, float]:

@@ -1,0 +1,303 @@
+"""Triangles through the centres of the cells and nodes on the outline, and which bonds hold their edges.
+
+A cell is the ice around one element. Its node is its centre; it owns the nodes of the outline to which it is nearest, and they
+rotate with it. The triangles (Delaunay) fill the outline, whatever the packing and the direction of the lattice.
+
+A bond that breaks frees the edges that belong to it:
+
+- both ends owned by one cell: an inner edge, which never breaks;
+- owned by bonded neighbours A and B: it belongs to the bond AB;
+- owned by cells A and C that are no neighbours (diagonals of squares, pairs along the outline): a tie, which holds while an
+  unbroken path A-B-C of two bonds is left. Where A and C have no common neighbour, their shortest path counts instead.
+
+So any set of broken bonds that parts two pieces frees all edges between them: it cuts every path.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, Voronoi, cKDTree
+
+from riftberg.errors import BergError
+from riftberg.state import Floats, Ints
+
+Booleans = NDArray[np.bool_]
+
+CLEARANCE = 0.6
+"""Cells whose centre lies less than this times their radius inside the outline are left out: they would make slivers."""
+
+OUTLINE_TOLERANCE = 0.02
+"""Detail of an outline (in distances of cells) that is left out: a curve of many short sides would fill up with nodes."""
+
+MAX_SPLITS = 12
+"""How often sides of the outline are halved until all of them are edges of triangles; in narrow inlets a few times."""
+
+
+class CellMesh(NamedTuple):
+    """Triangles of one piece of ice as it was without broken bonds. Edge ``i`` of a triangle lies opposite its vertex ``i``."""
+
+    cells: int  # Nodes 0 to cells - 1 are the centres of the cells, the others lie on the outline
+    bonds: int
+    ties: int
+    xy: Floats  # m; shape (nodes, 2)
+    owner: Ints  # Cell with which a node rotates; shape (nodes,)
+    triangle: Ints  # Nodes, counter-clockwise; shape (triangles, 3)
+    weight: Floats  # 1/2 where both diagonals of four squares are taken, else 1; shape (triangles,)
+    area: Floats  # Without the weight, m2; shape (triangles,)
+    edge_bond: Ints  # Bond to which an edge belongs, -1 for none; shape (triangles, 3)
+    edge_tie: Ints  # Tie to which an edge belongs, -1 for none; shape (triangles, 3)
+    path_tie: Ints  # Tie that a path holds; shape (paths,)
+    path_bonds: Ints  # Bonds of a path, filled up with -1; shape (paths, longest path)
+
+    @property
+    def node_area(self) -> Floats:
+        """Area (m2) that each node bears: a third of its triangles."""
+        share = np.repeat(self.weight * self.area / 3.0, 3)
+        return np.asarray(np.bincount(self.triangle.ravel(), share, self.owner.size), np.float64)
+
+    @property
+    def cell_area(self) -> Floats:
+        """Area (m2) of each cell: that of its nodes."""
+        return np.asarray(np.bincount(self.owner, self.node_area, self.cells), np.float64)
+
+
+def clear_of_outline(xy: Floats, outline: shapely.Polygon, radius: float) -> Booleans:
+    """Return which centres (m) lie inside the outline and far enough from it for good triangles."""
+    points = shapely.points(xy)
+    inside = shapely.contains(outline, points)
+    return np.asarray(inside & (shapely.distance(outline.boundary, points) >= CLEARANCE * radius))
+
+
+def outline_of_cells(xy: Floats, radius: float, packing: str, angle: float) -> shapely.Polygon:
+    """Union of the cells themselves (m), for a piece whose outline is not known.
+
+    ``radius``: of the inscribed circle, m; ``angle``: of the direction in which cells touch, rad.
+    """
+    sides = 6 if packing == "hexagonal" else 4
+    corner = angle + (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
+    # Cells reach a little over their sides at first, so that round-off leaves no gaps between them.
+    over = 1e-3 * radius
+    ring = (radius + over) / math.cos(math.pi / sides) * np.column_stack([np.cos(corner), np.sin(corner)])
+    return shapely.unary_union(shapely.polygons(xy[:, None, :] + ring)).buffer(-over, join_style="mitre")
+
+
+def cell_mesh(
+    centres: Floats, first: Ints, second: Ints, outline: shapely.Polygon, spacing: float, *, both_diagonals: bool
+) -> CellMesh:
+    """Fill an outline (m) with triangles through the centres of the cells and nodes on the outline.
+
+    ``centres``: m, shape (cells, 2); ``first``, ``second``: ends of all bonds, broken ones too; ``spacing``: distance of
+    bonded centres, m; ``both_diagonals``: for squares, which one diagonal alone would make stiffer in one direction.
+    """
+    xy, triangle = _triangulation(centres, outline, spacing)
+    owner = _owners(centres, xy[len(centres) :], outline)
+    bond_of = {(min(a, b), max(a, b)): k for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True))}
+    weight = np.ones(len(triangle))
+    if both_diagonals:
+        triangle, weight = _with_both_diagonals(triangle, len(centres), bond_of)
+    area = _areas(xy, triangle)
+
+    # Edges by the owners of their ends: inner, of a bond, or a tie.
+    ends = np.sort(owner[np.stack([triangle[:, [1, 2, 0]], triangle[:, [2, 0, 1]]], axis=2)], axis=2)
+    pairs, which = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    pair_bond, pair_tie = np.full(len(pairs), -1), np.full(len(pairs), -1)
+    neighbours = _neighbours(len(centres), first, second)
+    paths: list[tuple[int, list[int]]] = []
+    ties = 0
+    for k, (a, c) in enumerate(pairs.tolist()):
+        if a == c:
+            continue
+        if (a, c) in bond_of:
+            pair_bond[k] = bond_of[a, c]
+            continue
+        pair_tie[k] = ties
+        common = sorted(neighbours[a].keys() & neighbours[c].keys())
+        if common:
+            paths += [(ties, [neighbours[a][b], neighbours[c][b]]) for b in common]
+        else:
+            shortest = _shortest_path(neighbours, a, c)
+            paths += [(ties, shortest)] if shortest else []  # without any path the edge is free from the start
+        ties += 1
+    longest = max((len(bonds) for _, bonds in paths), default=1)
+    path_bonds = np.array([bonds + [-1] * (longest - len(bonds)) for _, bonds in paths], np.int64).reshape(-1, longest)
+    path_tie = np.array([tie for tie, _ in paths], np.int64)
+    edge_bond, edge_tie = (of_pair[which].reshape(-1, 3).astype(np.int64) for of_pair in (pair_bond, pair_tie))
+    return CellMesh(
+        len(centres), first.size, ties, xy, owner, triangle, weight, area, edge_bond, edge_tie, path_tie, path_bonds
+    )
+
+
+def lone_cell(xy: Floats) -> CellMesh:
+    """Return a mesh of one cell without triangles, for ice that has no bonds."""
+    none, no_edges = np.zeros(0), np.zeros((0, 3), np.int64)
+    one, no_paths = np.zeros(1, np.int64), np.zeros((0, 1), np.int64)
+    return CellMesh(1, 0, 0, xy, one, no_edges, none, none, no_edges, no_edges, one[:0], no_paths)
+
+
+def joined(meshes: list[CellMesh]) -> CellMesh:
+    """Return several meshes as one: cells, bonds and ties are numbered on, and nodes on outlines follow all cells."""
+    before = np.cumsum([[0, 0, 0, 0], *((m.cells, m.bonds, m.ties, m.owner.size - m.cells) for m in meshes)], axis=0)
+    longest = max(m.path_bonds.shape[1] for m in meshes)
+    centres, outer, parts = [], [], []
+    for m, (cells, bonds, ties, nodes) in zip(meshes, before, strict=False):
+        number = np.arange(m.owner.size) + np.where(
+            np.arange(m.owner.size) < m.cells, cells, before[-1, 0] + nodes - m.cells
+        )
+        path_bonds = np.full((len(m.path_tie), longest), -1)
+        path_bonds[:, : m.path_bonds.shape[1]] = np.where(m.path_bonds >= 0, m.path_bonds + bonds, -1)
+        centres.append((m.xy[: m.cells], m.owner[: m.cells] + cells))
+        outer.append((m.xy[m.cells :], m.owner[m.cells :] + cells))
+        of_bonds, of_ties = (
+            np.where(of >= 0, of + start, -1) for of, start in ((m.edge_bond, bonds), (m.edge_tie, ties))
+        )
+        parts.append((number[m.triangle], m.weight, m.area, of_bonds, of_ties, m.path_tie + ties, path_bonds))
+    nodes_of = (np.concatenate(arrays) for arrays in zip(*centres, *outer, strict=True))
+    total_cells, total_bonds, total_ties, _ = before[-1].tolist()
+    return CellMesh(
+        total_cells, total_bonds, total_ties, *nodes_of, *(np.concatenate(of) for of in zip(*parts, strict=True))
+    )
+
+
+def freed_edges(mesh: CellMesh, broken: Booleans) -> Booleans:
+    """Return which edges the broken bonds have freed, shape (triangles, 3); ``broken``: of each bond."""
+    whole = np.append(~broken, True)  # the last one stands for -1
+    held = np.append(np.bincount(mesh.path_tie, whole[mesh.path_bonds].all(axis=1), mesh.ties) > 0, True)
+    return np.asarray(~(whole[mesh.edge_bond] & held[mesh.edge_tie]))
+
+
+def facet_lengths(centres: Floats, first: Ints, second: Ints, outline: shapely.Polygon) -> Floats:
+    """Length (m) of the facet between the ends of each bond: the Voronoi edge of the centres within the outline."""
+    # Four far points close the cells along the outline.
+    far = 10.0 * float(np.abs(np.array(outline.bounds)).max() + np.ptp(centres, axis=0).max())
+    ridges = Voronoi(np.vstack([centres, centres.mean(axis=0) + far * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])]))
+    length: dict[tuple[int, int], float] = {}
+    for (a, b), (p, q) in zip(ridges.ridge_points.tolist(), ridges.ridge_vertices, strict=True):
+        if p >= 0 and q >= 0 and max(a, b) < len(centres):
+            edge = shapely.LineString(ridges.vertices[[p, q]])
+            length[min(a, b), max(a, b)] = float(edge.intersection(outline).length)
+    return np.array(
+        [length.get((min(a, b), max(a, b)), 0.0) for a, b in zip(first.tolist(), second.tolist(), strict=True)]
+    )
+
+
+def _triangulation(centres: Floats, outline: shapely.Polygon, spacing: float) -> tuple[Floats, Ints]:
+    """Nodes (centres first) and triangles that fill the outline."""
+    outline = outline.simplify(OUTLINE_TOLERANCE * spacing)
+    rings = [_nodes_of_ring(ring, spacing) for ring in (outline.exterior, *outline.interiors)]
+    for _ in range(MAX_SPLITS):
+        xy = np.vstack([centres, *rings])
+        # Triangles across bays are left out. Those without area stand on three nodes of one side.
+        triangle = np.asarray(Delaunay(xy).simplices, np.int64)
+        area = _areas(xy, triangle)
+        triangle = np.where((area < 0.0)[:, None], triangle[:, ::-1], triangle)
+        middle = xy[triangle].mean(axis=1)
+        triangle = triangle[(abs(area) > 1e-9 * spacing**2) & shapely.contains_xy(outline, middle)]
+        edges = {frozenset(e) for a in (0, 1, 2) for e in triangle[:, [a, a - 1]].tolist()}
+        # Triangles may cross the outline at sides that are none of their edges: these get another node.
+        start, complete = len(centres), True
+        for n, ring in enumerate(rings):
+            count = len(ring)
+            missing = [frozenset((start + k, start + (k + 1) % count)) not in edges for k in range(count)]
+            start += count
+            if any(missing):
+                complete = False
+                after = np.flatnonzero(missing)
+                rings[n] = np.insert(ring, after + 1, 0.5 * (ring[after] + np.roll(ring, -1, axis=0)[after]), axis=0)
+        if complete:
+            return xy, triangle
+    raise BergError(
+        "the outline cannot be filled with triangles",
+        remedy="Look for sides that nearly touch each other, or give smaller elements",
+    )
+
+
+def _nodes_of_ring(ring: shapely.LinearRing, spacing: float) -> Floats:
+    """Nodes at each corner and between corners at the equal spacing nearest to ``spacing`` (m)."""
+    corner = np.asarray(ring.coords)[:, :2]
+    nodes = []
+    for a, b in pairwise(corner):
+        parts = max(1, round(float(np.hypot(*(b - a))) / spacing))
+        nodes.append(a + (b - a) * (np.arange(parts) / parts)[:, None])
+    return np.vstack(nodes)
+
+
+def _owners(centres: Floats, nodes: Floats, outline: shapely.Polygon) -> Ints:
+    """Cell of each node: the centre for itself; of nodes on the outline the nearest cell that no water parts from it."""
+    count = min(8, len(centres))
+    distance, near = cKDTree(centres).query(nodes, [*range(1, count + 1)])
+    # Between equally near ones the first in the numbering, so that round-off does not decide.
+    equal = distance <= distance[:, :1] * (1.0 + 1e-9)
+    rank = np.lexsort((near, ~equal), axis=1) if count > 1 else np.zeros_like(near)
+    near = np.take_along_axis(near, rank, axis=1)
+    owner = near[:, 0].copy()
+    if outline.area < outline.convex_hull.area * (1.0 - 1e-9):
+        ice = outline.buffer(1e-6 * math.sqrt(outline.area))
+        ways = np.stack([np.broadcast_to(nodes[:, None], (len(nodes), count, 2)), centres[near]], axis=2)
+        over_ice = shapely.covers(ice, shapely.linestrings(ways))
+        owner = np.take_along_axis(near, np.argmax(over_ice, axis=1)[:, None], axis=1)[:, 0]
+    return np.concatenate([np.arange(len(centres)), owner])
+
+
+def _areas(xy: Floats, triangle: Ints) -> Floats:
+    """Area of each triangle (m2), negative where its nodes go round clockwise."""
+    a, b, c = xy[triangle[:, 0]], xy[triangle[:, 1]], xy[triangle[:, 2]]
+    return 0.5 * ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))
+
+
+def _with_both_diagonals(triangle: Ints, cells: int, bond_of: dict[tuple[int, int], int]) -> tuple[Ints, Floats]:
+    """Take both pairs of triangles of every four squares around a corner, with weight 1/2."""
+    bonded = [
+        [(min(t[i - 2], t[i - 1]), max(t[i - 2], t[i - 1])) in bond_of for i in range(3)] for t in triangle.tolist()
+    ]
+    diagonal: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for n, (t, of) in enumerate(zip(triangle.tolist(), bonded, strict=True)):
+        if max(t) < cells and sum(of) == 2:
+            apex = of.index(False)  # opposite the edge that is no bond
+            a, c = t[apex - 2], t[apex - 1]
+            diagonal.setdefault((min(a, c), max(a, c)), []).append((n, apex))
+    weight, added = np.ones(len(triangle)), []
+    for halves in diagonal.values():
+        if len(halves) == 2:
+            (n, i), (m, j) = halves
+            weight[[n, m]] = 0.5
+            b, d = int(triangle[n, i]), int(triangle[m, j])
+            # The first triangle goes b, x, y counter-clockwise with x, y the ends of its diagonal, so d lies beyond it.
+            x, y = int(triangle[n, i - 2]), int(triangle[n, i - 1])
+            added += [(b, x, d), (b, d, y)]
+    if added:
+        triangle = np.vstack([triangle, np.array(added, np.int64)])
+    return triangle, np.concatenate([weight, np.full(len(added), 0.5)])
+
+
+def _neighbours(cells: int, first: Ints, second: Ints) -> list[dict[int, int]]:
+    """Neighbours of each cell, and the bonds to them."""
+    near: list[dict[int, int]] = [{} for _ in range(cells)]
+    for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
+        near[a][b] = near[b][a] = k
+    return near
+
+
+def _shortest_path(neighbours: list[dict[int, int]], a: int, c: int) -> list[int]:
+    """Bonds of the shortest path between two cells, the first one in the order of numbers; empty where there is none."""
+    before: dict[int, int] = {a: a}
+    waiting = deque([a])
+    while waiting:
+        here = waiting.popleft()
+        if here == c:
+            break
+        for there in sorted(neighbours[here]):
+            if there not in before:
+                before[there] = here
+                waiting.append(there)
+    path, here = [], c
+    while here != a and here in before:
+        path.append(neighbours[here][before[here]])
+        here = before[here]
+    return path

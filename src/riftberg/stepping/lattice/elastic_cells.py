@@ -1,0 +1,317 @@
+"""Elastic cells of a run: which cell is which element, and the stiffness and stress of the triangles as they are bonded now.
+
+The mesh of a berg is made once, on a plane of its own, and never changes: `CellMesh` is the ice without strain. Elements and
+bonds are known by their identifiers, so that melt, births and renumbered rows leave it alone; a bond that is gone is broken.
+
+For an equilibrium the triangles are laid into the frames of the fragments (`CellStiffness`): the centres of the cells stand
+where the elements do, and all else of a triangle keeps its place relative to them. Nodes on the outline bear neither mass nor
+loads. They are unknowns of the stiffness matrix, and their displacements follow from those of the cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from scipy.sparse import csr_matrix, diags
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from riftberg.bergs.bonding import RADII_FACTOR
+from riftberg.errors import BergError, RunError
+from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import nearest_image
+from riftberg.plane import ConformalPlane
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.numbering import rows_of
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.lattice.block_ldl import BlockLDL
+from riftberg.stepping.lattice.cells import (
+    CellMesh,
+    cell_mesh,
+    freed_edges,
+    joined,
+    lone_cell,
+    outline_of_cells,
+)
+from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
+from riftberg.stepping.lattice.triangles import (
+    bond_weights,
+    find_triangles,
+    freedoms,
+    stiffness_matrix,
+    triangle_stresses,
+    volumes,
+)
+
+NEVER = -1
+"""Stands for the identifier of a bond between neighbours that were never bonded."""
+
+DISC = 0.2
+"""Part of its radius by which the ice reaches beyond the centre of a cell at least, also where the outline does not."""
+
+NEGLIGIBLE = 1e-12
+"""Eigenvalues of what a break takes off the stiffness, in parts of the stiffness before, that are round-off."""
+
+
+class ElasticCells(NamedTuple):
+    """The mesh of all bergs, and whose cells and bonds its are."""
+
+    mesh: CellMesh
+    element: Ints  # Identifiers of the elements; shape (cells,)
+    bond: Ints  # Identifiers of the bonds; shape (bonds,)
+
+
+CELL_NAMES = tuple(f"cells_{name}" for name in (*CellMesh._fields[3:], "element", "bond", "ties"))
+"""Names in a restart file."""
+
+
+def cells_to_arrays(cells: ElasticCells) -> dict[str, Any]:
+    """Return what a restart file must hold of the cells."""
+    mesh = cells.mesh
+    return dict(zip(CELL_NAMES, (*mesh[3:], cells.element, cells.bond, np.array(mesh.ties)), strict=True))
+
+
+def cells_from_arrays(saved: Mapping[str, Any]) -> ElasticCells:
+    """Return the cells of a restart file."""
+    *arrays, element, bond, ties = (np.asarray(saved[name]) for name in CELL_NAMES)
+    mesh = CellMesh(element.size, bond.size, int(ties), *arrays)
+    return ElasticCells(mesh, element, bond)
+
+
+def with_new_cells(
+    cells: ElasticCells | None, el: Elements, bonds: Bonds, outlines: Sequence[Any], p: KernelParameters
+) -> ElasticCells:
+    """Return the cells with those of elements that are new.
+
+    ``outlines``: polygons (shapely) in the coordinates of positions, each of which its elements fill. Ice without one ends
+    where its elements do.
+    """
+    known = np.zeros(el.size, bool) if cells is None else rows_of(cells.element, el.body.id)[1]
+    if cells is not None and known.all():
+        return cells
+    if (known[bonds.first] != known[bonds.second]).any():
+        raise RunError(
+            "new elements are bonded to older ones, which elastic cells cannot follow (bonds.elasticity: bonds can)"
+        )
+    new = np.flatnonzero(~known)
+    radius = interaction_sizes(el, p).bond_radius
+    # An outline holds its elements, bonded or not; all others hang together by bonds, also by those that have broken.
+    group = connected_parts(el.size, bonds.first, bonds.second, np.zeros(bonds.first.size, np.int64))
+    ring: dict[int, Any] = {}
+    for outline in outlines:
+        inside = new[shapely.contains_xy(outline, el.lon[new], el.lat[new])]
+        if inside.size:
+            joins = np.isin(group, group[inside])
+            group[joins] = group[inside[0]]
+            ring[int(group[inside[0]])] = outline
+    meshes = [] if cells is None else [cells.mesh]
+    element = [] if cells is None else [cells.element]
+    bond = [] if cells is None else [cells.bond]
+    for number in dict.fromkeys(group[new].tolist()):
+        rows = np.flatnonzero(group == number)
+        mesh, ids = _mesh_of(el, bonds, rows, radius[rows], ring.get(number), p)
+        meshes.append(mesh)
+        element.append(el.body.id[rows])
+        bond.append(ids)
+    return ElasticCells(joined(meshes), np.concatenate(element), np.concatenate(bond))
+
+
+def _mesh_of(
+    el: Elements, bonds: Bonds, rows: Ints, radius: Floats, outline: Any, p: KernelParameters
+) -> tuple[CellMesh, Ints]:
+    """Mesh of some elements on a plane of their own, and the identifiers of its bonds."""
+    lon, lat = el.lon[rows].copy(), el.lat[rows]
+    if not p.latlon:
+        lon = np.array([lon[0] + nearest_image(x - lon[0], p.period) for x in lon])
+    plane = ConformalPlane(float(lon[0]), float(lat[0]), p.earth_radius, p.latlon)
+    xy = np.column_stack(plane.forward(lon, lat))
+    if rows.size == 1:
+        return lone_cell(xy), np.zeros(0, np.int64)
+
+    # Neighbours without a bond are parted: as if one had broken between them.
+    place = np.full(el.size, -1)
+    place[rows] = np.arange(rows.size)
+    of_these = np.flatnonzero((place[bonds.first] >= 0) & (place[bonds.second] >= 0))
+    ends = np.sort(np.column_stack([place[bonds.first[of_these]], place[bonds.second[of_these]]]), axis=1)
+    near = np.sort(cKDTree(xy).query_pairs(2.0 * RADII_FACTOR * float(radius.max()), output_type="ndarray"), axis=1)
+    apart = np.hypot(*(xy[near[:, 0]] - xy[near[:, 1]]).T)
+    near = near[apart < RADII_FACTOR * (radius[near[:, 0]] + radius[near[:, 1]])]
+    unbonded = np.array(sorted({*map(tuple, near.tolist())} - {*map(tuple, ends.tolist())}), np.int64).reshape(-1, 2)
+    pairs = np.vstack([ends, unbonded])
+    ids = np.concatenate([bonds.id[of_these], np.full(len(unbonded), NEVER)])
+
+    hexagonal, spacing = bool(el.body.sides[rows[0]] == 6), 2.0 * float(radius.mean())
+    if outline is None:
+        along = xy[pairs[0, 1]] - xy[pairs[0, 0]]
+        angle = float(np.arctan2(along[1], along[0]))
+        ice = outline_of_cells(xy, 0.5 * spacing, "hexagonal" if hexagonal else "square", angle)
+    else:
+        ice = shapely.transform(outline, plane.forward, interleaved=False)
+        discs = shapely.buffer(shapely.points(xy), DISC * radius, quad_segs=2)
+        outside = ~shapely.covers(ice, discs)
+        ice = shapely.unary_union([ice, *discs[outside]])
+    if ice.geom_type != "Polygon":
+        raise BergError(
+            "a berg whose elements do not touch each other has no elastic cells",
+            where="bonds.elasticity", remedy="Set it to 'bonds', or place elements two radii apart",
+        )  # fmt: skip
+    return cell_mesh(xy, pairs[:, 0], pairs[:, 1], ice, spacing, both_diagonals=not hexagonal), ids
+
+
+class CellStiffness:
+    """Triangles in the frames of the fragments, with the stiffness and the stress that broken bonds have left to them.
+
+    Node ``e`` is the centre of the element in row ``e``; nodes on the outlines follow, and last what has melted away.
+    """
+
+    def __init__(
+        self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints, xy: Floats, p: KernelParameters
+    ) -> None:
+        mesh, self._p, self._elements = cells.mesh, p, el.size
+        row, living = rows_of(el.body.id, cells.element)
+        on_outline = mesh.owner.size - mesh.cells
+        number = np.arange(el.size - mesh.cells, el.size + on_outline)
+        number[: mesh.cells] = row
+        number[: mesh.cells][~living] = el.size + on_outline + np.arange((~living).sum())
+        self.nodes = int(number.max()) + 1
+        self.static = np.zeros(self.nodes, bool)
+        self.static[number] = living[mesh.owner] & (el.static[row[mesh.owner]] >= 0.5)
+
+        # A bond that is gone is broken, and edges at ice that has melted away are free.
+        self._bond_number = rows_of(cells.bond, bonds.id)[0]
+        self._broken = np.ones(mesh.bonds, bool)
+        self._broken[self._bond_number[bonds.status == 0]] = False
+        lost = ~living[mesh.owner[mesh.triangle]]
+        self._lost = lost[:, [1, 2, 0]] | lost[:, [2, 0, 1]]
+        kept = ~(freed_edges(mesh, self._broken) | self._lost).all(axis=1)
+        of_kept = ("triangle", "weight", "area", "edge_bond", "edge_tie")
+        self._mesh = mesh._replace(**{name: getattr(mesh, name)[kept] for name in of_kept})
+        self._lost = self._lost[kept]
+        self._freed = freed_edges(self._mesh, self._broken) | self._lost
+
+        self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
+        self._volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
+        self._triangles = find_triangles(self._vertex, self._volume, self._freed, p.youngs_modulus, p.poisson)
+        vertex = self._mesh.triangle
+        self._at = freedoms(number[vertex], number[mesh.owner[vertex]])
+        self._weights = bond_weights(self._mesh, mesh.bonds)
+        self._outline: tuple[Ints, csr_matrix, Any] | None = None
+
+    def _in_frames(self, row: Ints, body: Ints, xy: Floats) -> Floats:
+        """Places of the vertices of all triangles in the frames of their fragments (m); ``row``: of each cell, -1 for none."""
+        mesh, living = self._mesh, np.flatnonzero(row >= 0)
+        # Each fragment has turned from the plane of its mesh by the angle that fits the centres best.
+        of, count = body[row[living]], int(body.max()) + 1
+        before, now = (places[:, 0] + 1j * places[:, 1] for places in (mesh.xy[living], xy[row[living]]))
+        size = np.bincount(of, minlength=count)
+        for places in (before, now):
+            mean = np.bincount(of, places.real, count) + 1j * np.bincount(of, places.imag, count)
+            places -= (mean / np.maximum(size, 1))[of]
+        product = before.conj() * now
+        turn = np.bincount(of, product.real, count) + 1j * np.bincount(of, product.imag, count)
+        turn = np.where(turn == 0.0, 1.0, turn) / np.where(turn == 0.0, 1.0, abs(turn))
+
+        # A triangle belongs to the fragment of an edge that is not free. Vertices of that fragment stand at the centres of
+        # their cells, or in their place beside them; others keep their place relative to the ends of that edge.
+        triangle = mesh.triangle
+        end = np.take_along_axis(triangle, (np.argmin(self._freed, axis=1)[:, None] + 1) % 3, axis=1)
+        own = body[row[mesh.owner[end]]]
+        ours = (row[mesh.owner[triangle]] >= 0) & (body[row[mesh.owner[triangle]]] == own)
+        anchor = np.where(ours, mesh.owner[triangle], mesh.owner[end])
+        away = mesh.xy[triangle] - mesh.xy[anchor]
+        c, s = turn.real[own], turn.imag[own]
+        turned = np.stack([c * away[..., 0] - s * away[..., 1], s * away[..., 0] + c * away[..., 1]], axis=2)
+        return np.asarray(xy[row[anchor]] + turned)
+
+    def matrix(self) -> csr_matrix:
+        """Stiffness of all nodes: displacements (m) and rotation (rad) of each."""
+        return stiffness_matrix(self._at, self._triangles.stiffness, self.nodes)
+
+    def break_bond(self, bond: int, scale: Floats) -> Floats:
+        """Free the edges of a bond (row of the state); returns w in rows: the stiffness falls by the sum of w w^T.
+
+        ``scale`` turns all unknowns into lengths, in which the stiffness is taken.
+        """
+        before, old = self._freed, self._triangles.stiffness
+        self._broken[self._bond_number[bond]] = True
+        self._freed = freed_edges(self._mesh, self._broken) | self._lost
+        changed = np.flatnonzero((self._freed != before).any(axis=1))
+        new = find_triangles(
+            self._vertex[changed], self._volume[changed], self._freed[changed], self._p.youngs_modulus, self._p.poisson
+        )
+        at, place = np.unique(self._at[changed], return_inverse=True)
+        place, less = place.reshape(-1, 9), np.zeros((at.size, at.size))
+        np.add.at(less, (place[:, :, None], place[:, None, :]), old[changed] - new.stiffness)
+        least = NEGLIGIBLE * float((old[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
+        old[changed], self._triangles.stress[changed] = new.stiffness, new.stress
+        self._outline = None
+        value, vector = np.linalg.eigh(less * np.outer(scale[at], scale[at]))
+        columns = np.zeros((int((value > least).sum()), scale.size))
+        columns[:, at] = (vector[:, value > least] * np.sqrt(value[value > least])).T
+        return columns
+
+    def displacements(self, of_elements: Floats) -> Floats:
+        """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3).
+
+        Nodes on the outline bear no loads: they stand where the ice around them is in equilibrium.
+        """
+        every = np.zeros((self.nodes, 3))
+        every[: self._elements] = of_elements
+        if self._outline is None:
+            k = self.matrix()
+            outer = 3 * np.arange(self._elements, self.nodes)[~self.static[self._elements :]][:, None] + np.arange(2)
+            free = outer.ravel()[k.diagonal()[outer.ravel()] > 0.0]
+            self._outline = (
+                free,
+                k[free][:, : 3 * self._elements],
+                splu(k[free][:, free].tocsc()) if free.size else None,
+            )
+        free, coupling, factors = self._outline
+        if factors is not None:
+            every.ravel()[free] = factors.solve(-(coupling @ np.ascontiguousarray(of_elements).ravel()))
+        return every
+
+    def bond_stresses(self, of_elements: Floats, rows: Ints) -> Floats:
+        """Stress (Pa; xx, yy, xy) of the ice at intact bonds (rows of the state)."""
+        stress = triangle_stresses(self._at, self._triangles, self.displacements(of_elements))
+        return np.asarray((self._weights @ stress)[self._bond_number[rows]])
+
+
+class CellSolver(StiffnessSolver):
+    """Solves for the displacements of the elements, with those of the nodes on the outline as further unknowns."""
+
+    def __init__(
+        self, cells: CellStiffness, lattice: ElasticLattice, intact: Ints, supports: Supports, gauge_springs: Ints
+    ) -> None:
+        self._cells, elements = cells, lattice.radius.size
+        radius, free = np.ones(cells.nodes), np.ones((cells.nodes, 3))
+        radius[:elements], free[:elements] = lattice.radius, supports.free.reshape(-1, 3)
+        free[elements:, :2][cells.static[elements:]] = 0.0
+        self._scale = np.column_stack([np.ones((cells.nodes, 2)), 1.0 / radius]).ravel()
+        self._take(lattice, intact, free.ravel(), radius, gauge_springs)
+        scale = diags(self._scale)
+        blocks = (scale @ cells.matrix() @ scale).tobsr((3, 3))
+        row, column = np.repeat(np.arange(cells.nodes), np.diff(blocks.indptr)), blocks.indices.astype(np.int64)
+        data = blocks.data * free[row][:, :, None] * free[column][:, None, :]
+        diagonal = np.zeros((cells.nodes, 3, 3))
+        diagonal[row[row == column]] = data[row == column]
+        # Unknowns without any stiffness: rotations of nodes on the outline, ice that has melted away, supported freedoms.
+        added = np.zeros(3 * cells.nodes)
+        added[: self._added.size] = self._added
+        added[np.einsum("nii->ni", diagonal).ravel() == 0.0] = self.gauge_stiffness
+        diagonal[:, range(3), range(3)] += added.reshape(-1, 3)
+        upper = row < column
+        self._ldl = BlockLDL(row[upper], column[upper], diagonal, np.ascontiguousarray(data[upper]))
+
+    def _columns_of(self, bond: int) -> Floats:
+        return self._cells.break_bond(bond, self._scale)
+
+    def solve(self, load: Floats) -> Floats:
+        """See `StiffnessSolver.solve`; the nodes on the outline bear no loads."""
+        every = np.zeros((self._radius.size, 3))
+        every[: len(load)] = load
+        return super().solve(every)[: len(load)]

@@ -1,0 +1,144 @@
+"""Stiffness and stress of linear triangles in natural modes, with a rotation for each cell and edges that may be freed.
+
+Edge ``i`` of a triangle lies opposite vertex ``i`` and runs from ``j`` to ``k``; t is its direction, n = (-t_y, t_x), l its
+length:
+
+    elongation  q = t . (u_k - u_j)              of the three follows the strain: t' eps t = q / l, so eps = Q q
+    turn        r = n . (u_k - u_j) / l
+    energy      W = 1/2 z' k z + c sum over unfreed edges, over both ends v, of (theta_v - r + m)^2
+
+with k = w A H Q' C Q (natural modes; Argyris 1964), C of plane stress, w the weight of the triangle, A its area, H its thickness,
+m = n' eps(z) t, theta_v the rotation of the cell that owns v, and c = beta mu w A H / 12. An unfreed edge has z = q. A freed
+one has a z of its own, an inner unknown at which W is least, and its squares drop out of the sum. In an unbroken triangle
+r - m is the rotation of the material, whatever the edge, so that the sum is the drilling term of Hughes and Brezzi (1989, Comput.
+Methods Appl. Mech. Eng. 72): zero in uniform strain and rigid motion.
+
+To free an edge adds an unknown to the minimum and drops squares, so the stiffness can only fall: the energy that a break
+releases is never negative, and the order of breaks does not matter.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
+
+from riftberg.state import Floats, Ints
+from riftberg.stepping.lattice.cells import Booleans, CellMesh
+
+DRILLING = 0.3
+"""beta: stiffness of the rotation of a cell against that of its ice, in parts of the shear modulus.
+
+The sag of a beam of eight cells hardly knows it, but it is what resists bending in a neck of one bond. More would lock the
+rotations to the ice of coarse lattices.
+"""
+
+
+class Triangles(NamedTuple):
+    """Matrices of the triangles for their six displacements (x and y of each vertex) and the rotations of their owners."""
+
+    stiffness: Floats  # N m-1, N, N m; shape (triangles, 9, 9)
+    stress: Floats  # Stress xx, yy, xy (Pa) by displacements and rotations; shape (triangles, 3, 9)
+
+
+def plane_stress(youngs: float, poisson: float) -> Floats:
+    """Stress xx, yy, xy (Pa) by strain xx, yy and twice xy."""
+    c = np.array([[1.0, poisson, 0.0], [poisson, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - poisson)]])
+    return youngs / (1.0 - poisson**2) * c
+
+
+def find_triangles(
+    vertex: Floats, volume: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING
+) -> Triangles:
+    """Find the matrices of triangles with their freed edges condensed out.
+
+    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``volume``: of the ice, with the weight of the triangle,
+    m3; ``freed``: shape (triangles, 3).
+    """
+    count = len(vertex)
+    run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
+    length = np.sqrt((run**2).sum(axis=2))
+    tx, ty = run[..., 0] / length, run[..., 1] / length
+
+    # Elongations, turns and rotations of the ends of each edge by the nine freedoms.
+    elongation, turn, rotation = np.zeros((count, 3, 9)), np.zeros((count, 3, 9)), np.zeros((count, 3, 2, 9))
+    for i in range(3):
+        for end, sign in (((i + 1) % 3, -1.0), ((i + 2) % 3, 1.0)):
+            elongation[:, i, 2 * end], elongation[:, i, 2 * end + 1] = sign * tx[:, i], sign * ty[:, i]
+            turn[:, i, 2 * end], turn[:, i, 2 * end + 1] = (
+                -sign * ty[:, i] / length[:, i],
+                sign * tx[:, i] / length[:, i],
+            )
+            rotation[:, i, (end - i - 1) % 3, 6 + end] = 1.0
+
+    # Strain (xx, yy, 2 xy) by elongations, and the shear m of each edge by elongations.
+    strain = np.linalg.inv(np.stack([tx**2, ty**2, tx * ty], axis=2)) / length[:, None, :]
+    edge_shear = np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2) @ strain
+    elastic = plane_stress(youngs, poisson)
+    natural = volume[:, None, None] * (strain.transpose(0, 2, 1) @ elastic @ strain)
+    shear_modulus = 0.5 * youngs / (1.0 + poisson)
+    drill = drilling * shear_modulus * volume / 6.0  # 2 c
+
+    # W in the nine freedoms x and the inner unknowns s: z = known x + inner s, with s only for freed edges.
+    whole = (~freed).astype(np.float64)
+    known, inner = whole[:, :, None] * elongation, np.eye(3) * freed[:, :, None]
+    xx = known.transpose(0, 2, 1) @ natural @ known
+    xs = known.transpose(0, 2, 1) @ natural @ inner
+    ss = inner.transpose(0, 2, 1) @ natural @ inner
+    for i in range(3):
+        of_inner = edge_shear[:, i, None, :] @ inner
+        for end in range(2):
+            of_known = rotation[:, i, end, None, :] - turn[:, i, None, :] + edge_shear[:, i, None, :] @ known
+            factor = (drill * whole[:, i])[:, None, None]
+            xx += factor * (of_known.transpose(0, 2, 1) @ of_known)
+            xs += factor * (of_known.transpose(0, 2, 1) @ of_inner)
+            ss += factor * (of_inner.transpose(0, 2, 1) @ of_inner)
+
+    # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
+    ss += np.eye(3) * (whole * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
+    least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
+    stiffness = xx + xs @ least
+    stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
+    return Triangles(stiffness, elastic @ strain @ (known + inner @ least))
+
+
+def volumes(mesh: CellMesh, thickness: Floats) -> Floats:
+    """Volume (m3) of the ice of each triangle, with its weight; ``thickness`` (m) of the cells is linear between nodes.
+
+    It is not a number for cells that are gone: then that of the other vertices counts.
+    """
+    return np.asarray(mesh.weight * mesh.area * np.nanmean(thickness[mesh.owner[mesh.triangle]], axis=1))
+
+
+def freedoms(node: Ints, owner: Ints) -> Ints:
+    """Unknowns of triangles in the order of the matrices of `Triangles`, from the nodes of their vertices and their owners.
+
+    Each node has three: displacements along x and y, and a rotation, which the nodes on the outline do not use. ``node``,
+    ``owner``: shape (triangles, 3); the result: (triangles, 9).
+    """
+    displacements = 3 * node[:, :, None] + np.arange(2)
+    return np.concatenate([displacements.reshape(-1, 6), 3 * owner + 2], axis=1)
+
+
+def stiffness_matrix(at: Ints, stiffness: Floats, nodes: int) -> csr_matrix:
+    """Add up the stiffness of triangles with the unknowns ``at`` (`freedoms`); of shape (3 nodes, 3 nodes)."""
+    row, column = np.repeat(at, 9, axis=1), np.tile(at, (1, 9))
+    return coo_matrix((stiffness.ravel(), (row.ravel(), column.ravel())), shape=(3 * nodes, 3 * nodes)).tocsr()
+
+
+def triangle_stresses(at: Ints, triangles: Triangles, displacement: Floats) -> Floats:
+    """Stress (Pa; xx, yy, xy) of each triangle; ``displacement``: of all nodes (m, m, rad), shape (nodes, 3)."""
+    return np.asarray(np.einsum("tsx,tx->ts", triangles.stress, displacement.ravel()[at]))
+
+
+def bond_weights(mesh: CellMesh, bonds: int) -> csr_matrix:
+    """Weights of the triangles in the stress at each bond, shape (bonds, triangles): by area, of those that have an edge of it.
+
+    Freed edges carry nothing, and the stress of a triangle counts with what its edges carry.
+    """
+    edge, triangle = mesh.edge_bond.ravel(), np.repeat(np.arange(len(mesh.triangle)), 3)
+    bond, triangle = np.unique(np.column_stack([edge, triangle])[edge >= 0], axis=0).T
+    share = (mesh.weight * mesh.area)[triangle]
+    total = np.bincount(bond, share, bonds)
+    return csr_matrix((share / total[bond], (bond, triangle)), shape=(bonds, len(mesh.triangle)))

@@ -1,0 +1,336 @@
+"""Elastic cells in the default scheme: factors after breaks, frames of fragments, melt and births, beams, restarts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+import shapely.affinity
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.bergs.lattice import lattice_points
+from riftberg.errors import BergError, InputError, RunError
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+from riftberg.state.population import Population
+from riftberg.stepping.bodies.pose import bodies_from_elements, tangent_coordinates
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.fracture.criteria import CellStress, Equilibrium
+from riftberg.stepping.fracture.strengths import Strengths
+from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.lattice.cells import clear_of_outline
+from riftberg.stepping.lattice.elastic_cells import CellSolver, CellStiffness, with_new_cells
+from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
+
+RADIUS = 750.0
+THICKNESS = 200.0
+FLAT = {"latlon": False, "period": 0.0}
+
+
+def turned_beam(packing: str, angle: float, length: float, width: float, **options) -> Iceberg:
+    """A rectangle filled by a turned lattice (degrees)."""
+    outline = shapely.box(-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width)
+    reach = 2.0 * RADIUS * (round(0.5 * length / RADIUS) + 4)
+    bounds = outline.bounds if angle == 0.0 else (-reach, -reach, reach, reach)
+    points = lattice_points(bounds, RADIUS, packing)
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    xy = np.column_stack([c * points.x - s * points.y, s * points.x + c * points.y])
+    x, y = xy[clear_of_outline(xy, outline, RADIUS)].T
+    return Iceberg.from_points(
+        x, y, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, outline=outline, **options
+    )
+
+
+def parameters(packing: str = "square", **groups) -> Parameters:
+    """Elastic cells on a plane."""
+    bonds = {"elasticity": "cells", "packing": packing, **groups.pop("bonds", {})}
+    return Parameters(**{"earth": FLAT, "bonds": bonds, "fracture": {"enabled": False}, **groups})
+
+
+def stiffness_of(el, bonds, cells, p):
+    """Stiffness, lattice, supports and gauge springs of elements as they lie, a body for each piece; and their coordinates."""
+    body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
+    bodies = bodies_from_elements(el.lon, el.lat, body, el.mass, False, 1.0, 0.0)
+    xy = tangent_coordinates(bodies.reference, False, 1.0)
+    sizes, supports = interaction_sizes(el, p), Supports(el.static, el.free_y)
+    intact = np.flatnonzero(bonds.status == 0)
+    with np.errstate(all="ignore"):  # ends of broken bonds lie in frames of their own
+        lattice = find_lattice(bonds, xy, el.thickness, sizes, p)
+    given = lattice, intact, supports, supports.gauge_springs(body, xy)
+    return CellStiffness(cells, el, bonds, body, xy, p), given, body, xy
+
+
+def loads(el, body, xy, force):
+    """Balanced loads on elements."""
+    turn = np.tile([1.0, 0.0], (el.size, 1))
+    inertia = 0.5 * el.mass * RADIUS**2
+    return balanced_loads(body, xy, turn, force, el.mass, inertia, np.zeros(int(body.max()) + 1))
+
+
+@pytest.mark.parametrize(("packing", "angle"), [("square", 0.0), ("square", 22.5), ("hexagonal", 15.0)])
+def test_factors_after_breaks_are_those_without_the_bonds_and_every_break_gives_way(packing, angle) -> None:
+    berg, p = turned_beam(packing, angle, 9000.0, 6000.0), parameters(packing).kernel_values()
+    el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(2)
+    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    stiffness, given, body, xy = stiffness_of(el, bonds, cells, p)
+    solver = CellSolver(stiffness, *given)
+    load = loads(el, body, xy, rng.normal(size=(el.size, 3)) * [1e8, 1e8, 1e10])
+    yielded = [(solver.solve(load) * load).sum()]
+    for bond in rng.permutation(bonds.first.size):
+        bonds.status[bond] = 1
+        if connected_parts(el.size, bonds.first, bonds.second, bonds.status).max() > 0:
+            bonds.status[bond] = 0  # as it parts the berg; the others go on
+            continue
+        solver.downdate(bond)
+        displacement = solver.solve(load)
+        yielded.append((displacement * load).sum())
+    assert (np.diff(yielded) > -1e-9 * yielded[-1]).all()
+    assert solver.update_rank > 50
+    fresh_stiffness, given, *_ = stiffness_of(el, bonds, cells, p)
+    fresh = CellSolver(fresh_stiffness, *given).solve(load)
+    size = abs(fresh).max(axis=0)
+    np.testing.assert_allclose(displacement / size, fresh / size, rtol=0, atol=1e-6)
+    intact = given[1]
+    stress = fresh_stiffness.bond_stresses(fresh, intact)
+    scale = abs(stress).max()
+    np.testing.assert_allclose(stiffness.bond_stresses(fresh, intact) / scale, stress / scale, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_stress_is_read_in_the_frame_of_the_fragment_however_the_berg_has_turned(packing) -> None:
+    berg, p = turned_beam(packing, 15.0, 15000.0, 9000.0), parameters(packing).kernel_values()
+    el, bonds = berg.elements, berg.bonds
+    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    x, y, (c, s) = el.lon.copy(), el.lat.copy(), (np.cos(0.7), np.sin(0.7))
+    el.lon[:], el.lat[:] = 1e5 + c * x - s * y, 3e4 + s * x + c * y
+    stiffness, given, _, xy = stiffness_of(el, bonds, cells, p)
+    displacement = np.column_stack([1e-3 * xy[:, 0], -3e-4 * xy[:, 1], np.zeros(el.size)])
+    stress = stiffness.bond_stresses(displacement, given[1])
+    inner = (abs(x) < 4000.0) & (abs(y) < 2000.0)
+    inner = inner[bonds.first] & inner[bonds.second]
+    assert inner.sum() > 10
+    wanted = np.tile([1e-3 * p.youngs_modulus, 0.0, 0.0], (inner.sum(), 1))
+    np.testing.assert_allclose(stress[inner], wanted, rtol=0, atol=1e-8 * wanted.max())
+
+
+def test_ice_that_has_melted_away_holds_nothing_and_the_rest_is_as_if_its_bonds_had_broken() -> None:
+    berg, p = turned_beam("hexagonal", 15.0, 9000.0, 6000.0), parameters("hexagonal").kernel_values()
+    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    gone = np.array([3, 11])
+    rest = np.setdiff1d(np.arange(berg.elements.size), gone)
+    broken = berg.bonds.copy()
+    broken.status[np.isin(broken.first, gone) | np.isin(broken.second, gone)] = 1
+    left = Population(berg.elements.copy(), berg.bonds.copy())
+    left.remove(berg.elements.id[gone])
+    assert left.elements.size == rest.size
+    force = np.random.default_rng(0).normal(size=(rest.size, 3)) * [1e8, 1e8, 1e10]
+    stiffness, given, body, xy = stiffness_of(left.elements, left.bonds, cells, p)
+    load = loads(left.elements, body, xy, force)
+    displacement = CellSolver(stiffness, *given).solve(load)
+
+    other, given, body, here = stiffness_of(berg.elements, broken, cells, p)
+    every = np.zeros((berg.elements.size, 3))
+    every[rest] = load
+    held = CellSolver(other, *given).solve(every)[rest]
+    # Both differ by a rigid motion, as their gauge springs hold other elements.
+    assert body[rest].max() == body[rest].min()
+    x, y = here[rest].T
+    one, none = np.ones(rest.size), np.zeros(rest.size)
+    rigid = (
+        np.stack([np.stack([one, none, none]), np.stack([none, one, none]), np.stack([-y, x, one])]).reshape(3, -1).T
+    )
+    apart = (displacement - held).T.ravel()
+    apart -= rigid @ np.linalg.lstsq(rigid, apart, rcond=None)[0]
+    assert abs(apart).max() < 1e-8 * abs(held).max()
+
+
+def test_newly_born_get_cells_of_their_own_unless_they_hang_on_older_ice() -> None:
+    p = parameters().kernel_values()
+    berg = turned_beam("square", 0.0, 6000.0, 3000.0)
+    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    born = Iceberg.rectangle(3000.0, 1500.0, thickness=THICKNESS, radius=RADIUS, latlon=False, placement=(9e4, 0.0))
+    population = Population(berg.elements.copy(), berg.bonds.copy())
+    population.append(born.elements, born.bonds)
+    more = with_new_cells(cells, population.elements, population.bonds, (), p)
+    assert more.mesh.cells == berg.elements.size + 2
+    assert (more.mesh.weight * more.mesh.area).sum() == pytest.approx(6000.0 * 3000.0 + 3000.0 * 1500.0, rel=1e-9)
+    assert with_new_cells(more, population.elements, population.bonds, (), p) is more
+    hanging = population.bonds.copy()
+    hanging.first[-1] = 0
+    with pytest.raises(RunError, match="bonded to older ones"):
+        with_new_cells(cells, population.elements, hanging, (), p)
+
+
+def test_rifts_that_are_there_from_the_start_part_the_ice() -> None:
+    p = parameters().kernel_values()
+    berg = turned_beam("square", 0.0, 12000.0, 3000.0)
+    cut = berg.with_rifts([[(0.0, -2000.0), (0.0, 2000.0)]], broken=True)
+    cells = with_new_cells(None, cut.elements, cut.bonds, cut.outlines, p)
+    assert (cells.mesh.weight * cells.mesh.area).sum() == pytest.approx(12000.0 * 3000.0, rel=1e-12)
+    stiffness, _, body, _ = stiffness_of(cut.elements, cut.bonds, cells, p)
+    assert body.max() == 1
+    matrix = stiffness.matrix().toarray()
+    left, right = (3 * np.flatnonzero(body == b)[:, None] + np.arange(3) for b in (0, 1))
+    assert abs(matrix[np.ix_(left.ravel(), right.ravel())]).max() == 0.0
+    # Bonds that are not even in the list part it too: elements of two pieces of one outline.
+    none = cut.bonds.taken(cut.bonds.status == 0)
+    again = with_new_cells(None, cut.elements, none, cut.outlines, p)
+    other = stiffness_of(cut.elements, none, again, p)[0]
+    np.testing.assert_allclose(other.matrix().toarray(), matrix, rtol=0, atol=1e-12 * abs(matrix).max())
+
+
+def test_without_an_outline_the_ice_ends_where_its_elements_do() -> None:
+    p = parameters().kernel_values()
+    berg = turned_beam("square", 0.0, 9000.0, 4500.0)
+    with_outline, without = (
+        stiffness_of(berg.elements, berg.bonds, with_new_cells(None, berg.elements, berg.bonds, outlines, p), p)[0]
+        for outlines in (berg.outlines, ())
+    )
+    wanted = with_outline.matrix().toarray()
+    assert np.linalg.norm(without.matrix().toarray()) == pytest.approx(np.linalg.norm(wanted), rel=1e-3)
+    scattered = Iceberg.from_points(
+        [0.0, 1800.0, 3600.0], [0.0, 0.0, 0.0], thickness=THICKNESS, radius=RADIUS, latlon=False
+    )
+    with pytest.raises(BergError, match="do not touch"):
+        with_new_cells(None, scattered.elements, scattered.bonds, (), p)
+
+
+def test_elements_that_nearly_stand_on_the_outline_are_taken_in() -> None:
+    outline = shapely.box(0.0, 0.0, 8000.0, 4600.0)
+    x, y = (a.ravel() for a in np.meshgrid(1500.0 * np.arange(6) + 40.0, 1500.0 * np.arange(4) + 1.0))
+    berg = Iceberg.from_points(x, y, thickness=THICKNESS, radius=RADIUS, latlon=False, outline=outline)
+    p = parameters().kernel_values()
+    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    area = (cells.mesh.weight * cells.mesh.area).sum()
+    assert outline.area < area < 1.02 * outline.area
+    stiffness, given, body, xy = stiffness_of(berg.elements, berg.bonds, cells, p)
+    load = loads(berg.elements, body, xy, np.random.default_rng(0).normal(size=(x.size, 3)) * 1e8)
+    assert np.isfinite(CellSolver(stiffness, *given).solve(load)).all()
+
+
+def test_of_the_bonds_of_a_place_the_one_in_line_with_the_tension_breaks() -> None:
+    berg, p = turned_beam("square", 0.0, 9000.0, 4500.0), parameters().kernel_values()
+    el, bonds = berg.elements, berg.bonds
+    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    stiffness, (lattice, intact, *_), _, xy = stiffness_of(el, bonds, cells, p)
+    for gradient, along in (([1e-3, -3e-4], 0), ([-3e-4, 1e-3], 1)):
+        displacement = np.column_stack([xy * gradient, np.zeros(el.size)])
+        moment = Equilibrium(lattice, intact, displacement, displacement, p, stiffness)
+        strengths = Strengths(np.full(intact.size, 4e3), np.full(intact.size, 1e6))
+        row, ratio = CellStress().most_critical(moment, strengths)
+        assert ratio > 1.2
+        assert abs((lattice.nx, lattice.ny)[along][row]) == pytest.approx(1.0)
+        # A strong bond stays whole, however well it lies in line.
+        strengths.normal[:] = np.where(abs((lattice.nx, lattice.ny)[along][intact]) > 0.5, 1e6, 4e3)
+        row, ratio = CellStress().most_critical(moment, strengths)
+        assert ratio > 1.2
+        assert abs((lattice.nx, lattice.ny)[1 - along][row]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("packing", "angle"), [("square", 0.0), ("square", 22.5), ("square", 45.0), ("hexagonal", 15.0)]
+)
+@pytest.mark.parametrize("held", ["clamped", "supported"])
+def test_beams_bend_as_theory_says_whatever_the_direction_of_the_lattice(packing, angle, held) -> None:
+    """Ten cells across: within 5 % of a Timoshenko beam, where bonds on a turned lattice bend up to 2.5 times too far."""
+    width, load = 20.0 * RADIUS, 1e6
+    length = 6.0 * width
+    berg = turned_beam(packing, angle, length, width)
+    el = berg.elements
+    x, y = el.lon.copy(), el.lat.copy()
+    if held == "clamped":
+        el.static[x < -0.5 * length + 2.2 * RADIUS] = 1.0
+        end = x > 0.5 * length - 3.0 * RADIUS
+        el.load_y[end] = -load / end.sum()
+    else:
+        supports = [np.argmin(np.hypot(x - side * 0.45 * length, y)) for side in (-1, 1)]
+        el.free_y[supports] = 0.0
+        el.static[supports[0]] = 0.0
+        middle = abs(x) < 1.6 * RADIUS
+        el.load_y[middle] = -load / middle.sum()
+    model = Model(berg, Steady(), parameters(packing, stepping={"time_step": 1.0}))
+    model.step()
+    model.step()
+    down = y - model.elements.lat
+    modulus, second_moment = model.parameters.bonds.youngs_modulus, THICKNESS * width**3 / 12.0
+    shear = modulus / 2.6 * THICKNESS * width * 13.0 / 15.63  # 10 (1 + nu) / (12 + 11 nu), of Cowper
+    if held == "clamped":
+        span = x[end].mean() - x[el.static > 0.5].max()
+        theory = load * span**3 / (3.0 * modulus * second_moment) + load * span / shear
+        found = down[end].mean()
+    else:
+        span = abs(np.diff(x[supports]))[0]
+        theory = load * span**3 / (48.0 * modulus * second_moment) + load * span / (4.0 * shear)
+        # A support presses in the cell that it holds: the sag is taken from the ice beside it.
+        beside = [(abs(x - x[s]) < 2.5 * RADIUS) & (abs(y) > 4.0 * RADIUS) for s in supports]
+        found = down[middle].mean() - 0.5 * sum(down[near].mean() for near in beside)
+    assert found == pytest.approx(theory, rel=0.05)
+
+
+def pulled(packing: str = "square", strength: float = 1e3) -> Model:
+    """A bar that is pulled towards both ends, with most tension in its middle: a little more than it bears."""
+    berg = turned_beam(packing, 0.0, 18000.0, 4500.0)
+    el = berg.elements
+    pull = np.sin(np.pi * el.lon / 18000.0)
+    el.load_x[:] = 1.02 * strength * THICKNESS * 4500.0 / pull[el.lon > 0.0].sum() * pull
+    fracture = {"enabled": True, "normal_strength": strength, "shear_strength": 1e6}
+    return Model(berg, Steady(), parameters(packing, fracture=fracture, stepping={"time_step": 60.0}))
+
+
+def test_a_bar_that_is_pulled_apart_parts_across_and_the_pieces_are_free_of_each_other() -> None:
+    model = pulled()
+    model.step()
+    assert model.bonds_broken == 3
+    assert model.fragment_count == 2
+    broken = np.isfinite(model.bonds.break_time)
+    x = model.elements.lon
+    assert (abs(x[model.bonds.first] - x[model.bonds.second])[broken] > RADIUS).all()
+    before = np.sort(np.unique(model.elements.berg, return_counts=True)[1])
+    model.advance(steps=3)
+    np.testing.assert_array_equal(np.sort(np.unique(model.elements.berg, return_counts=True)[1]), before)
+    assert model.bonds.normal_stress[model.bonds.status == 0].max() < 1e3
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_a_resumed_run_goes_on_bit_for_bit(packing, tmp_path) -> None:
+    model = pulled(packing)
+    model.elements.load_y[:4] = 1e8  # so that the pieces turn
+    start = model.save(tmp_path / "start.nc")
+    model.step()
+    assert model.fragment_count > 1
+    middle = model.save(tmp_path / "middle.nc")
+    model.advance(steps=3)
+    for path, steps in ((start, 4), (middle, 3)):
+        again = Model.resume(path, Steady())
+        again.advance(steps=steps)
+        for table, other in ((model.elements, again.elements), (model.bonds, again.bonds)):
+            for name, array in table.arrays().items():
+                np.testing.assert_array_equal(getattr(other, name), array, err_msg=name)
+
+
+def test_what_elastic_cells_cannot_do_is_refused_by_name() -> None:
+    with pytest.raises(InputError, match=r"bonds\.elasticity = 'cells' needs a lattice in equilibrium"):
+        parameters(stepping={"scheme": "mts"})
+    with pytest.raises(InputError, match=r"bonds\.elasticity = 'cells' needs a lattice in equilibrium"):
+        parameters(bonds={"law": "none"})
+    with pytest.raises(InputError, match=r"fracture\.criterion = 'toughness' reads the forces of elastic bonds"):
+        parameters(fracture={"criterion": "toughness", "toughness": 1e5})
+
+
+@pytest.mark.parametrize("latlon", [False, True])
+def test_a_berg_knows_the_outline_that_was_asked_for(latlon) -> None:
+    place = (-38.0, -56.0) if latlon else (4e4, 2e4)
+    berg = Iceberg.rectangle(20e3, 8e3, thickness=200.0, placement=place, rotation=30.0, latlon=latlon)
+    p = Parameters(earth={"latlon": latlon}, bonds={"elasticity": "cells"}).kernel_values()
+    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    assert (cells.mesh.weight * cells.mesh.area).sum() == pytest.approx(160e6, rel=1e-4)
+    both = Iceberg.join(
+        [
+            berg,
+            Iceberg.rectangle(
+                3e3, 3e3, thickness=200.0, placement=(place[0] + (1.0 if latlon else 6e4), place[1]), latlon=latlon
+            ),
+        ]
+    )
+    assert len(both.outlines) == 2
