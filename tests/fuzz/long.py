@@ -3,8 +3,8 @@
 It runs damaged input of every class, the families of faults with values that are known, and the layouts of forcing
 files; ``--damaged``, ``--faults`` and ``--layouts`` take one of the three. ``--only TEXT`` takes the families (or
 layouts) whose names hold TEXT, ``--part 1/4`` every fourth kind; ``--show`` prints the message of every kind. With
-``--results FILE`` the verdicts are kept there, and a second call goes on where the first was stopped. The process may not take more than `MEMORY`; if it is killed all the same, ``now.txt`` in its folder names the kind that it
-was at.
+``--results FILE`` the verdicts are kept there, and a second call goes on where the first was stopped. The process
+may not take more than `MEMORY`; if it is killed all the same, ``now.txt`` in its folder names the kind that it was at.
 """
 
 from __future__ import annotations
