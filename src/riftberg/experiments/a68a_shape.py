@@ -41,6 +41,8 @@ def a68a_berg(
     radius: float = A68A_RADIUS,
     packing: Packing = "square",
     *,
+    lattice_angle: float = 0.0,
+    offset: tuple[float, float] | None = None,
     thickness: Any = 200.0,
     density: float = 850.0,
     velocity: tuple[float, float] = (0.22, 0.0),
@@ -65,10 +67,11 @@ def a68a_berg(
     if conformal:
         lon0, lat0 = _centre(column, row, position)
         berg = Iceberg.from_table(
-            A68A_ROWS, placement=(_into(lon0, west), lat0), table_radius=A68A_RADIUS, radius=radius, **body
-        )
+            A68A_ROWS, placement=(_into(lon0, west), lat0), table_radius=A68A_RADIUS, radius=radius,
+            lattice_angle=lattice_angle, offset=offset, **body,
+        )  # fmt: skip
     else:
-        lattice, _ = fill(region, radius, packing, stretched=False)
+        lattice, _ = fill(region, radius, packing, offset, lattice_angle, stretched=False)
         lon, lat = _published_positions(along(lattice), position, column, row)
         berg = Iceberg.from_points(_into(lon, west), lat, radius=radius, **body)
     made = {

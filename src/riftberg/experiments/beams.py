@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.cases import BeamCase, Held, bent_beam
 from riftberg.experiments.options import Info, Options, Story
 from riftberg.ocean.analytic import Steady
@@ -22,8 +23,6 @@ from riftberg.parameters import Compatibility, Parameters
 
 if TYPE_CHECKING:
     from riftberg.runs.model import Model
-
-SECONDS_PER_DAY = 86400.0
 
 
 @dataclass(frozen=True)

@@ -34,13 +34,13 @@ PARAMETERS = Parameters(
         "spring": 1e-7,
         "distance": 1750.0,
         "tangential_critical_damping": True,
-        "damping_by_speed": True,
         "tolerance": 1e-8,
     },
     bonds={"packing": "hexagonal", "youngs_modulus": 4471.94, "spring": 1e-5, "linear_bending": False},
     fracture={"enabled": False},
     stepping={"scheme": "mts", "time_step": 3600.0},
     earth={"latlon": False, "period": PERIOD},
+    compatibility={"damping_by_speed": True},
 )
 """Physics of the iKID case with Riftberg's numerics."""
 

@@ -20,7 +20,7 @@ Numerics = Literal["own", "reference"]
 class Options:
     """What the person who starts a run asked for."""
 
-    # Values by group and parameter name, as `riftberg.parameters.Parameters.changed` takes them; already checked
+    # Values by group and name, as `riftberg.parameters.Parameters.changed` takes them, and those of the berg; already checked
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     days: float | None = None  # Length of the run; None leaves it to the experiment
     data: Path | None = None  # Folder of data files
@@ -37,6 +37,11 @@ class Options:
     def own(self) -> bool:
         """Riftberg's own numerics, unless the reference's were asked for: what most experiments do."""
         return self.numerics != "reference"
+
+    @property
+    def lattice(self) -> Mapping[str, Any]:
+        """Changes of the lattice of the berg, as `riftberg.bergs.keys.LatticeKeys` has them."""
+        return self.changes.get("berg", {})
 
     def apply(self, parameters: Parameters) -> Parameters:
         """Return parameters with the changes made."""

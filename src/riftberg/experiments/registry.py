@@ -22,6 +22,7 @@ class BuiltIn:
     place: str  # ``module:function`` of its builder
     summary: str  # What it shows, in one line
     parts: tuple[str, ...] = ()  # Parts that ``--without`` can leave out
+    lattice: bool = False  # Its berg may be filled with another lattice
     fetches: bool = False  # It runs from files that ``--fetch`` can get
     story: str = ""  # ``module:name`` of its `Story`, where it has one of its own
 
@@ -42,11 +43,12 @@ class BuiltIn:
 
 EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
     BuiltIn("a68a", "a68a:build", "A68a in December 2020 in an analytic ocean: drift, grounding, two break-ups",
-          ("shoal", "shear")),
+          ("shoal", "shear"), lattice=True),
     BuiltIn("a68a-paper", "a68a_paper:build", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
           ("shoal",), fetches=True),
     BuiltIn("a68a-oras5", "a68a_oras5:build", "A68a in the monthly mean currents of ORAS5", fetches=True),
-    BuiltIn("a68a-melt", "a68a_melt:build", "A68a melts along its observed track for three months, in a sea made by formula"),
+    BuiltIn("a68a-melt", "a68a_melt:build", "A68a melts along its observed track for three months, in a sea made by formula",
+          lattice=True),
     BuiltIn("supported-beam", "beams:build_supported", "a simply supported beam bends under a load",
           story="beams:SUPPORTED_STORY"),
     BuiltIn("cantilever", "beams:build_cantilever", "a clamped beam bends under a load at its end",

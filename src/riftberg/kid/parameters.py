@@ -139,7 +139,6 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
         "drag": {
             "ocean_scale": number("ocean_drag_scale"),
             "sides_by_bonds": flag("internal_bergs_for_drag"),
-            "radius_based": flag("radius_based_drag") and flag("hexagonal_icebergs") and dem,
             "rotational": False,
         },
         "grounding": {
@@ -157,7 +156,6 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
             "tangential_critical_damping": flag("tang_crit_int_damp_on"),
             "radial_damping": number("radial_damping_coef"),
             "tangential_damping": number("tangental_damping_coef"),
-            "damping_by_speed": flag("scale_damping_by_pmag"),
             "iterate": flag("force_convergence"),
             "tolerance": number("convergence_tolerance"),
         },
@@ -208,7 +206,15 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
         },
         **_groups_of_life(group),
         "compatibility": Compatibility.kid(
-            shared_shear_lever=flag("save_bond_forces"), grid_position_round_trip=plain, plain_kid_branch=plain
+            shared_shear_lever=flag("save_bond_forces"),
+            grid_position_round_trip=plain,
+            plain_kid_branch=plain,
+            radius_based=flag("radius_based_drag") and flag("hexagonal_icebergs") and dem,
+            damping_by_speed=flag("scale_damping_by_pmag"),
+            sea_ice_shift=number("sicn_shift"),
+            zero_rates=flag("set_melt_rates_to_zero"),
+            keep_shape=flag("Iceberg_melt_without_decay"),
+            one_draw=flag("fl_init_child_xy_by_pe"),
         ).model_dump(),
     }
 
@@ -234,10 +240,7 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
             "base": equations if mixed or shelf else "turbulent",
             "salinity_from_ocean": flag("use_mixed_layer_salinity_for_thermo"),
             "split": flag("use_operator_splitting"),
-            "sea_ice_shift": number("sicn_shift"),
             "bits_fraction": max(number("bergy_bit_erosion_fraction"), 0.0),
-            "zero_rates": flag("set_melt_rates_to_zero"),
-            "keep_shape": flag("Iceberg_melt_without_decay"),
             "const_gamma": flag("const_gamma"),
             "gamma_t": number("Gamma_T_3EQ"),
             "friction_drag": number("cdrag_icebergs"),
@@ -256,7 +259,6 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
             "strength": 1000.0 * number("fl_strength"),  # kPa in namelists
             "style": "bergs" if group.text("fl_style") == "new_bergs" else "bits",
             "displace": flag("displace_fl_bergs"),
-            "one_draw": flag("fl_init_child_xy_by_pe"),
             "berg_mass": number("new_berg_from_fl_bits_mass_thres"),
         },
         "calving": {

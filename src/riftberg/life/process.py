@@ -28,7 +28,7 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
     Runs with the reference's numerics take what their driver hands over.
     """
     melt = p.melt
-    if not melt.enabled or melt.zero_rates or p.compatibility.zero_start:
+    if not melt.enabled or p.compatibility.zero_rates or p.compatibility.zero_start:
         return
     known = provided(forcing)
     missing = []
@@ -90,7 +90,7 @@ class LifeProcess:
         self.last: LifeStep | None = None
         self.look_around: Callable[[LifeModel], None] | None = None
         self.born: Callable[[LifeModel], tuple[int, float]] = date_of_birth
-        self.draws: Draws = OwnDraws(own.seed, own.one_draw)
+        self.draws: Draws = OwnDraws(own.seed, parameters.compatibility.one_draw)
         self.ranks: tuple[int, int] = (1, 1)
         self.names: Callable[[int, int], int] | None = None
         self._ledger: Ledger | None = None

@@ -16,6 +16,7 @@ from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, f
 from riftberg.ocean.product_records import as_block
 from riftberg.products.axes import goes_round, step_of
 from riftberg.products.mesh import Located, NodeMesh, mesh_of
+from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
@@ -31,8 +32,9 @@ from riftberg.products.records import (
     remarks,
     usual_interval,
 )
-from riftberg.products.registry import expand, open_named, product_named, recognise
+from riftberg.products.registry import expand, joined, product_named, read_named
 from riftberg.products.repair import VALID
+from riftberg.products.vectors import together
 from riftberg.products.window import extent_text, longitudes_near, utc, window, window_in_time
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
@@ -116,24 +118,19 @@ def _entries(
 
 def _opened_entries(entries: Sequence[tuple[str, str | None]], report: Report) -> list[xr.Dataset]:
     """Open what can be opened; note the rest in the report."""
-    usable: list[tuple[str, str | None]] = []
-    for name, product in entries:
+    usable: list[list[tuple[xr.Dataset, Product]]] = []
+    for number, (name, product) in enumerate(entries):
         try:
-            if product is None:
-                recognise(name)
-            else:
-                product_named(product)
-            open_named([(name, product)], turned=False)
-            usable.append((name, product))
+            parts = read_named(name, product, number)
+            joined(parts)  # what its product makes of its records may be refused too
+            usable.append(parts)
         except ForcingError as error:
             report.unreadable[name] = _other_kind(name) or _without_place(error)
-    if not usable:
-        return []
     try:
-        return open_named(usable)
+        return together(joined([part for parts in usable for part in parts]))
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
-        return [ds for entry in usable for ds in open_named([entry], turned=False)]
+        return [ds for parts in usable for ds in joined(parts)]
 
 
 def _other_kind(name: str) -> str:

@@ -23,6 +23,7 @@ from riftberg.products import records
 from riftberg.products.axes import step_of
 from riftberg.products.levels import uppermost
 from riftberg.products.mesh import AxesMesh, Located, NodeMesh
+from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.registry import open_named
 from riftberg.products.repair import VALID
@@ -328,7 +329,7 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
                 said = (
                     f"{', '.join(twice)} are taken from here and not from {records.named(ds)}, which is named earlier"
                 )
-                given[later].attrs["told"] = "; ".join(filter(None, [str(given[later].attrs.get("told", "")), said]))
+                given[later] = noted(given[later], told=said)
     return [ds for ds in given if ds.data_vars]
 
 
@@ -378,8 +379,7 @@ def _told_of_missing(part: xr.Dataset, near: xr.Dataset) -> xr.Dataset:
     if not lost:
         return part
     names = ", ".join(map(str, part.data_vars))
-    earlier = f"{part.attrs['doubt']}; " if "doubt" in part.attrs else ""
-    return part.assign_attrs(doubt=f"{earlier}{lost} record(s) without any value of {names} count as missing")
+    return noted(part, doubt=f"{lost} record(s) without any value of {names} count as missing")
 
 
 def with_rules(ds: xr.Dataset, settings: FileForcing) -> xr.Dataset:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.products.cf import (
     above_ellipsoid,
@@ -21,7 +22,7 @@ from riftberg.products.cf import (
 from riftberg.products.dates import dated, declared_mean
 from riftberg.products.levels import LEVEL, judged, on_depths
 from riftberg.products.place import positioned
-from riftberg.products.product import DAY_SECONDS, Product
+from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF
 from riftberg.products.repair import VALID, without_land
@@ -62,7 +63,7 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         if not parts:  # what concerns the whole file is said once
             attributes["unread"] = "; ".join(unread(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen]))
         if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
-            attributes["longest_step"] = DAY_SECONDS
+            attributes["longest_step"] = SECONDS_PER_DAY
         if MEAN_OF in part.coords and part[MEAN_OF].values.any():
             attributes["averaging_seconds"] = float(np.median(part[MEAN_OF].values))
         attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}

@@ -14,16 +14,16 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.product import Product, Source, text_of
+from riftberg.products.product import Heading, Product, Source, noted
 from riftberg.system.netcdf_lock import open_lazily
 
 _CITATION = "see the file"
 
 
-def _is_roms(ds: xr.Dataset) -> bool:
-    dims = set(map(str, ds.dims))
+def _is_roms(heading: Heading) -> bool:
+    dims = set(heading.sizes)
     fields = {"u", "v", "u_eastward", "v_northward", "zeta", "h", "aice", "uice", "Uwind"}
-    return bool(dims & {"xi_rho", "xi_u", "xi_v"}) and bool(fields & set(map(str, ds.variables)))
+    return bool(dims & {"xi_rho", "xi_u", "xi_v"}) and bool(fields & heading.names)
 
 
 def _with_grid(ds: xr.Dataset) -> xr.Dataset:
@@ -39,7 +39,7 @@ def _with_grid(ds: xr.Dataset) -> xr.Dataset:
     )  # fmt: skip
     if grid is not None:
         held = {name: grid[name] for name in grid.variables if name not in ds.variables}
-        return _shared_dims(ds, ds.assign(held)).assign_attrs(told=grid.attrs["told"])
+        return noted(_shared_dims(ds, ds.assign(held)), told=grid.attrs["told"])
     raise ForcingError(
         "has no positions (lat_rho, lon_rho): they are in the grid file of the model", where=where,
         remedy="Put the grid file (*_grd.nc) of the same size into the same folder",
@@ -120,7 +120,7 @@ ROMS = Product(
 )
 
 
-def _is_nemo(ds: xr.Dataset) -> bool:
+def _is_nemo(heading: Heading) -> bool:
     fields = {
         "vozocrtx",
         "vomecrty",
@@ -135,7 +135,7 @@ def _is_nemo(ds: xr.Dataset) -> bool:
         "ssh",
         "siconc",
     }
-    return {"nav_lat", "nav_lon"} <= set(ds.variables) and bool(fields & set(map(str, ds.variables)))
+    return {"nav_lat", "nav_lon"} <= heading.names and bool(fields & heading.names)
 
 
 NEMO = Product(
@@ -160,8 +160,8 @@ NEMO = Product(
 )
 
 
-def _is_fvcom(ds: xr.Dataset) -> bool:
-    return {"nv", "lonc"} <= set(ds.variables) or ("nele" in ds.dims and "node" in ds.dims)
+def _is_fvcom(heading: Heading) -> bool:
+    return {"nv", "lonc"} <= heading.names or ("nele" in heading.sizes and "node" in heading.sizes)
 
 
 def _even_levels(ds: xr.Dataset) -> xr.Dataset:
@@ -202,8 +202,8 @@ FVCOM = Product(
 )
 
 
-def _is_wrf(ds: xr.Dataset) -> bool:
-    return {"XLAT", "XLONG"} <= set(ds.variables) and bool({"U10", "V10"} & set(map(str, ds.variables)))
+def _is_wrf(heading: Heading) -> bool:
+    return {"XLAT", "XLONG"} <= heading.names and bool({"U10", "V10"} & heading.names)
 
 
 def _fixed_grid(ds: xr.Dataset) -> xr.Dataset:
@@ -231,9 +231,9 @@ WRF = Product(
 )
 
 
-def _is_fesom(ds: xr.Dataset) -> bool:
-    words = "fesom" in text_of(ds, "title", "source", "model", "Conventions", "history")
-    return bool({"nod2", "ncells", "nodes_2d", "elem"} & set(map(str, ds.dims))) or words
+def _is_fesom(heading: Heading) -> bool:
+    words = "fesom" in heading.says("title", "source", "model", "Conventions", "history")
+    return bool({"nod2", "ncells", "nodes_2d", "elem"} & set(heading.sizes)) or words
 
 
 FESOM = Product(
@@ -241,8 +241,8 @@ FESOM = Product(
     title="Output of FESOM on its triangles",
     citation=_CITATION,
     evidence="documentation",
-    matches=lambda ds: (
-        _is_fesom(ds) and bool({"u", "v", "unod", "vnod", "ssh", "a_ice", "uice"} & set(map(str, ds.variables)))
+    matches=lambda heading: (
+        _is_fesom(heading) and bool({"u", "v", "unod", "vnod", "ssh", "a_ice", "uice"} & heading.names)
     ),
     sources=(
         Source("uo", ("unod", "u"), "m s-1"),

@@ -7,18 +7,10 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from riftberg.products.means import in_mid_month
+from riftberg.constants import SECONDS_PER_DAY
+from riftberg.products.dates import in_mid_month
 from riftberg.products.place import projected
-from riftberg.products.product import (
-    DAY,
-    DAY_SECONDS,
-    Evidence,
-    Product,
-    Source,
-    stamped_at_noon,
-    text_of,
-    without_single,
-)
+from riftberg.products.product import DAY, Evidence, Heading, Product, Source, noted, stamped_at_noon, without_single
 from riftberg.products.records import usual_interval
 
 # OSCAR surface currents, mean over the top 30 m: third-degree v1 (retired), v2.0 (quarter degree, daily), v3.
@@ -29,22 +21,22 @@ from riftberg.products.records import usual_interval
 _OSCAR_CURRENTS = (Source("uo", ("u",), "m s-1"), Source("vo", ("v",), "m s-1"))
 
 
-def _is_oscar_v1(ds: xr.Dataset) -> bool:
-    return {"u", "um"} <= set(ds.variables) and "depth" in ds.dims and "year" in ds.variables
+def _is_oscar_v1(heading: Heading) -> bool:
+    return {"u", "um"} <= heading.names and "depth" in heading.sizes and "year" in heading.names
 
 
-def _has_oscar_fields(ds: xr.Dataset) -> bool:
-    names = set(ds.variables)
-    return {"u", "v"} <= names and bool({"ug", "uw"} & names) and {"latitude", "longitude"} <= set(ds.dims)
+def _has_oscar_fields(heading: Heading) -> bool:
+    names = heading.names
+    return {"u", "v"} <= names and bool({"ug", "uw"} & names) and {"latitude", "longitude"} <= set(heading.sizes)
 
 
-def _is_oscar_v3(ds: xr.Dataset) -> bool:
-    new = "v3" in text_of(ds, "product_version", "title", "id") or "uw" in ds.variables
-    return _has_oscar_fields(ds) and new
+def _is_oscar_v3(heading: Heading) -> bool:
+    new = "v3" in heading.says("product_version", "title", "id") or "uw" in heading.names
+    return _has_oscar_fields(heading) and new
 
 
-def _is_oscar_v2(ds: xr.Dataset) -> bool:
-    return _has_oscar_fields(ds) and not _is_oscar_v3(ds)
+def _is_oscar_v2(heading: Heading) -> bool:
+    return _has_oscar_fields(heading) and not _is_oscar_v3(heading)
 
 
 def _without_oscar_level(ds: xr.Dataset) -> xr.Dataset:
@@ -80,7 +72,7 @@ OSCAR_V1 = Product(
     matches=_is_oscar_v1,
     sources=_OSCAR_CURRENTS,
     reshape=_drop_year_axis,
-    longest_step=6 * DAY_SECONDS,
+    longest_step=6 * SECONDS_PER_DAY,
     notes=(*_OSCAR_NOTES, "one record about every five days", "longitudes 20..420: the repeated part is dropped"),
 )
 OSCAR_V2 = Product(
@@ -116,8 +108,8 @@ _GLOBCURRENT_EAST = "eastward_eulerian_current_velocity"
 _GLOBCURRENT_NORTH = "northward_eulerian_current_velocity"
 
 
-def _is_globcurrent(ds: xr.Dataset) -> bool:
-    return _GLOBCURRENT_EAST in ds.variables or _GLOBCURRENT_NORTH in ds.variables
+def _is_globcurrent(heading: Heading) -> bool:
+    return _GLOBCURRENT_EAST in heading.names or _GLOBCURRENT_NORTH in heading.names
 
 
 def _with_cf_units(ds: xr.Dataset) -> xr.Dataset:
@@ -150,9 +142,9 @@ GLOBCURRENT = Product(
 # ``sla`` (the anomaly from a long-time mean) lacks the mean currents.
 
 
-def _is_duacs(ds: xr.Dataset) -> bool:
-    words = "duacs" in text_of(ds, "title", "summary", "source", "comment") or "allsat" in text_of(ds, "title")
-    return "adt" in ds.variables or ("sla" in ds.variables and words)
+def _is_duacs(heading: Heading) -> bool:
+    words = "duacs" in heading.says("title", "summary", "source", "comment") or "allsat" in heading.says("title")
+    return "adt" in heading.names or ("sla" in heading.names and words)
 
 
 _DUACS_VARIANTS: tuple[tuple[str, Evidence], ...] = (("1/8 degree", "documentation"),)
@@ -178,7 +170,7 @@ DUACS_GEOSTROPHIC = Product(
     title="SSALTO/DUACS level-4 sea level with its geostrophic currents, daily",
     citation=DUACS.citation,
     evidence="sample",
-    matches=lambda ds: False,
+    matches=lambda heading: False,
     sources=(*DUACS.sources, Source("uo", ("ugos",), "m s-1"), Source("vo", ("vgos",), "m s-1")),
     variants=_DUACS_VARIANTS,
     notes=("uo, vo are geostrophic only: they lack the wind-driven part", *DUACS.notes[:2]),
@@ -194,24 +186,23 @@ DUACS_GEOSTROPHIC = Product(
 _GLORYS_NAMES = {"uo", "vo", "zos", "siconc", "sithick", "usi", "vsi", "thetao", "so"}
 
 
-def _is_glorys(ds: xr.Dataset) -> bool:
-    words = text_of(ds, "title", "source", "institution", "references", "product", "id", "credit")
+def _is_glorys(heading: Heading) -> bool:
+    words = heading.says("title", "source", "institution", "references", "product", "id", "credit")
     mercator = any(
         word in words for word in ("mercator", "glorys", "global_multiyear_phy", "global_analysisforecast_phy")
     )
-    return mercator and bool(_GLORYS_NAMES & set(ds.variables))
+    return mercator and bool(_GLORYS_NAMES & heading.names)
 
 
 _FORECASTS = ("analysisforecast", "analysis_forecast", "_anfc", "001_024", "psy4", "forecast", "near real time", "nrt")
 _PAST = ("multiyear", "reanalysis", "001_030", "glorys")
 
 
-def _is_mercator_forecast(ds: xr.Dataset) -> bool:
-    words = (
-        text_of(ds, "title", "source", "product", "id", "comment", "field_type")
-        + str(ds.encoding.get("source", "")).lower()
+def _is_mercator_forecast(heading: Heading) -> bool:
+    words = heading.says("title", "source", "product", "id", "comment", "field_type") + heading.source.lower()
+    return (
+        _is_glorys(heading) and any(word in words for word in _FORECASTS) and not any(word in words for word in _PAST)
     )
-    return _is_glorys(ds) and any(word in words for word in _FORECASTS) and not any(word in words for word in _PAST)
 
 
 def _with_dimension_of_time(ds: xr.Dataset) -> xr.Dataset:
@@ -234,10 +225,10 @@ def _in_mid_day_or_month(ds: xr.Dataset) -> xr.Dataset:
         doubt = (
             "one record, and nothing in the file tells whether it is the mean of a day or of a month: taken as a day"
         )
-        return stamped_at_noon(ds).assign_attrs(doubt=doubt)
-    if step < DAY_SECONDS:  # hourly products are instants at their stamp
+        return noted(stamped_at_noon(ds), doubt=doubt)
+    if step < SECONDS_PER_DAY:  # hourly products are instants at their stamp
         return ds.assign_attrs(averaging_seconds=0.0)
-    if step < 20 * DAY_SECONDS:
+    if step < 20 * SECONDS_PER_DAY:
         return stamped_at_noon(ds)
     return in_mid_month(ds)
 
@@ -303,14 +294,11 @@ _ORAS5_AXES = {"nav_lat": "lat", "nav_lon": "lon", "time_counter": "time"}
 _ORAS5_LEVELS = ("deptht", "depthu", "depthv")
 
 
-def _is_oras5(ds: xr.Dataset) -> bool:
+def _is_oras5(heading: Heading) -> bool:
     """Tell ORAS5 from other output of NEMO by heading or name: its records are months, those of others may be hours."""
-    words = (
-        text_of(ds, "title", "source", "summary", "product", "id", "references")
-        + str(ds.encoding.get("source", "")).lower()
-    )
+    words = heading.says("title", "source", "summary", "product", "id", "references") + heading.source.lower()
     named = "oras5" in words or "oras-5" in words or "_monthly_highres_" in words
-    return named and bool(_ORAS5_NAMES & set(ds.variables)) and {"nav_lat", "nav_lon"} <= set(ds.variables)
+    return named and bool(_ORAS5_NAMES & heading.names) and {"nav_lat", "nav_lon"} <= heading.names
 
 
 def _with_nemo_axes_named(ds: xr.Dataset) -> xr.Dataset:
@@ -357,8 +345,8 @@ _STEREOGRAPHIC = "+proj=stere +a=6378273 +b=6356889.44891 +lat_0={pole} +lat_ts=
 _EASE2 = "+proj=laea +ellps=WGS84 +datum=WGS84 +lat_0={pole} +lon_0=0"
 
 
-def _is_osisaf(ds: xr.Dataset) -> bool:
-    return "ice_conc" in ds.variables and {"xc", "yc"} <= set(ds.dims)
+def _is_osisaf(heading: Heading) -> bool:
+    return "ice_conc" in heading.names and {"xc", "yc"} <= set(heading.sizes)
 
 
 def _standard_projection(ds: xr.Dataset) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.products.quantities import QUANTITIES, doubtful_below, small_unit
 
@@ -24,8 +25,7 @@ Dates = NDArray[np.datetime64]
 GAP_FACTOR: Final = 2.5
 """Longest gap that is interpolated across, in intervals of the product: one record may be missing, not two."""
 
-DAY_SECONDS: Final = 86400.0
-LONGEST_STEP: Final = 31 * DAY_SECONDS
+LONGEST_STEP: Final = 31 * SECONDS_PER_DAY
 """Longest interval (s) that records by themselves can show: months."""
 
 REMARKS: Final = ("told", "unread", "doubt")
@@ -40,7 +40,7 @@ PLACE: Final = "place_among_files"
 FEW_RECORDS: Final = 3
 """Fewer records than these show little of their interval."""
 
-LONGEST_OF_FEW: Final = 7 * DAY_SECONDS
+LONGEST_OF_FEW: Final = 7 * SECONDS_PER_DAY
 """Fewer records than `FEW_RECORDS` show no interval longer than this."""
 
 VECTORS: Final = (("uo", "vo"), ("ua", "va"), ("taux", "tauy"), ("ui", "vi"))
@@ -87,7 +87,7 @@ def own_interval(ds: xr.Dataset) -> float:
     longest = float(ds.attrs.get("longest_step", LONGEST_OF_FEW if few else LONGEST_STEP))
     longest = max(longest, 1.2 * float(ds.attrs.get("averaging_seconds", 0.0)))  # means are no snapshots
     shown = usual_interval(records)
-    shown = shown if shown <= longest else DAY_SECONDS
+    shown = shown if shown <= longest else SECONDS_PER_DAY
     return min([*known, *([shown] if shown > 0.0 else [])], default=0.0)
 
 

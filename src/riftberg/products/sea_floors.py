@@ -5,7 +5,7 @@ from __future__ import annotations
 import xarray as xr
 
 from riftberg.products.place import projected
-from riftberg.products.product import Product, Source, text_of
+from riftberg.products.product import Heading, Product, Source
 from riftberg.products.quantities import QUANTITIES, labelled
 
 NOTES = ("elevations are turned into depths, positive down; land is missing (NaN)",)
@@ -30,8 +30,8 @@ def depth_from_elevation(ds: xr.Dataset) -> xr.Dataset:
 # under the ice ("sub ice topo") is right south of ice fronts; elsewhere they agree.
 
 
-def _is_gebco(ds: xr.Dataset) -> bool:
-    return "elevation" in ds.variables and "gebco" in text_of(ds, "title", "summary", "source", "id", "history")
+def _is_gebco(heading: Heading) -> bool:
+    return "elevation" in heading.names and "gebco" in heading.says("title", "summary", "source", "id", "history")
 
 
 GEBCO = Product(
@@ -54,10 +54,10 @@ GEBCO = Product(
 _IBCSO_MAP = "EPSG:9354"
 
 
-def _is_ibcso(ds: xr.Dataset) -> bool:
-    words = text_of(ds, "title", "summary", "source", "history", "project", "references", "comment", "id")
-    return "z" in ds.variables and (
-        "ibcso" in words or ({"x", "y"} <= set(ds.dims) and "ibcso" in str(ds.encoding.get("source", "")).lower())
+def _is_ibcso(heading: Heading) -> bool:
+    words = heading.says("title", "summary", "source", "history", "project", "references", "comment", "id")
+    return "z" in heading.names and (
+        "ibcso" in words or ({"x", "y"} <= set(heading.sizes) and "ibcso" in heading.source.lower())
     )
 
 
@@ -79,9 +79,13 @@ IBCSO = Product(
 # The SRTM15+ style was checked against a real (coarsened) file; the ETOPO5 style follows the documentation.
 
 
-def _is_srtm15(ds: xr.Dataset) -> bool:
-    gmt = "GMT_version" in ds.attrs or any(word in text_of(ds, "title", "history") for word in ("srtm15", "etopo"))
-    return ("topo" in ds.variables and "topo_lat" in ds.variables) or ("z" in ds.variables and gmt and "lat" in ds.dims)
+def _is_srtm15(heading: Heading) -> bool:
+    gmt = "GMT_version" in heading.attributes or any(
+        word in heading.says("title", "history") for word in ("srtm15", "etopo")
+    )
+    return ("topo" in heading.names and "topo_lat" in heading.names) or (
+        "z" in heading.names and gmt and "lat" in heading.sizes
+    )
 
 
 def _with_etopo_axes_named(ds: xr.Dataset) -> xr.Dataset:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
 from riftberg.products.mesh import Located, mesh_of
+from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import VECTORS, named
 from riftberg.products.roles import standard_name, units_of
@@ -256,8 +257,7 @@ def _turned(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
         turned[name] = turned[name].astype(float).transpose(*old.dims)
         turned[name].attrs = {key: value for key, value in old.attrs.items() if key != "along"}
     remark = f"{east}, {north} are turned from the axes of the grid to east and north"
-    earlier = str(ds.attrs.get("told", ""))
-    return ds.assign(turned).assign_attrs(told="; ".join(filter(None, [earlier, remark])))
+    return noted(ds.assign(turned), told=remark)
 
 
 def _without_partner(ds: xr.Dataset, name: str) -> ForcingError:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.products.cf import USUAL_NAMES
-from riftberg.products.product import DAY_SECONDS, Product, Source, text_of, without_single
+from riftberg.products.product import Heading, Product, Source, without_single
 
 # NCEP reanalyses, 10 m wind on the T62 Gaussian grid: NCEP/NCAR NCEP_R1 and NCEP/DOE NCEP_R2 (NOAA PSL).
 #
@@ -18,22 +19,22 @@ _NCEP_WINDS = (Source("ua", ("uwnd",), "m/s"), Source("va", ("vwnd",), "m/s"))
 _HEADINGS = ("title", "dataset", "dataset_title", "description", "source", "References")
 
 
-def _stated_here(ds: xr.Dataset) -> str:
-    variables = " ".join(str(variable.attrs.get("dataset", "")) for variable in ds.variables.values()).lower()
-    return f"{text_of(ds, *_HEADINGS)} {variables}"
+def _stated_here(heading: Heading) -> str:
+    variables = " ".join(str(variable.get("dataset", "")) for variable in heading.variables.values()).lower()
+    return f"{heading.says(*_HEADINGS)} {variables}"
 
 
-def _is_ncep_r2(ds: xr.Dataset) -> bool:
-    words = _stated_here(ds)
+def _is_ncep_r2(heading: Heading) -> bool:
+    words = _stated_here(heading)
     named = any(word in words for word in ("reanalysis-2", "reanalysis 2", "ncep/doe", "reanalysis2"))
-    return named or (("uwnd" in ds.variables or "vwnd" in ds.variables) and ds.sizes.get("level", 0) == 1)
+    return named or (("uwnd" in heading.names or "vwnd" in heading.names) and heading.sizes.get("level", 0) == 1)
 
 
-def _is_ncep_r1(ds: xr.Dataset) -> bool:
-    words = _stated_here(ds)
+def _is_ncep_r1(heading: Heading) -> bool:
+    words = _stated_here(heading)
     named = any(word in words for word in ("nmc reanalysis", "ncep reanalysis", "ncep/ncar"))
-    winds = bool({"uwnd", "vwnd"} & set(ds.variables)) and {"lat", "lon"} <= set(ds.dims)
-    return (named or winds) and not _is_ncep_r2(ds)
+    winds = bool({"uwnd", "vwnd"} & heading.names) and {"lat", "lon"} <= set(heading.sizes)
+    return (named or winds) and not _is_ncep_r2(heading)
 
 
 def _at_ten_metres(ds: xr.Dataset) -> xr.Dataset:
@@ -59,7 +60,7 @@ NCEP_R1 = Product(
     matches=_is_ncep_r1,
     sources=_NCEP_WINDS,
     reshape=_at_ten_metres,
-    longest_step=DAY_SECONDS,
+    longest_step=SECONDS_PER_DAY,
     notes=(*_NCEP_NOTES, "a real file of the same layout was read too, but of the air temperature at 2 m"),
 )
 NCEP_R2 = Product(
@@ -70,7 +71,7 @@ NCEP_R2 = Product(
     matches=_is_ncep_r2,
     sources=_NCEP_WINDS,
     reshape=_at_ten_metres,
-    longest_step=DAY_SECONDS,
+    longest_step=SECONDS_PER_DAY,
     notes=_NCEP_NOTES,
 )
 
@@ -85,12 +86,12 @@ _JRA55_EAST = ("UGRD_GDS4_HTGL", "UGRD_GDS0_HTGL", "uas", "uas_10m")
 _JRA55_NORTH = ("VGRD_GDS4_HTGL", "VGRD_GDS0_HTGL", "vas", "vas_10m")
 
 
-def _is_jra55(ds: xr.Dataset) -> bool:
-    names = set(ds.variables)
+def _is_jra55(heading: Heading) -> bool:
+    names = heading.names
     if any(str(name).startswith(("UGRD_GDS", "VGRD_GDS")) for name in names):
         return True
-    return bool(names & {*_JRA55_EAST, *_JRA55_NORTH}) and "jra" in text_of(
-        ds, "source_id", "source", "title", "institution_id"
+    return bool(names & {*_JRA55_EAST, *_JRA55_NORTH}) and "jra" in heading.says(
+        "source_id", "source", "title", "institution_id"
     )
 
 
@@ -116,7 +117,7 @@ JRA55 = Product(
     matches=_is_jra55,
     sources=(Source("ua", _JRA55_EAST, "m s-1"), Source("va", _JRA55_NORTH, "m s-1")),
     reshape=_with_ncl_axes_named,
-    longest_step=DAY_SECONDS,
+    longest_step=SECONDS_PER_DAY,
     notes=("values at their stamp: 6-hourly (JRA-55) or 3-hourly (JRA55-do)",),
 )
 
@@ -143,9 +144,9 @@ _ERA5_FIELDS = (
 _ERA5_NAMES = {"u10", "v10", "swh", "mwp", "mwd", "iews", "inss", "siconc", "ci", "sst"}
 
 
-def _is_era5(ds: xr.Dataset) -> bool:
-    names = set(map(str, ds.variables))
-    words = text_of(ds, "history", "institution", "GRIB_centre", "title", "source")
+def _is_era5(heading: Heading) -> bool:
+    names = heading.names
+    words = heading.says("history", "institution", "GRIB_centre", "title", "source")
     ecmwf = any(word in words for word in ("grib_to_netcdf", "ecmf", "era5", "ecmwf", "cfgrib", "earthkit"))
     arco = (
         any(name.startswith("10m_u_component") for name in names)
@@ -153,7 +154,7 @@ def _is_era5(ds: xr.Dataset) -> bool:
     )
     # By its names alone a file is one of ERA5 only where it holds nothing that ERA5 does not have.
     bare = {"u10", "v10"} <= names and not names & (USUAL_NAMES - _ERA5_NAMES)
-    return arco or (bool(_ERA5_NAMES & names) and (ecmwf or "valid_time" in ds.dims or bare))
+    return arco or (bool(_ERA5_NAMES & names) and (ecmwf or "valid_time" in heading.sizes or bare))
 
 
 def _one_version(ds: xr.Dataset) -> xr.Dataset:
@@ -178,7 +179,7 @@ ERA5 = Product(
     matches=_is_era5,
     sources=_ERA5_FIELDS,
     reshape=_one_version,
-    longest_step=DAY_SECONDS,
+    longest_step=SECONDS_PER_DAY,
     variants=(("new Climate Data Store", "layout"), ("ARCO Zarr store", "documentation")),
     notes=(
         "instantaneous values at their stamp; monthly means (GRIB_stepType avgua, avgad) in mid-month",
