@@ -439,8 +439,10 @@ class Session:
         with open_run(self.folder) as dataset:
             if not story.fits(dataset):
                 return []
-            summary["story"] = story.facts(dataset)
-            return story.tell(dataset)
+            found = story.read(dataset)
+            summary["story"] = found.facts()
+            lines: list[str] = found.lines()
+            return lines
 
     def _draw(self) -> None:
         from riftberg.runs.run_file import open_run

@@ -20,7 +20,7 @@ from riftberg.ensembles.result import dataset_of, write_sweep
 from riftberg.ensembles.vary import Varied, grouped, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed
-from riftberg.experiments.options import Options
+from riftberg.experiments.registry import Options
 from riftberg.runs.progress import SweepBar
 from riftberg.system.atomic_files import only_writer, write_text
 from riftberg.system.input_files import check_file, is_folder, reading, value_shown

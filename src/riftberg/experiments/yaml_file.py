@@ -17,8 +17,7 @@ from riftberg.config.values import Place, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.document import Document
-from riftberg.experiments.options import Info, Options
-from riftberg.experiments.registry import find
+from riftberg.experiments.registry import Info, Options, find
 from riftberg.experiments.schema import (
     PRESETS,
     Berg,
