@@ -316,7 +316,7 @@ class Session:
         What is written goes into a copy of the run file; of the states that are kept there are two, and one more while it is
         written.
         """
-        from riftberg.runs.applied import force_variables
+        from riftberg.runs.derived import force_variables
         from riftberg.runs.layout import element_history
         from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 

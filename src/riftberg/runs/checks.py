@@ -416,7 +416,8 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "motion_ledger": Bound((len(GIVERS) + 3, 3)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
     "record_peak_stress_.+": Bound((None,)),
-    "record_impulse_.+": Bound((None, len(FORCES), 2)),
+    "record_sums_.+": Bound((None, None)),
+    "record_impulse_.+": Bound((None, len(FORCES), 2)),  # what the sums of forces were called before 0.1.0
     "record_seconds_.+": Bound(()),
     "record_times_.+": Bound((2,)),
     # Identifiers in the order of the rows of the run file; whether it has gaps, and which sizes change.
