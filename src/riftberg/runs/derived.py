@@ -127,7 +127,10 @@ MOTION: Final = (
 ICE: Final = (
     Derived((
         Variable("melt_water", "kg", "melt water since the start by process"),
-        Variable("melt_heat", "J", "heat that melt water brought to the ocean since the start by process, negative: ice takes it"),
+        Variable(
+            "melt_heat", "J",
+            "heat that melt water brought to the ocean since the start by process, negative as ice takes it",
+        ),
     ), _melt_by_process, "process"),
     Derived((
         Variable("ice_mass", "kg", "ice in all bergs and bits"),
