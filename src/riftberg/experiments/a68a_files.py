@@ -69,7 +69,11 @@ def data_folder(options: Options, names: Iterable[str], experiment: str, *, hour
         from riftberg.fetching import fetch
 
         fetch.fetch_a68a(folder, hourly=fetch.HOURLY if hourly else ())
-    remedy = _remedy(options, folder, experiment)
+    place, data = ("", "") if folder == FETCHED else (f" -o {folder}", f" --data {folder}")
+    remedy = (
+        f"'riftberg fetch a68a{place}' gets the files, 'riftberg run {experiment}{data} --fetch' gets them and runs; "
+        f"or name their folder with --data or {DATA}"
+    )
     if not folder.is_dir():
         what = "no folder of data" if folder == FETCHED else "no such folder"
         raise ForcingError(what, where=f"{experiment}: {folder}", remedy=remedy)
@@ -85,14 +89,6 @@ def _fault_of_file(path: Path) -> str:
     if not path.is_file():
         return "no"
     return "only a pointer of Git LFS instead of" if is_pointer(path) else ""
-
-
-def _remedy(options: Options, folder: Path, experiment: str) -> str:
-    place, data = ("", "") if folder == FETCHED else (f" -o {folder}", f" --data {folder}")
-    return (
-        f"'riftberg fetch a68a{place}' gets the files, 'riftberg run {experiment}{data} --fetch' gets them and runs; "
-        f"or name their folder with --data or {DATA}"
-    )
 
 
 def published_berg(folder: Path, grid: Grid, parameters: Parameters) -> Iceberg:

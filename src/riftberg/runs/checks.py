@@ -63,7 +63,8 @@ def open_checked(file: Path) -> xr.Dataset:
     try:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)
-            _check_attributes(dataset, file)
+            parameters_of(dataset, file)
+            stated_start(dataset, file)
             decoded = _with_dates(dataset, file)
             _check_values(decoded, file)
             return decoded
@@ -108,11 +109,6 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
     for dimension, word in (("trajectory", "elements"), ("time", "records")):
         if run.sizes[dimension] == 0:
             raise _error(f"no {word}", file, remedy="The run stopped before its first record: make it again")
-
-
-def _check_attributes(run: xr.Dataset, file: Path) -> None:
-    parameters_of(run, file)
-    stated_start(run, file)
 
 
 def parameters_of(run: xr.Dataset, file: Path | None = None) -> Parameters:

@@ -475,8 +475,31 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     file.createDimension("bond", len(layout.bond_ids))
     file.createDimension("fragment", None)
     file.createDimension("contact", None)
-    _define_time(file, model)
-    _define_elements(file, layout, names)
+    _create(
+        file,
+        "time",
+        "f8",
+        ("time",),
+        standard_name="time",
+        long_name="time",
+        units=_since(model),
+        calendar="proleptic_gregorian",
+        axis="T",
+    )
+    # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
+    kind = "i4" if layout.ids.max(initial=0) <= np.iinfo(np.int32).max else "i8"
+    number = _create(
+        file, "trajectory", kind, ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
+    )
+    number[:] = layout.ids
+    for name in SHAPE:
+        described = _described(_REGISTRY[name], names)
+        if name in layout.moving:
+            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names))
+        else:
+            kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
+            _create(file, name, kind, ("trajectory",), **described)[:] = layout.shape[name]
+    _define_histories(file, element_history(), names, layout)
     _define_bonds(file, model, layout)
     _define_fragments(file, model, names)
     define_ledgers(file, model)
@@ -502,20 +525,6 @@ def _create(
     return variable
 
 
-def _define_time(file: netCDF4.Dataset, model: BareModel) -> None:
-    _create(
-        file,
-        "time",
-        "f8",
-        ("time",),
-        standard_name="time",
-        long_name="time",
-        units=_since(model),
-        calendar="proleptic_gregorian",
-        axis="T",
-    )
-
-
 def _described(v: Variable, names: dict[str, str]) -> dict[str, str]:
     """Attributes of a variable; positions on a Cartesian grid are metres."""
     if v.name in names:
@@ -529,23 +538,6 @@ def _stored_kind(v: Variable) -> str:
     if v.dtype == "i8":
         return "i4"
     return "f8" if v.name in DOUBLE else "f4"
-
-
-def _define_elements(file: netCDF4.Dataset, layout: Layout, names: dict[str, str]) -> None:
-    # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
-    kind = "i4" if layout.ids.max(initial=0) <= np.iinfo(np.int32).max else "i8"
-    number = _create(
-        file, "trajectory", kind, ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
-    )
-    number[:] = layout.ids
-    for name in SHAPE:
-        described = _described(_REGISTRY[name], names)
-        if name in layout.moving:
-            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names))
-        else:
-            kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
-            _create(file, name, kind, ("trajectory",), **described)[:] = layout.shape[name]
-    _define_histories(file, element_history(), names, layout)
 
 
 def _where(names: dict[str, str]) -> str:
