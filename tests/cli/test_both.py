@@ -133,9 +133,7 @@ def source(shelf: Shelf, files: Path, tmp_path: Path, monkeypatch: pytest.Monkey
                 shelf.files[f"/{name}"] = path.read_bytes()
                 path.unlink()
     with serving(shelf) as base:
-        local = functools.partial(
-            fetch.fetch_a68a, base_url=base, large_files_url=base, files=small, progress=False
-        )
+        local = functools.partial(fetch.fetch_a68a, base_url=base, large_files_url=base, files=small, progress=False)
         monkeypatch.setattr(fetch, "fetch_a68a", local)
         monkeypatch.setattr(fetch, "HOURLY", hourly)
         monkeypatch.setattr(download.time, "sleep", lambda seconds: None)

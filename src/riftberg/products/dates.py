@@ -301,18 +301,8 @@ _PAST = re.compile(r"re-?analysis|multi-?year|hindcast|delayed[ _-]time|(?<![a-z
 
 def told_kind(raw: xr.Dataset, path: str) -> str:
     """Return a remark where heading or name of a file say that it is an analysis, a forecast or near real time."""
-    keys = (
-        "title",
-        "id",
-        "source",
-        "product",
-        "product_id",
-        "processing_level",
-        "experiment",
-        "summary",
-        "field_type",
-        "name",
-    )
+    more = ("product_id", "processing_level", "experiment", "summary", "field_type", "name")
+    keys = ("title", "id", "source", "product", *more)
     for text in (*(str(raw.attrs.get(key, "")) for key in keys), Path(path).name):
         match = _NEAR.search(text)
         if match and not _PAST.search(text):
