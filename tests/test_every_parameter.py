@@ -366,6 +366,7 @@ TRIALS: Final[dict[str, Trial]] = {
     ),
     "compatibility.uncentred_half_kicks": _quirk(),
     "compatibility.explicit_contact_damping": _quirk(with_(WEAK, fracture={"broken_as_contact": True})),
+    "compatibility.forces_by_element": _quirk(),
     "compatibility.frozen_sea_ice_drag": _quirk(more={"sea": {"sea_ice": (0.0, 0.0, 1.0)}}),
     "compatibility.rest_length_from_sizes": _quirk(with_(MELT, stepping={"time_step": 3600.0})),
     "compatibility.bergs_coupled": _quirk(),
