@@ -113,7 +113,7 @@ def test_controls_keep_the_numerics_and_the_files_of_the_run(
 
 @pytest.fixture
 def shelf() -> Shelf:
-    pytest.importorskip("pooch", reason="needs the extra riftberg[fetch]")
+    pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
     return Shelf()
 
 
@@ -133,9 +133,7 @@ def source(shelf: Shelf, files: Path, tmp_path: Path, monkeypatch: pytest.Monkey
                 shelf.files[f"/{name}"] = path.read_bytes()
                 path.unlink()
     with serving(shelf) as base:
-        local = functools.partial(
-            fetch.fetch_a68a, base_url=base, large_files_url=base, files=small, progress=False, attempts=2
-        )
+        local = functools.partial(fetch.fetch_a68a, base_url=base, large_files_url=base, files=small, progress=False)
         monkeypatch.setattr(fetch, "fetch_a68a", local)
         monkeypatch.setattr(fetch, "HOURLY", hourly)
         monkeypatch.setattr(download.time, "sleep", lambda seconds: None)

@@ -11,7 +11,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-pytest.importorskip("pooch", reason="needs the extra riftberg[fetch]")
+pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 
 sys.path.insert(0, str(Path(__file__).parent / "products"))

@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import pytest
 
-pytest.importorskip("pooch", reason="needs the extra riftberg[fetch]")
+pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 
 import requests

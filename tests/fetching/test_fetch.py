@@ -9,7 +9,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-pytest.importorskip("pooch", reason="needs the extra riftberg[fetch]")
+pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 pytest.importorskip("requests", reason="needs the extra riftberg[fetch]")
 
 from fetching.serving import Shelf

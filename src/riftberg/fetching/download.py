@@ -22,7 +22,6 @@ from riftberg.system.atomic_files import only_writer
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
-    import pooch  # type: ignore[import-untyped, unused-ignore]
     import requests
 
 
@@ -74,7 +73,7 @@ def _kept(part: PartFile) -> str:
 
 
 class Resuming:
-    """Downloader for pooch that continues a part left by an earlier attempt."""
+    """Downloader that continues a part left by an earlier attempt."""
 
     def __init__(
         self,
@@ -87,11 +86,10 @@ class Resuming:
         self.progress, self.attempts, self.timeout = progress, attempts, timeout
         self.large_files, self.pause = large_files, pause
 
-    def __call__(self, url: str, output_file: str | Path, pooch: pooch.Pooch | None = None) -> None:
-        """Fetch ``url`` into ``output_file`` (the signature that pooch asks for)."""
+    def __call__(self, url: str, target: Path) -> None:
+        """Fetch ``url`` into a file."""
         if find_spec("requests") is None or find_spec("tqdm") is None:
             raise missing_package("requests or tqdm", "fetch", "to fetch files")
-        target = Path(output_file)
         path = part_of(target.parent, url)
         with only_writer(path):
             self._fetch_to(target, path, url)
@@ -328,16 +326,6 @@ def made(folder: Path) -> Path:
     return folder
 
 
-def _renew(path: Path, url: str, downloader: Resuming, tell: Tell) -> None:
-    """Fetch a file again if it has changed at its source; the old one stays until the new one is complete."""
-    changed = downloader.changed(url, path)
-    if changed is None:
-        tell(f"{path.name}: its source cannot be asked whether it has changed; the file that is there is used")
-    elif changed:
-        tell(f"{path.name} has changed at its source ({changed}): it is fetched again")
-        downloader(url, path)
-
-
 def fetch_one(
     name: str,
     digest: str | None,
@@ -349,26 +337,30 @@ def fetch_one(
     tell: Tell = tell_terminal,
 ) -> Path:
     """Fetch one file unless it is there and right."""
-    try:
-        import pooch  # type: ignore[import-untyped, unused-ignore]
-    except ImportError as error:
-        raise missing_package("pooch", "fetch", "to fetch files") from error
-    short = name.rsplit("/", 1)[-1]
-    if digest is None and (folder / short).exists():
-        if renew:
-            _renew(folder / short, base_url + name, downloader, tell)
-        return folder / short
-    store = pooch.create(folder, base_url, registry={short: digest}, urls={short: base_url + name})
-    pooch.get_logger().setLevel("WARNING")
-    try:
-        return Path(store.fetch(short, downloader=downloader))
-    except ValueError as error:
-        PartFile(part_of(folder, name), base_url + name).drop()
+    url, target = base_url + name, folder / name.rsplit("/", 1)[-1]
+    if digest is None and target.exists():
+        changed = downloader.changed(url, target) if renew else ""
+        if changed is None:
+            tell(f"{target.name}: its source cannot be asked whether it has changed; the file that is there is used")
+        elif changed:  # the old one stays until the new one is complete
+            tell(f"{target.name} has changed at its source ({changed}): it is fetched again")
+            downloader(url, target)
+        return target
+    if digest is None or not target.exists() or _sha256(target) != digest:
+        downloader(url, target)
+    if digest is not None and (got := _sha256(target)) != digest:
+        target.unlink()
         raise ForcingError(
-            f"its checksum is wrong: {error}",
-            where=base_url + name,
+            f"its checksum is wrong: sha256 is {got[:12]}... and not {digest[:12]}...",
+            where=url,
             remedy="The file has changed at its source or on the way: run again; if it stays wrong, do not use it",
-        ) from error
+        )
+    return target
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 _RANGE = re.compile(r"bytes\s+(?:(?P<first>\d+)-\d+|\*)/(?P<total>\d+|\*)")
@@ -431,10 +423,7 @@ class PartFile:
 
     def is_whole(self) -> bool:
         """Whether the bytes have the checksum that was told for them, if one was."""
-        if not self.sha256:
-            return True
-        with self.path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest() == self.sha256
+        return not self.sha256 or _sha256(self.path) == self.sha256
 
     def drop(self) -> None:
         """Throw away what is there; the bytes first, so that no record is left beside bytes of another version."""

@@ -86,20 +86,18 @@ def fetch_a68a(
     hourly: Sequence[Hourly] = HOURLY,
     files: dict[str, str | None] | None = None,
     progress: Progress | bool = True,
-    attempts: int = 5,
-    keep_parts: bool = False,
 ) -> list[Path]:
     """Fetch the inputs of the A68a experiment of Huth et al. (2022); about 1.3 GB, resumed if cut."""
     folder = made(Path(folder))
     registry = FILES if files is None else files
     with progressing(progress) as show:
-        downloader = Resuming(show, attempts, large_files=lambda url: url.replace(base_url, large_files_url))
+        downloader = Resuming(show, large_files=lambda url: url.replace(base_url, large_files_url))
         fetched = [fetch_one(name, digest, folder, base_url, downloader) for name, digest in registry.items()]
-        fetched += [_fetch_hourly(field, folder, base_url, downloader, keep_parts) for field in hourly]
+        fetched += [_fetch_hourly(field, folder, base_url, downloader) for field in hourly]
     return fetched
 
 
-def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resuming, keep_parts: bool) -> Path:
+def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resuming) -> Path:
     """Fetch the parts of an hourly field, merge them and check what came out."""
     target = folder / field.merged
     if target.exists() and is_pointer(target):  # from a copy of the repository without its large files
@@ -110,9 +108,8 @@ def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resumi
     with only_writer(target):
         parts = [fetch_one(name, None, folder, base_url, downloader) for name in field.names]
         merge_hourly(parts, target, field)
-    if not keep_parts:
-        for part in parts:
-            part.unlink()
+    for part in parts:
+        part.unlink()
     return target
 
 

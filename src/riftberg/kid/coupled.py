@@ -212,7 +212,10 @@ class CoupledRun:
         calving = FluxCalving(parameters, grid)
         random = Stores.random(calving.south, calving.north, grid, by_column=not group.flag("make_calving_reproduce"))
         calving.stores = random if stores is None else stores
-        _share_counter(model, calving)
+        counter = getattr(getattr(model.life, "names", None), "__self__", None)
+        if counter is not None:
+            np.maximum(counter.counts, calving.stores.counter, out=counter.counts)
+            calving.stores.counter = counter.counts
         self.namelist, self.parameters, self.clock, self.grid, self.model = namelist, parameters, clock, grid, model
         self.exchange = ReferenceExchange(model, calving, _return_rules(group))
         self.returned: list[Returned] = []
@@ -261,14 +264,6 @@ def _bergs(path: Path, grid: Grid, group: NamelistGroup) -> Elements:
     if group.flag("require_restart"):
         raise InputError("no such file", where=str(path), remedy="Put it there, or set require_restart = .false.")
     return new_elements(0)
-
-
-def _share_counter(model: Model, calving: FluxCalving) -> None:
-    """Let births from the stores and footloose children count on in the same cells."""
-    counter = getattr(getattr(model.life, "names", None), "__self__", None)
-    if counter is not None:
-        np.maximum(counter.counts, calving.stores.counter, out=counter.counts)
-        calving.stores.counter = counter.counts
 
 
 def _return_rules(group: NamelistGroup) -> ReturnRules:

@@ -30,7 +30,19 @@ def to_parameters(namelist: KidNamelist) -> Parameters:
     """Return the physics of the namelist with the numerics and quirks of the reference."""
     check_supported(namelist)
     group = namelist.icebergs
-    _check_scheme(group)
+    if group.number("rho_bergs") < DENSITIES[0]:
+        raise group.error(
+            f"rho_bergs = {group.number('rho_bergs'):g} kg m-3 is no density of ice",
+            f"Give it in kg m-3: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g}",
+        )
+    if group.flag("dem") and scheme(group) == "runge_kutta":
+        raise group.error("dem = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+    if group.flag("footloose") and scheme(group) == "runge_kutta":
+        raise group.error("footloose = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+    if group.flag("footloose") and not group.flag("use_operator_splitting"):
+        raise group.error(
+            "footloose = .true. with use_operator_splitting = .false.", "Set use_operator_splitting = .true."
+        )
     try:
         return Parameters(**_groups(group, time_step(namelist)))
     except InputError as error:
@@ -92,22 +104,6 @@ def is_plain_kid(group: NamelistGroup) -> bool:
     """Whether repulsion comes from the cell search and attraction from the bonds (branch B of section 5.1)."""
     far = group.number("contact_distance") > 0
     return not (group.flag("mts") or far or contact_stiffness(group) != group.number("spring_coef"))
-
-
-def _check_scheme(group: NamelistGroup) -> None:
-    if group.number("rho_bergs") < DENSITIES[0]:
-        raise group.error(
-            f"rho_bergs = {group.number('rho_bergs'):g} kg m-3 is no density of ice",
-            f"Give it in kg m-3: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g}",
-        )
-    if group.flag("dem") and scheme(group) == "runge_kutta":
-        raise group.error("dem = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
-    if group.flag("footloose") and scheme(group) == "runge_kutta":
-        raise group.error("footloose = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
-    if group.flag("footloose") and not group.flag("use_operator_splitting"):
-        raise group.error(
-            "footloose = .true. with use_operator_splitting = .false.", "Set use_operator_splitting = .true."
-        )
 
 
 def _check_criterion(group: NamelistGroup, inline: bool) -> None:

@@ -90,7 +90,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
         )
     records.check_pairs(datasets)
     deep = {*(("uo", "vo") if settings.currents == "draft" else ()), *(OVER_KEEL if run.melts else ())}
-    datasets = [_not_too_fine(surface_of_others(ds, deep)) for ds in datasets]
+    datasets = [_as_needed(ds, deep) for ds in datasets]
     if settings.spacing is None:
         parts, grid = [product_part(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
     else:
@@ -106,14 +106,10 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     )
 
 
-def surface_of_others(ds: xr.Dataset, deep: set[str]) -> xr.Dataset:
-    """Return a dataset with the uppermost level of all fields but those of ``deep``, which keep theirs."""
+def _as_needed(ds: xr.Dataset, deep: set[str]) -> xr.Dataset:
+    """Return the uppermost level of all fields but those of ``deep``; a sea floor of very many points as means of blocks."""
     keeping = deep if ds.sizes.get("depth", 0) > 1 else set()
-    return uppermost(ds, [str(name) for name in ds.data_vars if name not in keeping])
-
-
-def _not_too_fine(ds: xr.Dataset) -> xr.Dataset:
-    """Return a sea floor of very many points as means of blocks of them."""
+    ds = uppermost(ds, [str(name) for name in ds.data_vars if name not in keeping])
     if "time" in ds.dims or not {"lat", "lon"} <= set(ds.dims):
         return ds
     count = math.ceil(math.sqrt(ds.sizes["lat"] * ds.sizes["lon"] / MOST_POINTS))
@@ -133,7 +129,13 @@ class ModelGrid(NamedTuple):
         """Return the grid that an experiment file asks for."""
         assert settings.spacing is not None
         _check_size(settings, run)
-        lon, lat = (_lines(*span, settings.spacing) for span in (_box(settings.longitude), settings.latitude))
+        # Cells of about that width, from the lower end of the box on.
+        lon, lat = (
+            np.asarray(
+                low + settings.spacing * np.arange(max(1, round((high - low) / settings.spacing)) + 1), np.float64
+            )
+            for low, high in (_box(settings.longitude), settings.latitude)
+        )
         hours = (run.end - run.start) / timedelta(hours=1)
         count = math.ceil(hours / settings.every_hours - 1e-9)
         moments = [run.start + timedelta(hours=settings.every_hours * k) for k in range(count + 1)]
@@ -252,11 +254,6 @@ def _check_size(settings: FileForcing, run: Run) -> None:
     )  # fmt: skip
 
 
-def _lines(low: float, high: float, spacing: float) -> Floats:
-    """Return the lines of cells of about a width that begin at the lower end of a span."""
-    return np.asarray(low + spacing * np.arange(max(1, round((high - low) / spacing)) + 1), np.float64)
-
-
 def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ...]:
     """Return what the files leave out, and doubts about them, in a line each."""
     held = {str(name) for ds in datasets for name in ds.data_vars}
@@ -305,12 +302,18 @@ def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | Non
 
 def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.Dataset]:
     """Return datasets with the fields that a run takes from them: of several the last, and no stress beside a wind."""
+
+    def place(ds: xr.Dataset, name: str, number: int) -> int:
+        """Return the place of the last file that gives a field; of vectors both components have one."""
+        pair = next((pair for pair in records.VECTORS if name in pair), (name,))
+        return max(int(ds[part].attrs.get(records.PLACE, number)) for part in pair if part in ds.data_vars)
+
     left_out = {"ssh"} if settings.sea_level == "none" else set()
     held = {str(name) for ds in datasets for name in ds.data_vars}
     if settings.wind == "none" or {"ua", "va"} <= held:
         left_out |= {"taux", "tauy"} | ({"ua", "va"} if settings.wind == "none" else set())
     places = sorted(
-        (_place(ds, str(name), number), number, str(name))
+        (place(ds, str(name), number), number, str(name))
         for number, ds in enumerate(datasets)
         for name in ds.data_vars
         if str(name) not in records.WAVES or records.have_waves(ds)
@@ -333,12 +336,6 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
     return [ds for ds in given if ds.data_vars]
 
 
-def _place(ds: xr.Dataset, name: str, number: int) -> int:
-    """Return the place among the files of the last that gives a field; of vectors both components have one."""
-    pair = next((pair for pair in records.VECTORS if name in pair), (name,))
-    return max(int(ds[part].attrs.get(records.PLACE, number)) for part in pair if part in ds.data_vars)
-
-
 def _box(longitude: tuple[float, float]) -> tuple[float, float]:
     """West and east with east above west, also across the date line."""
     west, east = longitude
@@ -349,14 +346,23 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
     """Return a dataset around place and time of the run, in parts without records that hold no value."""
     own = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
     margin = MARGIN * own if settings.spacing is None else 2.0 * settings.spacing
-    if "time" not in ds.dims:
-        return [_with_area(window(ds, _box(settings.longitude), settings.latitude, margin=margin))]
     first, last = utc(run.start), utc(run.end)
-    ds = with_rules(ds, settings)
-    records.check_ends(ds, np.array([first, last]))
-    # So much more that a missing record at the edge can be bridged by those beyond it.
-    ds = window_in_time(ds, (first, last), records.gap_limit(ds))
-    near = _with_area(window(ds, _box(settings.longitude), settings.latitude, margin=margin))
+    if "time" in ds.dims:
+        limits = {"max_gap_seconds": settings.max_gap, "hold_seconds": settings.hold}
+        ds = ds.assign_attrs({name: 3600.0 * hours for name, hours in limits.items() if hours is not None})
+        records.check_ends(ds, np.array([first, last]))
+        # So much more that a missing record at the edge can be bridged by those beyond it.
+        ds = window_in_time(ds, (first, last), records.gap_limit(ds))
+    near = window(ds, _box(settings.longitude), settings.latitude, margin=margin)
+    for axis in ("lat", "lon", "y", "x"):
+        if near.sizes.get(axis, 2) < 2:
+            raise ForcingError(
+                f"only one point along {axis} lies near the box of the run: between points nothing is known",
+                where=records.named(ds),
+                remedy="Fetch a larger area, at least two points each way",
+            )
+    if "time" not in ds.dims:
+        return [near]
     parts = records.without_empty(near)
     lost = set(near.data_vars) - {name for part in parts for name in part.data_vars}
     if lost:
@@ -367,34 +373,11 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
             where=records.named(ds),
             remedy="Leave the file out of forcing.files, or give one with values there",
         )
-    for part in parts:
+    for k, part in enumerate(parts):
         if "time" in part.dims:
             records.check_records(part, first, last)
-    return [_told_of_missing(part, near) for part in parts]
-
-
-def _told_of_missing(part: xr.Dataset, near: xr.Dataset) -> xr.Dataset:
-    """Return a part with a doubt noted on it if it has lost records without values."""
-    lost = near.sizes["time"] - part.sizes.get("time", near.sizes["time"])
-    if not lost:
-        return part
-    names = ", ".join(map(str, part.data_vars))
-    return noted(part, doubt=f"{lost} record(s) without any value of {names} count as missing")
-
-
-def with_rules(ds: xr.Dataset, settings: FileForcing) -> xr.Dataset:
-    """Note on a dataset what the experiment file says about gaps and ends, in seconds."""
-    limits = {"max_gap_seconds": settings.max_gap, "hold_seconds": settings.hold}
-    return ds.assign_attrs({name: 3600.0 * hours for name, hours in limits.items() if hours is not None})
-
-
-def _with_area(ds: xr.Dataset) -> xr.Dataset:
-    """Return the dataset; refuse one that has a single row or column of points."""
-    for axis in ("lat", "lon", "y", "x"):
-        if ds.sizes.get(axis, 2) < 2:
-            raise ForcingError(
-                f"only one point along {axis} lies near the box of the run: between points nothing is known",
-                where=records.named(ds),
-                remedy="Fetch a larger area, at least two points each way",
-            )
-    return ds
+        missing = near.sizes["time"] - part.sizes.get("time", near.sizes["time"])
+        if missing:
+            names = ", ".join(map(str, part.data_vars))
+            parts[k] = noted(part, doubt=f"{missing} record(s) without any value of {names} count as missing")
+    return parts

@@ -62,8 +62,19 @@ class ProductRecords:
     """Fields of one canonical dataset in time, on its own points down to the deepest draft ``keel`` (m)."""
 
     def __init__(self, ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> None:
-        _check_dimensions(ds)
-        self.ds, self._limits = _levels_to(ds, keel)
+        for name, field in ds.data_vars.items():  # what a dimension beside time, depth and the plane means is not known
+            beyond = set(map(str, field.dims)) - {"time", "depth", *plane_dims(field)}
+            if beyond or not plane_dims(field):
+                raise ForcingError(
+                    f"{name} has the dimensions ({', '.join(map(str, field.dims))})",
+                    where=named(ds) or "forcing",
+                    remedy="Give fields on (time, depth, lat, lon); choose one entry of any other dimension",
+                )
+        self.ds, self._limits = ds, SURFACE
+        if "depth" in ds.dims:  # down to the keel
+            limits = layer_limits(ds["depth"].values)
+            layers = int(np.clip(np.searchsorted(limits, keel, side="left"), 1, limits.size - 1))
+            self.ds, self._limits = ds.isel(depth=slice(0, layers)), limits[: layers + 1]
         self.start = start
         self.dates: NDArray[np.datetime64] = (
             ds["time"].values.astype("datetime64[ns]") if "time" in ds.dims else np.empty(0, "datetime64[ns]")
@@ -181,15 +192,6 @@ def records_at_once(values: float) -> int:
     return int(np.clip(BLOCK_BYTES / (8 * max(values, 1)), 1, MOST_RECORDS))
 
 
-def _levels_to(ds: xr.Dataset, keel: float) -> tuple[xr.Dataset, Floats]:
-    """Return a dataset with the levels down to a keel, and the limits (m) of their layers."""
-    if "depth" not in ds.dims:
-        return ds, SURFACE
-    limits = layer_limits(ds["depth"].values)
-    layers = int(np.clip(np.searchsorted(limits, keel, side="left"), 1, limits.size - 1))
-    return ds.isel(depth=slice(0, layers)), limits[: layers + 1]
-
-
 def _as_they_act(names: tuple[str, ...]) -> tuple[str, ...]:
     """Return the names of fields; wind stress becomes wind, the direction of waves its two parts."""
     if "wave_direction" in names:
@@ -220,18 +222,6 @@ def as_block(field: xr.DataArray, where: str) -> Floats:
     shape = [field.sizes.get(name, 1) for name in ("time", "depth")]
     rows = [1] if len(plane) == 1 else []
     return np.ascontiguousarray(values.reshape(*shape, *rows, *(field.sizes[name] for name in plane)))
-
-
-def _check_dimensions(ds: xr.Dataset) -> None:
-    """Refuse fields with a dimension that is none of time, depth and the plane: what it means is not known here."""
-    for name, field in ds.data_vars.items():
-        beyond = set(map(str, field.dims)) - {"time", "depth", *plane_dims(field)}
-        if beyond or not plane_dims(field):
-            raise ForcingError(
-                f"{name} has the dimensions ({', '.join(map(str, field.dims))})",
-                where=named(ds) or "forcing",
-                remedy="Give fields on (time, depth, lat, lon); choose one entry of any other dimension",
-            )
 
 
 def check_not_empty(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:

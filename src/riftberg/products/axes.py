@@ -24,10 +24,16 @@ def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
     """Sort the axes, put longitudes on one branch and dates on the standard calendar, and order the dimensions."""
     if "time" in ds.variables:
         ds = tidy_time(ds, where=where)
-    if "depth" in ds.dims:
-        ds = _tidy_depth(ds, where=where)
+    if "depth" in ds.dims:  # in metres, positive down; without units they are taken as metres
+        depth = ds["depth"]
+        units = next((str(depth.attrs[key]) for key in ("units", "Units", "Unit", "unit") if key in depth.attrs), "m")
+        factor, _ = conversion(QUANTITIES["depth_below_surface"], units, where=f"{where}, axis depth")
+        attributes = {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}
+        values = np.abs(depth.values.astype(float)) * factor
+        ds = _ascending(ds.assign_coords(depth=("depth", values, attributes)), "depth")
     if "lat" in ds.dims and "lon" in ds.dims:
-        ds = tidy_longitude(_ascending(_float_axis(ds, "lat", "degrees_north"), "lat"))
+        attributes = {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}
+        ds = tidy_longitude(_ascending(ds.assign_coords(lat=("lat", _degrees(ds["lat"].values), attributes)), "lat"))
     for axis in ("y", "x"):
         if axis in ds.dims and axis in ds.coords:
             ds = _ascending(ds, axis)
@@ -84,23 +90,7 @@ def _by_label(date: Any, where: str) -> np.datetime64:
         ) from error
 
 
-def _tidy_depth(ds: xr.Dataset, *, where: str) -> xr.Dataset:
-    """Return levels in metres, positive down; without units they are taken as metres."""
-    depth = ds["depth"]
-    units = next((str(depth.attrs[key]) for key in ("units", "Units", "Unit", "unit") if key in depth.attrs), "m")
-    factor, _ = conversion(QUANTITIES["depth_below_surface"], units, where=f"{where}, axis depth")
-    values = np.abs(depth.values.astype(float)) * factor
-    attributes = {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}
-    return _ascending(ds.assign_coords(depth=("depth", values, attributes)), "depth")
-
-
-def _float_axis(ds: xr.Dataset, name: str, units: str) -> xr.Dataset:
-    attributes = {"standard_name": "latitude" if name == "lat" else "longitude", "units": units}
-    attributes["axis"] = "Y" if name == "lat" else "X"
-    return ds.assign_coords({name: (name, _without_single_noise(ds[name].values), attributes)})
-
-
-def _without_single_noise(values: NDArray[Any]) -> Floats:
+def _degrees(values: NDArray[Any]) -> Floats:
     """Return axis values in double precision; single-precision ones lose the noise beyond their sixth decimal."""
     return np.round(values.astype(float), 6) if values.dtype == np.float32 else values.astype(float)
 
@@ -123,27 +113,18 @@ def goes_round(lon: Floats) -> bool:
 
 def tidy_longitude(ds: xr.Dataset) -> xr.Dataset:
     """Sort longitudes, drop columns that repeat a meridian (OSCAR v1 runs 20..420) and shift them to -180..180."""
-    ds = _ascending(_float_axis(ds, "lon", "degrees_east"), "lon")
-    ds = _round_the_globe(ds)
+    attributes = {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}
+    ds = _ascending(ds.assign_coords(lon=("lon", _degrees(ds["lon"].values), attributes)), "lon")
     lon = ds["lon"].values
-    once = lon < lon[0] + 360.0 - 1e-6
-    if not once.all():
-        ds = ds.isel(lon=slice(0, int(once.sum())))
-    return on_branch(ds, -180.0)
-
-
-def _round_the_globe(ds: xr.Dataset) -> xr.Dataset:
-    """Sort longitudes that jump (177..180, -180..-177) round the globe, from the largest gap on; each meridian once."""
-    lon = ds["lon"].values
-    if lon.size < 2 or np.all(np.diff(lon) > 0.0):
-        return ds
-    turned, first = np.unique(np.round(lon % 360.0, 9) % 360.0, return_index=True)
-    gaps = np.diff(np.append(turned, turned[0] + 360.0))
-    start = (int(np.argmax(gaps)) + 1) % turned.size
-    order = np.roll(first, -start)
-    risen = np.roll(turned, -start)
-    risen = np.where(risen < risen[0], risen + 360.0, risen)
-    return ds.isel(lon=order).assign_coords(lon=("lon", risen, ds["lon"].attrs))
+    if lon.size > 1 and not np.all(np.diff(lon) > 0.0):
+        # They jump (177..180, -180..-177): round the globe from the largest gap on, each meridian once.
+        turned, first = np.unique(np.round(lon % 360.0, 9) % 360.0, return_index=True)
+        gaps = np.diff(np.append(turned, turned[0] + 360.0))
+        start = (int(np.argmax(gaps)) + 1) % turned.size
+        lon = np.roll(turned, -start)
+        lon = np.where(lon < lon[0], lon + 360.0, lon)
+        ds = ds.isel(lon=np.roll(first, -start)).assign_coords(lon=("lon", lon, attributes))
+    return on_branch(ds.isel(lon=slice(0, int((lon < lon[0] + 360.0 - 1e-6).sum()))), -180.0)
 
 
 def on_branch(ds: xr.Dataset, west: float) -> xr.Dataset:

@@ -267,11 +267,14 @@ def stated_interval(raw: xr.Dataset, path: str) -> float:
     ``frequency`` (CMIP) and ``delta_t`` (NOAA), headings that say daily or monthly mean, and the name of the file.
     ``cell_methods`` tell that a value is a mean, not over which time.
     """
+    text = str(raw.variables["time"].attrs.get("delta_t", "")) if "time" in raw.variables else ""
+    match = re.match(r"^(\d+)-(\d+)-(\d+) (\d+):(\d+):(\d+)", text)  # years, months, days, hours, minutes, seconds
+    sizes = (12 * MONTH_SECONDS, MONTH_SECONDS, SECONDS_PER_DAY, 3600.0, 60.0, 1.0)
     ways = (
         _bounds(raw),
         iso_seconds(str(raw.attrs.get("time_coverage_resolution", ""))),
         _FREQUENCIES.get(str(raw.attrs.get("frequency", "")), 0.0),
-        _delta(raw),
+        sum(int(count) * size for count, size in zip(match.groups(), sizes, strict=True)) if match else 0.0,
         _length_in(" ".join(str(raw.attrs.get(k, "")) for k in TITLES), _WORDS),
         _length_in(Path(path).name, _FILE_NAMES),
     )
@@ -301,18 +304,8 @@ _PAST = re.compile(r"re-?analysis|multi-?year|hindcast|delayed[ _-]time|(?<![a-z
 
 def told_kind(raw: xr.Dataset, path: str) -> str:
     """Return a remark where heading or name of a file say that it is an analysis, a forecast or near real time."""
-    keys = (
-        "title",
-        "id",
-        "source",
-        "product",
-        "product_id",
-        "processing_level",
-        "experiment",
-        "summary",
-        "field_type",
-        "name",
-    )
+    more = ("product_id", "processing_level", "experiment", "summary", "field_type", "name")
+    keys = ("title", "id", "source", "product", *more)
     for text in (*(str(raw.attrs.get(key, "")) for key in keys), Path(path).name):
         match = _NEAR.search(text)
         if match and not _PAST.search(text):
@@ -326,16 +319,6 @@ def iso_seconds(text: str) -> float:
     if match is None:
         return 0.0
     return sum(int(count) * unit for count, unit in zip(match.groups(), _ISO_SECONDS, strict=True) if count)
-
-
-def _delta(raw: xr.Dataset) -> float:
-    """Return NOAA's ``delta_t``: year-month-day hour:minute:second."""
-    text = str(raw.variables["time"].attrs.get("delta_t", "")) if "time" in raw.variables else ""
-    match = re.match(r"^(\d+)-(\d+)-(\d+) (\d+):(\d+):(\d+)", text)
-    if match is None:
-        return 0.0
-    years, months, days, hours, minutes, seconds = map(int, match.groups())
-    return float((12 * years + months) * MONTH_SECONDS + days * SECONDS_PER_DAY + 3600 * hours + 60 * minutes + seconds)
 
 
 def _length_in(text: str, words: tuple[tuple[re.Pattern[str], float], ...]) -> float:

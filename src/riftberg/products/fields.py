@@ -54,6 +54,7 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         wkt[key] = str(field.attrs.pop("crs_wkt", ""))
         groups.setdefault(key, {})[quantity] = field
         remarks_by_field.setdefault(key, []).extend(filter(None, [remark, *remarks]))
+    headings = " ".join(str(ds.attrs.get(key, "")) for key in ("title", "id", "product", "summary")).lower()
     parts: list[xr.Dataset] = []
     for key, fields in groups.items():
         part = xr.Dataset(fields)
@@ -62,7 +63,10 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": told}
         if not parts:  # what concerns the whole file is said once
             attributes["unread"] = "; ".join(unread(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen]))
-        if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
+        methods = [
+            str(ds[str(field.attrs["original_name"])].attrs.get("cell_methods", "")) for field in fields.values()
+        ]
+        if "hourly" in headings or any("time: point" in method for method in methods):
             attributes["longest_step"] = SECONDS_PER_DAY
         if MEAN_OF in part.coords and part[MEAN_OF].values.any():
             attributes["averaging_seconds"] = float(np.median(part[MEAN_OF].values))
@@ -70,12 +74,6 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         attributes["means"] = said[key]
         parts.append(part.assign_attrs({name: value for name, value in attributes.items() if value}))
     return parts
-
-
-def _instants(ds: xr.Dataset, name: str) -> bool:
-    """Tell whether a file says that its values are instants, or come by the hour."""
-    headings = " ".join(str(ds.attrs.get(key, "")) for key in ("title", "id", "product", "summary")).lower()
-    return "time: point" in str(ds[name].attrs.get("cell_methods", "")) or "hourly" in headings
 
 
 def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str, str, str]]:
@@ -90,7 +88,12 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
                 others = ", ".join(held[1:])
                 remark = f"{source.quantity} is taken from {held[0]}; {others} could be it too" if others else ""
                 choice.append((source.quantity, held[0], remark))
-    choice += _beyond(ds, product, {quantity for quantity, _, _ in choice})
+        # What the product does not know and the file holds all the same, by standard name and with units.
+        found = {quantity for quantity, _, _ in choice}
+        for quantity in QUANTITIES:
+            name = "" if quantity in found else by_standard_name(ds, quantity)
+            if name and units_of(ds[name]) and name not in product.left_out:
+                choice.append((quantity, name, f"{quantity} is taken from {name} by its standard name"))
     if not choice:
         held = sorted(map(str, ds.data_vars))
         others = f" ({away})" if (away := turned_away(ds)) else ""
@@ -103,16 +106,6 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
             else "Give the file with the wanted variables, or name the right product",
         )
     return choice
-
-
-def _beyond(ds: xr.Dataset, product: Product, found: set[str]) -> list[tuple[str, str, str]]:
-    """Return fields that the product does not know and the file holds all the same, by standard name and with units."""
-    if product.select is not None:
-        return []
-    lacking = [quantity for quantity in QUANTITIES if quantity not in found]
-    held = [(quantity, name) for quantity in lacking if (name := by_standard_name(ds, quantity))]
-    taken = [(quantity, name) for quantity, name in held if units_of(ds[name]) and name not in product.left_out]
-    return [(quantity, name, f"{quantity} is taken from {name} by its standard name") for quantity, name in taken]
 
 
 def _canonical(
@@ -151,7 +144,9 @@ def _canonical(
                 f"{name} has no standard name: it is taken along its grid, not as a component to true east or north"
             )
     if LEVEL in field.dims:
-        field = on_depths(ds, field, _levels(ds, name), place, where=where)
+        axes = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and ds[c].ndim == 1]
+        axis = min(axes, key=lambda c: c not in ds[name].dims)  # that of the levels, where a file has more
+        field = on_depths(ds, field, ds[axis], place, where=where)
     if product.select is not None and quantity == "depth_below_surface" and is_height(ds[name], name):
         field = (-field).where(field < 0.0)
         if strange_height(ds[name]):
@@ -174,11 +169,6 @@ def _canonical(
     if not units_of(ds[name]) and units and QUANTITIES[quantity].units not in ("1", "1e-3"):
         remarks = [*remarks, f"{name} has no units in the file: {units} is taken, as {product.name} writes it"]
     return field, [*one, *remarks, *([placed] if placed else [])]
-
-
-def _levels(ds: xr.Dataset, name: str) -> xr.DataArray:
-    axes = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and ds[c].ndim == 1]
-    return ds[next(c for c in sorted(axes, key=lambda c: c not in ds[name].dims))]
 
 
 def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:

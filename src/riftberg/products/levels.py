@@ -194,15 +194,14 @@ def _judge_single(axis: xr.DataArray, edges: Floats | None, name: str, quantity:
 
 
 def _metres(units: str) -> float:
-    named = {
-        "km": 1000.0,
-        "kilometer": 1000.0,
-        "kilometers": 1000.0,
-        "cm": 0.01,
-        "centimeter": 0.01,
-        "centimeters": 0.01,
-    }
-    return named.get(units.strip().lower(), 1.0)
+    unit = units.strip().lower()
+    return (
+        1000.0
+        if unit in ("km", "kilometer", "kilometers")
+        else 0.01
+        if unit in ("cm", "centimeter", "centimeters")
+        else 1.0
+    )
 
 
 def _too_deep(name: str, place: str, where: str) -> ForcingError:
@@ -292,33 +291,8 @@ def uppermost(ds: xr.Dataset, names: Iterable[str]) -> xr.Dataset:
 
 
 DEPTHS = (
-    0,
-    5,
-    10,
-    15,
-    20,
-    30,
-    40,
-    50,
-    60,
-    75,
-    100,
-    125,
-    150,
-    175,
-    200,
-    225,
-    250,
-    275,
-    300,
-    350,
-    400,
-    450,
-    500,
-    600,
-    700,
-    800,
-)
+    *range(0, 20, 5), *range(20, 60, 10), 60, *range(75, 300, 25), *range(300, 500, 50), *range(500, 801, 100),
+)  # fmt: skip
 """Depths (m) that currents on such levels are interpolated to."""
 
 LEVEL = "s_level"
@@ -337,7 +311,13 @@ def on_depths(ds: xr.Dataset, field: xr.DataArray, axis: xr.DataArray, place: An
     floor, stretch, critical, kind = _terms(ds, axis, where)
     h = place(floor)
     h = h if plane_of(h) == plane_of(field) and _same_points(h, field) else on_points_of(h, field)
-    depth = _depth_of(s, stretch, critical, kind, np.asarray(h.values, float))
+    water = np.asarray(h.values, float)
+    column = (slice(None), *([None] * water.ndim))
+    share, bend = s[column], stretch[column]
+    if kind == "g2":
+        depth = -water * (critical * share + water * bend) / (critical + water)
+    else:
+        depth = -(critical * share + (water - critical) * bend) if kind == "g1" else -share * water
     order = np.argsort(-s)
     targets = np.array([d for d in DEPTHS if d <= np.nanmax(h.values)] or [0], float)
     plane = plane_of(field)
@@ -394,17 +374,6 @@ def _terms(ds: xr.Dataset, axis: xr.DataArray, where: str) -> tuple[str, Floats,
     return floor, stretch, critical, kind
 
 
-def _depth_of(s: Floats, stretch: Floats, critical: float, kind: str, h: Floats) -> Floats:
-    """Return depths (m, positive down) of all levels over a floor of depth ``h``."""
-    column = (slice(None), *([None] * h.ndim))
-    s, stretch = s[column], stretch[column]
-    if kind == "g2":
-        return np.asarray(-h * (critical * s + h * stretch) / (critical + h))
-    if kind == "g1":
-        return np.asarray(-(critical * s + (h - critical) * stretch))
-    return np.asarray(-s * h)
-
-
 def _interpolated(values: Floats, depth: Floats, floor: Floats, targets: Floats) -> Floats:
     """Interpolate (..., level, place) at depths; constant above the first and below the last level, NaN in the floor."""
     columns = []
@@ -440,25 +409,25 @@ def layer_limits(depth: Floats) -> Floats:
     return np.concatenate([[0.0], middle, [2.0 * depth[-1] - middle[-1]]])
 
 
-def _levelled(ds: xr.Dataset) -> list[str]:
-    names = [name for name in ("uo", "vo") if name in ds.data_vars and "depth" in ds[name].dims]
-    if not names:
-        raise ForcingError(
-            "has no currents on levels of depth",
-            where=str(ds.attrs.get("source", "")),
-            remedy="Use a product with depth (GLORYS12), or run with surface currents",
-        )
-    return names
-
-
 def keel_mean(ds: xr.Dataset, draft: float | xr.DataArray) -> xr.Dataset:
     """Replace currents on levels by their mean from the surface to the draft.
 
     ``draft``: draft (m, positive).
     """
-    names = _levelled(ds)
+    where = str(ds.attrs.get("source", ""))
+    names = [name for name in ("uo", "vo") if name in ds.data_vars and "depth" in ds[name].dims]
+    if not names:
+        raise ForcingError(
+            "has no currents on levels of depth", where=where,
+            remedy="Use a product with depth (GLORYS12), or run with surface currents",
+        )  # fmt: skip
     limits = layer_limits(ds["depth"].values)
-    _check_drafts(draft, float(limits[-1]), ds)
+    low, high, deepest = float(np.nanmin(draft)), float(np.nanmax(draft)), float(limits[-1])
+    if low <= 0.0 or high > deepest * (1.0 + 1e-9):
+        raise ForcingError(
+            f"drafts {low:g}..{high:g} m are outside the layers of the data, 0..{deepest:g} m", where=where,
+            remedy="Fetch deeper levels, or give a draft above zero",
+        )  # fmt: skip
     top = xr.DataArray(limits[:-1], dims="depth", coords={"depth": ds["depth"].values})
     thick = xr.DataArray(np.diff(limits), dims="depth", coords={"depth": ds["depth"].values})
     share = (draft - top).clip(0.0, None)
@@ -472,13 +441,3 @@ def keel_mean(ds: xr.Dataset, draft: float | xr.DataArray) -> xr.Dataset:
     draft_text = f"{float(draft):g} m" if np.ndim(draft) == 0 else "a draft that varies"
     history = f"currents averaged from the surface to {draft_text}; {ds.attrs.get('history', '')}"
     return ds.drop_vars([*names, "depth"]).assign(means).assign_attrs(history=history)
-
-
-def _check_drafts(draft: float | xr.DataArray, deepest: float, ds: xr.Dataset) -> None:
-    low, high = float(np.nanmin(draft)), float(np.nanmax(draft))
-    if low <= 0.0 or high > deepest * (1.0 + 1e-9):
-        raise ForcingError(
-            f"drafts {low:g}..{high:g} m are outside the layers of the data, 0..{deepest:g} m",
-            where=str(ds.attrs.get("source", "")),
-            remedy="Fetch deeper levels, or give a draft above zero",
-        )

@@ -73,26 +73,25 @@ class Mesh(Protocol):
 
 def mesh_of(ds: xr.Dataset | xr.DataArray) -> Mesh:
     """Return the mesh of a canonical dataset, or of a field that has been placed."""
-    if {"lat", "lon"} <= set(ds.dims):
-        return AxesMesh(np.unwrap(_axis(ds, "lon"), period=360.0), _axis(ds, "lat"))
+    if {"y", "x"} <= set(ds.dims):
+        ds = ds.transpose(..., "y", "x")
+    at = {name: np.asarray(ds[name].values, np.float64) for name in ("lon", "lat", "x", "y") if name in ds.coords}
+    if {"lat", "lon"} <= set(ds.dims):  # the axis may jump from 180 to -180
+        return AxesMesh(np.unwrap(at["lon"], period=360.0), at["lat"])
     if {"y", "x"} <= set(ds.dims) and "crs_wkt" in ds.attrs:
         crs = ds.attrs["crs_wkt"]
-        x, y = _axis(ds, "x"), _axis(ds, "y")
-        positions = to_degrees(crs, *np.meshgrid(x, y))
-        return ProjectedMesh(x, y, positions, partial(to_projection, crs))
-    if {"y", "x"} <= set(ds.dims) and {"lat", "lon"} <= set(ds.coords):
-        return CurvilinearMesh(_axis(ds.transpose("y", "x", ...), "lon"), _axis(ds.transpose("y", "x", ...), "lat"))
-    if "node" in ds.dims and {"lat", "lon"} <= set(ds.coords):
-        return NodeMesh(_axis(ds, "lon"), _axis(ds, "lat"))
+        return ProjectedMesh(
+            at["x"], at["y"], to_degrees(crs, *np.meshgrid(at["x"], at["y"])), partial(to_projection, crs)
+        )
+    if {"y", "x"} <= set(ds.dims) and {"lat", "lon"} <= at.keys():
+        return CurvilinearMesh(at["lon"], at["lat"])
+    if "node" in ds.dims and {"lat", "lon"} <= at.keys():
+        return NodeMesh(at["lon"], at["lat"])
     raise ForcingError(
         f"its points cannot be placed on the globe (dimensions {', '.join(map(str, ds.dims))})",
         where=str(ds.attrs.get("source", "forcing")),
         remedy="Give latitudes and longitudes of all points",
     )
-
-
-def _axis(ds: xr.Dataset | xr.DataArray, name: str) -> Floats:
-    return np.asarray(ds[name].values, np.float64)
 
 
 class Located:

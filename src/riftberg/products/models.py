@@ -122,19 +122,8 @@ ROMS = Product(
 
 def _is_nemo(heading: Heading) -> bool:
     fields = {
-        "vozocrtx",
-        "vomecrty",
-        "vozocrte",
-        "vomecrtn",
-        "sossheig",
-        "uos",
-        "vos",
-        "uo",
-        "vo",
-        "zos",
-        "ssh",
-        "siconc",
-    }
+        "vozocrtx", "vomecrty", "vozocrte", "vomecrtn", "sossheig", "uos", "vos", "uo", "vo", "zos", "ssh", "siconc",
+    }  # fmt: skip
     return {"nav_lat", "nav_lon"} <= heading.names and bool(fields & heading.names)
 
 

@@ -217,16 +217,26 @@ def _projected(
     axes = {dim: c for c, _, _ in coordinates for dim in rest if ds[c].dims == (dim,)}
     if set(axes) != set(rest):
         return None
-    roles = {dim: _map_axis(ds, c) for dim, c in axes.items()}
-    if set(roles.values()) != {"x", "y"}:
+    roles: dict[str, str] = {}
+    for dim, c in axes.items():
+        metadata, direction = standard_name(ds[c]), str(ds[c].attrs.get("axis", "")).upper()
+        for kind, called in (("x", "longitude"), ("y", "latitude")):
+            names = (f"projection_{kind}_coordinate", f"grid_{called}")
+            if metadata in names or direction == kind.upper() or c.lower() in (kind, f"{kind}c", f"r{called[:3]}"):
+                roles.setdefault(dim, kind)
+    if set(roles.values()) != {"x", "y"} or set(roles) != set(rest):
         return None
     ready = "crs_wkt" in ds.attrs
     mapping = mapping_of(ds, name)
     crs = ds.attrs["crs_wkt"] if ready else crs_of_mapping(mapping) if mapping is not None else None
     units = {kind: units_of(ds[axes[dim]]).strip().lower() for dim, kind in roles.items()}
     degrees = all(unit.startswith("deg") for unit in units.values())
-    if crs is None or not (ready or _serves(crs, units, degrees)):
+    if crs is None:
         return None
+    if not ready:  # lengths on a map or degrees on a rotated pole; bare counts of rows and columns are neither
+        rotated = bool(getattr(crs, "is_derived", False)) and not crs.is_projected
+        if not (rotated if degrees else crs.is_projected and all(unit and unit in METRES for unit in units.values())):
+            return None
     x_dim, y_dim = (next(dim for dim in rest if roles[dim] == kind) for kind in ("x", "y"))
     factor = {kind: METRES.get(unit, 0.0) for kind, unit in units.items()}
     x, y = (ds[axes[dim]].values.astype(float) for dim in (x_dim, y_dim))
@@ -267,16 +277,6 @@ def _projected(
     return placed.assign_attrs(crs_wkt=crs if ready else crs.to_wkt())
 
 
-def _serves(crs: Any, units: dict[str, str], degrees: bool) -> bool:
-    """Tell whether axes of these units are those of a projection: lengths on a map, degrees on a rotated pole.
-
-    Bare counts of rows and columns beside a grid mapping are neither.
-    """
-    if degrees:
-        return bool(getattr(crs, "is_derived", False)) and not crs.is_projected
-    return bool(crs.is_projected) and all(unit and unit in METRES for unit in units.values())
-
-
 def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, ...], dims: tuple[str, str]) -> float:
     """Return the largest distance (m) of positions by a projection from those that the file gives beside it."""
     rows, columns = (np.unique(np.linspace(0, axis.size - 1, 9).astype(int)) for axis in (y, x))
@@ -286,15 +286,6 @@ def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, .
     off = np.hypot(east, lat - stated[0]) * METRES_PER_DEGREE
     off = off[np.isfinite(off) & (np.abs(stated[0]) <= 90.0)]
     return float(off.max(initial=0.0))
-
-
-def _map_axis(ds: xr.Dataset, name: str) -> str:
-    metadata, axis = standard_name(ds[name]), str(ds[name].attrs.get("axis", "")).upper()
-    if metadata in ("projection_x_coordinate", "grid_longitude") or axis == "X" or name.lower() in ("x", "xc", "rlon"):
-        return "x"
-    if metadata in ("projection_y_coordinate", "grid_latitude") or axis == "Y" or name.lower() in ("y", "yc", "rlat"):
-        return "y"
-    return ""
 
 
 # Fields on a map projection: axes in metres, positions by pyproj.

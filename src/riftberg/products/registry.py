@@ -305,18 +305,13 @@ def _merged(parts: list[xr.Dataset]) -> list[xr.Dataset]:
         while not records and any(set(other.data_vars) & set(part.data_vars) for other in groups.get(key, [])):
             key = (*key, "again")
         groups.setdefault(key, []).append(part)
-    return [_merge(group) for group in groups.values()]
-
-
-def _merge(parts: list[xr.Dataset]) -> xr.Dataset:
-    if len(parts) == 1:
-        return parts[0]
-    seen: set[object] = set()
-    fresh = []
-    for part in parts:
-        fresh.append(part.drop_vars([name for name in part.data_vars if name in seen]))
-        seen |= set(part.data_vars)
-    return _sourced(xr.merge(fresh, compat="override", join="override", combine_attrs="override"), parts)
+    merged = []
+    for group in groups.values():
+        fields = {name: ds[[name]] for ds in reversed(group) for name in ds.data_vars}  # of two the first
+        fresh = [group[0], *(field for name, field in fields.items() if name not in group[0])]
+        same: Any = {"compat": "override", "join": "override", "combine_attrs": "override"}
+        merged.append(group[0] if len(group) == 1 else _sourced(xr.merge(fresh, **same), group))
+    return merged
 
 
 def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:

@@ -129,10 +129,13 @@ def with_text_dates(ds: xr.Dataset, where: str = "") -> xr.Dataset:
     """
     written: dict[str, tuple[tuple[Any, ...], Any, dict[str, Any]]] = {}
     noted: dict[str, str] = dict(ds.encoding.get("texts", {}))
-    listed = _listed(ds)
+    places = [ds.attrs, ds.encoding, *(kept for v in ds.variables.values() for kept in (v.attrs, v.encoding))]
+    listed = {name for place in places for name in str(place.get("coordinates", "")).split()}
     for name in map(str, ds.variables):
         variable = ds.variables[name]
-        if variable.dtype.kind not in "OSU" or not 0 < variable.size <= _MOST or not _says_when(ds, name, listed):
+        declared = name in ds.dims or name in ds.coords or name in listed
+        says_when = declared or role_of_name(name) == "time" or standard_name(variable) == "time"
+        if variable.dtype.kind not in "OSU" or not 0 < variable.size <= _MOST or not says_when:
             continue
         dims_and_texts = _texts(variable)
         if dims_and_texts is None or not dims_and_texts[1]:
@@ -153,22 +156,6 @@ def with_text_dates(ds: xr.Dataset, where: str = "") -> xr.Dataset:
         ds = ds.drop_vars(list(written)).assign(written).set_coords(coords)
     ds.encoding = {**encoding, "texts": noted, "written": [*encoding.get("written", ()), *written]}
     return ds
-
-
-def _listed(ds: xr.Dataset) -> set[str]:
-    """Return what the attributes ``coordinates`` name, of the fields and of the file."""
-    places = [
-        ds.attrs,
-        ds.encoding,
-        *(v.attrs for v in ds.variables.values()),
-        *(v.encoding for v in ds.variables.values()),
-    ]
-    return {name for place in places for name in str(place.get("coordinates", "")).split()}
-
-
-def _says_when(ds: xr.Dataset, name: str, listed: set[str]) -> bool:
-    declared = name in ds.dims or name in ds.coords or name in listed
-    return declared or role_of_name(name) == "time" or standard_name(ds.variables[name]) == "time"
 
 
 def _texts(variable: xr.Variable) -> tuple[tuple[Any, ...], list[str]] | None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
 from riftberg.products.mesh import Located, mesh_of
+from riftberg.products.place import to_degrees
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import VECTORS, named
@@ -66,8 +67,13 @@ def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, wh
             "that it points east or north", where=where,
             remedy="If it does, write its standard name (eastward_sea_water_velocity and so on) into the file",
         )  # fmt: skip
-    if "crs_wkt" in field.attrs:
-        angle = _of_projection(field)
+    if "crs_wkt" in field.attrs:  # of the first axis of the map, from points a little before and after
+        x, y = np.meshgrid(field["x"].values, field["y"].values)
+        small = 1e-3 * max(1.0, float(np.abs(np.diff(field["x"].values)).min(initial=1e9)))
+        before, here, after = (
+            unit_vectors(*to_degrees(field.attrs["crs_wkt"], x + way * small, y)) for way in (-1.0, 0.0, 1.0)
+        )
+        angle = _direction(here, after - before)
     else:
         lon, lat = np.asarray(field["lon"].values), np.asarray(field["lat"].values)
         of_file = _of_file(ds, lon, lat, place)
@@ -102,16 +108,6 @@ def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: 
             remedy="Turn the rows round first, or give eastward and northward components",
         )  # fmt: skip
     return _direction(points, along)
-
-
-def _of_projection(field: xr.DataArray) -> Floats:
-    """Return the angle of the first axis of a map projection."""
-    from riftberg.products.place import to_degrees
-
-    x, y = np.meshgrid(field["x"].values, field["y"].values)
-    small = 1e-3 * max(1.0, float(np.abs(np.diff(field["x"].values)).min(initial=1e9)))
-    before, after = (unit_vectors(*to_degrees(field.attrs["crs_wkt"], x + way * small, y)) for way in (-1.0, 1.0))
-    return _direction(unit_vectors(*to_degrees(field.attrs["crs_wkt"], x, y)), after - before)
 
 
 def _of_file(ds: xr.Dataset, lon: Floats, lat: Floats, place: Any) -> Floats | None:
@@ -222,7 +218,14 @@ def together(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     for ds in parts:
         for name in [name for pair in VECTORS for name in pair if name in ds.data_vars]:
             if ds[name].attrs.get("along") == "grid":
-                raise _without_partner(ds, str(name))
+                pair = next(pair for pair in VECTORS if name in pair)
+                partner_name = pair[1 - pair.index(name)]
+                original = ds[name].attrs.get("original_name", name)
+                raise ForcingError(
+                    f"{original} points along the rows or columns of its grid, and no file gives the other component "
+                    f"({QUANTITIES[partner_name].long_name}) with the same records: without it the vector cannot be turned to "
+                    "east and north", where=named(ds), remedy=f"Add the file with the partner of {original}",
+                )  # fmt: skip
     return [ds.drop_vars("grid_angle", errors="ignore") for ds in parts if ds.data_vars]
 
 
@@ -232,13 +235,13 @@ def _fits(field: xr.DataArray, other: xr.Dataset, name: str) -> bool:
         return False
     for axis in ("time", "depth"):
         mine, yours = (a[axis].values if axis in a.dims else np.array([]) for a in (field, other[name]))
-        if mine.size != yours.size or (mine.size and not np.all(np.abs(mine - yours) <= _slack(mine))):
+        if mine.size != yours.size:
+            return False
+        dates = mine.dtype.kind == "M"
+        slack: Any = np.timedelta64(1, "s") if dates else 1e-3 * max(1.0, float(np.abs(mine).max(initial=0.0)))
+        if mine.size and not np.all(np.abs(mine - yours) <= slack):
             return False
     return True
-
-
-def _slack(values: Any) -> Any:
-    return np.timedelta64(1, "s") if values.dtype.kind == "M" else 1e-3 * max(1.0, float(np.abs(values).max()))
 
 
 def _turned(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
@@ -258,14 +261,3 @@ def _turned(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
         turned[name].attrs = {key: value for key, value in old.attrs.items() if key != "along"}
     remark = f"{east}, {north} are turned from the axes of the grid to east and north"
     return noted(ds.assign(turned), told=remark)
-
-
-def _without_partner(ds: xr.Dataset, name: str) -> ForcingError:
-    pair = next(pair for pair in VECTORS if name in pair)
-    other = pair[1 - pair.index(name)]
-    original = ds[name].attrs.get("original_name", name)
-    return ForcingError(
-        f"{original} points along the rows or columns of its grid, and no file gives the other component "
-        f"({QUANTITIES[other].long_name}) with the same records: without it the vector cannot be turned to east and north",
-        where=named(ds), remedy=f"Add the file with the partner of {original}",
-    )  # fmt: skip

@@ -42,17 +42,29 @@ def window(
     ``lon``: west and east (degrees, any convention); ``lat``: south and north (degrees); ``margin``: width added to the
     box on each side (degrees).
     """
-    west, east = lon[0], lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
-    box = (west - margin, east + margin, lat[0] - margin, lat[1] + margin)
-    if "crs_wkt" in ds.attrs:
-        ds = _cut_projected(ds, box)
+    west, east = lon[0] - margin, (lon[1] if lon[1] >= lon[0] else lon[1] + 360.0) + margin
+    south, north = lat[0] - margin, lat[1] + margin
+    if "crs_wkt" in ds.attrs:  # the rectangle of the map that holds the box
+        box = np.meshgrid(np.linspace(west, east, 73), np.linspace(max(south, -90.0), min(north, 90.0), 73))
+        x, y = to_projection(ds.attrs["crs_wkt"], *box)
+        columns = slice_around(ds["x"].values, np.nanmin(x), np.nanmax(x))
+        part = ds.isel(y=slice_around(ds["y"].values, np.nanmin(y), np.nanmax(y)), x=columns)
     elif "node" in ds.dims:
-        ds = _scattered(ds, box)
+        part = _scattered(ds, west, east, south, north)
     elif "y" in ds.dims:
-        ds = _curvilinear(ds, box)
+        part = _curvilinear(ds, west, east, south, north)
     else:
-        ds = _regular(ds, box)
-    return window_in_time(ds, time) if time is not None and "time" in ds.dims else ds
+        near = longitudes_near(ds, west, east)
+        columns = slice_around(near["lon"].values, west, east)
+        part = near.isel(lat=slice_around(near["lat"].values, south, north), lon=columns)
+    if not all(part.sizes[name] for name in ("lat", "lon", "y", "x", "node") if name in part.dims):
+        raise ForcingError(
+            f"nothing lies in {west:g}..{east:g} E, {south:g}..{north:g} N: the data cover {extent_text(ds)}",
+            where=str(ds.attrs.get("source", "")),
+            remedy="Give a file that covers the box; check the sign of west longitudes",
+        )
+    part = with_positions(part) if "crs_wkt" in ds.attrs else part
+    return window_in_time(part, time) if time is not None and "time" in part.dims else part
 
 
 def slice_around(axis: Floats, low: float, high: float) -> slice:
@@ -75,24 +87,6 @@ def longitudes_near(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
     return ds.assign_coords(lon=("lon", axis + turns[int(np.argmax(overlap))], ds["lon"].attrs))
 
 
-def _regular(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
-    west, east, south, north = box
-    ds = longitudes_near(ds, west, east)
-    columns = slice_around(ds["lon"].values, west, east)
-    rows = slice_around(ds["lat"].values, south, north)
-    return _not_empty(ds.isel(lat=rows, lon=columns), ds, box)
-
-
-def _cut_projected(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
-    """Cut a projected grid to the rectangle that holds the box."""
-    west, east, south, north = box
-    grid_lon, grid_lat = np.meshgrid(np.linspace(west, east, 73), np.linspace(max(south, -90.0), min(north, 90.0), 73))
-    x, y = to_projection(ds.attrs["crs_wkt"], grid_lon, grid_lat)
-    columns = slice_around(ds["x"].values, np.nanmin(x), np.nanmax(x))
-    rows = slice_around(ds["y"].values, np.nanmin(y), np.nanmax(y))
-    return with_positions(_not_empty(ds.isel(y=rows, x=columns), ds, box))
-
-
 def with_positions(ds: xr.Dataset) -> xr.Dataset:
     """Return a projected dataset with the latitudes and longitudes of its points."""
     if {"lat", "lon"} <= set(ds.variables):
@@ -102,44 +96,36 @@ def with_positions(ds: xr.Dataset) -> xr.Dataset:
     return ds.assign_coords(lon=(("y", "x"), lon, east), lat=(("y", "x"), lat, north))
 
 
-def _scattered(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
+def _scattered(ds: xr.Dataset, west: float, east: float, south: float, north: float) -> xr.Dataset:
     """Keep the scattered points of a box and those around it, with longitudes on the branch of the box."""
-    west, east, south, north = box
     middle = 0.5 * (west + east)
     lon, lat = (ds["lon"].values - middle + 180.0) % 360.0 - 180.0 + middle, ds["lat"].values
     spacing = REACH * NodeMesh(lon, lat).spacing()
     beyond = spacing / np.maximum(np.cos(np.deg2rad(lat)), 0.02)
     near = (lat >= south - spacing) & (lat <= north + spacing) & (lon >= west - beyond) & (lon <= east + beyond)
     part = ds.assign_coords(lon=("node", lon, ds["lon"].attrs))
-    return _not_empty(part.isel(node=np.flatnonzero(near)), ds, box)
+    return part.isel(node=np.flatnonzero(near))
 
 
-def _curvilinear(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
+def _curvilinear(ds: xr.Dataset, west: float, east: float, south: float, north: float) -> xr.Dataset:
     """Cut a curvilinear grid to the box; where rows and columns follow latitude and longitude there, name them so."""
-    west, east, south, north = box
     lat = ds["lat"].values
     lon = (ds["lon"].values - west) % 360.0 + west
     inside = (lat >= south) & (lat <= north) & (lon <= east)
     if not inside.any():  # the box lies in one of the cells, or outside
         middle = np.array([0.5 * (west + east)]), np.array([0.5 * (south + north)])
         if Located(CurvilinearMesh(lon, lat), *middle).outside.any():
-            return _not_empty(ds.isel(y=slice(0, 0)), ds, box)
+            return ds.isel(y=slice(0, 0))
         off = np.linalg.norm(unit_vectors(lon, lat) - unit_vectors(*middle), axis=-1)
         inside = off == np.nanmin(off)
     rows, columns = np.nonzero(inside.any(axis=1))[0], np.nonzero(inside.any(axis=0))[0]
-    columns = _after_the_seam(columns, lon.shape[1])
-    row_range = slice(max(rows[0] - 1, 0), rows[-1] + 2)
-    part = ds.isel(y=row_range, x=columns)
-    return _straightened(part, west, east)
-
-
-def _after_the_seam(columns: NDArray[np.int64], size: int) -> NDArray[np.int64]:
-    """Return column numbers, one more on each side, in running order even if they pass the seam of the grid."""
+    # Columns in running order, one more on each side, even if they pass the seam of the grid.
     gaps = np.diff(columns)
-    cut = int(np.argmax(gaps)) + 1 if gaps.size and gaps.max() > 0.5 * size else 0
+    cut = int(np.argmax(gaps)) + 1 if gaps.size and gaps.max() > 0.5 * lon.shape[1] else 0
     ordered = np.concatenate([columns[cut:], columns[:cut]])
-    first, last = max(int(ordered[0]) - 1, 0), min(int(ordered[-1]) + 1, size - 1)
-    return np.array(list(dict.fromkeys([first, *ordered.tolist(), last])), dtype=np.int64)
+    first, last = max(int(ordered[0]) - 1, 0), min(int(ordered[-1]) + 1, lon.shape[1] - 1)
+    running = np.array(list(dict.fromkeys([first, *ordered.tolist(), last])), dtype=np.int64)
+    return _straightened(ds.isel(y=slice(max(rows[0] - 1, 0), rows[-1] + 2), x=running), west, east)
 
 
 def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
@@ -156,17 +142,6 @@ def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
         "lon": ("lon", lon.mean(axis=0)[order], {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
     }
     return ds.assign_coords(axes)
-
-
-def _not_empty(part: xr.Dataset, whole: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
-    if all(part.sizes[name] for name in ("lat", "lon", "y", "x", "node") if name in part.dims):
-        return part
-    west, east, south, north = box
-    raise ForcingError(
-        f"nothing lies in {west:g}..{east:g} E, {south:g}..{north:g} N: the data cover {extent_text(whole)}",
-        where=str(whole.attrs.get("source", "")),
-        remedy="Give a file that covers the box; check the sign of west longitudes",
-    )
 
 
 def extent_text(ds: xr.Dataset) -> str:
