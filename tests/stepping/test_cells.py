@@ -62,6 +62,11 @@ def mesh_of(outline: shapely.Polygon, packing: str, angle: float):
     return cell_mesh(xy, first, second, outline, 2 * RADIUS, both_diagonals=packing == "square"), first, second
 
 
+def node_area(mesh):
+    """Area that each node bears: a third of its triangles."""
+    return np.bincount(mesh.triangle.ravel(), np.repeat(mesh.weight * mesh.area / 3.0, 3), mesh.owner.size)
+
+
 def box(length: float, width: float) -> shapely.Polygon:
     return shapely.box(-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width)
 
@@ -97,7 +102,7 @@ def field(mesh, gradient):
 
 def solved(mesh, stiffness, along_x, along_y):
     """Displacements under loads per area, less what would move the ice as a whole; the cell in the middle is held."""
-    area, (x, y) = mesh.node_area, mesh.xy.T
+    area, (x, y) = node_area(mesh), mesh.xy.T
     one, none = np.ones_like(x), np.zeros_like(x)
     rigid = np.concatenate([np.stack([one, none, -y]), np.stack([none, one, x])], axis=1).T
     push, mass = np.concatenate([along_x + none, along_y + none]), np.tile(area, 2)
@@ -121,7 +126,6 @@ def principal(stress):
 def test_triangles_fill_the_outline_and_are_no_slivers(packing, angle) -> None:
     mesh, first, _ = mesh_of(box(30, 15), packing, angle)
     assert (mesh.weight * mesh.area).sum() == pytest.approx(450.0, rel=1e-12)
-    assert mesh.cell_area.sum() == pytest.approx(450.0, rel=1e-12)
     assert (mesh.area > 0.0).all()
     assert not freed_edges(mesh, np.zeros(first.size, bool)).any()
     for i in range(3):
@@ -316,7 +320,7 @@ def test_a_bar_of_uneven_thickness_stretches_as_its_sections_say(packing, angle)
     thickness = 1.5 + mesh.xy[: mesh.cells, 0] / 32.0
     _, _, stiffness = found(mesh, np.zeros(first.size, bool), thickness)
     ends = [mesh.xy[:, 0] > 14.0, mesh.xy[:, 0] < -14.0]
-    pull = sum(sign * end / mesh.node_area[end].sum() for sign, end in zip((1.0, -1.0), ends, strict=True))
+    pull = sum(sign * end / node_area(mesh)[end].sum() for sign, end in zip((1.0, -1.0), ends, strict=True))
     along = solved(mesh, stiffness, pull, 0.0)[: mesh.cells, 0]
     inner = abs(mesh.xy[: mesh.cells, 0]) < 10.0
     columns = np.column_stack([4.0 * np.log(thickness), np.ones(mesh.cells)])

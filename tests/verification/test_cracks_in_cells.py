@@ -49,10 +49,11 @@ class Strip:
         self._at, self._volume = freedoms(mesh.triangle, mesh.owner[mesh.triangle]), volumes(mesh, np.ones(mesh.cells))
         # Strips of three cells at both ends bear the load, which is in balance (of forces and of moments).
         x, y = mesh.xy.T
-        load = np.zeros((x.size, 3))
+        load, third = np.zeros((x.size, 3)), np.repeat(mesh.weight * mesh.area / 3.0, 3)
+        node_area = np.bincount(mesh.triangle.ravel(), third, x.size)
         for sign in (-1.0, 1.0):
             end = sign * y > 0.5 * length - 3.0
-            area = mesh.node_area * end
+            area = node_area * end
             first, second = (area * x).sum(), (area * x * x).sum()
             slope = -first / second
             pull = area * (1.0 + slope * x)

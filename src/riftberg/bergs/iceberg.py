@@ -83,7 +83,7 @@ class Iceberg(BondedBerg):
     Examples
     --------
     >>> Iceberg.rectangle("60 km", "20 km", thickness="200 m", placement=(-37.0, -56.0))
-    <Iceberg: 140 square elements of radius 1500 m, 1260 km2, 214.2 Gt, 253 bonds, 1 piece, at 56.001 S, 37.000 W>
+    <Iceberg: 147 square elements of radius 1428.57 m, 1200 km2, 204 Gt, 266 bonds, 1 piece, at 56.000 S, 37.000 W>
     """
 
     def __repr__(self) -> str:

@@ -53,17 +53,6 @@ class CellMesh(NamedTuple):
     path_tie: Ints  # Tie that a path holds; shape (paths,)
     path_bonds: Ints  # Bonds of a path, filled up with -1; shape (paths, longest path)
 
-    @property
-    def node_area(self) -> Floats:
-        """Area (m2) that each node bears: a third of its triangles."""
-        share = np.repeat(self.weight * self.area / 3.0, 3)
-        return np.asarray(np.bincount(self.triangle.ravel(), share, self.owner.size), np.float64)
-
-    @property
-    def cell_area(self) -> Floats:
-        """Area (m2) of each cell: that of its nodes."""
-        return np.asarray(np.bincount(self.owner, self.node_area, self.cells), np.float64)
-
 
 def outline_of_cells(xy: Floats, radius: float, packing: str, angle: float) -> shapely.Polygon:
     """Union of the cells themselves (m), for a piece whose outline is not known.

@@ -262,7 +262,8 @@ class CellStiffness:
         every = np.zeros((self.nodes, 3))
         every[: self._elements] = of_elements
         if self._outline is None:
-            k = self.matrix()
+            beside = (self._at[:, :6] >= 3 * self._elements).any(axis=1)
+            k = stiffness_matrix(self._at[beside], self._triangles.stiffness[beside], self.nodes)
             outer = 3 * np.arange(self._elements, self.nodes)[~self.static[self._elements :]][:, None] + np.arange(2)
             free = outer.ravel()[k.diagonal()[outer.ravel()] > 0.0]
             self._outline = (
