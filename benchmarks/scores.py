@@ -31,7 +31,7 @@ from riftberg.diagnostics.score import Match, Score, ScoredDay, score_run
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL
-from riftberg.ocean.metrics import haversine
+from riftberg.ocean.grid import haversine
 from riftberg.plane import OrthographicPlane
 from riftberg.runs.run_file import open_run
 

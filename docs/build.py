@@ -297,7 +297,7 @@ def _type_name(kind: Any) -> str:
 
 def products_page() -> str:
     """Return the page of the data products and the canonical quantities."""
-    from riftberg.products.canonical import QUANTITIES
+    from riftberg.products.quantities import QUANTITIES
     from riftberg.products.registry import PRODUCTS
 
     products = [

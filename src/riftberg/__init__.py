@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from riftberg.ensembles.result import open_cells, open_sweep
     from riftberg.ensembles.sweep import sweep
     from riftberg.ocean.analytic import Steady
-    from riftberg.ocean.datasets import DatasetForcing
+    from riftberg.ocean.datasets import DatasetForcing, Forcing
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
-    from riftberg.ocean.ready_made import Forcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
@@ -44,7 +43,7 @@ _HOMES = {
     "FieldRules": "riftberg.ocean.gridded",
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
-    "Forcing": "riftberg.ocean.ready_made",
+    "Forcing": "riftberg.ocean.datasets",
     "open_run": "riftberg.runs.run_file",
     "open_cells": "riftberg.ensembles.result",
     "open_sweep": "riftberg.ensembles.result",

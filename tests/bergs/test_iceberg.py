@@ -381,7 +381,7 @@ def test_thickness_may_be_a_list_with_one_number_per_element():
         (lambda **o: Iceberg.rectangle(9e3, 9e3, thickness=200.0, **o), "rotaton"),
         (lambda **o: Iceberg.rectangle(9e3, 9e3, thickness=200.0, **o), "shift"),
         (lambda **o: Iceberg.from_points([0.0], [0.0], thickness=200.0, **o), "rotation"),
-        (lambda **o: Iceberg.from_table([(0, 0, 1)], thickness=200.0, placement=(0.0, 0.0), **o), "offset"),
+        (lambda **o: Iceberg.from_table([(0, 0, 1)], thickness=200.0, placement=(0.0, 0.0), **o), "shift"),
         (lambda **o: Iceberg.from_outline(np.zeros((4, 2)), thickness=200.0, **o), "latlon"),
     ],
 )

@@ -39,7 +39,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         found.update(how, files=list(files))
         return Report()
 
-    monkeypatch.setattr("riftberg.products.doctor.doctor", examine)
+    monkeypatch.setattr("riftberg.ocean.doctor.doctor", examine)
     return found
 
 

@@ -199,7 +199,7 @@ def test_doctor_takes_the_path_of_a_run(folder: Path, monkeypatch: pytest.Monkey
         asked.update(how, files=files)
         return Report()
 
-    monkeypatch.setattr("riftberg.products.doctor.doctor", examine)
+    monkeypatch.setattr("riftberg.ocean.doctor.doctor", examine)
     result = call("doctor", "a.nc", "b.nc", "--along", folder / "run.nc", "--need", "depth_below_surface")
     assert (result.exit_code, result.output) == (0, "all is well\n")
     assert asked["files"] == ["a.nc", "b.nc"]

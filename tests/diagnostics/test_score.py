@@ -29,7 +29,7 @@ from riftberg.diagnostics.outlines import (
 )
 from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
-from riftberg.ocean.metrics import haversine
+from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.score import draw_score

@@ -23,9 +23,9 @@ from riftberg.experiments import build
 from riftberg.experiments.changes import parse_settings
 from riftberg.experiments.schema import Berg, Experiment, ExperimentForcing, Mask, OutlineFile, Rift, Shelf, Strength
 from riftberg.experiments.yaml_file import build_berg, read_file
+from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.formulas import FORMULAS
-from riftberg.ocean.steady_schema import ConstantForcing
 
 SLAB = """\
 start: 2020-12-09 13:00

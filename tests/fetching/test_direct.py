@@ -19,10 +19,9 @@ from fetching.serving import Shelf
 from products import product_files as files
 from riftberg.errors import ForcingError
 from riftberg.fetching import download
-from riftberg.fetching.direct import gebco_query
-from riftberg.fetching.services import fetch_product
+from riftberg.fetching.services import fetch_product, gebco_query
+from riftberg.ocean.doctor import doctor
 from riftberg.products import open_product
-from riftberg.products.doctor import doctor
 
 BOX = ((-38.1, -37.9), (-55.1, -55.0))
 

@@ -20,8 +20,7 @@ import requests
 from fetching.serving import Shelf
 from riftberg.errors import ForcingError
 from riftberg.fetching import download
-from riftberg.fetching.download import Resuming, fetch_one
-from riftberg.fetching.parts import PartFile, Version
+from riftberg.fetching.download import PartFile, Resuming, Version, fetch_one
 
 CONTENT = bytes(range(256)) * 8000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()

@@ -15,8 +15,8 @@ from fetching.fake_clients import Cdsapi, Copernicusmarine, Earthaccess
 from riftberg.errors import ForcingError
 from riftberg.fetching import services
 from riftberg.fetching.services import fetch_product
+from riftberg.ocean.doctor import doctor
 from riftberg.products import open_product
-from riftberg.products.doctor import doctor
 
 PLACE = {"lon": (-43.0, -33.0), "lat": (-59.0, -53.0), "time": ("2020-12-09", "2020-12-25")}
 EXTRAS = {"earthaccess": "oscar", "copernicusmarine": "copernicus", "cdsapi": "era5"}

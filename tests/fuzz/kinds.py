@@ -96,7 +96,7 @@ KEYS: dict[str, tuple[str, tuple[str, ...]]] = {
     "sea_ice": ("sea_ice: [0, 0, 0]", ("[0, 0]", "[0, 0, -1]", "[0, 0, .nan]", "thick", "[1e20, 0, 1]")),
     "depth": ("depth: 1000", ("0", "-1", "1e30", *NUMBERS)),
     "kind": ("kind: constant", ("[constant]", "~", "true", "constnt", "{a: b}", "3", "''")),
-    "berg": ("berg:", ("berg: 3\nx:", "berg: [1]\nx:", "berg: ~\nx:", "bergs:")),
+    "berg": ("berg:", ("berg: 3\nx:", "berg: [1]\nx:", "berg: ~\nx:", "bergs: 3\nx:")),
     "name": ("days: 0.0625", tuple(f"days: 1\nname: {n}" for n in ("[a]", "3", "true", "../x", "'a/b'", "''", "~", "{a: b}", "2020-12-09"))),
     "parameters": (
         "fracture: {normal_strength: 20 kPa}",

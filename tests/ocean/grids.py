@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid import ZERO_ON_LAND, Grid, usable
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.state import new_elements
 
@@ -61,3 +61,9 @@ def scattered(grid, count, rng, wet=True):
         out[:] = (q[j, i] * x + q[j, i - 1] * (1 - x)) * y + (q[j - 1, i] * x + q[j - 1, i - 1] * (1 - x)) * (1 - y)
     e.lon_pair[:], e.lat_pair[:] = e.lon, e.lat
     return e
+
+
+def without_gaps(fields, mask):
+    """Fields as a forcing prepares them."""
+    pairs = zip(Fields._fields, fields, strict=True)
+    return Fields(**{name: usable(values, mask, name in ZERO_ON_LAND) for name, values in pairs})

@@ -16,9 +16,8 @@ from riftberg.ocean.at_elements import (
     fill_values,
     fill_vorticity,
 )
-from riftberg.ocean.mesh import AxesMesh, CurvilinearMesh, Mesh, Places
 from riftberg.plane import unit_vectors
-from riftberg.products.cells import goes_round_in_x
+from riftberg.products.mesh import AxesMesh, CurvilinearMesh, Mesh, Places, goes_round_in_x
 from riftberg.state import Floats
 from twins.at_elements import value_at
 

@@ -10,16 +10,17 @@ from hypothesis import strategies as st
 from ocean.grids import ALL, bent, cap, degrees, scattered, square_lakes
 from riftberg.ocean.cells import (
     adjust_cell,
+    find_cell,
     point_in_cell,
     position_from_cell,
     position_in_cell,
     round_trip,
+    search_nearby,
     settle_elements,
 )
-from riftberg.ocean.geometry import inverse_bilinear, wrap_around
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.search import find_cell, search_nearby
 from riftberg.parameters import Parameters
+from riftberg.physics.quadrilaterals import inverse_bilinear, wrap_around
 from riftberg.state import new_elements
 from twins import cells as twin
 

@@ -8,14 +8,12 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from ocean.grids import degrees, random_fields, scattered, square_lakes
+from ocean.grids import degrees, random_fields, scattered, square_lakes, without_gaps
 from riftberg.errors import ForcingError
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
-from riftberg.ocean.gridded import FieldRules, GriddedForcing
+from riftberg.ocean.gridded import FieldRules, GriddedForcing, add_tidal_drift
 from riftberg.ocean.interpolation import sample_gridded
-from riftberg.ocean.loading import without_gaps
-from riftberg.ocean.tides import add_tidal_drift
 from riftberg.state import Environment
 
 ENVIRONMENT = tuple(
@@ -263,20 +261,6 @@ def test_impossible_rules_are_refused(options, text):
     """Each wrong rule is named in the message."""
     with pytest.raises(ForcingError, match=text):
         FieldRules(**options)
-
-
-def test_rules_given_one_by_one_still_work_and_warn(scene):
-    """As they were given before `FieldRules`."""
-    grid, states, _ = scene
-    with pytest.warns(DeprecationWarning, match="depth_rule, tidal_drift: give rules=FieldRules"):
-        forcing = GriddedForcing(grid, states[0], depth_rule="cell", tidal_drift=0.3)
-    assert forcing.rules == FieldRules(depth_rule="cell", tidal_drift=0.3)
-    with pytest.warns(DeprecationWarning, match="tidal_drift is now rules.tidal_drift"):
-        assert forcing.tidal_drift == 0.3
-    with pytest.raises(TypeError, match="depth_role"):
-        GriddedForcing(grid, states[0], depth_role="cell")
-    with pytest.raises(AttributeError, match="depth_role"):
-        forcing.depth_role  # noqa: B018
 
 
 def test_fields_of_the_wrong_shape_are_refused(scene):

@@ -8,6 +8,7 @@ import pytest
 from ocean.grids import ALL, bent, random_fields, scattered, square_lakes
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
+from riftberg.ocean.gridded import _draws, add_tidal_drift, cell_seed
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
@@ -16,7 +17,6 @@ from riftberg.ocean.interpolation import (
     sample_gridded,
     zone_depth,
 )
-from riftberg.ocean.tides import _draws, add_tidal_drift, cell_seed
 from riftberg.state import new_elements
 from twins import cells as plain_cells
 from twins import fields as twin

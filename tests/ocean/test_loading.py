@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ocean.grids import bent, random_fields, square_lakes
-from riftberg.ocean.grid import Grid
+from ocean.grids import bent, random_fields, square_lakes, without_gaps
+from riftberg.ocean.grid import Grid, at_corners, celsius, first_gap, usable, wind_from_stress
 from riftberg.ocean.grid_arrays import Fields
-from riftberg.ocean.loading import at_corners, celsius, first_gap, usable, wind_from_stress, without_gaps
 
 
 def corner_by_hand(grid, u, v, i, j, staggering):

@@ -17,12 +17,12 @@ import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from products.probe import at_points
 from riftberg.errors import ForcingError
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_product
-from riftberg.products.doctor import doctor
-from riftberg.products.interpolate import to_grid
 from riftberg.state import Elements, new_elements
 
 START = datetime(2020, 12, 16, 6)
@@ -259,7 +259,7 @@ def test_vectors_on_turned_grids_point_east_and_north(layout: str, tmp_path: Pat
     told = TURNED[layout]
     e = elements(told.centre)
     lon, lat = e.lon.reshape(3, 3), e.lat.reshape(3, 3)
-    found = to_grid(open_product(written(tmp_path, told)).isel(time=[0]), lon, lat)
+    found = at_points(open_product(written(tmp_path, told)).isel(time=[0]), lon, lat)
     for name, values in zip((told.kind, {"uo": "vo", "ua": "va"}[told.kind]), truth(told.kind, lon, lat, told.centre)):
         np.testing.assert_allclose(found[name][0], values, atol=0.02 if told.kind == "ua" else 2e-3)
 

@@ -28,7 +28,7 @@ class Barred:
 barred = set(sys.argv[2].split(","))
 assert not barred & {name.partition(".")[0] for name in sys.modules}
 sys.meta_path.insert(0, Barred(barred))
-from riftberg.products.doctor import doctor
+from riftberg.ocean.doctor import doctor
 report = doctor([sys.argv[1]])
 assert not report.unreadable, report.text()
 import datetime, pathlib

@@ -14,10 +14,10 @@ import xarray as xr
 from products import product_files as files
 from products.test_any_layout import START, Layout, elements, written
 from riftberg.errors import ForcingError
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_all
-from riftberg.products.doctor import doctor
 
 KINDS = (files.oscar_v1, files.oscar_v2, files.era5_new, files.ncep_r1)
 

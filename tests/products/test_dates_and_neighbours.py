@@ -16,17 +16,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from products.probe import at_points
 from products.test_models import CENTRE, roms
 from products.test_odd_files import AIR, plain, refused, truth, written
 from products.test_odd_files import elements as around
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import ForcingError, InputError
 from riftberg.ocean.datasets import DatasetForcing
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_all, open_product
-from riftberg.products.doctor import doctor
-from riftberg.products.interpolate import to_grid
 
 DAY_0 = datetime(2020, 12, 16)
 UO_VO = ("uo", "vo")
@@ -177,7 +177,7 @@ def test_months_of_wind_from_the_climate_data_store(tmp_path: Path) -> None:
     [wind] = open_all(written(tmp_path, ds.assign_attrs(GRIB_centre="ecmf")))
     assert wind.attrs["product"] == "era5"
     e = around(CENTRE)
-    at = to_grid(wind, e.lon.reshape(3, 3), e.lat.reshape(3, 3), ["2020-12-26"])["ua"].values[0]
+    at = at_points(wind, e.lon.reshape(3, 3), e.lat.reshape(3, 3), ["2020-12-26"])["ua"].values[0]
     np.testing.assert_allclose(at.ravel() - truth("uo", e.lon, e.lat, CENTRE), 1.0, atol=1e-3)
 
 
@@ -360,7 +360,7 @@ def test_of_files_on_two_grids_the_one_named_later_counts(tmp_path: Path, later:
 def current_of(path: Path) -> tuple[float, str]:
     """Return the eastward current 5 m below the surface, at the centre, of a ROMS file, and what is told of it."""
     [ds] = [part for part in open_all(path) if "uo" in part]
-    found = to_grid(ds[["uo", "vo"]].assign_attrs(ds.attrs), np.array([[CENTRE]]), np.array([[-55.5]]))
+    found = at_points(ds[["uo", "vo"]].assign_attrs(ds.attrs), np.array([[CENTRE]]), np.array([[-55.5]]))
     return float(found["uo"].sel(depth=5.0).squeeze()), str(ds.attrs.get("told", ""))
 
 
@@ -480,7 +480,7 @@ def test_roms_on_straight_axes_reads_as_point_by_point(tmp_path: Path, levels: b
     found = []
     for axes in (True, False):
         [ds] = [part for part in open_all(straight(tmp_path / f"{axes}.nc", axes=axes, levels=levels)) if "uo" in part]
-        at = to_grid(ds[["uo", "vo"]].assign_attrs(ds.attrs), e.lon.reshape(3, 3), e.lat.reshape(3, 3))
+        at = at_points(ds[["uo", "vo"]].assign_attrs(ds.attrs), e.lon.reshape(3, 3), e.lat.reshape(3, 3))
         for depth in (5.0, 200.0) if levels else (None,):
             part = at if depth is None else at.sel(depth=depth)
             share = 1.0 if depth is None else 1.0 - depth / (400.0 + 2.0 * (e.lon.reshape(3, 3) + 41.4) / 0.1)

@@ -13,7 +13,7 @@ import xarray as xr
 sys.path.insert(0, str(Path(__file__).parent / "products"))
 from products import product_files as files
 from riftberg.errors import ForcingError
-from riftberg.products.doctor import doctor
+from riftberg.ocean.doctor import doctor
 
 BOX = {"lon": (-40.0, -36.0), "lat": (-57.0, -54.5)}
 

@@ -11,9 +11,9 @@ import xarray as xr
 from products.test_odd_files import AIR, CENTRE, START, elements, plain, truth, written
 from riftberg import Iceberg, Model, Parameters
 from riftberg.ocean.datasets import DatasetForcing
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products.doctor import doctor
 from riftberg.runs.restart import load_state
 from riftberg.stepping.forces.media import FORCES
 from twins import waves as twin

@@ -27,9 +27,9 @@ from products.test_odd_files import (
 )
 from riftberg.errors import ForcingError
 from riftberg.ocean.datasets import DatasetForcing
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products.doctor import doctor
 from riftberg.products.registry import open_product, recognise
 
 BOX = {"longitude": (CENTRE - 2.0, CENTRE + 2.0), "latitude": (-57.5, -53.5), "hold": 24.0}

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from products.probe import at_points
 from products.test_any_layout import START, elements, truth
 from riftberg.errors import ForcingError
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_all, open_product
-from riftberg.products.doctor import doctor
-from riftberg.products.interpolate import to_grid
 
 TURN = np.deg2rad(35.0)
 CENTRE = -39.0
@@ -142,7 +142,7 @@ def roms(path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bo
 def test_roms_currents_are_turned_and_stand_on_depths(options: dict[str, bool], tmp_path: Path) -> None:
     [ds] = [part for part in open_all(roms(tmp_path, **options)) if "uo" in part]
     e = elements(CENTRE)
-    found = to_grid(ds[["uo", "vo"]].assign_attrs(ds.attrs), e.lon.reshape(3, 3), e.lat.reshape(3, 3))
+    found = at_points(ds[["uo", "vo"]].assign_attrs(ds.attrs), e.lon.reshape(3, 3), e.lat.reshape(3, 3))
     east, north = truth("uo", e.lon.reshape(3, 3), e.lat.reshape(3, 3), CENTRE)
     # With C = s the levels lie at s h: at 200 m the shear leaves half of the surface current.
     for depth, share in ((5.0, 1.0 - 5.0 / 400.0), (200.0, 0.5)):
@@ -205,11 +205,11 @@ def test_fvcom_by_nearest_points(tmp_path: Path) -> None:
     level = next(part for part in parts if "ssh" in part)
     e = elements(CENTRE)
     lon, lat = e.lon.reshape(3, 3), e.lat.reshape(3, 3)
-    found = to_grid(currents[["uo", "vo"]].assign_attrs(currents.attrs), lon, lat)
+    found = at_points(currents[["uo", "vo"]].assign_attrs(currents.attrs), lon, lat)
     for name, values in zip(("uo", "vo"), truth("uo", lon, lat, CENTRE), strict=True):
         np.testing.assert_allclose(found[name][0, 0], values, atol=5e-3)
     np.testing.assert_allclose(
-        to_grid(level[["ssh"]].assign_attrs(level.attrs), lon, lat)["ssh"][0], 0.1 * (lat + 55.5), atol=5e-3
+        at_points(level[["ssh"]].assign_attrs(level.attrs), lon, lat)["ssh"][0], 0.1 * (lat + 55.5), atol=5e-3
     )
 
 
@@ -293,7 +293,7 @@ def test_a_rotated_pole_is_read_through_its_grid_mapping(tmp_path: Path) -> None
     }
     xr.Dataset(fields, axes).to_netcdf(tmp_path / "rotated.nc")
     e = elements(CENTRE)
-    found = to_grid(open_product(tmp_path / "rotated.nc"), e.lon.reshape(3, 3), e.lat.reshape(3, 3))
+    found = at_points(open_product(tmp_path / "rotated.nc"), e.lon.reshape(3, 3), e.lat.reshape(3, 3))
     np.testing.assert_allclose(found["uo"].values.ravel(), truth("uo", e.lon, e.lat, CENTRE)[0], atol=1e-3)
 
 

@@ -20,9 +20,9 @@ import xarray as xr
 from riftberg import Forcing, Iceberg, Model
 from riftberg.errors import ForcingError
 from riftberg.ocean.datasets import DatasetForcing
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.products.doctor import doctor
 from riftberg.products.registry import in_memory, open_all
 from riftberg.state import Elements, new_elements
 

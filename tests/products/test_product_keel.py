@@ -10,7 +10,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products import keel_mean, open_product
-from riftberg.products.keel import layer_limits
+from riftberg.products.levels import layer_limits
 
 DEPTH = np.array([10.0, 30.0, 70.0, 150.0])  # limits 0, 20, 50, 110, 190
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from products import product_files as files
+from products.probe import at_points
 from riftberg.errors import ForcingError
 from riftberg.products import open_product, recognise, window
-from riftberg.products.interpolate import to_grid
 
 
 def test_v2_order_longitude_latitude_is_told_by_name(tmp_path: Path) -> None:
@@ -91,10 +91,10 @@ def test_v3_as_announced_is_read_by_dimension_name(tmp_path: Path) -> None:
 
 def test_daily_means_serve_their_own_day_but_no_more(tmp_path: Path) -> None:
     ds = open_product(files.oscar_v2(tmp_path))
-    grid = to_grid(ds, np.array([-37.8]), np.array([-56.1]), ["2020-12-16T00:00", "2020-12-17T00:00"])
+    grid = at_points(ds, np.array([-37.8]), np.array([-56.1]), ["2020-12-16T00:00", "2020-12-17T00:00"])
     assert grid["uo"].values[0, 0, 0] == pytest.approx(grid["uo"].values[1, 0, 0])
     with pytest.raises(ForcingError, match="outside the records"):
-        to_grid(ds, np.array([-37.8]), np.array([-56.1]), ["2020-12-17T00:30"])
+        at_points(ds, np.array([-37.8]), np.array([-56.1]), ["2020-12-17T00:30"])
 
 
 def test_window_that_misses_the_data_says_what_they_cover(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.diagnostics.speed import square_berg
 from riftberg.errors import RunError
-from riftberg.ocean.ready_made import Forcing
+from riftberg.ocean.datasets import Forcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.bodies.dynamics import (

@@ -34,10 +34,9 @@ LATTICE = frozenset({"lattice_angle", "offset"})
 """Keys that say how the lattice lies in an outline."""
 
 
-class BergKeys(Section):
-    """Thickness, elements, place and motion of a berg of any shape."""
+class LatticeKeys(Section):
+    """Elements that fill a shape: what a result should not depend on."""
 
-    thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
     radius: float = key(1500.0, "m", "half the width of an element", gt=0, le=1e6)
     packing: Packing = key("square", "", "square or hexagonal elements")
     lattice_angle: float = key(0.0, "degree", "turn of the lattice inside of the outline, counter-clockwise")
@@ -45,6 +44,12 @@ class BergKeys(Section):
     offset: Annotated[Pair, AfterValidator(_within_a_pitch)] | None = key(
         None, "", "shift of the lattice inside of the outline, in parts of the distance between its rows"
     )
+
+
+class BergKeys(LatticeKeys):
+    """Thickness, elements, place and motion of a berg of any shape."""
+
+    thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
     placement: Position | None = key(None, "degree", "longitude and latitude of the centre", **PLACE)
     rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
     shift: Shift = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")

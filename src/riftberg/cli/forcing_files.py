@@ -50,9 +50,8 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Identify forcing files, check that they are sufficient for an experiment, list what is missing."""
-    from riftberg.products.doctor import ASSUMED, NEEDED
-    from riftberg.products.doctor import doctor as examine
-    from riftberg.products.findings import Report
+    from riftberg.ocean.doctor import ASSUMED, NEEDED, Report
+    from riftberg.ocean.doctor import doctor as examine
 
     asked = _asked(experiment, bool(files)) if experiment else Asked()
     if not files and not asked.files and not asked.spared >= {*NEEDED}:

@@ -22,9 +22,8 @@ from riftberg.life.ledger import PROCESSES
 from riftberg.life.melt import scaled_mass
 from riftberg.life.process import LifeModel, date_of_birth
 from riftberg.model import BareModel
-from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
 from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
-from riftberg.ocean.loading import Staggering, at_corners, wind_from_stress
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.media import FORCES

@@ -26,8 +26,8 @@ from riftberg.life.ledger import PROCESSES
 from riftberg.life.melt import scaled_mass
 from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
+from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.search import locate_points
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import summed
 from riftberg.system.netcdf_lock import write_dataset

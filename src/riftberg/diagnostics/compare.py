@@ -21,7 +21,7 @@ from riftberg.config.places import latitude, longitude
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.outlines import axis_difference, best_pairs
-from riftberg.ocean.metrics import haversine
+from riftberg.ocean.grid import haversine
 from riftberg.runs.checks import read_summary
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position

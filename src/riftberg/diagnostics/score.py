@@ -40,7 +40,7 @@ from riftberg.diagnostics.outlines import (
 )
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
-from riftberg.ocean.metrics import haversine
+from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
 from riftberg.runs.track import Position, berg_position

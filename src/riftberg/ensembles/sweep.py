@@ -19,7 +19,7 @@ from riftberg.ensembles.member import STOP, Job, Maker, Outcome, build_member
 from riftberg.ensembles.result import dataset_of, write_sweep
 from riftberg.ensembles.vary import Varied, grouped, members_of, varied_of
 from riftberg.errors import InputError
-from riftberg.experiments.changes import changed
+from riftberg.experiments.changes import BERG, changed
 from riftberg.experiments.registry import Options
 from riftberg.runs.progress import SweepBar
 from riftberg.system.atomic_files import only_writer, write_text
@@ -210,7 +210,7 @@ def planned(
             raise InputError(error.what, where=_member_text(members[-1]), remedy=error.remedy) from error
         for model, values in ((first, members[0]), (last, members[-1])):
             for group, inner in grouped(values).items():
-                for key, value in inner.items():
+                for key, value in inner.items() if group != BERG else ():
                     taken = getattr(getattr(model.parameters, group), key)
                     if taken != value and value:  # 0 and none mean: find it
                         raise InputError(

@@ -37,6 +37,13 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
             where="--without",
             remedy=f"{nearest(unknown[0], entry.parts)}{name} can go without {parts}",
         )
+    if options.lattice and not entry.lattice:
+        named = next(iter(options.lattice))
+        others = ", ".join(other.name for other in EXPERIMENTS if other.lattice)
+        raise InputError(
+            f"the lattice of {name} is part of the experiment", where=f"berg.{named}",
+            remedy=f"Leave it out; {others} and YAML files take it",
+        )  # fmt: skip
     if options.fetch and not entry.fetches:
         with_files = ", ".join(other.name for other in EXPERIMENTS if other.fetches)
         raise InputError(f"{name} needs no files", where="--fetch", remedy=f"Leave it out; {with_files} need files")

@@ -51,18 +51,19 @@ def start_turning(berg: Iceberg, degrees_a_day: float) -> None:
 def story_model(
     options: Options, *, radius: float = 1500.0, packing: Packing = "square", ocean: StoryOcean | None = None
 ) -> Model:
-    """Return the model of the story for a radius of the elements (m) and a packing."""
+    """Return the model of the story for a radius of the elements (m) and a packing, unless the options name others."""
     from riftberg.runs.model import Model
 
     own = options.own
     ocean_here = ocean or StoryOcean(
         OWN if own else REFERENCE, shoal="shoal" not in options.without, shear="shear" not in options.without
     )
-    berg = a68a_berg(radius, packing)
+    lattice = {"radius": radius, "packing": packing, **options.lattice}
+    berg = a68a_berg(**lattice)
     if own:
         start_turning(berg, TURN)
     parameters = A68A_2022 if own else A68A_2022_KID
-    if radius != 1500.0 or packing != "square":
+    if lattice != {"radius": 1500.0, "packing": "square"}:
         # The number of sub-steps of the publication belongs to its lattice.
         parameters = parameters.changed(stepping={"substeps": None})
     return Model(berg, ocean_here, options.apply(parameters))

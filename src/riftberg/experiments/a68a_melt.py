@@ -122,7 +122,7 @@ def melting_a68a(options: Options, *, radius: float = 1500.0, sea: TrackSea | No
     from riftberg.runs.model import Model
 
     here = sea or TrackSea()
-    berg = a68a_berg(radius, thickness=THICKNESS, velocity=(0.1, 0.05))
+    berg = a68a_berg(**{"radius": radius, **options.lattice}, thickness=THICKNESS, velocity=(0.1, 0.05))
     lon, lat = here.place(0.0)
     e = berg.elements
     scale = math.cos(float(e.lat.mean()) * DEGREE) / math.cos(lat * DEGREE)

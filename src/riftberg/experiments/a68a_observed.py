@@ -43,6 +43,8 @@ def a68a_berg(
     radius: float = A68A_RADIUS,
     packing: Packing = "square",
     *,
+    lattice_angle: float = 0.0,
+    offset: tuple[float, float] | None = None,
     thickness: Any = 200.0,
     velocity: tuple[float, float] = (0.22, 0.0),
 ) -> Iceberg:
@@ -66,7 +68,7 @@ def a68a_berg(
     placed = [float(a.mean()) for a in EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
     berg = Iceberg.from_table(
         A68A_ROWS, placement=(2 * lon - placed[0] - 360.0, 2 * lat - placed[1]), table_radius=A68A_RADIUS, radius=radius,
-        thickness=thickness, packing=packing, velocity=velocity,
+        lattice_angle=lattice_angle, offset=offset, thickness=thickness, packing=packing, velocity=velocity,
     )  # fmt: skip
     made = {
         "source": "A68a, 9 December 2020 (Huth et al. 2022)",

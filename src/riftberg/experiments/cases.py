@@ -20,7 +20,8 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.cases import BeamCase, Held, approach, bent_beam
 from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.registry import Info, Options, Story
-from riftberg.ocean.analytic import Convergence, SeamountFlow, Steady
+from riftberg.ocean.analytic import Convergence, Steady
+from riftberg.ocean.formulas import Seamount
 from riftberg.parameters import Compatibility, Parameters
 from riftberg.runs.model import Model
 
@@ -286,6 +287,8 @@ def build_grounding_fracture(options: Options) -> tuple[Model, Info]:
     parameters = GROUNDING_OWN
     if options.numerics == "reference":
         parameters = _as_in_the_reference(GROUNDING, 200)
-    forcing = SeamountFlow(current=CURRENT, centre=(63e3, 60e3), height=950.0, width=5e3, depth=1000.0)
+    forcing = Steady(current=CURRENT) + Seamount(
+        (63e3, 60e3), height=950.0, width=5e3, depth=1000.0, latlon=False, latitude=0.0
+    )
     model = Model(grounding_berg(), forcing, options.apply(parameters))
     return model, Info("grounding-fracture", "A berg runs aground and breaks", days=3.0, output_every_hours=1.0)

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from pydantic.fields import FieldInfo
 
+from riftberg.bergs.keys import LatticeKeys
 from riftberg.config.values import fields_of, given
 from riftberg.errors import InputError, nearest, together
 from riftberg.parameters import A68A_2022_KID, Parameters, group_now
 
 Changes = dict[str, dict[str, Any]]
+
+BERG: Final = "berg"
+"""Group of what may be changed of the lattice of an experiment's berg; all others are groups of parameters."""
+
+SETTABLE: Final[dict[str, Any]] = {
+    **{name: field.annotation for name, field in Parameters.model_fields.items()}, BERG: LatticeKeys
+}  # fmt: skip
+"""Section of each group that ``--set`` and ``--vary`` know."""
 
 
 def parse_settings(settings: Iterable[str]) -> Changes:
@@ -42,19 +51,18 @@ def _parsed(setting: str) -> tuple[str, str, Any]:
         )
     where = f"--set {setting}"
     find_field(group, name, where=where)
-    return group, name, given(text.strip(), Parameters.model_fields[group].annotation, name, where=where)
+    return group, name, given(text.strip(), SETTABLE[group], name, where=where)
 
 
 def find_field(group: str, name: str, *, where: str) -> FieldInfo:
     """Return the field of a parameter, or explain that there is none."""
-    groups = Parameters.model_fields
-    if group not in groups:
+    if group not in SETTABLE:
         raise InputError(
             f"no group of parameters is called {group!r}",
             where=where,
-            remedy=f"{nearest(group, groups)}Groups are {', '.join(groups)}",
+            remedy=f"{nearest(group, SETTABLE)}Groups are {', '.join(SETTABLE)}",
         )
-    fields = fields_of(groups[group].annotation)
+    fields = fields_of(SETTABLE[group])
     if name not in fields:
         raise InputError(
             f"group {group} has no parameter {name!r}",
@@ -67,7 +75,7 @@ def find_field(group: str, name: str, *, where: str) -> FieldInfo:
 def changed(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]], *, where: str = "--set") -> Parameters:
     """Return parameters with changes made, or explain which is impossible."""
     try:
-        return parameters.changed(**{group: dict(values) for group, values in changes.items()})
+        return parameters.changed(**{group: dict(values) for group, values in changes.items() if group != BERG})
     except InputError as error:
         named = f"{error.where} = " if error.where and error.where != where else ""
         raise InputError(named + error.what, where=where, remedy=error.remedy) from error

@@ -27,7 +27,7 @@ Numerics = Literal["own", "reference"]
 class Options:
     """What the person who starts a run asked for."""
 
-    # Values by group and parameter name, as `riftberg.parameters.Parameters.changed` takes them; already checked
+    # Values by group and name, as `riftberg.parameters.Parameters.changed` takes them, and those of the berg; already checked
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     days: float | None = None  # Length of the run; None leaves it to the experiment
     data: Path | None = None  # Folder of data files
@@ -44,6 +44,11 @@ class Options:
     def own(self) -> bool:
         """Riftberg's own numerics, unless the reference's were asked for: what most experiments do."""
         return self.numerics != "reference"
+
+    @property
+    def lattice(self) -> Mapping[str, Any]:
+        """Changes of the lattice of the berg, as `riftberg.bergs.keys.LatticeKeys` has them."""
+        return self.changes.get("berg", {})
 
     def apply(self, parameters: Parameters) -> Parameters:
         """Return parameters with the changes made."""
@@ -93,6 +98,7 @@ class BuiltIn:
     place: str  # ``module:function`` of its builder
     summary: str  # What it shows, in one line
     parts: tuple[str, ...] = ()  # Parts that ``--without`` can leave out
+    lattice: bool = False  # Its berg may be filled with another lattice
     fetches: bool = False  # It runs from files that ``--fetch`` can get
     story: str = ""  # ``module:name`` of its `Story`, where it has one of its own
 
@@ -113,11 +119,12 @@ class BuiltIn:
 
 EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
     BuiltIn("a68a", "a68a:build", "A68a in December 2020 in an analytic ocean: drift, grounding, two break-ups",
-          ("shoal", "shear")),
+          ("shoal", "shear"), lattice=True),
     BuiltIn("a68a-paper", "a68a_files:build_paper", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
           ("shoal",), fetches=True),
     BuiltIn("a68a-oras5", "a68a_files:build_oras5", "A68a in the monthly mean currents of ORAS5", fetches=True),
-    BuiltIn("a68a-melt", "a68a_melt:build", "A68a melts along its observed track for three months, in a sea made by formula"),
+    BuiltIn("a68a-melt", "a68a_melt:build", "A68a melts along its observed track for three months, in a sea made by formula",
+          lattice=True),
     BuiltIn("supported-beam", "cases:build_supported", "a simply supported beam bends under a load",
           story="cases:SUPPORTED_STORY"),
     BuiltIn("cantilever", "cases:build_cantilever", "a clamped beam bends under a load at its end",

@@ -22,8 +22,8 @@ from riftberg.config.values import (
 )
 from riftberg.errors import InputError
 from riftberg.ocean import formulas
+from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
 SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "field")

@@ -28,9 +28,9 @@ from riftberg.experiments.schema import (
     Strength,
     check_span,
 )
+from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.formulas import Sum
-from riftberg.ocean.steady_schema import ConstantForcing
 from riftberg.parameters import Earth, Parameters
 from riftberg.system.input_files import value_shown
 from riftberg.system.netcdf_lock import closing_files
@@ -51,10 +51,17 @@ SMALLEST_SPHERE = 1e6
 """Radius (m) of the sphere below which it is a slip of units."""
 
 
-def read_file(path: Path) -> tuple[Experiment, Parameters, Document]:
-    """Read and check an experiment file; all that is wrong with it is reported at once."""
+def read_file(path: Path, lattice: Mapping[str, Any] | None = None) -> tuple[Experiment, Parameters, Document]:
+    """Read and check an experiment file; all that is wrong with it is reported at once.
+
+    ``lattice``: keys of its bergs that are to be other ones (`riftberg.bergs.keys.LatticeKeys`).
+    """
     document = Document(Path(path), ", ".join(Experiment.model_fields))
     values = {"name": _name_of(path), **document.values}
+    if lattice and isinstance(values.get("berg"), dict):
+        values["berg"] = {**values["berg"], **lattice}
+    if lattice and isinstance(values.get("bergs"), list):
+        values["bergs"] = [{**berg, **lattice} if isinstance(berg, dict) else berg for berg in values["bergs"]]
     faults: list[tuple[Place, InputError]] = []
     parameters, experiment = Parameters(), None
     try:
@@ -116,7 +123,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     """Build the experiment of a YAML file."""
     from riftberg.runs.model import Model
 
-    experiment, parameters, _ = read_file(path)
+    experiment, parameters, _ = read_file(path, options.lattice)
     if options.numerics == "reference":
         parameters = reference_numerics(parameters)
     parameters = options.apply(parameters)

@@ -30,9 +30,8 @@ from riftberg.life.draws import ReferenceDraws
 from riftberg.life.melt import life_values
 from riftberg.life.process import LifeModel
 from riftberg.model import Recorder, finish_all
-from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid import Grid, celsius, wind_from_stress
 from riftberg.ocean.grid_arrays import Fields
-from riftberg.ocean.loading import celsius, wind_from_stress
 from riftberg.parameters import Parameters
 from riftberg.physics.rolling import roll
 from riftberg.runs.model import Model

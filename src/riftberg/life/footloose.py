@@ -17,12 +17,12 @@ from riftberg.compiled.kernels import kernel
 from riftberg.errors import RunError
 from riftberg.life.draws import Draws
 from riftberg.life.melt import LifeValues, bit_shape
-from riftberg.ocean.geometry import wrap_around
+from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.search import locate_points
 from riftberg.parameters import Parameters
 from riftberg.physics.footloose import ASPECT, foot_length, piece_width, pieces_ready, rim_place, sides_without
 from riftberg.physics.geometry import move, separation
+from riftberg.physics.quadrilaterals import wrap_around
 from riftberg.physics.rolling import roll
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs

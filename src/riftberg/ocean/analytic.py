@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 
+from riftberg.config.sections import ICE_UNITS, Pair, SeaIce, Section, Velocity, Wind, at_most, key
 from riftberg.config.values import given, native, number
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import flows_text, pair_text, said
 from riftberg.ocean.formulas import SUMMED, UNKNOWN, Formula
-from riftberg.ocean.steady_schema import ConstantForcing, steady_value
 from riftberg.parameters import Earth
 from riftberg.state import Elements, Floats, new_elements
 
@@ -224,35 +224,20 @@ class Convergence(Steady):
         )
 
 
-class SeamountFlow(Steady):
-    """A uniform current over a Gaussian seamount (equations 10.4).
+class ConstantForcing(Section):
+    """A uniform, steady environment."""
 
-    ``centre``: x and y of the summit, m; ``height``, ``width``: height over the plain, and standard deviation, m;
-    ``depth``: depth of the plain, m.
-    """
+    kind: Literal["constant"]
+    current: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward ocean current")
+    wind: Wind = key((0.0, 0.0), "m s-1", "eastward and northward wind")
+    # A metre in a hundred: 1e-5 is steep for a current.
+    slope: Annotated[Pair, at_most(0.01, "m m-1")] = key(
+        (0.0, 0.0), "1", "eastward and northward slope of the sea surface"
+    )
+    sea_ice: SeaIce = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice", **ICE_UNITS)
+    depth: float = key(1e4, "m", "depth of water", gt=0, le=1e5)
 
-    def __init__(
-        self,
-        current: tuple[float, float],
-        centre: tuple[float, float],
-        height: float,
-        width: float,
-        depth: float = 1000.0,
-    ) -> None:
-        super().__init__(current=current, depth=depth)
-        self.centre, self.height, self.width = centre, height, width
 
-    def sample(self, elements: Elements, time: float) -> None:
-        """Fill the environment of the elements."""
-        super().sample(elements, time)
-        elements.depth[:] = self.depth(elements.lon, elements.lat)
-
-    def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at arrays of points (m)."""
-        squared = (np.asarray(lon) - self.centre[0]) ** 2 + (np.asarray(lat) - self.centre[1]) ** 2
-        return self.water - self.height * np.exp(-squared / (2.0 * self.width**2))
-
-    def describe(self) -> str:
-        """Return the values in words."""
-        summit = self.water - self.height
-        return f"current {pair_text(self.current)} m/s over a seamount whose summit is {summit:g} m deep, plain {self.water:g} m"
+def steady_value(part: Any, name: str, value: Any, *, metres: bool = False) -> Any:
+    """Return a value of a section without unit, or refuse it in the words that an experiment file gets."""
+    return given(value, part, name, kind=ForcingError, metres=metres)

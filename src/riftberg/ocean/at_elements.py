@@ -15,14 +15,18 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import EARTH_RADIUS_A68
-from riftberg.ocean.mesh import Places, Points, beside
-from riftberg.products.stencil import offsets_by_distance
+from riftberg.products.mesh import Places, Points, beside
 from riftberg.state import Floats, Ints
 
 REACH: Final = 2
 """Points inland that the nearest known value is used."""
 
-RINGS: Final = np.array(offsets_by_distance(REACH), dtype=np.int64)
+RINGS: Final = np.array(
+    sorted(
+        ((dj, di) for dj in range(-REACH, REACH + 1) for di in range(-REACH, REACH + 1) if math.hypot(dj, di) <= REACH),
+        key=lambda ring: (math.hypot(*ring), ring),
+    )
+)
 """Rows and columns to a point near by, the nearest first."""
 
 NO_RINGS: Final = RINGS[:0]

@@ -7,34 +7,30 @@ import math
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import FILLS, OVER_KEEL, VECTORS, DatasetForcing, Part, product_part, served
+from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
+from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.mesh import AxesMesh
-from riftberg.ocean.product_records import ProductRecords
+from riftberg.ocean.product_records import Block, ProductRecords, check_not_empty, records_at_once
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
-from riftberg.products.interpolate import to_grid
 from riftberg.products.levels import uppermost
-from riftberg.products.packing import VALID
+from riftberg.products.mesh import AxesMesh, Located, NodeMesh
+from riftberg.products.product import noted
+from riftberg.products.quantities import QUANTITIES
 from riftberg.products.registry import open_named
-from riftberg.products.window import utc, window, window_in_time
+from riftberg.products.repair import VALID
+from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.state import Floats
 from riftberg.system.limits import refuse_large
 from riftberg.system.netcdf_lock import closing_files
-
-WANTED = frozenset({*FILLS, *VECTORS.values(), "taux", "tauy", *records.WAVES})
-"""Canonical fields that a run takes from its files."""
-
-MOVING = WANTED - {"depth_below_surface", "sst", "sss", "ice_fraction", "ice_thickness", "taux", "tauy"}
-"""Fields that change by the day; without dates they are a mean or a snapshot."""
 
 MARGIN = 3
 """Points of a product around the box that are read too."""
@@ -121,14 +117,11 @@ def _not_too_fine(ds: xr.Dataset) -> xr.Dataset:
     if "time" in ds.dims or not {"lat", "lon"} <= set(ds.dims):
         return ds
     count = math.ceil(math.sqrt(ds.sizes["lat"] * ds.sizes["lon"] / MOST_POINTS))
-    if count < 2:
-        return ds
-    coarse: xr.Dataset = ds.fillna(0.0).coarsen(lat=count, lon=count, boundary="trim").mean(keep_attrs=True)
-    return coarse
+    return _coarse(ds, {"lat": count, "lon": count} if count > 1 else {})
 
 
 class ModelGrid(NamedTuple):
-    """Equal cells over the box of a run, on whose corners all products are interpolated at equal intervals."""
+    """Equal cells over the box of a run, to whose corners all products are interpolated at equal intervals."""
 
     lon: Floats  # Lines of corners, degrees
     lat: Floats  # Lines of corners, degrees
@@ -147,23 +140,101 @@ class ModelGrid(NamedTuple):
         mask = None
         for ds in datasets:
             if "depth_below_surface" in ds.data_vars:
-                floor = ds[["depth_below_surface"]].assign_attrs(ds.attrs)
-                middles = 0.5 * (lon[:-1] + lon[1:]), 0.5 * (lat[:-1] + lat[1:])
-                times = [run.start] if "time" in floor.dims else None
-                depth = to_grid(floor, *middles, times)["depth_below_surface"]
-                mask = np.where(depth.squeeze(drop=True).values > 0.0, 1.0, 0.0)
+                floor = product_part(_averaged(ds, settings.spacing), run.start)
+                middles = np.meshgrid(0.5 * (lon[:-1] + lon[1:]), 0.5 * (lat[:-1] + lat[1:]))
+                depth = values_at(floor, "depth_below_surface", 0.0, place_points(floor, *middles))
+                mask = np.where(depth[0].reshape(middles[0].shape) > 0.0, 1.0, 0.0)
         return cls(lon, lat, moments, Grid.from_corners(*np.meshgrid(lon, lat), mask=mask, includes_southwest=True))
 
     def part(self, ds: xr.Dataset, run: Run) -> Part:
         """Return a product on this grid."""
-        moments = [utc(moment) for moment in self.moments] if "time" in ds.dims else None
-        fields = ProductRecords(ds, run.start, moments, self._read, keel=float(run.drafts.max()))
+        fields = _GridRecords(ds, run, self)
         return Part(AxesMesh(self.lon, self.lat), fields, served(fields))
 
-    def _read(self, ds: xr.Dataset, chosen: slice) -> xr.Dataset:
-        """Interpolate a dataset to some of the dates; NaN where nothing is known."""
-        fields = to_grid(ds, self.lon, self.lat, self.moments[chosen] if "time" in ds.dims else None)
-        return xr.Dataset({name: fields[name].where(fields[f"{name}_origin"] > 0) for name in ds.data_vars})
+
+class _GridRecords(ProductRecords):
+    """Fields of a product at the corners and dates of a model grid, from the product's own points as elements get them."""
+
+    def __init__(self, ds: xr.Dataset, run: Run, grid: ModelGrid) -> None:
+        keel = float(run.drafts.max())
+        super().__init__(ds, run.start, keel=keel)
+        self._product = product_part(_averaged(ds, grid.lat[1] - grid.lat[0]), run.start, keel=keel)
+        self._corners = np.meshgrid(grid.lon, grid.lat)
+        self._at = place_points(self._product, *self._corners)
+        if self.times:
+            self.dates = np.array([utc(moment) for moment in grid.moments])
+            self.times = run.seconds(grid.moments)
+        self._length = records_at_once(self._corners[0].size * (self.limits.size - 1) * len(self.names))
+
+    def _read(self, records: slice) -> Block:
+        times = self.times[records] if self.times else [0.0]
+        shape = (-1, *self._corners[0].shape)
+        block = {
+            name: np.stack([values_at(self._product, name, time, self._at).reshape(shape) for time in times])
+            for name in self.names
+        }
+        for name, values in block.items():
+            check_not_empty(name, values, self.ds, self.dates[records])
+        return block
+
+    def _check_gap(self, record: int, time: float) -> None:
+        """Pass: gaps are those of the product, which its own records check."""
+
+
+def place_points(product: Part, lon: Floats, lat: Floats) -> Located:
+    """Locate the points of a model grid on a product; refuse such as lie outside."""
+    there = Located(product.mesh, lon, lat)
+    outside = np.flatnonzero(there.outside)
+    if outside.size:
+        ds, first = product.records.ds, outside[0]
+        raise ForcingError(
+            f"{outside.size} points of the model grid lie outside the data, the first at {there.lon[first]:g} E "
+            f"{there.lat[first]:g} N; the data cover {extent_text(ds)}",
+            where=records.named(ds), remedy="Give files that cover the box, or take a smaller one",
+        )  # fmt: skip
+    return there
+
+
+def values_at(product: Part, name: str, time: float, at: Located) -> Floats:
+    """Return a field at points and a time on each of its levels, shape (levels, points); NaN where nothing is known."""
+    # Where one record knows nothing the other one counts, also of sea ice: 0 would thin the ice all around.
+    moment = product.records.moment(name, time)._replace(absent=np.nan)
+    out = np.empty((len(moment.before), at.lon.size))
+    if isinstance(product.mesh, NodeMesh):
+        before, after = moment.before[:, 0], moment.after[:, 0]
+        mixed = (1.0 - moment.weight) * before + moment.weight * after if moment.weight > 0.0 else before
+        known = np.where(np.isnan(before), after, np.where(np.isnan(after), before, mixed))
+        return product.mesh.smooth(known, at.lon, at.lat)
+    for level, values in enumerate(out):
+        one = slice(level, level + 1)
+        layer = moment._replace(before=moment.before[one], after=moment.after[one], limits=SURFACE)
+        fill_values(layer, at.places, np.ones(values.size), product.mesh.points.columns, RINGS, values)
+    return out
+
+
+def _averaged(ds: xr.Dataset, spacing: float) -> xr.Dataset:
+    """Return means of blocks of a product that is at least twice as fine as a model grid, so that no sounding is missed."""
+    if not {"lat", "lon"} <= set(ds.dims):
+        return ds
+    # A spacing of 0.3 is 30 steps of 0.01 in spite of round-off.
+    counts = {axis: int(spacing / (step_of(ds[axis].values) or spacing) + 1e-6) for axis in ("lat", "lon")}
+    return _coarse(ds, {axis: count for axis, count in counts.items() if 2 <= count <= ds.sizes[axis] // 2})
+
+
+def _coarse(ds: xr.Dataset, counts: dict[str, int]) -> xr.Dataset:
+    """Return means of blocks of points: of a direction that of its unit vectors, and land counts as depth 0."""
+    if not counts:
+        return ds
+    if "depth_below_surface" in ds:
+        ds = ds.assign(depth_below_surface=ds["depth_below_surface"].fillna(0.0))
+    if "wave_direction" not in ds:
+        return ds.coarsen(counts, boundary="trim").mean(keep_attrs=True)
+    angle: Any = np.deg2rad(ds["wave_direction"])
+    coarse = ds.assign(sine=np.sin(angle), cosine=np.cos(angle)).coarsen(counts, boundary="trim").mean(keep_attrs=True)
+    direction: Any = np.rad2deg(np.arctan2(coarse["sine"], coarse["cosine"])) % 360.0
+    return coarse.drop_vars(["sine", "cosine"]).assign(
+        wave_direction=direction.assign_attrs(ds["wave_direction"].attrs)
+    )
 
 
 def _check_size(settings: FileForcing, run: Run) -> None:
@@ -200,7 +271,7 @@ def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ..
     notices += [
         f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
         for ds in datasets
-        if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if str(name) in MOVING])
+        if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if QUANTITIES[str(name)].moves])
     ]
     return tuple(notices)
 
@@ -242,7 +313,7 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
         (_place(ds, str(name), number), number, str(name))
         for number, ds in enumerate(datasets)
         for name in ds.data_vars
-        if str(name) in WANTED and (str(name) not in records.WAVES or records.have_waves(ds))
+        if str(name) not in records.WAVES or records.have_waves(ds)
     )
     last = {name: number for _, number, name in places}
     if "wave_period" in last:
@@ -258,7 +329,7 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
                 said = (
                     f"{', '.join(twice)} are taken from here and not from {records.named(ds)}, which is named earlier"
                 )
-                given[later].attrs["told"] = "; ".join(filter(None, [str(given[later].attrs.get("told", "")), said]))
+                given[later] = noted(given[later], told=said)
     return [ds for ds in given if ds.data_vars]
 
 
@@ -308,8 +379,7 @@ def _told_of_missing(part: xr.Dataset, near: xr.Dataset) -> xr.Dataset:
     if not lost:
         return part
     names = ", ".join(map(str, part.data_vars))
-    earlier = f"{part.attrs['doubt']}; " if "doubt" in part.attrs else ""
-    return part.assign_attrs(doubt=f"{earlier}{lost} record(s) without any value of {names} count as missing")
+    return noted(part, doubt=f"{lost} record(s) without any value of {names} count as missing")
 
 
 def with_rules(ds: xr.Dataset, settings: FileForcing) -> xr.Dataset:

@@ -7,16 +7,16 @@ is ``[j - 1 + halo, i - 1 + halo]``. The corner with the index of a cell is its 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final, TypedDict, Unpack
+from typing import Any, Final, Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riftberg.constants import EARTH_RADIUS_A68
+from riftberg.compiled.kernels import kernel
+from riftberg.constants import EARTH_RADIUS_A68, STRESS_INVERSION_DRAG
 from riftberg.errors import BergError, InputError
-from riftberg.ocean.grid_arrays import FIELD_DEFAULTS, ZERO_OUTSIDE, Fields, GridArrays
-from riftberg.ocean.metrics import cell_areas, edge_lengths
-from riftberg.ocean.search import locate_points
+from riftberg.ocean.cells import locate_points
+from riftberg.ocean.grid_arrays import CORNER_FIELDS, FIELD_DEFAULTS, ZERO_OUTSIDE, Fields, GridArrays
 from riftberg.state import Elements, Floats
 
 
@@ -303,3 +303,136 @@ def _check_orientation(lon: Floats, lat: Floats, latlon: bool) -> None:
 def _misplaced(elements: Elements, row: int, how: str, remedy: str) -> BergError:
     place = f"({elements.lon[row]:.6g}, {elements.lat[row]:.6g})"
     return BergError(f"element {elements.id[row]} at {place} lies {how}", where="berg", remedy=remedy)
+
+
+def haversine(
+    lon1: Floats | float, lat1: Floats | float, lon2: Floats | float, lat2: Floats | float, radius: float
+) -> Floats:
+    """Return great-circle distances.
+
+    ``lon1``, ``lat1``, ``lon2``, ``lat2``: ends, degrees; ``radius``: radius of the sphere, m; returns distances, m: R
+    2 atan2(sqrt a, sqrt(1 - a)), a = sin2(dlat/2) + cos lat1 cos lat2 sin2(dlon/2) (equations 10.5).
+    """
+    phi1, phi2 = np.radians(lat1), np.radians(lat2)
+    across = np.sin(0.5 * np.radians(np.subtract(lon2, lon1))) ** 2
+    a = np.sin(0.5 * (phi2 - phi1)) ** 2 + np.cos(phi1) * np.cos(phi2) * across
+    return np.asarray(2.0 * radius * np.arctan2(np.sqrt(a), np.sqrt(np.maximum(1.0 - a, 0.0))))
+
+
+def _sphere_edge(lon1: Floats, lat1: Floats, lon2: Floats, lat2: Floats) -> Floats:
+    """Integral of sin(lat) dlon along an edge that is straight in longitude and latitude, rad."""
+    turn = np.radians((lon2 - lon1 + 180.0) % 360.0 - 180.0)
+    half = np.radians(0.5 * (lat2 - lat1))
+    return np.asarray(turn * np.sin(np.radians(0.5 * (lat1 + lat2))) * np.sinc(half / np.pi))
+
+
+def cell_areas(lon: Floats, lat: Floats, radius: float, latlon: bool) -> Floats:
+    """Return areas (m2) of the cells between corners of shape (n + 1, m + 1); shape (n, m).
+
+    On the sphere edges are straight in longitude and latitude, so that cells of a regular grid have the exact area
+    R2 dlon |sin lat_n - sin lat_s| (equations 10.5).
+    """
+    corners = [(q[:-1, :-1], q[:-1, 1:], q[1:, 1:], q[1:, :-1]) for q in (lon, lat)]
+    total = np.zeros_like(corners[0][0])
+    for k in range(4):
+        x1, x2 = corners[0][k], corners[0][(k + 1) % 4]
+        y1, y2 = corners[1][k], corners[1][(k + 1) % 4]
+        if latlon:
+            total += _sphere_edge(x1, y1, x2, y2)
+        else:
+            # About the first corner, so that large coordinates cost no digits.
+            total += 0.5 * ((x1 - corners[0][0]) * (y2 - corners[1][0]) - (x2 - corners[0][0]) * (y1 - corners[1][0]))
+    return np.abs(total) * (radius**2 if latlon else 1.0)
+
+
+def edge_lengths(lon: Floats, lat: Floats, radius: float, latlon: bool) -> tuple[Floats, Floats]:
+    """Return (dx, dy): lengths (m) of the north and the east edge of each cell; shape of the corners.
+
+    The first column of dx and the first row of dy belong to no cell and repeat their neighbours.
+    """
+    if latlon:
+        north = haversine(lon[:, :-1], lat[:, :-1], lon[:, 1:], lat[:, 1:], radius)
+        east = haversine(lon[:-1], lat[:-1], lon[1:], lat[1:], radius)
+    else:
+        north = np.hypot(np.diff(lon, axis=1), np.diff(lat, axis=1))
+        east = np.hypot(np.diff(lon, axis=0), np.diff(lat, axis=0))
+    return np.concatenate([north[:, :1], north], axis=1), np.concatenate([east[:1], east], axis=0)
+
+
+Staggering = Literal["A", "B", "C"]
+
+ZERO_ON_LAND = (*CORNER_FIELDS, "sst", "sss", "ice_fraction", "ice_thickness")
+"""Fields set to 0 in (or at the north-east corner of) land cells (equations 3.1 rule 5)."""
+
+KELVIN_ABOVE = 120.0
+"""A sea-surface temperature above this, in whatever unit, is taken as kelvin (equations 3.1 rule 4)."""
+
+
+def _shifted(q: Floats, rows: int, columns: int) -> Floats:
+    """Value of the cell that many rows north and columns east; beyond the array the last value is repeated."""
+    return np.pad(q, ((0, rows), (0, columns)), mode="edge")[rows:, columns:]
+
+
+def corner_mask(mask: Floats) -> Floats:
+    """Return 1 at north-east corners that no land cell touches, else 0 (equations 3.1 rule 1)."""
+    parts = (mask, _shifted(mask, 0, 1), _shifted(mask, 1, 0), _shifted(mask, 1, 1))
+    return np.asarray(np.minimum.reduce(parts))
+
+
+def at_corners(u: Floats, v: Floats, grid: Grid, staggering: Staggering) -> tuple[Floats, Floats]:
+    """Return a vector field at north-east corners (B-grid) from any of the usual staggerings (equations 3.1)."""
+    if staggering == "B":
+        return u.copy(), v.copy()
+    wet = corner_mask(grid.arrays.mask)
+    if staggering == "C":
+        return wet * (0.5 * (u + _shifted(u, 1, 0))), wet * (0.5 * (v + _shifted(v, 0, 1)))
+    mean_u, mean_v = (0.25 * ((q + _shifted(q, 1, 1)) + (_shifted(q, 0, 1) + _shifted(q, 1, 0))) for q in (u, v))
+    return wet * mean_u, wet * mean_v
+
+
+def wind_from_stress(tau_x: Floats, tau_y: Floats) -> tuple[Floats, Floats]:
+    """Return the wind (m s-1) that the reference makes of a stress: tau / sqrt(0.0015 |tau|) (equations 3.1, quirk Q24)."""
+    scale = np.sqrt(STRESS_INVERSION_DRAG * np.sqrt(tau_x**2 + tau_y**2))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    return np.where(scale > 0.0, tau_x / safe, 0.0), np.where(scale > 0.0, tau_y / safe, 0.0)
+
+
+def celsius(sst: Floats, mask: Floats) -> Floats:
+    """Return a sea-surface temperature in degree Celsius; kelvin is recognised by its size (equations 3.1 rule 4)."""
+    wet = sst[(mask > 0.5) & np.isfinite(sst)]
+    kelvin = wet.size > 0 and float(wet.max()) > KELVIN_ABOVE
+    return sst - 273.15 if kelvin else sst.copy()
+
+
+@kernel
+def _is_clean(values: Floats, mask: Floats, zero_on_land: bool) -> bool:
+    for j in range(values.shape[0]):
+        for i in range(values.shape[1]):
+            q = values[j, i]
+            if q != q or (zero_on_land and mask[j, i] < 0.5 and q != 0.0):
+                return False
+    return True
+
+
+@kernel
+def first_gap(values: Floats, mask: Floats, halo: int) -> tuple[int, int]:
+    """Return (i, j) of the first cell of the domain, array indices, that is water but holds NaN; else (-1, -1)."""
+    for j in range(halo, values.shape[0] - halo):
+        for i in range(halo, values.shape[1] - halo):
+            if values[j, i] != values[j, i] and mask[j, i] >= 0.5:
+                return i, j
+    return -1, -1
+
+
+def usable(values: Floats, mask: Floats, zero_on_land: bool) -> Floats:
+    """Return a field as the kernels need it: float64, contiguous, writeable, no NaN, 0 on land where asked.
+
+    The array itself comes back if it is already so.
+    """
+    q: Floats = np.require(values, dtype=np.float64, requirements=["C", "W"])
+    if _is_clean(q, mask, zero_on_land):
+        return q
+    q = np.where(np.isnan(q), 0.0, q)
+    if zero_on_land:
+        q[mask < 0.5] = 0.0
+    return q

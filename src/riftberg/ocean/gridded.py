@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import warnings
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date, datetime, timedelta
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from riftberg.config.values import moment, number, required
 from riftberg.errors import ForcingError
+from riftberg.ocean.cells import locate_points
 from riftberg.ocean.forcing import DescribedForcing, SharedLock
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields
+from riftberg.ocean.grid import ZERO_ON_LAND, Grid, first_gap, usable
+from riftberg.ocean.grid_arrays import Fields, GridArrays
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
@@ -26,9 +27,6 @@ from riftberg.ocean.interpolation import (
     points_from_corners,
     sample_gridded,
 )
-from riftberg.ocean.loading import ZERO_ON_LAND, first_gap, usable
-from riftberg.ocean.search import locate_points
-from riftberg.ocean.tides import add_tidal_drift
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.order import listed
 
@@ -131,10 +129,10 @@ class GriddedForcing(DescribedForcing):
 
     def __init__(
         self, grid: Grid, records: Records, times: ArrayLike | None = None, rules: FieldRules | None = None, *,
-        start: datetime | date | str | np.datetime64 | None = None, source: str = "", **earlier: Any,
+        start: datetime | date | str | np.datetime64 | None = None, source: str = "",
     ) -> None:  # fmt: skip
         required(grid, Grid, "a Grid, for example Grid.cartesian(20, 20, 1000.0)", where="grid", kind=ForcingError)
-        rules = _with_earlier(FieldRules() if rules is None else rules, earlier)
+        rules = FieldRules() if rules is None else rules
         self.grid: Grid | None = grid
         self._grid = grid
         self.rules, self.source = rules, source
@@ -145,13 +143,6 @@ class GriddedForcing(DescribedForcing):
         self._held = frozenset(Fields._fields if rules.interpolation == "previous" else rules.stepwise)
         self._store = _Records(grid, records, {"ssh"} if rules.sea_level_gaps else set())
         self._times = _checked_times(times, self._store.count)
-
-    def __getattr__(self, name: str) -> Any:
-        """Answer to the names that rules had when the forcing itself held them."""
-        if name not in FieldRules.__dataclass_fields__ or "rules" not in self.__dict__:
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        warnings.warn(f"{name} is now rules.{name}", DeprecationWarning, stacklevel=2)
-        return getattr(self.rules, name)
 
     @property
     def times(self) -> list[float] | None:
@@ -328,17 +319,6 @@ class GriddedForcing(DescribedForcing):
         return "\n".join([*lines, *self.notices, self._grid.describe()])
 
 
-def _with_earlier(rules: FieldRules, earlier: dict[str, Any]) -> FieldRules:
-    """Return the rules with those given one by one, as it was done before; a `TypeError` for any other name."""
-    if earlier:
-        changed = replace(rules, **earlier)
-        warnings.warn(
-            f"{', '.join(sorted(earlier))}: give rules=FieldRules(...)", DeprecationWarning, stacklevel=3
-        )  # fmt: skip
-        return changed
-    return rules
-
-
 def _checked_times(times: ArrayLike | None, count: int) -> list[float] | None:
     if times is None:
         if count != 1:
@@ -427,3 +407,64 @@ class _Records:
     def gap(self, k: int) -> tuple[str, int, int] | None:
         """First gap over water in record ``k``: name of the field and array indices (i, j), or None."""
         return self._get(k)[1]
+
+
+def cell_seed(i: int, j: int, ssh: float, halo: int) -> int:
+    """Return the seed of a cell: i + 10000 j + int(16384 |sin(262144 ssh)|), i and j counted from 1 in the domain.
+
+    ``ssh``: sea level in the cell, m.
+    """
+    return (i - halo + 1) + 10_000 * (j - halo + 1) + int(16384.0 * abs(math.sin(262144.0 * ssh)))
+
+
+def _draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int, order: Ints | None = None) -> tuple[Floats, Floats]:
+    """Two numbers in [-1, 1] per element; those of a cell draw as ``order`` says, or the last row first (equations 1.6)."""
+    east, north = np.empty(cell_i.size), np.empty(cell_i.size)
+    members: dict[tuple[int, int], list[int]] = {}
+    for row in range(cell_i.size - 1, -1, -1) if order is None else order.tolist():
+        members.setdefault((int(cell_j[row]), int(cell_i[row])), []).append(row)
+    for (j, i), rows in members.items():
+        stream = np.random.RandomState(cell_seed(i, j, float(ssh[j, i]), halo) % 2**32)
+        # The reference makes each number of one 32-bit word; RandomState.random_sample would use two.
+        words = stream.randint(0, 2**32, size=2 * len(rows), dtype=np.uint32)
+        numbers = 2.0 * (words.astype(np.float64) / (2.0**32 - 1.0)) - 1.0
+        east[rows], north[rows] = numbers[0::2], numbers[1::2]
+    return east, north
+
+
+def tidal_increment(mask: Floats, i: Ints, j: Ints, east: Floats, north: Floats) -> tuple[Floats, Floats]:
+    """Return the current in cells (i, j) per unit of amplitude, for draws in [-1, 1]; 0 away from land (equations 3.2)."""
+    to_west, to_east, to_south, to_north = mask[j, i - 1], mask[j, i + 1], mask[j - 1, i], mask[j + 1, i]
+    along = np.minimum(0.0, east) * to_west + np.maximum(0.0, east) * to_east
+    across = np.minimum(0.0, north) * to_south + np.maximum(0.0, north) * to_north
+    here = mask[j, i]
+    return along * (1.0 - to_south * to_north) * here, across * (1.0 - to_west * to_east) * here
+
+
+def _corners_at_elements(q: Floats, e: Elements, mirrored: bool) -> Floats:
+    i, j, xi, eta = e.place.cell_i, e.place.cell_j, e.place.xi, e.place.eta
+    x, y = (1.0 - xi, 1.0 - eta) if mirrored else (xi, eta)
+    return (q[j, i] * x + q[j, i - 1] * (1.0 - x)) * y + (q[j - 1, i] * x + q[j - 1, i - 1] * (1.0 - x)) * (1.0 - y)
+
+
+def add_tidal_drift(
+    elements: Elements,
+    grid: GridArrays,
+    ssh: Floats,
+    amplitude: float,
+    mirrored: bool = False,
+    order: Ints | None = None,
+) -> None:
+    """Add the random current near land to sampled currents ``uo vo ui vi`` (equations 3.2 tidal drift).
+
+    ``ssh``: sea level, which seeds the random numbers of each cell, m; ``amplitude``: largest current added, m s-1.
+    """
+    e = elements
+    east, north = _draws(e.cell_i, e.cell_j, ssh, grid.halo, order)
+    along, across = (amplitude * q for q in tidal_increment(grid.mask, e.cell_i, e.cell_j, east, north))
+    c, s = _corners_at_elements(grid.cos_angle, e, mirrored), _corners_at_elements(grid.sin_angle, e, mirrored)
+    du, dv = c * along + s * across, c * across - s * along
+    e.uo[:] += du
+    e.ui[:] += du
+    e.vo[:] += dv
+    e.vi[:] += dv

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
-from riftberg.ocean.geometry import bilinear, inverse_bilinear, wrap_around
+from riftberg.physics.quadrilaterals import bilinear, inverse_bilinear, wrap_around
 from riftberg.state import Elements, Floats, Ints
 
 if TYPE_CHECKING:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Any, Final, NamedTuple
 
@@ -15,10 +14,9 @@ from riftberg.config.places import latitude, longitude
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import SURFACE, Blend
 from riftberg.ocean.forcing import SharedLock
-from riftberg.ocean.loading import wind_from_stress
-from riftberg.products.canonical import QUANTITIES, unlikely
-from riftberg.products.keel import layer_limits
-from riftberg.products.packing import VALID
+from riftberg.ocean.grid import wind_from_stress
+from riftberg.products.levels import layer_limits
+from riftberg.products.quantities import QUANTITIES, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     Gap,
@@ -30,6 +28,7 @@ from riftberg.products.records import (
     outside_remedy,
     values_of,
 )
+from riftberg.products.repair import VALID
 from riftberg.products.window import utc
 from riftberg.state import Floats
 
@@ -49,7 +48,6 @@ TIME_TOLERANCE: Final = 1e-6
 """Times this close (s) outside the records count as inside, for round-off in sums of time steps."""
 
 Block = dict[str, Floats]
-Reader = Callable[[xr.Dataset, slice], xr.Dataset]
 
 
 class Between(NamedTuple):
@@ -60,34 +58,21 @@ class Between(NamedTuple):
     weight: float
 
 
-def as_they_are(ds: xr.Dataset, records: slice) -> xr.Dataset:
-    """Return some records of a dataset on its own points."""
-    return ds.isel(time=records) if "time" in ds.dims else ds
-
-
 class ProductRecords:
-    """Fields of one canonical dataset in time.
+    """Fields of one canonical dataset in time, on its own points down to the deepest draft ``keel`` (m)."""
 
-    ``keel``: deepest draft (m); ``times``: the same in seconds since the start.
-    """
-
-    def __init__(
-        self,
-        ds: xr.Dataset,
-        start: datetime,
-        moments: Sequence[np.datetime64] | NDArray[np.datetime64] | None = None,
-        reader: Reader = as_they_are,
-        *,
-        keel: float = np.inf,
-    ) -> None:
+    def __init__(self, ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> None:
         _check_dimensions(ds)
         self.ds, self._limits = _levels_to(ds, keel)
-        self.start, self._reader = start, reader
-        self.dates = np.asarray(_dates(ds) if moments is None else moments, "datetime64[ns]")
+        self.start = start
+        self.dates: NDArray[np.datetime64] = (
+            ds["time"].values.astype("datetime64[ns]") if "time" in ds.dims else np.empty(0, "datetime64[ns]")
+        )
         self.times = [float(t) for t in _seconds(self.dates, start)]
         self.names = _as_they_act(tuple(map(str, ds.data_vars)))
-        size = sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
-        self._length = int(np.clip(BLOCK_BYTES / (8 * max(size, 1)), 1, MOST_RECORDS))
+        self._length = records_at_once(
+            sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
+        )
         self._blocks: dict[int, Block] = {}
         self._lock = SharedLock()
 
@@ -156,7 +141,7 @@ class ProductRecords:
     def _check_gap(self, record: int, time: float) -> None:
         gap = Gap(self.dates[record], self.dates[record + 1])
         limit = gap_limit(self.ds)
-        if self._reader is as_they_are and gap.seconds > limit and self.times[record] < time < self.times[record + 1]:
+        if gap.seconds > limit and self.times[record] < time < self.times[record + 1]:
             raise gap_error(self.ds, gap, limit, self._date(time))
 
     def _date(self, time: float) -> np.datetime64:
@@ -167,17 +152,20 @@ class ProductRecords:
         block = self._blocks.get(first)
         if block is None:
             with self._lock:  # another thread may have read it meanwhile
-                block = self._blocks.get(first) or self._read(first)
+                block = self._blocks.get(first) or self._read(slice(first, first + self._length))
+                # The dictionary is replaced, never changed: other threads look into it without the lock.
+                spared = sorted(self._blocks, key=lambda old: abs(old - first))[: KEPT_BLOCKS - 1]
+                self._blocks = {**{old: self._blocks[old] for old in spared}, first: block}
         # A field without time beside others has one record.
         return {name: values[number - first if len(values) > 1 else 0] for name, values in block.items()}
 
-    def _read(self, first: int) -> Block:
-        records = slice(first, first + self._length)
-        part = self._reader(self.ds, records)
-        block = {str(name): _as_block(field, named(self.ds)) for name, field in part.data_vars.items()}
+    def _read(self, records: slice) -> Block:
+        """Read some records; refuse those without a value, and values that cannot be true."""
+        part = self.ds.isel(time=records) if self.times else self.ds
+        block = {str(name): as_block(field, named(self.ds)) for name, field in part.data_vars.items()}
         for name, values in block.items():
-            _check_not_empty(name, values, self.ds, self.dates[records])
-            check_believable(name, values, part.assign_attrs(self.ds.attrs), self.dates[records])
+            check_not_empty(name, values, self.ds, self.dates[records])
+            check_believable(name, values, part, self.dates[records])
         if "taux" in block and "tauy" in block and "ua" not in block:
             block["ua"], block["va"] = wind_from_stress(block.pop("taux"), block.pop("tauy"))
         if "wave_direction" in block:  # from where they come; its parts can be interpolated, degrees cannot
@@ -185,10 +173,12 @@ class ProductRecords:
             block["wave_x"], block["wave_y"] = -np.sin(angle), -np.cos(angle)
         if "depth_below_surface" in block:  # land counts as depth 0, so that shores shoal
             block["depth_below_surface"] = np.nan_to_num(block["depth_below_surface"])
-        # The dictionary is replaced, never changed: other threads look into it without the lock.
-        spared = sorted(self._blocks, key=lambda old: abs(old - first))[: KEPT_BLOCKS - 1]
-        self._blocks = {**{old: self._blocks[old] for old in spared}, first: block}
         return block
+
+
+def records_at_once(values: float) -> int:
+    """Return how many records of so many values are read at once."""
+    return int(np.clip(BLOCK_BYTES / (8 * max(values, 1)), 1, MOST_RECORDS))
 
 
 def _levels_to(ds: xr.Dataset, keel: float) -> tuple[xr.Dataset, Floats]:
@@ -217,16 +207,12 @@ def _seconds(dates: NDArray[np.datetime64], start: datetime) -> Floats:
     return np.asarray(since / np.timedelta64(1, "s") + part / np.timedelta64(1, "s"), np.float64)
 
 
-def _dates(ds: xr.Dataset) -> Any:
-    return ds["time"].values if "time" in ds.dims else np.empty(0, "datetime64[ns]")
-
-
 def plane_dims(field: xr.DataArray | xr.Dataset) -> tuple[str, ...]:
     """Return the horizontal dimensions."""
     return next((plane for plane in PLANES if set(plane) <= set(field.dims)), ())
 
 
-def _as_block(field: xr.DataArray, where: str) -> Floats:
+def as_block(field: xr.DataArray, where: str) -> Floats:
     """Return values in the order (time, level, row, column); axes that a field lacks have length 1."""
     plane = plane_dims(field)
     lead = [name for name in ("time", "depth") if name in field.dims]
@@ -248,7 +234,7 @@ def _check_dimensions(ds: xr.Dataset) -> None:
             )
 
 
-def _check_not_empty(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:
+def check_not_empty(name: str, values: Floats, ds: xr.Dataset, dates: NDArray[np.datetime64]) -> None:
     """Raise `ForcingError` where a record of a field holds no value at all: it would count as 0."""
     if name in MAY_BE_EMPTY:
         return

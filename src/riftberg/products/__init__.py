@@ -12,7 +12,7 @@ Dimensions
     and ``lon``; scattered points (unstructured models) have one dimension ``node`` with ``lat`` and ``lon`` on it.
     Vectors point east and north on all of them.
 Variables
-    The names of `riftberg.products.canonical.QUANTITIES`, in the units given there. Land and missing values are
+    The names of `riftberg.products.quantities.QUANTITIES`, in the units given there. Land and missing values are
     NaN.
 
 Attributes
@@ -26,16 +26,8 @@ Use
 >>> currents = window(currents, lon=(-45, -30), lat=(-60, -50), margin=1.0)           # doctest: +SKIP
 """
 
-from riftberg.products.keel import keel_mean
+from riftberg.products.levels import keel_mean
 from riftberg.products.registry import PRODUCTS, open_all, open_product, product_named, recognise
 from riftberg.products.window import window
 
-__all__ = [
-    "PRODUCTS",
-    "keel_mean",
-    "open_all",
-    "open_product",
-    "product_named",
-    "recognise",
-    "window",
-]
+__all__ = ["PRODUCTS", "keel_mean", "open_all", "open_product", "product_named", "recognise", "window"]

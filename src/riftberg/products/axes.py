@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, conversion
+from riftberg.products.product import noted
+from riftberg.products.quantities import QUANTITIES, conversion
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
     if first.size == ds.sizes["time"]:
         return ds
     lost = ds.sizes["time"] - first.size
-    return ds.isel(time=first).assign_attrs(doubt=f"{lost} record(s) repeat a date: the first of each is taken")
+    return noted(ds.isel(time=first), doubt=f"{lost} record(s) repeat a date: the first of each is taken")
 
 
 def _by_label(date: Any, where: str) -> np.datetime64:

@@ -12,79 +12,15 @@ from collections.abc import Iterable
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES
 from riftberg.products.product import Product, Source
+from riftberg.products.quantities import QUANTITIES
 from riftberg.products.roles import coordinates_of, standard_name
 
-TO_DIRECTION = "sea_surface_wave_to_direction"
-"""Standard name of the direction into which waves travel; the canonical one is that from which they come."""
-
-_STANDARD: dict[str, tuple[str, ...]] = {
-    "uo": ("eastward_sea_water_velocity", "surface_eastward_sea_water_velocity"),
-    "vo": ("northward_sea_water_velocity", "surface_northward_sea_water_velocity"),
-    "ssh": ("sea_surface_height_above_geoid",),
-    "sst": ("sea_surface_temperature", "sea_water_surface_temperature"),
-    "sss": ("sea_surface_salinity",),
-    "ua": ("eastward_wind",),
-    "va": ("northward_wind",),
-    "taux": ("surface_downward_eastward_stress",),
-    "tauy": ("surface_downward_northward_stress",),
-    "ice_fraction": ("sea_ice_area_fraction",),
-    "ice_thickness": ("sea_ice_thickness",),
-    "ui": ("eastward_sea_ice_velocity",),
-    "vi": ("northward_sea_ice_velocity",),
-    "wave_height": ("sea_surface_wave_significant_height",),
-    "wave_period": ("sea_surface_wave_mean_period",),
-    "wave_direction": ("sea_surface_wave_from_direction", TO_DIRECTION),
-    "depth_below_surface": (
-        "sea_floor_depth_below_geoid", "sea_floor_depth_below_mean_sea_level", "sea_floor_depth_below_sea_level",
-        "sea_floor_depth",
-    ),
-}  # fmt: skip
 _HEIGHTS = ("height_above_mean_sea_level", "height_above_geoid", "surface_altitude", "bedrock_altitude", "altitude")
 """Standard names of the height of the ground, which is the sea floor where it is negative."""
 
-_USUAL: dict[str, tuple[str, ...]] = {
-    "uo": ("uo", "water_u", "u_eastward", "uoe", "ugo", "unod", "ssu"),
-    "vo": ("vo", "water_v", "v_northward", "von", "vgo", "vnod", "ssv"),
-    "ssh": ("ssh", "zos", "zeta", "surf_el", "SSH"),
-    "sst": ("sst", "tos", "analysed_sst"),
-    "sss": ("sss", "sos"),
-    "ua": ("ua", "u10", "U10", "uas", "eastward_wind"),
-    "va": ("va", "v10", "V10", "vas", "northward_wind"),
-    "taux": ("taux", "tauuo"),
-    "tauy": ("tauy", "tauvo"),
-    "ice_fraction": ("siconc", "aice", "ice_conc", "ice_fraction"),
-    "ice_thickness": ("sithick", "hice", "ice_thickness"),
-    "ui": ("usi", "ui"),
-    "vi": ("vsi", "vi"),
-    "wave_height": ("VHM0", "swh", "hs"),
-    "wave_period": ("VTM02", "mwp"),
-    "wave_direction": ("VMDR", "mwd"),
-    "depth_below_surface": ("deptho", "depth_below_surface", "bathymetry", "elevation"),
-}
-
-
-_ON_LEVELS: dict[str, tuple[str, ...]] = {
-    "sst": ("sea_water_potential_temperature", "sea_water_temperature", "sea_water_conservative_temperature"),
-    "sss": ("sea_water_salinity", "sea_water_practical_salinity"),
-}
-"""Standard names of fields whose levels begin at the surface; taken where nothing is of the surface alone."""
-
-USUAL_NAMES = frozenset(name for names in _USUAL.values() for name in names)
+USUAL_NAMES = frozenset(name for quantity in QUANTITIES.values() for name in quantity.usual)
 """All names that fields usually have."""
-
-_ALONG_THE_GRID: dict[str, tuple[str, ...]] = {
-    "uo": ("sea_water_x_velocity", "surface_sea_water_x_velocity"),
-    "vo": ("sea_water_y_velocity", "surface_sea_water_y_velocity"),
-    "ua": ("x_wind", "grid_eastward_wind"),
-    "va": ("y_wind", "grid_northward_wind"),
-    "taux": ("surface_downward_x_stress",),
-    "tauy": ("surface_downward_y_stress",),
-    "ui": ("sea_ice_x_velocity",),
-    "vi": ("sea_ice_y_velocity",),
-}
-
 
 _OTHERS = re.compile(
     r"tid|stokes|geostrophic|anomaly|error|(wind|swell)_wave|gust|barotropic|(velocity|temperature|salinity)_at_sea_floor|bottom|"
@@ -102,23 +38,27 @@ _WORDS_OF_SPREAD = re.compile(
 )
 
 
+def _standard_names(quantity: str) -> tuple[str, ...]:
+    return QUANTITIES[quantity].standard_name, *QUANTITIES[quantity].also
+
+
 def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
     """Return the variables that may hold a quantity: by standard name (true components first), else by usual name."""
     held = [name for name in map(str, ds.variables) if ds.variables[name].ndim or quantity == "depth_below_surface"]
-    heights = _HEIGHTS if quantity == "depth_below_surface" else ()
-    for names in (_STANDARD[quantity], _ALONG_THE_GRID.get(quantity, heights)):
+    row = QUANTITIES[quantity]
+    for names in (_standard_names(quantity), _HEIGHTS if quantity == "depth_below_surface" else row.along):
         by_name = [name for name in held if standard_name(ds.variables[name]) in names and name not in ds.dims]
         by_name = [name for name in by_name if not statistic(ds.variables[name], quantity)] or by_name
         if names is _HEIGHTS:  # an axis of heights is none of the ground
             by_name = [name for name in by_name if ds.variables[name].ndim > 1]
         if by_name:
             return sorted(by_name, key=lambda name: _rank(quantity, name))
-    for said in _ON_LEVELS.get(quantity, ()):
+    for said in row.on_levels:
         by_name = [name for name in held if standard_name(ds.variables[name]) == said and _has_levels(ds, name)]
         by_name = [name for name in by_name if not statistic(ds.variables[name], quantity)]
         if len(by_name) == 1:  # one of several would be a guess; that none is taken is told
             return by_name
-    usual = [name for name in _USUAL[quantity] if name in ds.variables and name not in ds.dims]
+    usual = [name for name in row.usual if name in ds.variables and name not in ds.dims]
     usual = [name for name in usual if name != "elevation" or ds.variables[name].ndim > 1]
     usual = [name for name in usual if quantity != "ssh" or not above_ellipsoid(ds.variables[name])]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
@@ -131,7 +71,7 @@ def _has_levels(ds: xr.Dataset, name: str) -> bool:
 
 def by_standard_name(ds: xr.Dataset, quantity: str) -> str:
     """Return the one variable whose standard name is that of a quantity; empty if there is none, or several."""
-    names = _STANDARD.get(quantity, ())
+    names = _standard_names(quantity)
     held = [n for n in map(str, ds.data_vars) if ds[n].ndim > 1 and standard_name(ds.variables[n]) in names]
     return held[0] if len(held) == 1 else ""
 
@@ -153,7 +93,7 @@ def turned_away(ds: xr.Dataset) -> str:
     away = {
         name: standard_name(variable) or str(variable.attrs.get("long_name", ""))
         for name, variable in held.items()
-        if not _near_enough(ds, name) or (name in _USUAL["ssh"] and above_ellipsoid(variable))
+        if not _near_enough(ds, name) or (name in QUANTITIES["ssh"].usual and above_ellipsoid(variable))
     }
     return "; ".join(f"{name} is {said}, which is none of these" for name, said in list(away.items())[:4])
 
@@ -163,7 +103,7 @@ def is_height(variable: xr.Variable | xr.DataArray, name: str) -> bool:
     said = standard_name(variable)
     if said in _HEIGHTS or str(variable.attrs.get("positive", "")).lower() == "up":
         return True
-    return name == "elevation" and said not in _STANDARD["depth_below_surface"]
+    return name == "elevation" and said not in _standard_names("depth_below_surface")
 
 
 def strange_height(variable: xr.Variable | xr.DataArray) -> bool:
@@ -205,7 +145,7 @@ def unread(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> l
 def _family(name: str, words: str, taken: set[str]) -> str:
     """Return what a variable speaks of, if a run takes it and nothing gives it yet."""
     for family, (quantities, speaks) in _FAMILIES.items():
-        usual = any(name in _USUAL[quantity] for quantity in quantities)
+        usual = any(name in QUANTITIES[quantity].usual for quantity in quantities)
         if (usual or speaks.search(words)) and not taken & set(quantities):
             return family
     return ""
@@ -228,19 +168,19 @@ def statistic(variable: xr.Variable | xr.DataArray, quantity: str) -> str:
 
 
 def _rank(quantity: str, name: str) -> int:
-    usual = _USUAL[quantity]
+    usual = QUANTITIES[quantity].usual
     return usual.index(name) if name in usual else len(usual)
 
 
 def _selected(ds: xr.Dataset) -> dict[str, tuple[str, str]]:
     """Return the variable of each quantity, with a remark where others could be it too."""
     chosen: dict[str, tuple[str, str]] = {}
-    for quantity in _STANDARD:
+    for quantity in QUANTITIES:
         candidates = _candidates(ds, quantity)
         if not candidates:
             continue
         first, *others = candidates
-        if others and _rank(quantity, first) == len(_USUAL[quantity]):
+        if others and _rank(quantity, first) == len(QUANTITIES[quantity].usual):
             raise ForcingError(
                 f"{len(candidates)} variables could be {quantity} ({QUANTITIES[quantity].long_name}): {', '.join(candidates)}",
                 where=str(ds.encoding.get("source", "")),
@@ -251,9 +191,9 @@ def _selected(ds: xr.Dataset) -> dict[str, tuple[str, str]]:
     return chosen
 
 
-def _matches(ds: xr.Dataset) -> bool:
+def holds_fields(ds: xr.Dataset) -> bool:
     """Tell whether any field is found."""
-    return any(_candidates(ds, quantity) for quantity in _STANDARD)
+    return any(_candidates(ds, quantity) for quantity in QUANTITIES)
 
 
 PRODUCT = Product(
@@ -261,8 +201,8 @@ PRODUCT = Product(
     title="File that follows the CF conventions",
     citation="see the file",
     evidence="documentation",
-    matches=_matches,
-    sources=tuple(Source(quantity, (quantity,)) for quantity in _STANDARD),
+    matches=lambda heading: False,  # by its fields, not by its heading: see `holds_fields`
+    sources=tuple(Source(quantity, (quantity,)) for quantity in QUANTITIES),
     select=_selected,
     notes=("taken at its word: names, units and signs are those that the file states",),
 )

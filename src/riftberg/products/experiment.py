@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.beside import grid_of
 from riftberg.products.cf import USUAL_NAMES
-from riftberg.products.product import DAY_SECONDS, Evidence, Product, Source
+from riftberg.products.models import grid_of
+from riftberg.products.product import Evidence, Heading, Product, Source, noted
 from riftberg.products.roles import role_of
 
 _FIELDS = {"uo", "vo", "SSH", "ssh_bgrid", "ua", "va", "taux", "tauy", "elevation"}
@@ -36,24 +37,24 @@ _SIZES = {"lat": 152, "lon": 232}
 """Its grid."""
 
 
-def _is_named(ds: xr.Dataset) -> bool:
-    return _NAMED.search(Path(str(ds.encoding.get("source", ""))).name) is not None
+def _is_named(heading: Heading) -> bool:
+    return _NAMED.search(Path(heading.source).name) is not None
 
 
-def _matches(ds: xr.Dataset) -> bool:
+def _matches(heading: Heading) -> bool:
     """Tell the bare style: fields named as in the model, no units; by its name or grid, for others have no units too."""
-    if not _is_named(ds) and {name: ds.sizes.get(name) for name in _SIZES} != _SIZES:
+    if not _is_named(heading) and {name: heading.sizes.get(name) for name in _SIZES} != _SIZES:
         return False
-    held = _FIELDS & set(map(str, ds.data_vars))
-    bare = held and all("units" not in ds[name].attrs and "Unit" not in ds[name].attrs for name in held)
-    alone = not (USUAL_NAMES - _FIELDS) & set(
-        map(str, ds.data_vars)
-    )  # a file of others has fields that these never have
+    held = _FIELDS & heading.names
+    bare = held and all(
+        "units" not in heading.variables[name] and "Unit" not in heading.variables[name] for name in held
+    )
+    alone = not (USUAL_NAMES - _FIELDS) & heading.names  # a file of others has fields that these never have
     return (
         bool(bare)
         and alone
-        and {"lat", "lon"} <= set(ds.dims)
-        and not str(ds.attrs.get("title", "")).startswith("The GEBCO")
+        and {"lat", "lon"} <= set(heading.sizes)
+        and not str(heading.attributes.get("title", "")).startswith("The GEBCO")
     )
 
 
@@ -75,7 +76,7 @@ def _positioned(ds: xr.Dataset) -> xr.Dataset:
     size = ds.sizes["lat"], ds.sizes["lon"]
     wanted = ("longitude", "latitude")
     grid = grid_of(ds, ("*_grid.nc",), wanted, lambda other: other["latitude"].shape == size) if where else None
-    if grid is None and not _is_named(ds):
+    if grid is None and not _is_named(Heading.of(ds)):
         return ds  # not a file of the experiment: what it lacks is said in general words
     if grid is None:
         raise ForcingError(
@@ -83,7 +84,7 @@ def _positioned(ds: xr.Dataset) -> xr.Dataset:
         )
     lon, lat = grid["longitude"].values[0], grid["latitude"].values[:, 0]
     shift = 0.5 * (lon[1] - lon[0]) if centred else 0.0
-    ds = ds.assign_attrs(told=grid.attrs["told"])
+    ds = noted(ds, told=grid.attrs["told"])
     return ds.assign_coords(lon=("lon", lon - shift), lat=("lat", lat - shift))
 
 
@@ -123,7 +124,7 @@ def _without_zeros(ds: xr.Dataset) -> xr.Dataset:
 
 
 def _finish(ds: xr.Dataset) -> xr.Dataset:
-    from riftberg.products.bathymetry import depth_from_elevation
+    from riftberg.products.sea_floors import depth_from_elevation
 
     return depth_from_elevation(_without_zeros(ds))
 
@@ -160,7 +161,7 @@ PRODUCT = Product(
     sources=_sources("uo", "vo"),
     mend=_mend,
     finish=_finish,
-    longest_step=31 * DAY_SECONDS,
+    longest_step=31 * SECONDS_PER_DAY,
     notes=_NOTES,
     variants=_VARIANTS,
 )
@@ -169,11 +170,11 @@ KEEL_MEAN = Product(
     title="Forcing files of the A68a experiment, currents averaged from the surface to 200 m",
     citation=_CITATION,
     evidence="sample",
-    matches=lambda ds: False,
+    matches=lambda heading: False,
     sources=_sources("uo_mean_over_berg_depth", "vo_mean_over_berg_depth"),
     mend=_mend,
     finish=_finish,
-    longest_step=31 * DAY_SECONDS,
+    longest_step=31 * SECONDS_PER_DAY,
     variants=_VARIANTS,
     notes=(*_NOTES, "uo, vo are means from the surface to 200 m"),
 )

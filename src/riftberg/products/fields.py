@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, canonicalise
 from riftberg.products.cf import (
-    TO_DIRECTION,
     above_ellipsoid,
     by_standard_name,
     is_height,
@@ -20,14 +19,14 @@ from riftberg.products.cf import (
     turned_away,
     unread,
 )
-from riftberg.products.dated import dated, declared_mean
-from riftberg.products.levels import judged
-from riftberg.products.packing import VALID, without_land
+from riftberg.products.dates import dated, declared_mean
+from riftberg.products.levels import LEVEL, judged, on_depths
 from riftberg.products.place import positioned
-from riftberg.products.product import DAY_SECONDS, Product
+from riftberg.products.product import Product
+from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF
+from riftberg.products.repair import VALID, without_land
 from riftberg.products.roles import coordinates_of, standard_name, units_of
-from riftberg.products.terrain import LEVEL, on_depths
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
 _KEPT = ("time", "depth", "lat", "lon", "y", "x", "grid_angle")
@@ -64,7 +63,7 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         if not parts:  # what concerns the whole file is said once
             attributes["unread"] = "; ".join(unread(ds, [q for q, _, _ in chosen], [name for _, name, _ in chosen]))
         if any(_instants(ds, str(field.attrs["original_name"])) for field in fields.values()):
-            attributes["longest_step"] = DAY_SECONDS
+            attributes["longest_step"] = SECONDS_PER_DAY
         if MEAN_OF in part.coords and part[MEAN_OF].values.any():
             attributes["averaging_seconds"] = float(np.median(part[MEAN_OF].values))
         attributes |= {name: ds.attrs[name] for name in ("averaging_seconds",) if name in ds.attrs}

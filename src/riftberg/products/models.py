@@ -7,20 +7,23 @@ with the directions of the grid's own positions; levels that follow the sea floo
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
 import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.beside import grid_of
-from riftberg.products.product import Product, Source, text_of
+from riftberg.products.product import Heading, Product, Source, noted
+from riftberg.system.netcdf_lock import open_lazily
 
 _CITATION = "see the file"
 
 
-def _is_roms(ds: xr.Dataset) -> bool:
-    dims = set(map(str, ds.dims))
+def _is_roms(heading: Heading) -> bool:
+    dims = set(heading.sizes)
     fields = {"u", "v", "u_eastward", "v_northward", "zeta", "h", "aice", "uice", "Uwind"}
-    return bool(dims & {"xi_rho", "xi_u", "xi_v"}) and bool(fields & set(map(str, ds.variables)))
+    return bool(dims & {"xi_rho", "xi_u", "xi_v"}) and bool(fields & heading.names)
 
 
 def _with_grid(ds: xr.Dataset) -> xr.Dataset:
@@ -36,7 +39,7 @@ def _with_grid(ds: xr.Dataset) -> xr.Dataset:
     )  # fmt: skip
     if grid is not None:
         held = {name: grid[name] for name in grid.variables if name not in ds.variables}
-        return _shared_dims(ds, ds.assign(held)).assign_attrs(told=grid.attrs["told"])
+        return noted(_shared_dims(ds, ds.assign(held)), told=grid.attrs["told"])
     raise ForcingError(
         "has no positions (lat_rho, lon_rho): they are in the grid file of the model", where=where,
         remedy="Put the grid file (*_grd.nc) of the same size into the same folder",
@@ -117,7 +120,7 @@ ROMS = Product(
 )
 
 
-def _is_nemo(ds: xr.Dataset) -> bool:
+def _is_nemo(heading: Heading) -> bool:
     fields = {
         "vozocrtx",
         "vomecrty",
@@ -132,7 +135,7 @@ def _is_nemo(ds: xr.Dataset) -> bool:
         "ssh",
         "siconc",
     }
-    return {"nav_lat", "nav_lon"} <= set(ds.variables) and bool(fields & set(map(str, ds.variables)))
+    return {"nav_lat", "nav_lon"} <= heading.names and bool(fields & heading.names)
 
 
 NEMO = Product(
@@ -157,8 +160,8 @@ NEMO = Product(
 )
 
 
-def _is_fvcom(ds: xr.Dataset) -> bool:
-    return {"nv", "lonc"} <= set(ds.variables) or ("nele" in ds.dims and "node" in ds.dims)
+def _is_fvcom(heading: Heading) -> bool:
+    return {"nv", "lonc"} <= heading.names or ("nele" in heading.sizes and "node" in heading.sizes)
 
 
 def _even_levels(ds: xr.Dataset) -> xr.Dataset:
@@ -199,8 +202,8 @@ FVCOM = Product(
 )
 
 
-def _is_wrf(ds: xr.Dataset) -> bool:
-    return {"XLAT", "XLONG"} <= set(ds.variables) and bool({"U10", "V10"} & set(map(str, ds.variables)))
+def _is_wrf(heading: Heading) -> bool:
+    return {"XLAT", "XLONG"} <= heading.names and bool({"U10", "V10"} & heading.names)
 
 
 def _fixed_grid(ds: xr.Dataset) -> xr.Dataset:
@@ -228,9 +231,9 @@ WRF = Product(
 )
 
 
-def _is_fesom(ds: xr.Dataset) -> bool:
-    words = "fesom" in text_of(ds, "title", "source", "model", "Conventions", "history")
-    return bool({"nod2", "ncells", "nodes_2d", "elem"} & set(map(str, ds.dims))) or words
+def _is_fesom(heading: Heading) -> bool:
+    words = "fesom" in heading.says("title", "source", "model", "Conventions", "history")
+    return bool({"nod2", "ncells", "nodes_2d", "elem"} & set(heading.sizes)) or words
 
 
 FESOM = Product(
@@ -238,8 +241,8 @@ FESOM = Product(
     title="Output of FESOM on its triangles",
     citation=_CITATION,
     evidence="documentation",
-    matches=lambda ds: (
-        _is_fesom(ds) and bool({"u", "v", "unod", "vnod", "ssh", "a_ice", "uice"} & set(map(str, ds.variables)))
+    matches=lambda heading: (
+        _is_fesom(heading) and bool({"u", "v", "unod", "vnod", "ssh", "a_ice", "uice"} & heading.names)
     ),
     sources=(
         Source("uo", ("unod", "u"), "m s-1"),
@@ -254,3 +257,59 @@ FESOM = Product(
         "values of the three nearest points, weighted by the inverse square of their distance",
     ),
 )
+
+
+_SAME = ("h", "mask_rho", "mask_u", "mask_v")
+"""Fields of a grid that output often repeats, by which a grid is known to be its own."""
+
+
+def grid_of(
+    ds: xr.Dataset, patterns: Sequence[str], wanted: Sequence[str], fits: Callable[[xr.Dataset], bool]
+) -> xr.Dataset | None:
+    """Return what the one grid file beside a file gives; None if there is none."""
+    where = str(ds.encoding.get("source", ""))
+    folder = Path(where).parent
+    own = Path(str(ds.attrs.get("grd_file", ""))).name
+    stated = bool(own) and (folder / own).is_file()
+    files = sorted({path for pattern in patterns for path in folder.glob(pattern)} - {Path(where)})
+    alike: dict[str, xr.Dataset] = {}
+    proven: dict[str, xr.Dataset] = {}
+    others: list[str] = []
+    for path in [folder / own] if stated else files:
+        try:
+            # Times of a grid file matter to nobody, and those of a stray file may be none.
+            with open_lazily(path, decode_times=False) as opened:
+                if not set(wanted[:2]) <= set(opened.variables):
+                    continue
+                shared = [name for name in _SAME if _comparable(ds, opened, name)]
+                if not fits(opened) or not all(_alike(ds[name], opened[name]) for name in shared):
+                    others.append(path.name)
+                    continue
+                held = opened[[name for name in wanted if name in opened.variables]].load().reset_coords()
+        except Exception:  # a neighbour that cannot be read is no grid of this file
+            others.append(path.name)
+            continue
+        (proven if shared or stated else alike)[path.name] = held
+    fitting = proven or alike
+    names, remedy = ", ".join(fitting or others), "Put its own grid file, and no other, into the same folder"
+    if not fitting and not others:
+        return None
+    if not fitting:
+        what = f"the grid files beside it are those of another grid, or cannot be read: {names}"
+        raise ForcingError(what, where=where, remedy=remedy)
+    if own and not proven:
+        what = f"its positions are in its grid file {own}, which is not beside it; {names} may be that of another"
+        raise ForcingError(what, where=where, remedy=remedy)
+    first = next(iter(fitting.values()))
+    if not all(_alike(grid[name], first[name]) for grid in fitting.values() for name in wanted[:2]):
+        raise ForcingError(f"{len(fitting)} different grids beside it fit: {names}", where=where, remedy=remedy)
+    by = "named in the file" if stated else "of the same sea floor or mask" if proven else "of the same size"
+    return first.assign_attrs(told=f"positions are those of the grid file {next(iter(fitting))}, {by}")
+
+
+def _comparable(ds: xr.Dataset, grid: xr.Dataset, name: str) -> bool:
+    return name in ds.variables and name in grid.variables and 0 < ds[name].ndim == grid[name].ndim
+
+
+def _alike(a: xr.DataArray, b: xr.DataArray) -> bool:
+    return a.shape == b.shape and bool(np.allclose(a.values, b.values, rtol=1e-3, atol=1e-3, equal_nan=True))

@@ -6,7 +6,7 @@ Numbers of rows and columns are never positions: a dimension counts as a positio
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -48,9 +48,12 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     if north.ndim == 1 and north.dims != east.dims:
         _check_axes(ds, lat, lon, north, east, where)
-        return _on_axes(bare, north, east)
+        # By way of names that no file has: a file may call its columns lat.
+        bare = bare.rename({str(north.dims[0]): "lat_", str(east.dims[0]): "lon_"}).rename(lat_="lat", lon_="lon")
+        return bare.assign_coords(lat=("lat", north.values, _NORTH), lon=("lon", east.values, _EAST))
     if north.ndim == 1:
-        return _on_points(bare, north, east)
+        bare = bare.rename({str(north.dims[0]): "node"})
+        return bare.assign_coords(lat=("node", north.values, _NORTH), lon=("node", east.values, _EAST))
     north, east = _without_origin(north, east.transpose(*north.dims), lat, lon, where)
     rows, columns = (str(dim) for dim in north.dims)
     bare = bare.rename({rows: "y", columns: "x"}) if (rows, columns) != ("y", "x") else bare
@@ -82,19 +85,6 @@ def _without_origin(
             remedy="Correct the file",
         )
     return north, east
-
-
-def _on_axes(field: xr.DataArray, north: xr.DataArray, east: xr.DataArray) -> xr.DataArray:
-    names = {str(north.dims[0]): "lat", str(east.dims[0]): "lon"}
-    field = field.rename({old: f"{new}_" for old, new in names.items()}).rename(
-        {f"{new}_": new for new in names.values()}
-    )
-    return field.assign_coords(lat=("lat", north.values, _NORTH), lon=("lon", east.values, _EAST))
-
-
-def _on_points(field: xr.DataArray, north: xr.DataArray, east: xr.DataArray) -> xr.DataArray:
-    field = field.rename({str(north.dims[0]): "node"})
-    return field.assign_coords(lat=("node", north.values, _NORTH), lon=("node", east.values, _EAST))
 
 
 def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
@@ -176,8 +166,11 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
             f"{lat} runs from {north.values.min():g} to {north.values.max():g}: that is no latitude", where=where,
             remedy="Give positions in degrees; for axes in metres the file needs a grid_mapping",
         )  # fmt: skip
-    for name, axis in ((lat, north), (lon, east)):
-        _check_repeats(name, axis.values, where)
+    for name, axis in ((lat, north), (lon, east)):  # which of two fields at a place is meant cannot be known
+        distinct, times = np.unique(axis.values, return_counts=True)
+        if (times > 1).any():
+            remedy = f"Keep one of each: ds.drop_duplicates('{name}')"
+            raise ForcingError(f"{name} has {distinct[times > 1][0]:g} twice", where=where, remedy=remedy)
     steps = np.diff(north.values)
     if steps.size and not ((steps > 0.0).all() or (steps < 0.0).all()):
         raise ForcingError(
@@ -192,14 +185,6 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
             f"{lat} and {lon} only count rows and columns (no units)", where=where,
             remedy="Write the positions in degrees, with units degrees_north and degrees_east",
         )  # fmt: skip
-
-
-def _check_repeats(name: str, values: Floats, where: str) -> None:
-    """Refuse an axis on which a place stands twice: which of the two fields is meant cannot be known."""
-    distinct, times = np.unique(values, return_counts=True)
-    if (times > 1).any():
-        remedy = f"Keep one of each: ds.drop_duplicates('{name}')"
-        raise ForcingError(f"{name} has {distinct[times > 1][0]:g} twice", where=where, remedy=remedy)
 
 
 def _straight(lat: Floats, lon: Floats) -> tuple[Floats, Floats] | None:
@@ -227,8 +212,6 @@ def _projected(
     ds: xr.Dataset, name: str, field: xr.DataArray, rest: list[str], coordinates: list[tuple[str, Any, bool]]
 ) -> xr.DataArray | None:
     """Return a field on the axes of a map projection that the file or the product describes; None if it is on none."""
-    from riftberg.products.projected import METRES, crs_of_mapping, states_radius, to_degrees
-
     if len(rest) != 2:
         return None
     axes = {dim: c for c, _, _ in coordinates for dim in rest if ds[c].dims == (dim,)}
@@ -251,7 +234,10 @@ def _projected(
     bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
     if not degrees:
         x, y = x * factor["x"], y * factor["y"]
-    pair = _two_dimensional(ds, coordinates, (y_dim, x_dim))
+    both = [
+        [c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == set(rest)] for kind in ("lat", "lon")
+    ]
+    pair = tuple(names[0] for names in both) if all(both) else ()
     radius = ready or mapping is None or states_radius(mapping)
     off = _distance(ds, crs, x, y, pair, (y_dim, x_dim)) if pair else 0.0
     spacing = max((float(abs(axis[1] - axis[0])) for axis in (x, y) if axis.size > 1), default=0.0)
@@ -286,28 +272,13 @@ def _serves(crs: Any, units: dict[str, str], degrees: bool) -> bool:
 
     Bare counts of rows and columns beside a grid mapping are neither.
     """
-    from riftberg.products.projected import METRES
-
     if degrees:
         return bool(getattr(crs, "is_derived", False)) and not crs.is_projected
     return bool(crs.is_projected) and all(unit and unit in METRES for unit in units.values())
 
 
-def _two_dimensional(
-    ds: xr.Dataset, coordinates: list[tuple[str, Any, bool]], dims: tuple[str, str]
-) -> tuple[str, ...]:
-    """Return the names of two-dimensional latitudes and longitudes on some dimensions; nothing unless there are both."""
-    pair = [
-        next((c for c, role, _ in coordinates if role == wanted and set(ds[c].dims) == set(dims)), "")
-        for wanted in ("lat", "lon")
-    ]
-    return tuple(pair) if all(pair) else ()
-
-
 def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, ...], dims: tuple[str, str]) -> float:
     """Return the largest distance (m) of positions by a projection from those that the file gives beside it."""
-    from riftberg.products.projected import to_degrees
-
     rows, columns = (np.unique(np.linspace(0, axis.size - 1, 9).astype(int)) for axis in (y, x))
     lon, lat = to_degrees(crs, *np.meshgrid(x[columns], y[rows]))
     stated = [ds[c].transpose(*dims).values[np.ix_(rows, columns)].astype(float) for c in pair]
@@ -324,3 +295,86 @@ def _map_axis(ds: xr.Dataset, name: str) -> str:
     if metadata in ("projection_y_coordinate", "grid_latitude") or axis == "Y" or name.lower() in ("y", "yc", "rlat"):
         return "y"
     return ""
+
+
+# Fields on a map projection: axes in metres, positions by pyproj.
+
+
+METRES = {"km": 1000.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "": 1.0}
+"""Metres in the units of map axes."""
+
+
+_TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text", "proj_params", "proj_string")
+
+RADII = frozenset((
+    "earth_radius", "semi_major_axis", "semi_minor_axis", "inverse_flattening", "reference_ellipsoid_name", "crs_wkt",
+    "horizontal_datum_name", "geographic_crs_name",
+))  # fmt: skip
+"""Attributes of a grid mapping that say how large the Earth is."""
+
+
+def states_radius(mapping: xr.Variable) -> bool:
+    """Tell whether a grid mapping says how large the Earth is, by itself or in a text."""
+    return bool({*RADII, *_TEXTS} & set(mapping.attrs))
+
+
+def projected(ds: xr.Dataset, fallback: str) -> xr.Dataset:
+    """Note the projection of a product's map as ``crs_wkt``: that of its grid mapping, else the fallback."""
+    from pyproj import CRS
+
+    mappings = [v for v in ds.variables.values() if v.ndim == 0 and "grid_mapping_name" in v.attrs]
+    known = [crs for crs in map(crs_of_mapping, mappings) if crs is not None]
+    return ds.assign_attrs(crs_wkt=(known[0] if known else CRS.from_user_input(fallback)).to_wkt())
+
+
+def _transformer(crs: Any) -> Any:
+    from pyproj import CRS, Transformer
+
+    crs = CRS.from_user_input(crs)
+    # A projection and its own ellipsoid have no datum shift between them: so the products define their positions.
+    return Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True)
+
+
+def to_projection(crs: Any, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
+    """Return projected positions (m) of longitudes and latitudes (degrees)."""
+    x, y = _transformer(crs).transform(lon, lat)
+    return np.asarray(x, float), np.asarray(y, float)
+
+
+def to_degrees(crs: Any, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return longitudes and latitudes (degrees) of projected positions (m; degrees on a rotated pole)."""
+    from pyproj.enums import TransformDirection
+
+    lon, lat = _transformer(crs).transform(x, y, direction=TransformDirection.INVERSE)
+    return np.asarray(lon, float), np.asarray(lat, float)
+
+
+def crs_of_mapping(mapping: xr.Variable) -> Any:
+    """Return the projection that a grid mapping variable describes; None if pyproj understands none of its words."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    attributes = _plain_attributes(mapping.attrs)
+    texts = [attributes[key] for key in _TEXTS if key in attributes]
+    ways = [(cast(Any, CRS).from_cf, attributes), *((cast(Any, CRS).from_user_input, t) for t in texts)]
+    if not RADII & set(attributes):  # a text may say which; without one the library takes WGS84
+        ways = [*ways[1:], ways[0]]
+    for reading, stated in ways:
+        try:
+            return reading(stated)
+        except (CRSError, KeyError, ValueError, TypeError, AttributeError):
+            continue
+    return None
+
+
+def _plain_attributes(attributes: Any) -> dict[str, Any]:
+    """Return attributes with lists instead of arrays; a tangent cone has one standard parallel."""
+    plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in attributes.items()}
+    parallels = plain.get("standard_parallel")
+    if (
+        isinstance(parallels, list)
+        and len(set(parallels)) == 1
+        and "conformal_conic" in str(plain.get("grid_mapping_name"))
+    ):
+        plain["standard_parallel"] = parallels[0]
+    return plain

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Mapping, Set
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -18,13 +18,38 @@ EVIDENCE: dict[Evidence, str] = {
 }
 """Kinds of evidence in words, the strongest first."""
 
-DAY_SECONDS = 86400.0
 DAY = np.timedelta64(86400, "s")
 
 
 def unchanged(ds: xr.Dataset) -> xr.Dataset:
     """Return the dataset as it is."""
     return ds
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What a file says of itself before any of its values is read: by this alone its product is recognised."""
+
+    variables: Mapping[str, Mapping[Hashable, Any]]  # Attributes of each variable
+    sizes: Mapping[str, int]  # Lengths of the dimensions
+    attributes: Mapping[Hashable, Any]  # Of the file
+    source: str  # Name of the file
+
+    @classmethod
+    def of(cls, ds: xr.Dataset) -> Heading:
+        """Return the heading of an undecoded dataset."""
+        variables = {str(name): variable.attrs for name, variable in ds.variables.items()}
+        sizes = {str(name): size for name, size in ds.sizes.items()}
+        return cls(variables, sizes, ds.attrs, str(ds.encoding.get("source", "")))
+
+    @property
+    def names(self) -> Set[str]:
+        """Names of the variables."""
+        return self.variables.keys()
+
+    def says(self, *names: str) -> str:
+        """Return the named attributes of the file joined in lower case, empty where absent."""
+        return " ".join(str(self.attributes.get(name, "")) for name in names).lower()
 
 
 @dataclass(frozen=True)
@@ -46,8 +71,7 @@ class Product:
     title: str  # Full name
     citation: str  # How to cite it
     evidence: Evidence  # What the reader was checked against: a real file, a published header, or documentation only
-    # Tells from an undecoded dataset (names, dimensions, attributes) whether it is this product
-    matches: Callable[[xr.Dataset], bool]
+    matches: Callable[[Heading], bool]  # Tells from the heading of a file whether it is this product
     sources: tuple[Source, ...]  # Fields that it may hold
     mend: Step = unchanged  # Repairs metadata before xarray decodes packing and time
     reshape: Step = unchanged  # Brings decoded data to the dimensions ``time, depth, lat, lon`` (or ``y, x``) by name
@@ -84,9 +108,10 @@ class Product:
         return "; ".join([*(kinds or [EVIDENCE[self.evidence]]), *others])
 
 
-def text_of(ds: xr.Dataset, *names: str) -> str:
-    """Return the named global attributes joined in lower case, empty where absent."""
-    return " ".join(str(ds.attrs.get(name, "")) for name in names).lower()
+def noted(ds: xr.Dataset, **remarks: str) -> xr.Dataset:
+    """Return the dataset with remarks (``told``, ``doubt``, ``unread``) behind those that it has."""
+    said = {key: "; ".join(filter(None, (str(ds.attrs.get(key, "")), remark))) for key, remark in remarks.items()}
+    return ds.assign_attrs({key: text for key, text in said.items() if text})
 
 
 def stamped_at_noon(ds: xr.Dataset) -> xr.Dataset:

@@ -14,12 +14,11 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.axes import tidy_axes
+from riftberg.products.dates import stated_interval, told_kind
 from riftberg.products.fields import gathered
-from riftberg.products.packing import with_plain_packing, within_valid_range
-from riftberg.products.product import Product
+from riftberg.products.product import Product, noted
 from riftberg.products.records import REMARKS
-from riftberg.products.stated import stated_interval, told_kind
-from riftberg.products.text_dates import with_plain_time_units, with_text_dates
+from riftberg.products.repair import REPAIRS, with_text_dates, within_valid_range
 from riftberg.system.input_files import check_file, is_folder
 from riftberg.system.netcdf_headers import whole_size
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily
@@ -159,7 +158,7 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
 def read(path: str, product: Product) -> list[xr.Dataset]:
     """Read one file of ``product`` into canonical datasets, lazily: one for each grid and set of dates in it."""
     try:
-        return _read_as(path, product)
+        return canonical_parts(open_raw(path), product, path)
     except ForcingError:
         raise
     except Exception as error:  # whatever libraries make of a damaged or strange file, it becomes a sentence
@@ -171,30 +170,45 @@ def read(path: str, product: Product) -> list[xr.Dataset]:
         ) from error
 
 
-def _read_as(path: str, product: Product) -> list[xr.Dataset]:
-    return canonical_parts(open_raw(path), product, path)
-
-
 def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dataset]:
     """Return what `read` does of a dataset that is open already, decoded or not."""
-    raw = _without_false_fill(product.mend(with_plain_time_units(with_text_dates(with_plain_packing(raw, path)))))
-    ds = product.reshape(within_valid_range(_decoded_dataset(raw)))
+    for repair in REPAIRS:
+        raw = repair(raw, path)
+    ds = product.reshape(within_valid_range(_decoded(product.mend(raw))))
     ds.encoding["source"] = path
-    stated = stated_interval(raw, path)
+    stated, kind = stated_interval(raw, path), told_kind(raw, path) if product.kind_matters else ""
     parts = []
     for part in gathered(ds, product, where=path):
-        part = tidy_axes(part, where=path)
+        part = noted(tidy_axes(part, where=path), told=kind)
         if "time" in part.dims and stated:
             part = part.assign_attrs(stated_seconds=stated)
-        kind = told_kind(raw, path)
-        if kind and product.kind_matters:
-            part = part.assign_attrs(told="; ".join(filter(None, [str(part.attrs.get("told", "")), kind])))
-        parts.append(_signed(product.finish(part), product, path, raw))
+        part = product.finish(part)
+        kept = ("crs_wkt", "stated_seconds", "longest_step", "means", *REMARKS)
+        averaging = part.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))
+        part = part.copy(deep=False)
+        part.attrs = {
+            "Conventions": "CF-1.11",
+            "product": product.name,
+            "title": product.title,
+            "source": path,
+            "citation": product.citation,
+            "reader_checked_against": product.checked(part.data_vars),
+            "averaging_seconds": float(averaging),
+            "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
+            **{key: part.attrs[key] for key in kept if key in part.attrs},
+        }
+        parts.append(part)
     return parts
 
 
-def _decoded_dataset(raw: xr.Dataset) -> xr.Dataset:
+def _decoded(raw: xr.Dataset) -> xr.Dataset:
     """Return the file with packing, fill values and dates decoded; that is xarray's work."""
+
+    def decode(ds: xr.Dataset) -> xr.Dataset:
+        decoded = xr.decode_cf(ds, decode_timedelta=False)
+        decoded.encoding.update(ds.encoding)
+        return decoded
+
     with own_filters():
         warnings.filterwarnings("ignore", message="Ambiguous reference date string", category=xr.SerializationWarning)
         # Only dates that pandas cannot hold come back as cftime objects.
@@ -202,13 +216,13 @@ def _decoded_dataset(raw: xr.Dataset) -> xr.Dataset:
         warnings.filterwarnings("ignore", message=".*has multiple fill values", category=xr.SerializationWarning)
         warnings.filterwarnings("ignore", category=FutureWarning)
         try:
-            return _decoded_by_xarray(raw)
+            return decode(raw)
         except (ValueError, OverflowError):
             # Dates that cannot be decoded are reported where they matter; the rest of the file is read, other dates too.
             counting = {n: v for n, v in raw.variables.items() if " since " in str(v.attrs.get("units", ""))}
             kept = {n: v.attrs for n, v in counting.items() if not _decodes(n, v)}
             bare = {n: {key: value for key, value in attrs.items() if key != "units"} for n, attrs in kept.items()}
-            return _with_attributes(_decoded_by_xarray(_with_attributes(raw, bare)), kept)
+            return _with_attributes(decode(_with_attributes(raw, bare)), kept)
 
 
 def _decodes(name: Hashable, variable: xr.Variable) -> bool:
@@ -226,40 +240,3 @@ def _with_attributes(ds: xr.Dataset, attributes: Mapping[Hashable, dict[str, Any
         decoded = {key for key in attrs if key in changed.variables[name].encoding}
         changed.variables[name].attrs = {key: value for key, value in attrs.items() if key not in decoded}
     return changed
-
-
-def _decoded_by_xarray(raw: xr.Dataset, **options: Any) -> xr.Dataset:
-    ds = xr.decode_cf(raw, decode_timedelta=False, **options)
-    ds.encoding.update(raw.encoding)
-    return ds
-
-
-def _without_false_fill(raw: xr.Dataset) -> xr.Dataset:
-    """Drop a NaN fill value from integer variables: it can never occur in them and stops the decoding."""
-    for variable in raw.variables.values():
-        fill = variable.attrs.get("_FillValue")
-        if variable.dtype.kind in "iu" and isinstance(fill, (float, np.floating)) and np.isnan(fill):
-            variable.attrs.pop("_FillValue")
-    return raw
-
-
-def _signed(ds: xr.Dataset, product: Product, path: str, raw: xr.Dataset) -> xr.Dataset:
-    """Return the dataset with the attributes of its origin."""
-    attributes = {
-        "Conventions": "CF-1.11",
-        "product": product.name,
-        "title": product.title,
-        "source": path,
-        "citation": product.citation,
-        "reader_checked_against": product.checked(ds.data_vars),
-        "averaging_seconds": float(ds.attrs.get("averaging_seconds", product.averaging / np.timedelta64(1, "s"))),
-        "history": f"read by riftberg as {product.name}; {raw.attrs.get('history', '')}".rstrip("; "),
-    }
-    kept = {
-        key: ds.attrs[key]
-        for key in ("crs_wkt", "stated_seconds", "longest_step", "means", *REMARKS)
-        if key in ds.attrs
-    }
-    ds = ds.copy(deep=False)
-    ds.attrs = {**attributes, **kept}
-    return ds

@@ -1,6 +1,6 @@
 """Records of a dataset in time: their interval, gaps between them, and records that hold no value at all.
 
-One rule for runs, `to_grid` and the doctor: a gap longer than `GAP_FACTOR` times the product's own interval is not
+One rule for runs and the doctor: a gap longer than `GAP_FACTOR` times the product's own interval is not
 interpolated across. The interval is found from all records of all files, before a window is cut. A record without any
 value is a missing record.
 """
@@ -16,17 +16,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.canonical import QUANTITIES, doubtful_below, small_unit
+from riftberg.products.quantities import QUANTITIES, doubtful_below, small_unit
 
 Dates = NDArray[np.datetime64]
-Period = np.timedelta64 | float | None
 
 GAP_FACTOR: Final = 2.5
 """Longest gap that is interpolated across, in intervals of the product: one record may be missing, not two."""
 
-DAY_SECONDS: Final = 86400.0
-LONGEST_STEP: Final = 31 * DAY_SECONDS
+LONGEST_STEP: Final = 31 * SECONDS_PER_DAY
 """Longest interval (s) that records by themselves can show: months."""
 
 REMARKS: Final = ("told", "unread", "doubt")
@@ -41,7 +40,7 @@ PLACE: Final = "place_among_files"
 FEW_RECORDS: Final = 3
 """Fewer records than these show little of their interval."""
 
-LONGEST_OF_FEW: Final = 7 * DAY_SECONDS
+LONGEST_OF_FEW: Final = 7 * SECONDS_PER_DAY
 """Fewer records than `FEW_RECORDS` show no interval longer than this."""
 
 VECTORS: Final = (("uo", "vo"), ("ua", "va"), ("taux", "tauy"), ("ui", "vi"))
@@ -88,30 +87,26 @@ def own_interval(ds: xr.Dataset) -> float:
     longest = float(ds.attrs.get("longest_step", LONGEST_OF_FEW if few else LONGEST_STEP))
     longest = max(longest, 1.2 * float(ds.attrs.get("averaging_seconds", 0.0)))  # means are no snapshots
     shown = usual_interval(records)
-    shown = shown if shown <= longest else DAY_SECONDS
+    shown = shown if shown <= longest else SECONDS_PER_DAY
     return min([*known, *([shown] if shown > 0.0 else [])], default=0.0)
 
 
-def seconds_of(period: Period, default: float) -> float:
-    """Return a length of time in seconds, three hundred years at most: longer ones are beyond what dates can hold."""
-    if period is None:
-        return min(default, 1e10)
-    return min(float(period / np.timedelta64(1, "s")) if isinstance(period, np.timedelta64) else float(period), 1e10)
+LONGEST_PERIOD: Final = 1e10
+"""Three hundred years (s): longer ones are beyond what dates can hold."""
 
 
-def gap_limit(ds: xr.Dataset, period: Period = None) -> float:
-    """Return the longest gap (s) that is interpolated across: as given, as noted on the dataset, or by the rule."""
-    rule = float(ds.attrs.get("max_gap_seconds", GAP_FACTOR * own_interval(ds)))
-    return seconds_of(period, rule)
+def gap_limit(ds: xr.Dataset) -> float:
+    """Return the longest gap (s) that is interpolated across: as noted on the dataset, or by the rule."""
+    return min(float(ds.attrs.get("max_gap_seconds", GAP_FACTOR * own_interval(ds))), LONGEST_PERIOD)
 
 
-def cover_of(ds: xr.Dataset, period: Period = None) -> tuple[np.datetime64, np.datetime64]:
-    """Return the dates between which records serve: the ends are held as given, as noted, or half the time of a mean."""
+def cover_of(ds: xr.Dataset) -> tuple[np.datetime64, np.datetime64]:
+    """Return the dates between which records serve: the ends are held as noted, or half the time of a mean."""
     ends = [0, -1]
     halves = 0.5 * (
         ds[MEAN_OF].values[ends] if MEAN_OF in ds.coords else np.full(2, ds.attrs.get("averaging_seconds", 0.0))
     )
-    before, after = (seconds_of(period, float(ds.attrs.get("hold_seconds", half))) for half in halves)
+    before, after = (min(float(ds.attrs.get("hold_seconds", half)), LONGEST_PERIOD) for half in halves)
     first, last = ds["time"].values[ends].astype("datetime64[us]")
     return first - np.timedelta64(round(before), "s"), last + np.timedelta64(round(after), "s")
 
@@ -133,14 +128,14 @@ def long_gaps(records: Dates, limit: float, first: np.datetime64, last: np.datet
     return [gap for gap in pairs if gap.seconds > limit and gap.before < last and gap.after > first]
 
 
-def check_ends(ds: xr.Dataset, dates: Dates, hold: Period = None) -> None:
+def check_ends(ds: xr.Dataset, dates: Dates) -> None:
     """Raise `ForcingError` where dates lie before the first or after the last record by more than these are held."""
     records = ds["time"].values
     if not records.size:
         raise ForcingError(
             "the file has no records: its time is empty", where=named(ds), remedy="Make or fetch it again"
         )
-    first, last = cover_of(ds, hold)
+    first, last = cover_of(ds)
     moments = dates.astype(first.dtype)
     outside = (moments < first) | (moments > last)
     if outside.any():
@@ -161,11 +156,7 @@ def gap_error(ds: xr.Dataset, gap: Gap, limit: float, at: np.datetime64) -> Forc
         f"{minute(gap.after)} without values of {fields}; the limit is {limit / 86400:.3g} days",
         where=named(ds),
         remedy="Give the missing records, or allow a longer gap: "
-        + (
-            "max_gap of from_xarray"
-            if in_python(ds)
-            else "forcing.max_gap of an experiment file (hours), max_gap of to_grid"
-        ),
+        + ("max_gap of from_xarray" if in_python(ds) else "forcing.max_gap of an experiment file (hours)"),
     )
 
 

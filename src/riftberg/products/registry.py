@@ -5,31 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from glob import glob
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products import (
-    cf,
-    duacs,
-    era5,
-    experiment,
-    gebco,
-    globcurrent,
-    glorys,
-    ibcso,
-    jra55,
-    models,
-    ncep,
-    oras5,
-    oscar,
-    osisaf,
-    srtm15,
-)
+from riftberg.products import cf, experiment, models, oceans, sea_floors, winds
+from riftberg.products.dates import settled
 from riftberg.products.levels import uppermost
-from riftberg.products.means import settled
-from riftberg.products.product import Product
+from riftberg.products.product import Heading, Product, noted
 from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
@@ -42,23 +27,23 @@ LONGEST_NAME = 60
 """Letters of the title of a dataset that serve as its name."""
 
 PRODUCTS: tuple[Product, ...] = (
-    globcurrent.PRODUCT,
-    oscar.V1,
-    oscar.V3,
-    oscar.V2,
-    duacs.PRODUCT,
-    duacs.GEOSTROPHIC,
-    glorys.FORECAST,
-    glorys.PRODUCT,
-    oras5.PRODUCT,
-    ncep.R2,
-    ncep.R1,
-    jra55.PRODUCT,
-    era5.PRODUCT,
-    ibcso.PRODUCT,
-    osisaf.PRODUCT,
-    gebco.PRODUCT,
-    srtm15.PRODUCT,
+    oceans.GLOBCURRENT,
+    oceans.OSCAR_V1,
+    oceans.OSCAR_V3,
+    oceans.OSCAR_V2,
+    oceans.DUACS,
+    oceans.DUACS_GEOSTROPHIC,
+    oceans.MERCATOR_FORECAST,
+    oceans.GLORYS,
+    oceans.ORAS5,
+    winds.NCEP_R2,
+    winds.NCEP_R1,
+    winds.JRA55,
+    winds.ERA5,
+    sea_floors.IBCSO,
+    oceans.OSISAF,
+    sea_floors.GEBCO,
+    sea_floors.SRTM15,
     experiment.PRODUCT,
     experiment.KEEL_MEAN,
     models.ROMS,
@@ -106,7 +91,7 @@ def recognise(path: str | Path) -> Product:
 
 def product_of(ds: xr.Dataset) -> Product | None:
     """Return the product that an open dataset belongs to, told by its attributes, variables and dimensions."""
-    return next((product for product in PRODUCTS if _belongs(ds, product)), None)
+    return next((product for product in PRODUCTS if belongs(ds, product)), None)
 
 
 def _group_with_fields(path: str) -> str:
@@ -120,9 +105,10 @@ def _group_with_fields(path: str) -> str:
         return ""
 
 
-def _belongs(ds: xr.Dataset, product: Product) -> bool:
+def belongs(ds: xr.Dataset, product: Product) -> bool:
+    """Return whether an open dataset looks like a product."""
     try:
-        return product.matches(ds)
+        return cf.holds_fields(ds) if product is cf.PRODUCT else product.matches(Heading.of(ds))
     except Exception:  # a file so damaged that its heading cannot be compared is not of this product
         return False
 
@@ -170,41 +156,45 @@ def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool
 
 
 @closing_files(only_if_refused=True)
-def open_named(entries: Iterable[tuple[str, str | Product | None]], *, turned: bool = True) -> list[xr.Dataset]:
+def open_named(entries: Iterable[tuple[str, str | Product | None]]) -> list[xr.Dataset]:
     """Open files as the products named beside them (None: recognise it), joined as `open_all` does.
 
     ``entries``: files ((path, product)).
     """
-    groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
-    products: dict[str, Product] = {}
-    order: dict[str, int] = {}
-    for number, (path, product) in enumerate(entries):
-        order[path] = number
-        chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
-        products[chosen.name] = chosen
-        for ds in _read(path, chosen, named=isinstance(product, str)):
-            groups.setdefault((chosen.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
-    joined = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
-    merged = _merged([_named(_settled(part, product), order) for part, product in joined])
-    return together(merged) if turned else merged
+    read_files = (read_named(path, product, number) for number, (path, product) in enumerate(entries))
+    return together(joined([part for parts in read_files for part in parts]))
 
 
-def _read(path: str, product: Product, *, named: bool) -> list[xr.Dataset]:
-    """Read a file; where that fails and it does not look like the product named for it, say so."""
+def read_named(path: str, product: str | Product | None, number: int) -> list[tuple[xr.Dataset, Product]]:
+    """Read one file as the product named for it (None: recognise it), with its place among the files on each field.
+
+    Of two files that give a field a run takes the later. Where a file does not look like the product named for it, an error
+    says so.
+    """
+    chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
     try:
-        return read(path, product)
+        parts = read(path, chosen)
     except ForcingError as error:
-        if not named or _belongs(open_raw(path, chunked=False), product):
+        if not isinstance(product, str) or belongs(open_raw(path, chunked=False), chosen):
             raise
-        what = f"{error.what}; it is named {product.name} and does not look like it"
-        remedy = f"Name the right product, or none. Of {product.name}: {error.remedy}"
+        what = f"{error.what}; it is named {chosen.name} and does not look like it"
+        remedy = f"Name the right product, or none. Of {chosen.name}: {error.remedy}"
         raise ForcingError(what, where=error.where, remedy=remedy) from error
+    return [(_placed(ds, number), chosen) for ds in parts]
 
 
-def _named(ds: xr.Dataset, order: dict[str, int]) -> xr.Dataset:
-    """Note on each field the place of its last file among those named: of two that give it a run takes the later."""
-    last = max(order.get(path, 0) for path in str(ds.attrs["source"]).split(", "))
-    return ds.assign({name: field.assign_attrs({PLACE: last}) for name, field in ds.data_vars.items()})
+def _placed(ds: xr.Dataset, number: int) -> xr.Dataset:
+    return ds.assign({name: field.assign_attrs({PLACE: number}) for name, field in ds.data_vars.items()})
+
+
+def joined(parts: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset]:
+    """Join files of one product: first those with the same fields in time, then different fields on the same points."""
+    groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
+    products = {product.name: product for _, product in parts}
+    for ds, product in parts:
+        groups.setdefault((product.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
+    whole = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
+    return _merged([_settled(part, product) for part, product in whole])
 
 
 def in_memory(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
@@ -233,11 +223,11 @@ def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
     _, first = np.unique(ds["time"].values, return_index=True)
     if first.size < ds.sizes["time"]:  # days written 00:00 in one file and 12:00 in another
         lost = ds.sizes["time"] - first.size
-        ds = ds.isel(time=first).assign_attrs(
-            doubt=f"{lost} record(s) are means over the time of another: the first is taken"
+        ds = noted(
+            ds.isel(time=first), doubt=f"{lost} record(s) are means over the time of another: the first is taken"
         )
-    noted = ds if product.longest_step is None else ds.assign_attrs(longest_step=product.longest_step)
-    return ds.assign_attrs(interval_seconds=own_interval(noted))
+    stepped = ds if product.longest_step is None else ds.assign_attrs(longest_step=product.longest_step)
+    return ds.assign_attrs(interval_seconds=own_interval(stepped))
 
 
 def _grid_key(ds: xr.Dataset) -> tuple[object, ...]:
@@ -264,21 +254,14 @@ def _concatenated(parts: list[xr.Dataset]) -> list[xr.Dataset]:
             for part in parts
         ]  # fmt: skip
     parts = sorted(parts, key=lambda part: part["time"].values[0])
-    joined = xr.concat(
-        parts,
-        dim="time",
-        data_vars="minimal",
-        coords="minimal",
-        compat="override",
-        join="override",
-        combine_attrs="override",
-    )
+    same: Any = {"data_vars": "minimal", "coords": "minimal", "compat": "override", "join": "override"}
+    series = xr.concat(parts, dim="time", combine_attrs="override", **same)
     stated = [part.attrs["stated_seconds"] for part in parts if "stated_seconds" in part.attrs]
-    joined = joined.assign_attrs(stated_seconds=min(stated)) if stated else joined
-    order = np.argsort(joined["time"].values, kind="stable")
-    joined = _sourced(joined if np.all(np.diff(order) == 1) else joined.isel(time=order), whole)
-    said = "; ".join(filter(None, [str(joined.attrs.get("told", "")), told]))
-    return [joined.assign_attrs(told=said) if said else joined]
+    series = series.assign_attrs(stated_seconds=min(stated)) if stated else series
+    order = np.argsort(series["time"].values, kind="stable")
+    series = _sourced(series if np.all(np.diff(order) == 1) else series.isel(time=order), whole)
+    last = max(int(field.attrs.get(PLACE, 0)) for part in whole for field in part.data_vars.values())
+    return [noted(_placed(series, last), told=told)]
 
 
 def _later_counts(parts: list[xr.Dataset]) -> tuple[list[xr.Dataset], str]:

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
-from riftberg.products.axes import goes_round
-from riftberg.products.canonical import QUANTITIES
-from riftberg.products.cells import curvilinear, scattered
+from riftberg.products.mesh import Located, mesh_of
+from riftberg.products.product import noted
+from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import VECTORS, named
 from riftberg.products.roles import standard_name, units_of
-from riftberg.products.stencil import MISSING, Stencil
 
 Floats = NDArray[np.float64]
 
@@ -107,7 +106,7 @@ def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: 
 
 def _of_projection(field: xr.DataArray) -> Floats:
     """Return the angle of the first axis of a map projection."""
-    from riftberg.products.projected import to_degrees
+    from riftberg.products.place import to_degrees
 
     x, y = np.meshgrid(field["x"].values, field["y"].values)
     small = 1e-3 * max(1.0, float(np.abs(np.diff(field["x"].values)).min(initial=1e9)))
@@ -140,22 +139,8 @@ def _angle_at(placed: xr.DataArray, cosine: Floats, sine: Floats, lon: Floats, l
         and np.allclose(placed["lon"], lon, equal_nan=True)
     ):
         return np.arctan2(sine, cosine)
-    stencil = curvilinear(placed["lon"].values, placed["lat"].values, lon, lat)
-    return np.asarray(np.arctan2(stencil.plain(sine), stencil.plain(cosine)))
-
-
-def stencil_between(source: xr.Dataset | xr.DataArray, lon: Floats, lat: Floats) -> Stencil:
-    """Return where positions (degrees) lie on the grid of a placed field, whatever its kind."""
-    if "node" in source.dims:
-        return scattered(source["lon"].values, source["lat"].values, lon, lat)
-    if "lat" in source.dims:
-        axis = np.unwrap(np.asarray(source["lon"].values, float), period=360.0)
-        turn = 360.0 if goes_round(axis) else 0.0
-        if not turn:
-            middle = 0.5 * (axis[0] + axis[-1])
-            lon = (lon - middle + 180.0) % 360.0 + middle - 180.0
-        return Stencil.bilinear(axis, source["lat"].values, lon, lat, turn=turn)
-    return curvilinear(source["lon"].values, source["lat"].values, lon, lat)
+    there = Located(mesh_of(placed), lon, lat)
+    return np.asarray(np.arctan2(there.take(sine), there.take(cosine)))
 
 
 def plane_of(field: xr.Dataset | xr.DataArray) -> tuple[str, ...]:
@@ -167,29 +152,25 @@ def plane_of(field: xr.Dataset | xr.DataArray) -> tuple[str, ...]:
 
 def on_points_of(field: xr.DataArray, like: xr.DataArray | xr.Dataset) -> xr.DataArray:
     """Return a field on the points of another one: over the known points around, lazily; NaN where there are none."""
-    lon, lat = _positions(like)
-    stencil = stencil_between(field, lon, lat)
-    if stencil.outside.mean() > 1.0 - _OVERLAP:
+    if "lon" not in like.coords:
+        raise ForcingError("the components lie on different points of a map", remedy="Give both on the same points")
+    lon, lat = np.asarray(like["lon"].values, float), np.asarray(like["lat"].values, float)
+    there = Located(mesh_of(field), *(np.meshgrid(lon, lat) if "lat" in like.dims else (lon, lat)))
+    if there.outside.mean() > 1.0 - _OVERLAP:
         raise ForcingError(
-            f"the grids of {like.name or 'one field'} and {field.name} lie apart: {stencil.outside.mean():.0%} of the points "
+            f"the grids of {like.name or 'one field'} and {field.name} lie apart: {there.outside.mean():.0%} of the points "
             "of the one are not on the other", remedy="Give both components on grids of the same place",
         )  # fmt: skip
-    return regridded(
-        field,
-        stencil,
-        plane_of(like),
-        {name: c for name, c in like.coords.items() if set(c.dims) <= set(plane_of(like))},
-    )
+    places = {name: c for name, c in like.coords.items() if set(c.dims) <= set(plane_of(like))}
+    return regridded(field, there, plane_of(like)).assign_coords(places)
 
 
-def regridded(field: xr.DataArray, stencil: Stencil, dims: tuple[str, ...], coords: Any) -> xr.DataArray:
-    """Return a field on the targets of a stencil (shaped like ``dims``), lazily if it is lazy."""
+def regridded(field: xr.DataArray, there: Located, dims: tuple[str, ...]) -> xr.DataArray:
+    """Return a field at positions whose dimensions are ``dims``, lazily if it is lazy."""
     plane = plane_of(field)
 
     def apply(values: Floats) -> Floats:
-        block = values if len(plane) == 2 else values[..., None, :]
-        block_values, origin = stencil.wet(block, 0)
-        return np.where(origin == MISSING, np.nan, block_values)
+        return there.take(values if len(plane) == 2 else values[..., None, :])
 
     bare = field.drop_vars([name for name, c in field.coords.items() if set(c.dims) & set(plane)])
     temporary = [f"_{dim}" for dim in dims]
@@ -198,19 +179,22 @@ def regridded(field: xr.DataArray, stencil: Stencil, dims: tuple[str, ...], coor
     result: xr.DataArray = xr.apply_ufunc(
         apply, bare, input_core_dims=[list(plane)], output_core_dims=[temporary], dask="parallelized",
         output_dtypes=[np.float64], keep_attrs=True,
-        dask_gufunc_kwargs={"output_sizes": dict(zip(temporary, stencil.shape, strict=True))},
+        dask_gufunc_kwargs={"output_sizes": dict(zip(temporary, there.shape, strict=True))},
     )  # fmt: skip
-    return result.rename(dict(zip(temporary, dims, strict=True))).assign_coords(coords)
+    return result.rename(dict(zip(temporary, dims, strict=True)))
 
 
-def _positions(like: xr.DataArray | xr.Dataset) -> tuple[Floats, Floats]:
-    if "lon" not in like.coords:
-        raise ForcingError("the components lie on different points of a map", remedy="Give both on the same points")
-    lon, lat = np.asarray(like["lon"].values, float), np.asarray(like["lat"].values, float)
-    if "lat" in like.dims:
-        grid_lon, grid_lat = np.meshgrid(lon, lat)
-        return grid_lon, grid_lat
-    return lon, lat
+def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
+    """Regrid a canonical dataset to ascending axes of longitude and latitude (degrees), over the known points around."""
+    there = Located(mesh_of(ds), *np.meshgrid(np.asarray(lon, float), np.asarray(lat, float)))
+    fields = {name: regridded(field, there, ("lat", "lon")) for name, field in ds.data_vars.items()}
+    axes = {
+        "lat": ("lat", np.asarray(lat, float), {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
+        "lon": ("lon", np.asarray(lon, float), {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
+    }
+    attributes = {key: value for key, value in ds.attrs.items() if key != "crs_wkt"}
+    attributes["history"] = f"regridded bilinearly to longitude-latitude; {ds.attrs.get('history', '')}"
+    return xr.Dataset(fields, attrs=attributes).assign_coords(axes)
 
 
 def together(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
@@ -273,8 +257,7 @@ def _turned(ds: xr.Dataset, east: str, north: str) -> xr.Dataset:
         turned[name] = turned[name].astype(float).transpose(*old.dims)
         turned[name].attrs = {key: value for key, value in old.attrs.items() if key != "along"}
     remark = f"{east}, {north} are turned from the axes of the grid to east and north"
-    earlier = str(ds.attrs.get("told", ""))
-    return ds.assign(turned).assign_attrs(told="; ".join(filter(None, [earlier, remark])))
+    return noted(ds.assign(turned), told=remark)
 
 
 def _without_partner(ds: xr.Dataset, name: str) -> ForcingError:

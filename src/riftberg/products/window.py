@@ -11,11 +11,17 @@ from numpy.typing import NDArray
 
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
+from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round, on_branch
+from riftberg.products.mesh import CurvilinearMesh, Located, NodeMesh
+from riftberg.products.place import to_degrees, to_projection
 from riftberg.products.records import cover_of
 
 Floats = NDArray[np.float64]
 Span = tuple[float, float]
+
+REACH = 1.5
+"""Scattered points up to this many usual distances outside of a box are kept."""
 
 
 def utc(value: Any) -> np.datetime64:
@@ -79,8 +85,6 @@ def _regular(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Datas
 
 def _cut_projected(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
     """Cut a projected grid to the rectangle that holds the box."""
-    from riftberg.products.projected import to_projection
-
     west, east, south, north = box
     grid_lon, grid_lat = np.meshgrid(np.linspace(west, east, 73), np.linspace(max(south, -90.0), min(north, 90.0), 73))
     x, y = to_projection(ds.attrs["crs_wkt"], grid_lon, grid_lat)
@@ -91,8 +95,6 @@ def _cut_projected(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr
 
 def with_positions(ds: xr.Dataset) -> xr.Dataset:
     """Return a projected dataset with the latitudes and longitudes of its points."""
-    from riftberg.products.projected import to_degrees
-
     if {"lat", "lon"} <= set(ds.variables):
         return ds
     lon, lat = to_degrees(ds.attrs["crs_wkt"], *np.meshgrid(ds["x"].values, ds["y"].values))
@@ -102,12 +104,10 @@ def with_positions(ds: xr.Dataset) -> xr.Dataset:
 
 def _scattered(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.Dataset:
     """Keep the scattered points of a box and those around it, with longitudes on the branch of the box."""
-    from riftberg.products.cells import REACH, spacing_of_points
-
     west, east, south, north = box
     middle = 0.5 * (west + east)
     lon, lat = (ds["lon"].values - middle + 180.0) % 360.0 - 180.0 + middle, ds["lat"].values
-    spacing = REACH * spacing_of_points(lon, lat)
+    spacing = REACH * NodeMesh(lon, lat).spacing()
     beyond = spacing / np.maximum(np.cos(np.deg2rad(lat)), 0.02)
     near = (lat >= south - spacing) & (lat <= north + spacing) & (lon >= west - beyond) & (lon <= east + beyond)
     part = ds.assign_coords(lon=("node", lon, ds["lon"].attrs))
@@ -120,31 +120,17 @@ def _curvilinear(ds: xr.Dataset, box: tuple[float, float, float, float]) -> xr.D
     lat = ds["lat"].values
     lon = (ds["lon"].values - west) % 360.0 + west
     inside = (lat >= south) & (lat <= north) & (lon <= east)
-    if not inside.any() and not _surrounds(lon, lat, west, east, south, north):
-        return _not_empty(ds.isel(y=slice(0, 0)), ds, box)
-    inside = inside if inside.any() else _nearest(lon, lat, 0.5 * (west + east), 0.5 * (south + north))
+    if not inside.any():  # the box lies in one of the cells, or outside
+        middle = np.array([0.5 * (west + east)]), np.array([0.5 * (south + north)])
+        if Located(CurvilinearMesh(lon, lat), *middle).outside.any():
+            return _not_empty(ds.isel(y=slice(0, 0)), ds, box)
+        off = np.linalg.norm(unit_vectors(lon, lat) - unit_vectors(*middle), axis=-1)
+        inside = off == np.nanmin(off)
     rows, columns = np.nonzero(inside.any(axis=1))[0], np.nonzero(inside.any(axis=0))[0]
     columns = _after_the_seam(columns, lon.shape[1])
     row_range = slice(max(rows[0] - 1, 0), rows[-1] + 2)
     part = ds.isel(y=row_range, x=columns)
     return _straightened(part, west, east)
-
-
-def _nearest(lon: Floats, lat: Floats, to_lon: float, to_lat: float) -> NDArray[np.bool_]:
-    """Mark the point of a grid that is nearest to a place."""
-    from riftberg.plane import unit_vectors
-
-    off = np.linalg.norm(unit_vectors(lon, lat) - unit_vectors(np.array(to_lon), np.array(to_lat)), axis=-1)
-    nearest: NDArray[np.bool_] = off == np.nanmin(off)
-    return nearest
-
-
-def _surrounds(lon: Floats, lat: Floats, west: float, east: float, south: float, north: float) -> bool:
-    """Tell whether a box without points of a grid lies in one of its cells."""
-    from riftberg.products.cells import curvilinear
-
-    stencil = curvilinear(lon, lat, np.array([0.5 * (west + east)]), np.array([0.5 * (south + north)]))
-    return not bool(stencil.outside.any())
 
 
 def _after_the_seam(columns: NDArray[np.int64], size: int) -> NDArray[np.int64]:

@@ -38,7 +38,7 @@ DAMAGED: Final = "The file is damaged: resume from another restart"
 RUN_REMEDY: Final = "Name a run.nc, or the folder that 'riftberg run' made"
 
 NEEDED: Final = (
-    "time", *SHAPE[:3], "thickness", "rotation", "u_sync", "v_sync", "spin", "depth", "berg",
+    "time", "trajectory", *SHAPE[:3], "thickness", "rotation", "u_sync", "v_sync", "spin", "depth", "berg",
     "first", "second", "status", "strength", "break_time", "break_grounded", "normal_stress", "shear_stress",
     *(f"fragment_{name}" for name in ("number", "parent", "birth_time", "elements", "area", "bonds_broken", "grounded")),
 )  # fmt: skip

@@ -1,7 +1,8 @@
-"""Where elements lie between the points of a data product: on axes, on a curvilinear grid, or among scattered nodes.
+"""Where positions lie between the points of a data product: on axes, on a curvilinear grid, or among scattered nodes.
 
-A place is a cell of four points and the coordinates in it, (0, 0) at its first point and (1, 1) at the opposite one.
-Places up to half a step beyond the outermost points count as on the edge.
+Elements, corners of model grids, staggered components and the positions that the doctor looks at are all located here.
+A place is a cell of four points and the coordinates in it, (0, 0) at its first point and (1, 1) at the opposite one. Places
+up to half a step beyond the outermost points count as on the edge.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
-from riftberg.ocean.geometry import inverse_bilinear
+from riftberg.physics.quadrilaterals import inverse_bilinear
 from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round
-from riftberg.products.cells import goes_round_in_x
-from riftberg.products.stencil import brackets
+from riftberg.products.place import to_degrees, to_projection
 from riftberg.state import Floats, Ints
 
 POLAR = 85.0
@@ -35,6 +36,9 @@ FARTHEST = 3.0
 
 FOR_PLANE = 9
 """Nodes through which a plane is laid where a slope is asked for."""
+
+FOR_MEAN = 3
+"""Nodes whose weighted mean counts where a field must not have steps: on a model grid, and for the other component."""
 
 
 class Points(NamedTuple):
@@ -67,13 +71,11 @@ class Mesh(Protocol):
         """Return the places of positions (degrees, any convention)."""
 
 
-def mesh_of(ds: xr.Dataset) -> Mesh:
-    """Return the mesh of a canonical dataset."""
+def mesh_of(ds: xr.Dataset | xr.DataArray) -> Mesh:
+    """Return the mesh of a canonical dataset, or of a field that has been placed."""
     if {"lat", "lon"} <= set(ds.dims):
-        return AxesMesh(_axis(ds, "lon"), _axis(ds, "lat"))
+        return AxesMesh(np.unwrap(_axis(ds, "lon"), period=360.0), _axis(ds, "lat"))
     if {"y", "x"} <= set(ds.dims) and "crs_wkt" in ds.attrs:
-        from riftberg.products.projected import to_degrees, to_projection
-
         crs = ds.attrs["crs_wkt"]
         x, y = _axis(ds, "x"), _axis(ds, "y")
         positions = to_degrees(crs, *np.meshgrid(x, y))
@@ -89,12 +91,61 @@ def mesh_of(ds: xr.Dataset) -> Mesh:
     )
 
 
-def _axis(ds: xr.Dataset, name: str) -> Floats:
+def _axis(ds: xr.Dataset | xr.DataArray, name: str) -> Floats:
     return np.asarray(ds[name].values, np.float64)
 
 
+class Located:
+    """Positions (degrees, of any shape) and where they lie on a mesh."""
+
+    def __init__(self, mesh: Mesh, lon: Floats, lat: Floats) -> None:
+        self.mesh, self.shape = mesh, np.shape(lon)
+        self.lon, self.lat = (np.ascontiguousarray(q, np.float64).ravel() for q in (lon, lat))
+        self.places = mesh.locate(self.lon, self.lat)
+
+    @property
+    def outside(self) -> NDArray[np.bool_]:
+        """Which positions lie outside of the mesh."""
+        return np.asarray((self.places.row < 0).reshape(self.shape))
+
+    def take(self, field: Floats) -> Floats:
+        """Return a field (..., rows, columns) at the positions; NaN outside and where none of the points around knows it.
+
+        Bilinear over the known points of the cell, their weights brought to a sum of 1; the nearest nodes of scattered ones.
+        """
+        row, column, next_row, next_column, xi, eta = self.places
+        if isinstance(self.mesh, NodeMesh):
+            found = np.where(row < 0, np.nan, self.mesh.smooth(field[..., 0, :], self.lon, self.lat))
+            return np.asarray(found.reshape(*field.shape[:-2], *self.shape))
+        total, share = np.zeros((2, *field.shape[:-2], row.size))
+        next_row, next_column = np.minimum(next_row, field.shape[-2] - 1), np.minimum(next_column, field.shape[-1] - 1)
+        for j, across in ((row, 1.0 - eta), (next_row, eta)):
+            for i, along in ((column, 1.0 - xi), (next_column, xi)):
+                value = field[..., j, i]
+                known = np.isfinite(value)
+                total += np.where(known, value, 0.0) * (across * along)
+                share += known * (across * along)
+        # A share below this is rounding of a weight that ought to be zero.
+        inside = (row >= 0) & (share > 1e-9)
+        found = np.divide(total, share, out=np.full(total.shape, np.nan), where=inside)
+        return np.asarray(found.reshape(*field.shape[:-2], *self.shape))
+
+
+def brackets(axis: Floats, at: Floats) -> tuple[Ints, Floats]:
+    """Return the lower neighbour of each position on an axis and the fraction of the way to the next; NaN outside."""
+    if axis.size == 1:
+        return np.zeros(at.size, dtype=np.int64), np.where(np.isclose(at, axis[0]), 0.0, np.nan)
+    if axis[0] > axis[-1]:
+        lower, fraction = brackets(axis[::-1], at)
+        return axis.size - 2 - lower, 1.0 - fraction
+    lower = np.clip(np.searchsorted(axis, at, side="right") - 1, 0, axis.size - 2)
+    fraction = (at - axis[lower]) / (axis[lower + 1] - axis[lower])
+    outside = (fraction < -BEYOND) | (fraction > 1.0 + BEYOND)
+    return lower, np.where(outside, np.nan, np.clip(fraction, 0.0, 1.0))
+
+
 class AxesMesh:
-    """Points on axes of longitude and latitude (degrees, ascending)."""
+    """Points on axes of longitude (degrees, ascending) and latitude."""
 
     def __init__(self, lon: Floats, lat: Floats) -> None:
         repeated = abs(lon[-1] - lon[0] - 360.0) < 1e-6  # the first meridian stands at the end once more
@@ -110,7 +161,7 @@ class AxesMesh:
 
 
 class ProjectedMesh:
-    """Points on the axes of a map projection (m, ascending).
+    """Points on the axes of a map projection (m).
 
     ``positions``: longitudes and latitudes of the points, degrees ((n, m)).
     """
@@ -137,6 +188,18 @@ def _placed(columns: tuple[Ints, Floats], rows: tuple[Ints, Floats], around: int
     outside = np.isnan(xi) | np.isnan(eta)
     following = (column + 1) % around if around else column + 1
     return Places(np.where(outside, -1, row), column, row + 1, following, xi, eta)
+
+
+def goes_round_in_x(points: Floats) -> bool:
+    """Tell whether the last column of points (rows, columns, 3) is a neighbour of the first."""
+    if points.shape[1] < 4:
+        return False
+    steps = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+    seams = np.linalg.norm(points[:, -1] - points[:, 0], axis=-1)
+    if np.isnan(steps).all() or np.isnan(seams).all():
+        return False
+    step, seam = np.nanmedian(steps), np.nanmedian(seams)
+    return bool(0.2 * step < seam < 1.5 * step)
 
 
 class CurvilinearMesh:
@@ -183,7 +246,7 @@ class NodeMesh:
 
     def nearest(self, lon: Floats, lat: Floats) -> tuple[Floats, Ints]:
         """Return distance (in radii of the Earth) and number of the node nearest to each position."""
-        distance, number = self._tree.query(unit_vectors(lon, lat))
+        distance, number = self._tree.query(np.nan_to_num(unit_vectors(lon, lat)))
         return np.asarray(distance, np.float64), np.asarray(number, np.int64)
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
@@ -191,6 +254,20 @@ class NodeMesh:
         distance, node = self.nearest(lon, lat)
         row, zero = np.where(distance > FARTHEST * self._usual, -1, 0), np.zeros(lon.size)
         return Places(row, node, np.zeros_like(node), node, zero, zero)
+
+    def smooth(self, values: Floats, lon: Floats, lat: Floats) -> Floats:
+        """Return a field (..., nodes) at positions: the known of the nearest nodes, weighted by distance**-2."""
+        distance, near = self._tree.query(np.nan_to_num(unit_vectors(lon, lat)), k=min(FOR_MEAN, values.shape[-1]))
+        distance, near = distance.reshape(lon.size, -1), near.reshape(lon.size, -1)
+        weight = np.where(np.isnan(values[..., near]), 0.0, 1.0 / np.maximum(distance, 1e-9) ** 2)
+        total, share = (np.nan_to_num(values[..., near]) * weight).sum(axis=-1), weight.sum(axis=-1)
+        return np.asarray(np.divide(total, share, out=np.full(total.shape, np.nan), where=share > 0.0))
+
+    def spacing(self) -> Floats:
+        """Return the usual distance (degrees of arc) of each node to its nearest neighbours."""
+        lon, lat = self.points.lon[0], self.points.lat[0]
+        distance = self._tree.query(unit_vectors(lon, lat), k=min(FOR_MEAN + 1, lon.size))[0].reshape(lon.size, -1)
+        return np.rad2deg(distance[:, 1:].mean(axis=1)) if lon.size > 1 else np.zeros(1)
 
     def slopes(self, values: Floats, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
         """Return the slope to the east and north (per m) of a field at positions: of the plane through the nodes near by.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
+from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, fill_values
+from riftberg.ocean.product_records import as_block
 from riftberg.products.axes import goes_round, step_of
-from riftberg.products.canonical import QUANTITIES, small_unit, unlikely
-from riftberg.products.findings import DataFinding, FieldFinding, Report
-from riftberg.products.on_path import FILL_CELLS, box_share_outside, on_path
-from riftberg.products.packing import VALID
+from riftberg.products.mesh import Located, NodeMesh, mesh_of
+from riftberg.products.product import Product
+from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     WAVES,
@@ -30,7 +32,9 @@ from riftberg.products.records import (
     remarks,
     usual_interval,
 )
-from riftberg.products.registry import expand, open_named, product_named, recognise
+from riftberg.products.registry import expand, joined, product_named, read_named
+from riftberg.products.repair import VALID
+from riftberg.products.vectors import together
 from riftberg.products.window import extent_text, longitudes_near, utc, window, window_in_time
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
@@ -48,23 +52,9 @@ ASSUMED = {
 }
 """What a run takes where no file gives a field that it should have."""
 
-WHERE_FROM = {
-    "uo": "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)",
-    "vo": "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)",
-    "ssh": "sea level: DUACS adt or GLORYS12 zos (free Copernicus Marine login)",
-    "ua": "wind: NCEP/NCAR R1 uwnd.10m.gauss.YEAR.nc (no login) or ERA5 u10",
-    "va": "wind: NCEP/NCAR R1 vwnd.10m.gauss.YEAR.nc (no login) or ERA5 v10",
-    "ice_fraction": "sea ice: GLORYS12 siconc, OSI SAF ice_conc or ERA5 siconc",
-    "ice_thickness": "sea ice thickness: GLORYS12 sithick",
-    "ui": "sea ice drift: GLORYS12 usi",
-    "vi": "sea ice drift: GLORYS12 vsi",
-    "depth_below_surface": "sea floor: GEBCO grid (`riftberg fetch gebco`), IBCSO south of 50 S",
-    "sst": "sea surface temperature: GLORYS12 thetao or ERA5 sst",
-    "sss": "salinity: GLORYS12 so",
-    "wave_height": "waves: ERA5 swh",
-}
 _SAMPLE_RECORDS = 3
 _LARGE = 2000
+_EDGE_POINTS = 25  # along each edge of a box, to see how much of it lies on a grid
 
 HARMLESS = "which stops no run"
 """End of findings that need no action."""
@@ -128,24 +118,19 @@ def _entries(
 
 def _opened_entries(entries: Sequence[tuple[str, str | None]], report: Report) -> list[xr.Dataset]:
     """Open what can be opened; note the rest in the report."""
-    usable: list[tuple[str, str | None]] = []
-    for name, product in entries:
+    usable: list[list[tuple[xr.Dataset, Product]]] = []
+    for number, (name, product) in enumerate(entries):
         try:
-            if product is None:
-                recognise(name)
-            else:
-                product_named(product)
-            open_named([(name, product)], turned=False)
-            usable.append((name, product))
+            parts = read_named(name, product, number)
+            joined(parts)  # what its product makes of its records may be refused too
+            usable.append(parts)
         except ForcingError as error:
             report.unreadable[name] = _other_kind(name) or _without_place(error)
-    if not usable:
-        return []
     try:
-        return open_named(usable)
+        return together(joined([part for parts in usable for part in parts]))
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
-        return [ds for entry in usable for ds in open_named([entry], turned=False)]
+        return [ds for parts in usable for ds in joined(parts)]
 
 
 def _other_kind(name: str) -> str:
@@ -181,9 +166,10 @@ def _examined(
         space=extent_text(ds),
         time=_time_cover(ds),
     )
-    crs = ds.attrs.get("crs_wkt")
     part = _part(ds, lon, lat, time, finding)
-    _space_problems(part if part is not None and "lat" not in ds.dims and not crs else ds, lon, lat, finding)
+    _space_problems(
+        part if part is not None and "lat" not in ds.dims and "crs_wkt" not in ds.attrs else ds, lon, lat, finding
+    )
     if part is None:
         _time_problems(ds, {}, time, finding)
         return finding
@@ -191,13 +177,13 @@ def _examined(
     _time_problems(
         ds, {name: part["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, finding
     )
-    outside = on_path(part[next(iter(part.data_vars))], path, crs).outside
-    if outside:
+    berg = Located(mesh_of(part), *np.reshape(path or (), (-1, 2)).T)
+    if berg.outside.any():
         finding.problems.append(
-            f"{outside} of {len(path or ())} positions of the berg lie outside. Fetch a larger area"
+            f"{berg.outside.sum()} of {berg.lon.size} positions of the berg lie outside. Fetch a larger area"
         )
     sample = _sampled(part, empty, finding)
-    finding.fields = [_field_report(sample[name], path, crs) for name in sample.data_vars]
+    finding.fields = [_field_report(sample[name], berg) for name in sample.data_vars]
     return finding
 
 
@@ -263,7 +249,9 @@ def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, finding:
     if lon is None or lat is None or finding.problems:
         return
     if "lat" not in ds.dims and "node" not in ds.dims:
-        outside = box_share_outside(ds, lon, lat, ds.attrs.get("crs_wkt"))
+        east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
+        box = np.meshgrid(np.linspace(lon[0], east, _EDGE_POINTS), np.linspace(*lat, _EDGE_POINTS))
+        outside = Located(mesh_of(ds), *box).outside.mean()
         if outside > 0.0:
             finding.problems.append(
                 f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
@@ -342,13 +330,31 @@ def _end_problems(
         )
 
 
-def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | None) -> FieldFinding:
+def _lacking(data: xr.DataArray, berg: Located) -> tuple[int, int]:
+    """Count positions of the berg at which any record of a field has no water around, and those without near water either.
+
+    Of levels the uppermost is looked at; scattered points have no cells, and are not counted.
+    """
+    if isinstance(berg.mesh, NodeMesh):
+        return 0, 0
+    known, draft = np.empty((2, berg.lon.size)), np.ones(berg.lon.size)
+    dry, unfilled = np.zeros((2, berg.lon.size), bool)
+    for record in as_block(data.isel(depth=slice(0, 1)) if "depth" in data.dims else data, "forcing"):
+        field = Blend(record, record, 0.0, SURFACE, np.nan)
+        for values, rings in zip(known, (NO_RINGS, RINGS), strict=True):
+            fill_values(field, berg.places, draft, berg.mesh.points.columns, rings, values)
+        dry |= np.isnan(known[0])
+        unfilled |= np.isnan(known[1])
+    return int((dry & ~berg.outside).sum()), int((unfilled & ~berg.outside).sum())
+
+
+def _field_report(data: xr.DataArray, berg: Located) -> FieldFinding:
     """Return range, missing share and problems of one field in the experiment."""
     quantity = QUANTITIES[str(data.name)]
     values = data.values
     known = np.isfinite(values)
     low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (np.nan, np.nan)
-    lacks = on_path(data, path, crs)
+    missing, unfilled = _lacking(data, berg)
     report = FieldFinding(
         name=quantity.name,
         original_name=str(data.attrs.get("original_name", "")),
@@ -358,10 +364,10 @@ def _field_report(data: xr.DataArray, path: Sequence[Span] | None, crs: str | No
         low=low,
         high=high,
         missing_share=float(1.0 - known.mean()) if known.size else 1.0,
-        missing_on_path=lacks.missing,
-        unfilled_on_path=lacks.unfilled,
+        missing_on_path=missing,
+        unfilled_on_path=unfilled,
     )
-    _judge(report, len(path or ()))
+    _judge(report, berg.lon.size)
     if report.missing_share == 1.0 and (valid := data.attrs.get(VALID)):
         report.problems.append(f"the file calls only {valid} valid: check its valid_range and its units")
     return report
@@ -400,7 +406,7 @@ def _effect(finding: FieldFinding) -> str:
         return f"ice beside them is taken, else open water, {HARMLESS}"
     if finding.unfilled_on_path:
         return (
-            f"at {finding.unfilled_on_path} of them water is farther away than {FILL_CELLS} cells of the product, and the "
+            f"at {finding.unfilled_on_path} of them water is farther away than {REACH} cells of the product, and the "
             "field is 0 there. Take a product with water on the path"
         )
     return f"values from the nearest water will be used there, {HARMLESS}"
@@ -418,7 +424,7 @@ def _conclude(report: Report, needed: Sequence[str], wished: Sequence[str]) -> N
     good = {item.name for finding in report.data for item in finding.fields if item.missing_share < 1.0}
     report.missing = [name for name in needed if name not in good]
     for name in (*report.missing, *(name for name in wished if name not in good)):
-        source = WHERE_FROM.get(name, "any CF file with standard name " + QUANTITIES[name].standard_name)
+        source = QUANTITIES[name].source or f"any CF file with standard name {QUANTITIES[name].standard_name}"
         text = f"o file gives {name} ({QUANTITIES[name].long_name}). Get {source}"
         if name in needed:
             report.advice.append(f"N{text}")
@@ -435,3 +441,101 @@ def _conclude(report: Report, needed: Sequence[str], wished: Sequence[str]) -> N
         for item in wanted:
             serious = [text for text in item.problems if not text.endswith(HARMLESS)]
             report.advice += [f"{Path(finding.files[0]).name}, {item.name}: {problem}" for problem in serious]
+
+
+@dataclass
+class FieldFinding:
+    """One field of a dataset: range within the experiment, and how much of it is missing."""
+
+    name: str
+    original_name: str
+    original_units: str
+    units: str
+    positive: str
+    low: float
+    high: float
+    missing_share: float
+    missing_on_path: int
+    unfilled_on_path: int = 0
+    problems: list[str] = field(default_factory=list)
+
+
+@dataclass
+class DataFinding:
+    """One dataset: files of one product, one grid, one set of records."""
+
+    files: list[str]
+    product: str
+    title: str
+    checked_against: str
+    notes: list[str]
+    fields: list[FieldFinding] = field(default_factory=list)
+    space: str = ""
+    time: str = ""
+    sampled: str = ""
+    problems: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Report:
+    """What `doctor` found."""
+
+    data: list[DataFinding] = field(default_factory=list)  # One entry per dataset
+    unreadable: dict[str, str] = field(default_factory=dict)  # Files that could not be used, and why
+    # Files that are good by themselves and cannot be used together, and why
+    clashes: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # What should be known of the files together
+    missing: list[str] = field(default_factory=list)  # Needed fields that no dataset gives
+    advice: list[str] = field(default_factory=list)  # What to do, the most pressing first
+    assumed: list[str] = field(default_factory=list)  # What a run takes for that which no file gives
+    # Why a run with these files does not start, empty if it does; None where none was tried, and the advice decides
+    refusal: str | None = None
+
+    @property
+    def ready(self) -> bool:
+        """Whether the files suffice for the experiment: where a run was tried, whether it starts."""
+        return not self.advice if self.refusal is None else not (self.refusal or self.missing)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the report as plain numbers, texts, lists and dicts."""
+        return {**asdict(self), "ready": self.ready}
+
+    def text(self) -> str:
+        """Return the report as plain text."""
+        lines: list[str] = []
+        shown: set[str] = set()
+        for finding in self.data:
+            lines += _data_lines(finding, shown)
+            shown.update(finding.notes)
+        for name, reason in self.unreadable.items():
+            lines += [f"{name}", f"  cannot be used: {reason}", ""]
+        lines += [f"Note: {note}" for note in self.notes]
+        lines += [f"Assumed: {text}" for text in self.assumed]
+        if self.ready:
+            lines.append(
+                "Ready: " + ("these files give all that was asked for." if self.refusal is None else "the run starts.")
+            )
+            lines += ["Worth a look:"] if self.advice else []
+        else:
+            lines.append("Not ready. What to do:")
+        steps = [self.refusal, *self.advice] if self.refusal else self.advice
+        lines += [f"  {number}. {text}" for number, text in enumerate(steps, 1)]
+        return "\n".join(lines)
+
+
+def _data_lines(finding: DataFinding, shown: set[str]) -> list[str]:
+    """Return the lines of a dataset, without the notes that were given before."""
+    head = finding.files[0] if len(finding.files) == 1 else f"{finding.files[0]} and {len(finding.files) - 1} more"
+    lines = [head, f"  is      {finding.title} ({finding.product}; reader checked against {finding.checked_against})"]
+    lines += [f"  space   {finding.space}", f"  time    {finding.time}"]
+    for item in finding.fields:
+        meaning = QUANTITIES[item.name].long_name
+        lines.append(f"  gives   {item.name:<20}{meaning}, + is {item.positive}")
+        lines.append(f"          from {item.original_name} ({item.original_units or 'no units'} in the file);")
+        lines[-1] += f" here {item.low:.4g} to {item.high:.4g} {item.units}"
+        lines[-1] += f", {item.missing_share:.2%} missing" if item.missing_share > 0.0 else ""
+        lines += [f"          ! {problem}" for problem in item.problems]
+    lines += [f"  sample  {finding.sampled}"] if finding.sampled else []
+    lines += [f"  note    {note}" for note in finding.notes if note not in shown]
+    lines += [f"  !       {problem}" for problem in finding.problems]
+    return [*lines, ""]

@@ -1,18 +1,21 @@
-"""The dates of a field: found among its coordinates whatever they are called, in the file's heading as a last resort."""
+"""The dates of a field: where they are found, what its file says of the time between them, and where means hold in time."""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.records import MEAN_OF
+from riftberg.products.product import noted
+from riftberg.products.records import MEAN_OF, named, usual_interval
+from riftberg.products.repair import CALENDARS
 from riftberg.products.roles import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
-from riftberg.products.stated import HEADINGS, MEAN_WORDS, iso_seconds
-from riftberg.products.text_dates import CALENDARS
 
 _NOT_VALID = re.compile(r"reference|initial|issue|creation|production|analysis")
 _COVERAGE = (
@@ -228,3 +231,186 @@ def _moment_of_text(text: Any) -> Any:
         return np.datetime64(f"{year}-{month}-{day}T{hour or '00'}:{minute or '00'}", "us")
     except ValueError:
         return None
+
+
+# What a file says itself about the time between its records, or that one record stands for.
+
+
+MONTH_SECONDS = 30.4 * SECONDS_PER_DAY
+
+_TIME_UNITS = {"second": 1.0, "minute": 60.0, "hour": 3600.0, "day": SECONDS_PER_DAY}
+_FREQUENCIES = {
+    "1hr": 3600.0, "3hr": 3 * 3600.0, "6hr": 6 * 3600.0, "day": SECONDS_PER_DAY, "mon": MONTH_SECONDS,
+}  # fmt: skip
+_WORDS = (
+    (re.compile(r"\bmonth(ly)?[ _-](mean|average)|_p1m-m|\bp1m\b"), MONTH_SECONDS),
+    (re.compile(r"\b(daily|day)[ _-](mean|average)|_p1d-m|\bp1d\b"), SECONDS_PER_DAY),
+)
+TITLES = ("title", "id", "source", "product", "comment")
+HEADINGS = (*TITLES, "summary", "description")
+"""Attributes of a file that say in words what its records are; the last two speak of what they were made from, too."""
+
+MEAN_WORDS = re.compile(r"\b(month|monthly|day|daily)[ _-](mean|average)|_p1[md]-m", re.I)
+"""Words of a heading by which records are means."""
+_FILE_NAMES = (
+    (re.compile(r"p1m-m|_mean_\d{6}(?!\d)|monthly"), MONTH_SECONDS),
+    (re.compile(r"p1d-m|_mean_\d{8}(?!\d)|daily"), SECONDS_PER_DAY),
+)
+_ISO = re.compile(r"^P(?:(\d+)Y)?(?:(\d+)M)?(?:(\d+)W)?(?:(\d+)D)?(?:T(?:(\d+)H)?(?:(\d+)M)?(?:(\d+)S)?)?$")
+_ISO_SECONDS = (12 * MONTH_SECONDS, MONTH_SECONDS, 7 * SECONDS_PER_DAY, SECONDS_PER_DAY, 3600.0, 60.0, 1.0)
+
+
+def stated_interval(raw: xr.Dataset, path: str) -> float:
+    """Return the interval (s) that a file states; 0 if it states none.
+
+    Looked at are, in this order: bounds of the time, the attributes ``time_coverage_resolution`` (ISO 8601),
+    ``frequency`` (CMIP) and ``delta_t`` (NOAA), headings that say daily or monthly mean, and the name of the file.
+    ``cell_methods`` tell that a value is a mean, not over which time.
+    """
+    ways = (
+        _bounds(raw),
+        iso_seconds(str(raw.attrs.get("time_coverage_resolution", ""))),
+        _FREQUENCIES.get(str(raw.attrs.get("frequency", "")), 0.0),
+        _delta(raw),
+        _length_in(" ".join(str(raw.attrs.get(k, "")) for k in TITLES), _WORDS),
+        _length_in(Path(path).name, _FILE_NAMES),
+    )
+    return next((seconds for seconds in ways if seconds > 0.0), 0.0)
+
+
+def _bounds(raw: xr.Dataset) -> float:
+    """Return the usual width of the bounds of the time, whatever it is called."""
+    for time in raw.variables.values():
+        bounds = raw.variables.get(str(time.attrs.get("bounds", "")))
+        units = str(time.attrs.get("units", ""))
+        unit = units.split(" ")[0].lower().rstrip("s")
+        if bounds is None or " since " not in units or time.ndim != 1:
+            continue
+        if unit in _TIME_UNITS and bounds.ndim == 2 and bounds.shape[1] == 2 and bounds.size:
+            widths = np.abs(np.diff(np.asarray(bounds.values, float), axis=1))
+            return float(np.median(widths)) * _TIME_UNITS[unit]
+    return 0.0
+
+
+_NEAR = re.compile(
+    r"analysis[ _-]?forecast|_anfc|forecast|near[ _-]real[ _-]time|(?<![a-z])nrt(?![a-z])|operational|interim|preliminary",
+    re.I,
+)
+_PAST = re.compile(r"re-?analysis|multi-?year|hindcast|delayed[ _-]time|(?<![a-z])(my|rep|dt)(?![a-z])", re.I)
+
+
+def told_kind(raw: xr.Dataset, path: str) -> str:
+    """Return a remark where heading or name of a file say that it is an analysis, a forecast or near real time."""
+    keys = (
+        "title",
+        "id",
+        "source",
+        "product",
+        "product_id",
+        "processing_level",
+        "experiment",
+        "summary",
+        "field_type",
+        "name",
+    )
+    for text in (*(str(raw.attrs.get(key, "")) for key in keys), Path(path).name):
+        match = _NEAR.search(text)
+        if match and not _PAST.search(text):
+            return f"analysis, forecast or near real time, no reanalysis: the file says {text.strip()[:80]!r}"
+    return ""
+
+
+def iso_seconds(text: str) -> float:
+    """Return the length of an ISO 8601 duration (``P1D``, ``PT6H``) in seconds; 0 if it is none."""
+    match = _ISO.match(text.strip().upper())
+    if match is None:
+        return 0.0
+    return sum(int(count) * unit for count, unit in zip(match.groups(), _ISO_SECONDS, strict=True) if count)
+
+
+def _delta(raw: xr.Dataset) -> float:
+    """Return NOAA's ``delta_t``: year-month-day hour:minute:second."""
+    text = str(raw.variables["time"].attrs.get("delta_t", "")) if "time" in raw.variables else ""
+    match = re.match(r"^(\d+)-(\d+)-(\d+) (\d+):(\d+):(\d+)", text)
+    if match is None:
+        return 0.0
+    years, months, days, hours, minutes, seconds = map(int, match.groups())
+    return float((12 * years + months) * MONTH_SECONDS + days * SECONDS_PER_DAY + 3600 * hours + 60 * minutes + seconds)
+
+
+def _length_in(text: str, words: tuple[tuple[re.Pattern[str], float], ...]) -> float:
+    return next((seconds for pattern, seconds in words if pattern.search(text.lower())), 0.0)
+
+
+# Means whose file states no bounds: where in time they hold, and for how long; what cannot be known is told.
+
+
+MONTH = (28 * SECONDS_PER_DAY, 31 * SECONDS_PER_DAY)
+"""Lengths (s) of months."""
+
+
+def in_mid_month(ds: xr.Dataset) -> xr.Dataset:
+    """Return monthly means with their stamps in the middle of the month, whatever day the file wrote."""
+    months = ds["time"].values.astype("datetime64[M]")
+    start, end = months.astype("datetime64[ns]"), (months + 1).astype("datetime64[ns]")
+    return _standing_for(ds, (end - start) / np.timedelta64(1, "s"), start + (end - start) / 2)
+
+
+def _standing_for(ds: xr.Dataset, seconds: NDArray[np.float64], dates: Any) -> xr.Dataset:
+    """Return means of so many seconds each, in the middle of them."""
+    ds = ds.assign_coords({"time": ("time", dates, ds["time"].attrs), MEAN_OF: ("time", seconds, {"units": "s"})})
+    return ds.assign_attrs(averaging_seconds=float(np.median(seconds)))
+
+
+def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
+    """Put means without bounds where they hold, and say so, once all records of all files are known.
+
+    Months stamped on their first or last day are put in mid-month, days stamped 00:00 at noon of the day that begins there:
+    thus the common services and tools write them. As values of the stamp they would be half an interval off in any case.
+    """
+    said = str(ds.attrs.get("means", ""))
+    if MEAN_OF in ds.coords or float(ds.attrs.get("averaging_seconds", 0.0)) > 0.0:
+        return ds
+    records = ds["time"].values
+    shown = usual_interval(records)
+    step = min((s for s in (shown, float(ds.attrs.get("stated_seconds", 0.0))) if s > 0.0), default=0.0)
+    of_months = bool(re.fullmatch(r"GRIB_stepType avg\w+", said))  # the hourly kind is plain "avg"
+    days = records.astype("datetime64[D]")
+    months = records.astype("datetime64[M]")
+    first = bool((days == months.astype(days.dtype)).all())
+    last = bool((days + 1 == (months + 1).astype(days.dtype)).all())
+    stamp = f"on the {'first' if first else 'last'} of the month"
+    by_month = MONTH[0] <= step <= MONTH[1] or (of_months and not step)
+    if not said:
+        if first and by_month and records.size > 1 and not known and "longest_step" not in ds.attrs:
+            return noted(
+                ds, doubt=f"records {stamp}, taken as values of these dates: are they means? Then write bounds of time"
+            )
+        return ds
+    if of_months and 0.0 < shown <= SECONDS_PER_DAY:
+        raise ForcingError(
+            f"monthly means by hour of the day ({said}), which are no course in time", where=named(ds),
+            remedy="Give the monthly means of all hours, or hourly data",
+        )  # fmt: skip
+    if by_month and (first or last):
+        return noted(
+            in_mid_month(ds), told=f"monthly means ({said}) without bounds, stamped {stamp}, are put in mid-month"
+        )
+    into = np.asarray((records - days.astype(records.dtype)) / np.timedelta64(1, "s"))
+    middle = np.full(records.size, 0.5 * step)
+    if by_month and step:  # a stamp within two days of the middle is meant as such
+        into = np.asarray((records - months.astype(records.dtype)) / np.timedelta64(1, "s"))
+        if bool((np.clip(into, 13.0 * SECONDS_PER_DAY, 17.0 * SECONDS_PER_DAY) == into).all()):
+            return in_mid_month(ds)
+        middle[:] = np.nan
+    elif step == SECONDS_PER_DAY and not into.any():
+        ds = _standing_for(ds, np.full(records.size, step), records + np.timedelta64(12, "h"))
+        return noted(
+            ds, told=f"daily means ({said}) without bounds, stamped 00:00, are put at noon of the day that begins there"
+        )
+    elif 0.0 < step < SECONDS_PER_DAY:
+        into = into % step
+    if step and bool((into == middle).all()):
+        return _standing_for(ds, np.full(records.size, step), records)
+    over = f"over about {step / 3600.0:.3g} h" if step else "over a time that nothing says"
+    return noted(ds, doubt=f"means ({said}) {over} without bounds are taken as values of their stamps")

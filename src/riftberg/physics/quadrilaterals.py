@@ -7,9 +7,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.state import Floats
+
+Floats = NDArray[np.float64]
 
 
 @kernel

@@ -1,0 +1,237 @@
+"""Repairs of what a file says about its numbers where xarray does not look: packing and dates as text, valid values, masks."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.errors import ForcingError
+from riftberg.products.roles import role_of_name, standard_name
+
+VALID = "valid"
+"""Attribute that notes which values of a field are valid by its file."""
+
+_PACKING = ("scale_factor", "add_offset")
+
+_SEA, _LAND = ("sea_binary_mask", "sea_area_fraction"), ("land_binary_mask", "land_area_fraction")
+"""Standard names of masks: above 0 there is sea, from 1 on there is land alone."""
+
+
+def with_plain_packing(raw: xr.Dataset, where: str) -> xr.Dataset:
+    """Return an undecoded dataset whose scale factors and offsets are numbers, also where the file writes them as text."""
+    for name, variable in raw.variables.items():
+        for key in _PACKING:
+            value = variable.attrs.get(key)
+            if isinstance(value, np.ndarray) and value.size > 1:
+                raise ForcingError(
+                    f"{key} of {name} has {value.size} numbers", where=where,
+                    remedy=f"Give one: ncatted -a {key},{name},o,d,NUMBER FILE",
+                )  # fmt: skip
+            if value is None:
+                continue
+            correct = f"Correct it: ncatted -a {key},{name},o,d,NUMBER FILE"
+            try:
+                scale = float(np.ravel(value)[0])
+            except ValueError:
+                raise ForcingError(
+                    f"{key} of {name} is {value[:40]!r}, which is no number", where=where, remedy=correct
+                ) from None
+            if not np.isfinite(scale) or (scale == 0.0 and key == "scale_factor"):
+                raise ForcingError(
+                    f"{key} of {name} is {scale:g}, which leaves nothing of its values", where=where, remedy=correct
+                )
+            if isinstance(value, str):
+                variable.attrs[key] = scale
+    return raw
+
+
+def without_land(ds: xr.Dataset, field: xr.DataArray) -> xr.DataArray:
+    """Return a field of the sea without the values where a mask of its file says land, which files write as zeros."""
+    for name, mask in ds.variables.items():
+        if mask.ndim > 1 and set(mask.dims) <= set(field.dims) and (said := standard_name(mask)) in (*_SEA, *_LAND):
+            field = field.where(ds[name] > 0 if said in _SEA else ~(ds[name] >= 1))
+    return field
+
+
+def within_valid_range(ds: xr.Dataset) -> xr.Dataset:
+    """Return a decoded dataset without the values that its attributes ``valid_min``, ``valid_max``, ``valid_range`` rule out.
+
+    As CF says, limits that are whole numbers beside packed whole numbers are packed too, other limits are not.
+    """
+    masked: dict[Any, xr.DataArray] = {}
+    for name in ds.data_vars:
+        limits = _limits(ds[name])
+        if limits is not None:
+            low, high = limits
+            masked[name] = ds[name].where((ds[name] >= low) & (ds[name] <= high))
+            masked[name].encoding = ds[name].encoding
+            masked[name].attrs = {**ds[name].attrs, VALID: f"{low:.3g} to {high:.3g}"}
+    return ds.assign(masked) if masked else ds
+
+
+def _limits(field: xr.DataArray) -> tuple[float, float] | None:
+    """Return the limits of valid values as decoded, a little wider for round-off; None where the file gives none."""
+    if field.dtype.kind != "f":
+        return None
+    both = np.ravel(field.attrs.get("valid_range", ()))
+    if both.size != 2:
+        both = np.array([np.ravel(field.attrs.get(key, np.nan))[0] for key in ("valid_min", "valid_max")])
+    if both.dtype.kind not in "iuf" or not np.isfinite(both.astype(float)).any():
+        return None
+    low, high = (float(limit) for limit in both)
+    stored = np.dtype(field.encoding.get("dtype", field.dtype)).kind
+    if stored in "iu" and _whole(field):
+        ends = [
+            limit * float(field.encoding.get("scale_factor", 1.0)) + float(field.encoding.get("add_offset", 0.0))
+            for limit in (low, high)
+        ]
+        low, high = (ends[1], ends[0]) if ends[0] > ends[1] else (ends[0], ends[1])
+    elif stored == "f" and "scale_factor" in field.encoding:
+        return None  # whether the limits are packed is not told
+    low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
+    slack = 1e-5 * max(abs(limit) for limit in (low, high) if np.isfinite(limit))
+    return (low - slack, high + slack) if low < high else None
+
+
+def _whole(field: xr.DataArray) -> bool:
+    """Tell whether the limits of a field are whole numbers, as its packed values are."""
+    given = [np.asarray(field.attrs[key]) for key in ("valid_range", "valid_min", "valid_max") if key in field.attrs]
+    return all(limits.dtype.kind in "iu" for limits in given)
+
+
+# Dates that a file writes as text, turned into numbers that xarray decodes; and units of time in plain spelling.
+
+
+_ISO = re.compile(
+    r"^(\d{4})[-/.]?(\d{2})[-/.]?(\d{2})(?:[T _]?(\d{2})(?::?(\d{2})(?::?(\d{2})(?:\.(\d+))?)?)?)?"
+    r"\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?$"
+)
+_NAMED = re.compile(r"^(\d{1,2})[- ]([A-Za-z]{3})[a-z]*[- ](\d{4})(?:[ T:](\d{2}):(\d{2})(?::(\d{2}))?)?$")
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_SINCE = re.compile(r"^\s*([A-Za-z]+)\s+since\s+(.*?)\s*$", re.I)
+_SINCE_1970 = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "proleptic_gregorian"}
+_MOST = 1_000_000
+
+CALENDARS = (
+    "standard", "gregorian", "proleptic_gregorian", "julian", "noleap", "365_day", "all_leap", "366_day", "360_day",
+)  # fmt: skip
+"""Calendars of CF."""
+_CALENDARS = {"gregorianproleptic": "proleptic_gregorian"} | {name.replace("_", ""): name for name in CALENDARS}
+
+
+def with_text_dates(ds: xr.Dataset, where: str = "") -> xr.Dataset:
+    """Return a dataset, decoded or not, with numbers since 1970 in place of texts that are the dates of its fields.
+
+    Text that belongs to a dimension and is no date is noted in ``encoding["texts"]``, by dimension.
+    """
+    written: dict[str, tuple[tuple[Any, ...], Any, dict[str, Any]]] = {}
+    noted: dict[str, str] = dict(ds.encoding.get("texts", {}))
+    listed = _listed(ds)
+    for name in map(str, ds.variables):
+        variable = ds.variables[name]
+        if variable.dtype.kind not in "OSU" or not 0 < variable.size <= _MOST or not _says_when(ds, name, listed):
+            continue
+        dims_and_texts = _texts(variable)
+        if dims_and_texts is None or not dims_and_texts[1]:
+            continue
+        dims, texts = dims_and_texts
+        seconds = [_seconds(text) for text in texts]
+        if None not in seconds:
+            values = np.array(seconds, np.float64)
+            kept = {
+                key: value for key, value in variable.attrs.items() if key in ("standard_name", "long_name", "axis")
+            }
+            written[name] = dims, values if dims else values[0], {**kept, **_SINCE_1970}
+        elif len(dims) == 1:
+            noted[str(dims[0])] = f"{name} begins with {texts[0][:40]!r}"
+    encoding = dict(ds.encoding)
+    if written:
+        coords = [name for name in written if name in ds.coords or name in ds.dims]
+        ds = ds.drop_vars(list(written)).assign(written).set_coords(coords)
+    ds.encoding = {**encoding, "texts": noted, "written": [*encoding.get("written", ()), *written]}
+    return ds
+
+
+def _listed(ds: xr.Dataset) -> set[str]:
+    """Return what the attributes ``coordinates`` name, of the fields and of the file."""
+    places = [
+        ds.attrs,
+        ds.encoding,
+        *(v.attrs for v in ds.variables.values()),
+        *(v.encoding for v in ds.variables.values()),
+    ]
+    return {name for place in places for name in str(place.get("coordinates", "")).split()}
+
+
+def _says_when(ds: xr.Dataset, name: str, listed: set[str]) -> bool:
+    declared = name in ds.dims or name in ds.coords or name in listed
+    return declared or role_of_name(name) == "time" or standard_name(ds.variables[name]) == "time"
+
+
+def _texts(variable: xr.Variable) -> tuple[tuple[Any, ...], list[str]] | None:
+    """Return dimensions and texts of a variable with one text for each record; None if it holds something else."""
+    try:
+        values = np.asarray(variable.values)
+    except (OSError, RuntimeError, ValueError, UnicodeDecodeError):  # a damaged file; it is told where it matters
+        return None
+    dims = variable.dims
+    while values.dtype == np.dtype("S1") and values.ndim > 1 and values.shape[-1] == 1:  # letters in boxes of one
+        values, dims = values[..., 0], dims[:-1]
+    if values.dtype == np.dtype("S1") and values.ndim:
+        values, dims = np.ascontiguousarray(values).view(f"S{values.shape[-1]}")[..., 0], dims[:-1]
+    if values.ndim > 1 or not all(isinstance(value, (str, bytes)) for value in values.ravel().tolist()):
+        return None
+    plain = [v.decode("latin-1") if isinstance(v, bytes) else v for v in values.ravel().tolist()]
+    return dims, [text.strip(" \0") for text in plain]
+
+
+def _seconds(text: str) -> float | None:
+    """Return a date in words as seconds since 1970 (UTC); None if it is none."""
+    match, zone = _ISO.match(text), ""
+    if match is not None:
+        year, month, day, hour, minute, second, fraction, zone = match.groups()
+    elif (match := _NAMED.match(text)) is not None and match[2].lower() in _MONTHS:
+        day, _, year, hour, minute, second = match.groups()
+        month, day, fraction = f"{_MONTHS.index(match[2].lower()) + 1:02d}", f"{int(day):02d}", None
+    else:
+        return None
+    try:
+        date = np.datetime64(f"{year}-{month}-{day}T{hour or '00'}:{minute or '00'}:{second or '00'}", "s")
+    except ValueError:
+        return None
+    ahead = 0.0
+    if zone and zone[0] in "+-":
+        ahead = float(f"{zone[0]}1") * (3600.0 * float(zone[1:3]) + 60.0 * float(zone[-2:]))
+    return float(date.astype(np.int64)) + float(f"0.{fraction or 0}") - ahead
+
+
+def with_plain_time_units(ds: xr.Dataset, where: str) -> xr.Dataset:
+    """Return a dataset whose units of time read ``hours since DATE`` in a calendar of CF, however they were written."""
+    for variable in ds.variables.values():
+        units = variable.attrs.get("units")
+        match = _SINCE.match(units) if isinstance(units, str) else None
+        if match is not None:
+            plain = f"{match[1].lower()} since {match[2]}"
+            if plain != units:
+                variable.attrs["units"] = plain
+            written = re.sub(r"[^a-z0-9]", "", str(variable.attrs.get("calendar", "")).lower()).removesuffix("s")
+            if written in _CALENDARS:
+                variable.attrs["calendar"] = _CALENDARS[written]
+    return ds
+
+
+def without_false_fill(raw: xr.Dataset, where: str) -> xr.Dataset:
+    """Drop a NaN fill value from integer variables: it can never occur in them and stops the decoding."""
+    for variable in raw.variables.values():
+        fill = variable.attrs.get("_FillValue")
+        if variable.dtype.kind in "iu" and isinstance(fill, (float, np.floating)) and np.isnan(fill):
+            variable.attrs.pop("_FillValue")
+    return raw
+
+
+# Texts become numbers with units of time before these units are put in order.
+REPAIRS = (with_plain_packing, with_text_dates, with_plain_time_units, without_false_fill)
+"""What is repaired in an undecoded file before xarray decodes it; each takes the dataset and its place in messages."""
