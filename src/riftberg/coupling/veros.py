@@ -14,7 +14,7 @@ import xarray as xr
 
 from riftberg.config.values import number
 from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import InputError
 from riftberg.model import BareModel
 from riftberg.ocean.grid import Grid
