@@ -15,7 +15,7 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import RiftbergError
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
