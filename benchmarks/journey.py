@@ -85,7 +85,8 @@ def holds(thing: Any, value: float, depth: int = 3) -> bool:
             thing.variable._data if isinstance(thing, xr.DataArray) else thing._data, np.ndarray
         ) and holds(thing.values, value)
     if isinstance(thing, xr.Dataset):
-        return any(name in thing for name in ("uo", "vo"))
+        # Its fields may not be read yet: a dataset with the current counts for the current, and for no other value.
+        return value == CURRENT and any(name in thing for name in ("uo", "vo"))
     if depth and type(thing) in (list, tuple):
         return any(holds(item, value, depth - 1) for item in thing)
     if depth and type(thing) is dict:

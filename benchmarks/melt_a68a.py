@@ -13,7 +13,7 @@ import numpy as np
 
 from riftberg.bergs.bonding import count_bonds
 from riftberg.experiments.a68a_melt import DAYS, FRESH_WATER, START, THICKNESS, THINNING, TrackSea, melting_a68a
-from riftberg.experiments.options import Options
+from riftberg.experiments.registry import Options
 from riftberg.life.ledger import Ledger
 from riftberg.life.melt import melt_step
 

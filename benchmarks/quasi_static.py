@@ -11,7 +11,7 @@ from typing import Any
 
 from riftberg.diagnostics.speed import square_berg, yardstick_seconds_per_day
 from riftberg.experiments import build
-from riftberg.experiments.options import Options
+from riftberg.experiments.registry import Options
 
 CHANGES: dict[str, Any] = {"stepping": {"scheme": "quasi_static"}}
 

@@ -27,7 +27,7 @@ NUMBERS_OF_METHOD = {
 }  # fmt: skip
 """Numbers that have no usual magnitude: of the method, or of where a run is."""
 
-SHARES = {"damage.threshold", "melt.sea_ice_shift", "melt.bits_fraction"}
+SHARES = {"damage.threshold", "compatibility.sea_ice_shift", "melt.bits_fraction"}
 """Numbers whose limits leave only what is usual."""
 
 EXPERIMENT = """\

@@ -18,7 +18,7 @@ from riftberg import A68A_2022, DatasetForcing, Forcing, GriddedForcing, Iceberg
 from riftberg.config.values import moment, native, number, numbers
 from riftberg.ensembles.sweep import planned
 from riftberg.errors import BergError, ForcingError, InputError
-from riftberg.experiments.options import Options
+from riftberg.experiments.registry import Options
 from riftberg.experiments.yaml_file import build_file
 
 NOON = datetime(2020, 12, 9, 12)

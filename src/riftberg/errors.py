@@ -59,7 +59,7 @@ class NamelistError(InputError):
     """A KID namelist holds something unknown, wrong or not supported."""
 
 
-MOST_TOLD: Final = 20
+MOST_TOLD: Final = 10
 """Faults that are told at once; more say nothing new."""
 
 

@@ -18,7 +18,7 @@ from riftberg.compiled import kernels
 from riftberg.config.places import area_text, duration_text, place_text
 from riftberg.diagnostics.cases import Approach, BeamCase, approach
 from riftberg.experiments import EXPERIMENTS, Info
-from riftberg.experiments.beams import CANTILEVER, CANTILEVER_STORY
+from riftberg.experiments.cases import CANTILEVER, CANTILEVER_STORY
 from riftberg.parameters import A68A_2022
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.viz.cases import contact_records, draw_approach

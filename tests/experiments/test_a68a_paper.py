@@ -18,7 +18,7 @@ from parity.records import EARTH, read
 from riftberg.constants import OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build, names
-from riftberg.experiments.a68a_paper import DAYS, FILES, START_RECORD, ZONE, paper_model
+from riftberg.experiments.a68a_files import DAYS, FILES, START_RECORD, ZONE, paper_model
 from riftberg.fetching.fetch import HOURLY
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
 from riftberg.kid.namelist import read_namelist
@@ -144,7 +144,7 @@ def test_parameters_are_those_of_the_publication_to_the_digit() -> None:
         assert p.bonds.constant_size
         assert (p.contact.spring, p.contact.distance, p.contact.tolerance) == (1e-7, 4000.0, 1e-4)
         assert (p.contact.critical_damping, p.contact.tangential_critical_damping) == (True, False)
-        assert (p.contact.tangential_damping, p.contact.damping_by_speed, p.contact.iterate) == (0.0, False, True)
+        assert (p.contact.tangential_damping, p.compatibility.damping_by_speed, p.contact.iterate) == (0.0, False, True)
         assert (p.grounding.coefficient, p.grounding.ramp_height, p.grounding.on_substeps) == (1e4, 0.0, True)
         assert (p.fracture.normal_strength, p.fracture.shear_strength) == (18e3, 100e3)
         assert p.fracture.enabled

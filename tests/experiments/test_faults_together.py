@@ -309,3 +309,28 @@ def test_sizes_whose_squares_are_no_numbers_are_refused(old: str, new: str, tmp_
     """A radius of 1e300 m ended in an OverflowError."""
     told = CliRunner().invoke(app, ["run", str(written(tmp_path, SLAB.replace(old, new))), "-q"])
     assert told.exit_code == 2, told.output
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ("[1, 2]", "2 things are wrong:"),
+        ("[a.nc, {file: 3}]", "forcing.files.1.file: 3 is not possible"),
+        ("[{fil: a.nc}]", "forcing.files.0.fil: there is no such key. Did you mean 'file'?"),
+        ("[[a.nc]]", "forcing.files.0: ['a.nc'] is not a section. It has the keys file, product"),
+        ("[" + "1, " * 2000 + "1]", "and 1991 more"),
+    ],
+)
+def test_an_entry_that_may_be_a_text_or_a_section_has_one_fault_in_our_words(
+    tmp_path: Path, entries: str, said: str
+) -> None:
+    """Each was told twice, with the names that pydantic has for the alternatives; of 2000 there were 4 kB."""
+    text = (
+        SLAB[: SLAB.index("  kind")]
+        + f"  kind: files\n  files: {entries}\n  longitude: [-40, -38]\n  latitude: [-56, -55]\n"
+    )
+    with pytest.raises(InputError) as told:
+        read_file(written(tmp_path, text))
+    assert said in str(told.value)
+    assert not re.search(r"\.str\b|function-after|NamedFiles", str(told.value))
+    assert len(str(told.value)) < 200 * (1 + min(10, entries.count("1")))

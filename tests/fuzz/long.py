@@ -2,14 +2,15 @@
 
 It runs damaged input of every class, the families of faults with values that are known, and the layouts of forcing
 files; ``--damaged``, ``--faults`` and ``--layouts`` take one of the three. ``--only TEXT`` takes the families (or
-layouts) whose names hold TEXT, ``--part 1/4`` every fourth kind; ``--show`` prints the message of every kind. The
-process may not take more than `MEMORY`; if it is killed all the same, ``now.txt`` in its folder names the kind that it
-was at.
+layouts) whose names hold TEXT, ``--part 1/4`` every fourth kind; ``--show`` prints the message of every kind. With
+``--results FILE`` the verdicts are kept there, and a second call goes on where the first was stopped. The process
+may not take more than `MEMORY`; if it is killed all the same, ``now.txt`` in its folder names the kind that it was at.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
 import resource
@@ -43,12 +44,19 @@ def main() -> int:
     parser.add_argument("--layouts", action="store_true", help="layouts of forcing files alone")
     parser.add_argument("--only", default="", help="families whose names hold this")
     parser.add_argument("--part", default="1/1", help="k/n: every n-th kind, for several processes")
+    parser.add_argument(
+        "--results", type=Path, help="file of verdicts, one a line: kinds that stand there are not judged again"
+    )
     parser.add_argument("--show", action="store_true", help="print the message of every kind")
     given = parser.parse_args()
     part, parts = (int(number) for number in given.part.split("/"))
     chosen = [kind for kind in _asked(given) if given.only in f"{kind.family}: {kind.name}"]
     random.Random(1).shuffle(chosen)
     chosen = chosen[part - 1 :: parts]
+    judged: dict[str, tuple[str, float]] = {}
+    if given.results and given.results.exists():
+        rows = [json.loads(line) for line in given.results.read_text().splitlines()]
+        judged = {name: (what, seconds) for name, what, seconds, _ in rows}
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     store()  # what is compiled and loaded here is ready in every process that is forked from this one
     good_ends()
@@ -56,10 +64,18 @@ def main() -> int:
     counts: Counter[str] = Counter()
     longest = 0.0
     for number, kind in enumerate(chosen):
-        (folder / "now.txt").write_text(f"{kind.family}: {kind.name}\n")
+        name = f"{kind.family}: {kind.name}"
+        if name in judged:
+            counts[judged[name][0]] += 1
+            longest = max(longest, judged[name][1])
+            continue
+        (folder / "now.txt").write_text(f"{name}\n")
         verdict = judge_apart(kind, folder / str(number))
         counts[verdict.what] += 1
         longest = max(longest, verdict.seconds)
+        if given.results:
+            with given.results.open("a") as file:
+                file.write(json.dumps([name, verdict.what, verdict.seconds, verdict.message]) + "\n")
         if verdict.what in BAD or given.show:
             _print(verdict)
         shutil.rmtree(folder / str(number), ignore_errors=True)

@@ -229,7 +229,7 @@ def kills() -> Iterator[Kind]:
             ("restart", "out", "--resume"),
             False,
             Truth(whole),
-            ("has come to its end",),
+            ("has come to its end|run.nc: no such file",),
             None,
             SOON,
         )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from riftberg.ensembles.vary import grouped, varied_of
 from riftberg.errors import NamelistError
+from riftberg.experiments.changes import parse_settings
 from riftberg.kid.namelist import read_namelist
 from riftberg.kid.parameters import NEVER, to_parameters
 from riftberg.parameters import A68A_2022_KID, Parameters
@@ -26,8 +29,8 @@ def mapped(tmp_path: Path, driver: dict[str, Any] | None = None, **icebergs: Any
 def test_the_a68_namelist_is_the_preset(shared: Path, name: str) -> None:
     found = to_parameters(read_namelist(shared / "reference" / name / "input.nml"))
     life = {name: getattr(found, name).model_dump() for name in ("melt", "rolling", "footloose", "calving")}
-    assert found == A68A_2022_KID.changed(bonds={"max_bonds": 4}, **life)
-    assert found.melt.zero_rates
+    assert found == A68A_2022_KID.changed(bonds={"max_bonds": 4}, compatibility={"zero_rates": True}, **life)
+    assert found.compatibility.zero_rates
     assert not found.footloose.enabled
 
 
@@ -42,7 +45,7 @@ def test_defaults_of_a_silent_namelist(tmp_path: Path) -> None:
     assert p.bonds.max_bonds == 0
     assert p.contact.spring == p.bonds.spring == 1e-8
     assert (p.contact.radial_damping, p.contact.tangential_damping) == (1e-4, 2e-5)
-    assert p.contact.damping_by_speed
+    assert p.compatibility.damping_by_speed
     assert p.contact.tangential_critical_damping
     assert p.grounding.ramp_height == 100.0
     assert p.earth.radius == 6_360_000.0
@@ -169,3 +172,32 @@ def test_impossible_value_names_the_entry(tmp_path: Path) -> None:
         mapped(tmp_path, rho_bergs=1100.0)
     with pytest.raises(NamelistError, match="ibdt = -1"):
         mapped(tmp_path, driver={"ibdt": -1.0})
+
+
+OLD_PLACES = {
+    "drag.radius_based": True, "contact.damping_by_speed": True, "melt.sea_ice_shift": 0.2, "melt.zero_rates": True,
+    "melt.keep_shape": True, "footloose.one_draw": True,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("place", OLD_PLACES)
+def test_options_of_parity_are_read_in_their_earlier_groups_with_a_notice(
+    place: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    (group, name), value = place.split("."), OLD_PLACES[place]
+    ways = (
+        Parameters(**{group: {name: value}}),
+        Parameters().changed(**{group: {name: value}}),
+        Parameters().changed(**parse_settings([f"{place}={value}"])),
+        Parameters().changed(**grouped({v.name: v.values[0] for v in varied_of({place: [value]})})),
+    )
+    assert len(caplog.records) == len(ways)
+    assert all(f"{place} is compatibility.{name} now" in record.getMessage() for record in caplog.records)
+    assert all(getattr(p.compatibility, name) == value for p in ways)
+    assert Parameters(**{group: {name: value}, "compatibility": {name: 0}}).compatibility == Parameters().compatibility
+    old = json.loads(Parameters().model_dump_json())
+    old[group][name] = value
+    del old["compatibility"][name]
+    caplog.clear()
+    assert getattr(Parameters.from_json(json.dumps(old)).compatibility, name) == value
+    assert not caplog.records

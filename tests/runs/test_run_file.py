@@ -278,6 +278,14 @@ def test_a_number_that_names_nothing_is_refused(
     assert name in str(error.value)
 
 
+@pytest.mark.parametrize("name", ["trajectory", "spin", "fragment_area"])
+def test_a_variable_that_readers_use_is_missed(run: tuple[FakeModel, Path], tmp_path: Path, name: str) -> None:
+    """Without the identifiers `riftberg why` named elements by their rows."""
+    xr.load_dataset(run[1], decode_times=False).drop_encoding().drop_vars(name).to_netcdf(tmp_path / "bad.nc")
+    with pytest.raises(InputError, match=f"variable {name} is missing"):
+        open_run(tmp_path / "bad.nc")
+
+
 @pytest.mark.parametrize("name", ["sides", "damage", "contact_first"])
 def test_letters_where_numbers_belong_are_refused(run: tuple[FakeModel, Path], tmp_path: Path, name: str) -> None:
     """Bug once: variables that only some readers use were not looked at before they were used."""

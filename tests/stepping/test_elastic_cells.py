@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-import shapely.affinity
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.lattice import lattice_points
 from riftberg.errors import BergError, InputError, RunError
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
@@ -19,7 +17,6 @@ from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fracture.criteria import CellStress, Equilibrium
 from riftberg.stepping.fracture.strengths import Strengths
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.cells import clear_of_outline
 from riftberg.stepping.lattice.elastic_cells import CellSolver, CellStiffness, with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
 
@@ -28,17 +25,10 @@ THICKNESS = 200.0
 FLAT = {"latlon": False, "period": 0.0}
 
 
-def turned_beam(packing: str, angle: float, length: float, width: float, **options) -> Iceberg:
+def turned_beam(packing: str, angle: float, length: float, width: float) -> Iceberg:
     """A rectangle filled by a turned lattice (degrees)."""
-    outline = shapely.box(-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width)
-    reach = 2.0 * RADIUS * (round(0.5 * length / RADIUS) + 4)
-    bounds = outline.bounds if angle == 0.0 else (-reach, -reach, reach, reach)
-    points = lattice_points(bounds, RADIUS, packing)
-    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    xy = np.column_stack([c * points.x - s * points.y, s * points.x + c * points.y])
-    x, y = xy[clear_of_outline(xy, outline, RADIUS)].T
-    return Iceberg.from_points(
-        x, y, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, outline=outline, **options
+    return Iceberg.rectangle(
+        length, width, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, lattice_angle=angle
     )
 
 
@@ -318,19 +308,30 @@ def test_what_elastic_cells_cannot_do_is_refused_by_name() -> None:
         parameters(fracture={"criterion": "toughness", "toughness": 1e5})
 
 
-@pytest.mark.parametrize("latlon", [False, True])
-def test_a_berg_knows_the_outline_that_was_asked_for(latlon) -> None:
-    place = (-38.0, -56.0) if latlon else (4e4, 2e4)
-    berg = Iceberg.rectangle(20e3, 8e3, thickness=200.0, placement=place, rotation=30.0, latlon=latlon)
+@pytest.mark.parametrize("angle", [0.0, 30.0])
+@pytest.mark.parametrize("shape", ["rectangle", "rectangle in metres", "table", "outline"])
+def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:
+    options = {"thickness": 200.0, "rotation": 20.0, "lattice_angle": angle, "placement": (-38.0, -56.0)}
+    latlon = shape != "rectangle in metres"
+    if shape == "table":
+        berg = Iceberg.from_table([(0, 0, 6), (1, 0, 6), (2, 3, 6)], **options)
+    elif shape == "outline":
+        corners = [(-38.3, -56.1), (-37.7, -56.1), (-37.7, -55.95), (-38.0, -56.0), (-38.3, -55.9)]
+        berg = Iceberg.from_outline(corners, **options)
+    elif latlon:
+        berg = Iceberg.rectangle(20e3, 8e3, **options)
+    else:
+        berg = Iceberg.rectangle(20e3, 8e3, **{**options, "placement": (4e4, 2e4)}, latlon=False)
+    assert len(berg.outlines) == 1
+    assert shapely.contains_xy(
+        berg.outlines[0].buffer(1e-4 if latlon else 1.0), berg.elements.lon, berg.elements.lat
+    ).all()
     p = Parameters(earth={"latlon": latlon}, bonds={"elasticity": "cells"}).kernel_values()
     cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
-    assert (cells.mesh.weight * cells.mesh.area).sum() == pytest.approx(160e6, rel=1e-4)
-    both = Iceberg.join(
-        [
-            berg,
-            Iceberg.rectangle(
-                3e3, 3e3, thickness=200.0, placement=(place[0] + (1.0 if latlon else 6e4), place[1]), latlon=latlon
-            ),
-        ]
+    # Ice that reaches beyond elements close to the outline is little.
+    area = (cells.mesh.weight * cells.mesh.area).sum()
+    assert area == pytest.approx(berg.report["outline_area"], rel=3e-3)
+    far = Iceberg.rectangle(
+        3e3, 3e3, thickness=200.0, placement=(-30.0, -56.0) if latlon else (0.0, 0.0), latlon=latlon
     )
-    assert len(both.outlines) == 2
+    assert len(Iceberg.join([berg, far]).outlines) == 2

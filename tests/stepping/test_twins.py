@@ -44,13 +44,16 @@ PLOUGH = {"law": "quadratic", "quadratic_coefficient": 200.0, "ramp_height": 0.0
 VERLET = {
     "quadratic-ground": {"grounding": PLOUGH},
     "branch-A": {},
-    "branch-A-speed-damping": {"contact": {"damping_by_speed": True, "tangential_critical_damping": True}},
+    "branch-A-speed-damping": {
+        "contact": {"tangential_critical_damping": True},
+        "compatibility": {"damping_by_speed": True},
+    },
     "branch-B": {"compatibility": {"plain_kid_branch": True}, "contact": {"spring": 1e-5, "distance": 0.0}},
     "no-bonds": {"bonds": {"law": "none"}},
     "no-interactions": {"stepping": {"interactions": False}},
     "interactions-only": {"stepping": {"only_interactions": True}},
     "cartesian-f-plane": {"earth": {"latlon": False, "period": 0.0, "reference_latitude": 60.0}},
-    "hexagons": {"bonds": {"packing": "hexagonal"}, "drag": {"radius_based": True}},
+    "hexagons": {"bonds": {"packing": "hexagonal"}, "compatibility": {"radius_based": True}},
     "frozen-ice": {"compatibility": {"frozen_sea_ice_drag": True}, "drag": {"sides_by_bonds": False}},
     "step-of-grounding": {"grounding": {"ramp_height": 0.0}},
     "constant-size": {"bonds": {"constant_size": True, "constant_length": 2900.0, "constant_width": 3100.0}},
@@ -119,7 +122,7 @@ DEM = {
     "ground-in-long-step": {"grounding": {"on_substeps": False}},
     "ground-torque": {"grounding": {"torque": True, "ramp_height": 0.0}},
     "constant-size": {"bonds": {"constant_size": True, "constant_length": 2900.0, "constant_width": 3100.0}},
-    "hexagons": {"bonds": {"packing": "hexagonal"}, "drag": {"radius_based": True}},
+    "hexagons": {"bonds": {"packing": "hexagonal"}, "compatibility": {"radius_based": True}},
     "no-shear": {"bonds": {"no_shear": True}},
     "one-pass": {"contact": {"iterate": False}},
     "sticky": {"compatibility": {"sticky_collision_flags": True}},
@@ -130,7 +133,10 @@ DEM = {
         "fracture": {"broken_as_contact": False},
         "compatibility": {"explicit_contact_damping": True},
     },
-    "speed-damping": {"contact": {"damping_by_speed": True, "critical_damping": False, "radial_damping": 1e-4}},
+    "speed-damping": {
+        "contact": {"critical_damping": False, "radial_damping": 1e-4},
+        "compatibility": {"damping_by_speed": True},
+    },
 }
 
 
@@ -240,7 +246,10 @@ def test_peak_stress_is_that_of_one_long_step():
 SPRING = {
     "explicit": {},
     "explicit-one-pass": {"contact": {"iterate": False}},
-    "explicit-speed-damping": {"contact": {"damping_by_speed": True, "tangential_critical_damping": True}},
+    "explicit-speed-damping": {
+        "contact": {"tangential_critical_damping": True},
+        "compatibility": {"damping_by_speed": True},
+    },
     "uncentred-half-kicks": {"compatibility": {"uncentred_half_kicks": True}},
     "implicit": {"stepping": {"explicit_substeps": False}},
     "implicit-quadratic-ground": {"stepping": {"explicit_substeps": False}, "grounding": PLOUGH},

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from riftberg.experiments import Options, build
-from riftberg.experiments.beams import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
+from riftberg.experiments.cases import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
 from riftberg.ocean.analytic import Steady
 from riftberg.runs.model import Model
 

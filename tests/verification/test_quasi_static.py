@@ -15,7 +15,7 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
-from riftberg.experiments.beams import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
+from riftberg.experiments.cases import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.physics.drag import ocean_drag

@@ -97,7 +97,15 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     if size < 2 or reaches.max() <= 0.0:
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros(0)
-    _check_reaches(elements, reaches)
+    bad = ~(np.isfinite(elements.lon) & np.isfinite(elements.lat) & np.isfinite(reaches))
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise BergError(
+            f"position ({elements.lon[k]}, {elements.lat[k]}) or size {elements.length[k]} x {elements.width[k]} "
+            "is no number",
+            where=f"element {elements.id[k]}",
+            remedy="Bonds need finite positions and sizes",
+        )
     # The search measures distances with a fast cosine; a margin keeps all that the exact distance below may join.
     reach = 2.0 * float(reaches.max()) * (1.0 + SEARCH_MARGIN)
     lon, lat = elements.place.lon, elements.place.lat
@@ -109,18 +117,6 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     distance = np.sqrt(dx * dx + dy * dy)
     joined = distance < reaches[first] + reaches[second]
     return first[joined], second[joined], distance[joined]
-
-
-def _check_reaches(elements: Elements, reaches: Floats) -> None:
-    bad = ~(np.isfinite(elements.lon) & np.isfinite(elements.lat) & np.isfinite(reaches))
-    if bad.any():
-        k = int(np.argmax(bad))
-        raise BergError(
-            f"position ({elements.lon[k]}, {elements.lat[k]}) or size {elements.length[k]} x {elements.width[k]} "
-            "is no number",
-            where=f"element {elements.id[k]}",
-            remedy="Bonds need finite positions and sizes",
-        )
 
 
 THICKEST = 5000.0

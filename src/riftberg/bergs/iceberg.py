@@ -278,7 +278,10 @@ class Iceberg(BondedBerg):
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
         settings = settings.model_copy(update={"radius": radius})
         report = {"source": "table of lattice rows", "outline_area": region.area}
-        return cls._about(x, y, settings, report)
+        west, south = 2.0 * table_radius * column - centre[0], 2.0 * table_radius * row - centre[1]
+        cells = shapely.union_all(shapely.box(west, south, west + 2.0 * table_radius, south + 2.0 * table_radius))
+        ice = shapely.affinity.rotate(cells, settings.rotation, origin=(0.0, 0.0))
+        return cls._about(x, y, settings, report, ice)
 
     @classmethod
     def rectangle(

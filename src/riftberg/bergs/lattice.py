@@ -104,14 +104,13 @@ def lattice_points(
 
 
 def fill(
-    region: Region, radius: float, packing: Packing, offset: tuple[float, float] | None = None, angle: float = 0.0, *,
-    stretched: bool = True,
-) -> tuple[Lattice, float]:  # fmt: skip
+    region: Region, radius: float, packing: Packing, offset: tuple[float, float] | None = None, angle: float = 0.0
+) -> tuple[Lattice, float]:
     """Fill a region with the elements whose centres lie in it, and with its area.
 
     The lattice is turned by ``angle`` (degrees, counter-clockwise), shifted by ``offset`` (parts of its pitch; by default the
-    shift that fits best), and stretched until the area of the elements is that of the region, unless told not to. Returns the
-    lattice and the radius (m) of its elements, which is ``radius`` where that fits already.
+    shift that fits best), and stretched until the area of the elements is that of the region. Returns the lattice and the
+    radius (m) of its elements, which is ``radius`` where that fits already.
     """
     if not radius > 0 or not math.isfinite(radius):
         raise BergError(f"radius is {radius} m", remedy="Give a positive radius in metres, for example 1500")
@@ -131,8 +130,6 @@ def fill(
         )
     # Equal fits keep the first shift.
     best = [found[k] for _, k in sorted((round(misfit, 9), k) for misfit, k in fits)]
-    if not stretched:
-        return along(best[0][1]), radius
     # All shifts of a small lattice are stretched, the three that fit best of a large one.
     most = max(3, MOST_STRETCHED // len(best[0][1]))
     made = [_with_area_of(region, lattice, radius, packing, shift, angle) for shift, lattice in best[:most]]

@@ -327,7 +327,27 @@ def line_strings(source: Any, crs: str | None = None) -> list[Any]:
     A table (CSV) holds open lines; polygons of other files count with their rings. Points are passed over.
     """
     if isinstance(source, np.ndarray | list | tuple):
-        return _vertex_arrays(source, crs)
+        if len(source) and hasattr(source[0], "__geo_interface__"):
+            return [line for item in source for line in line_strings(item, crs)]
+        try:
+            nested = source if np.ndim(source[0]) == 2 else [source]
+            lines = [np.asarray(line, dtype=float) for line in nested]
+        except (IndexError, TypeError, ValueError) as error:
+            raise BergError(
+                f"lines that are no numbers ({error})",
+                where="lines",
+                remedy="Give arrays (n, 2) of longitude and latitude",
+            ) from error
+        for line in lines:
+            if line.ndim != 2 or line.shape[1] != 2 or len(line) < 2 or not np.isfinite(line).all():
+                raise BergError(
+                    f"a line of shape {line.shape}",
+                    where="lines",
+                    remedy="Give at least two points of longitude and latitude each",
+                )
+        if crs is None:
+            return lines
+        return line_strings(shapely.MultiLineString(lines), crs)
     out = []
     for feature in read_features(source, crs, lines=True):
         for part in _parts(feature.geometry):
@@ -336,28 +356,6 @@ def line_strings(source: Any, crs: str | None = None) -> list[Any]:
             elif part.geom_type != "Point":
                 out.append(np.asarray(part.coords, dtype=float)[:, :2])
     return out
-
-
-def _vertex_arrays(source: Any, crs: str | None) -> list[Any]:
-    if len(source) and hasattr(source[0], "__geo_interface__"):
-        return [line for item in source for line in line_strings(item, crs)]
-    try:
-        nested = source if np.ndim(source[0]) == 2 else [source]
-        lines = [np.asarray(line, dtype=float) for line in nested]
-    except (IndexError, TypeError, ValueError) as error:
-        raise BergError(
-            f"lines that are no numbers ({error})", where="lines", remedy="Give arrays (n, 2) of longitude and latitude"
-        ) from error
-    for line in lines:
-        if line.ndim != 2 or line.shape[1] != 2 or len(line) < 2 or not np.isfinite(line).all():
-            raise BergError(
-                f"a line of shape {line.shape}",
-                where="lines",
-                remedy="Give at least two points of longitude and latitude each",
-            )
-    if crs is None:
-        return lines
-    return line_strings(shapely.MultiLineString(lines), crs)
 
 
 LON_NAMES = ("lon", "longitude", "long", "x", "easting")

@@ -177,7 +177,9 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
         elif not is_folder(path):
             raise BergError("file not found", where=where, remedy="Check the path")
         if path.suffix.lower() in SUFFIXES:
-            return _tiff(path, variable, date)
+            if date is not None:
+                raise BergError("a GeoTIFF has no dates", where=str(path), remedy="Leave out date=")
+            return Raster(*read_band(path, variable))
         with reading(where, "not a grid", "Give NetCDF or GeoTIFF", BergError), open_lazily(path) as opened:
             chosen = [variable] if variable in opened.data_vars else list(opened.data_vars)
             size = sum(opened[name].size for name in chosen)
@@ -197,12 +199,6 @@ def read_raster(source: Any, variable: str | None = None, *, date: str | None = 
             remedy=f"Name one with variable=: {', '.join(names) or 'none there'}",
         )
     return _raster(source[variable], f"{where}, {variable}", date)
-
-
-def _tiff(path: Path, variable: str | None, date: str | None) -> Raster:
-    if date is not None:
-        raise BergError("a GeoTIFF has no dates", where=str(path), remedy="Leave out date=")
-    return Raster(*read_band(path, variable))
 
 
 def _coordinate(array: xr.DataArray, names: tuple[str, ...], standard: str, where: str) -> str:

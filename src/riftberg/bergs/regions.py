@@ -174,7 +174,9 @@ def makeberg_lattice(
     reference = float(lat.mean()) if reference_latitude is None else reference_latitude
     scale = np.pi / 180 * earth_radius
     x, y = scale * np.cos(np.radians(reference)) * lon, scale * lat
-    fine = _resampled(x, y, fraction, spacing)
+    grid = Raster(x, y, fraction, "mask")
+    fine_x, fine_y = np.arange(x[0], x[-1], spacing), np.arange(y[0], y[-1], spacing)
+    fine = grid.sample(*np.meshgrid(fine_x, fine_y))
     bounds = (0.0, 0.0, x[-1] - x[0] + (x[1] - x[0]), y[-1] - y[0] + (y[1] - y[0]))
     lattice = lattice_points(bounds, radius, packing)
     i, j = (lattice.x // spacing).astype(int), (lattice.y // spacing).astype(int)
@@ -183,10 +185,3 @@ def makeberg_lattice(
     lattice = lattice.where(fine[j[there], i[there]] > threshold)
     west, south = lon[0] - 0.5 * (lon[1] - lon[0]), lat[0] - 0.5 * (lat[1] - lat[0])
     return lattice, ReferencePlane(float(west), float(south), reference, earth_radius)
-
-
-def _resampled(x: Floats, y: Floats, fraction: Floats, spacing: float) -> Floats:
-    """Bilinear values of the mask on a plane grid that starts at its first point."""
-    grid = Raster(x, y, fraction, "mask")
-    fine_x, fine_y = np.arange(x[0], x[-1], spacing), np.arange(y[0], y[-1], spacing)
-    return grid.sample(*np.meshgrid(fine_x, fine_y))

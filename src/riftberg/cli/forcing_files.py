@@ -163,15 +163,6 @@ def _asked(name: str, named: bool) -> Asked:
             forcing.longitude, forcing.latitude, (experiment.start.isoformat(), end.isoformat()), tuple(products), products,
             spared=frozenset(left_out), max_gap=max_gap, hold=hold,
         )  # fmt: skip
-    return _asked_a68a(name, named)
-
-
-_ALL = frozenset(("uo", "vo", "ssh", "ua", "va"))
-"""What is spared where the ocean is one of formulas: all that files give otherwise."""
-
-
-def _asked_a68a(name: str, named: bool) -> Asked:
-    """Return what a run of A68a asks of its files: of those with files of their own, the fetched ones."""
     from riftberg.experiments import Options, find
     from riftberg.experiments.a68a_files import named_folder
     from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL, REGION
@@ -189,6 +180,10 @@ def _asked_a68a(name: str, named: bool) -> Asked:
     if any(folder.glob("*.nc")):
         return asked._replace(files=(str(folder / "*.nc"),))
     return asked._replace(remedy=f"None are in {folder}: 'riftberg fetch a68a' gets them, or name others")
+
+
+_ALL = frozenset(("uo", "vo", "ssh", "ua", "va"))
+"""What is spared where the ocean is one of formulas: all that files give otherwise."""
 
 
 def _path_of_run(run: Path | None) -> list[tuple[float, float]] | None:

@@ -44,7 +44,10 @@ def kid(
     from riftberg.kid.run import load_case, run_kid
     from riftberg.runs.progress import ProgressRecorder
 
-    layout = _ranks(ranks)
+    parts = ranks.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() and 1 <= int(part) <= 1000 for part in parts):
+        raise InputError(f"{ranks!r} is no layout of processes", where="--ranks", remedy="For example 2x2")
+    layout = int(parts[0]), int(parts[1])
     with allow_large(large), allow_extreme(extreme):
         folder = output.parent if output is not None and not is_folder(output) else output
         if folder is not None:
@@ -61,11 +64,3 @@ def kid(
             clock = loaded.clock
             progress = ProgressRecorder(clock.steps * clock.dt / 86400.0, quiet=quiet)
             typer.echo(run_kid(loaded, output, progress=progress).describe(entries=not quiet))
-
-
-def _ranks(text: str) -> tuple[int, int]:
-    """Read processes along x and y."""
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdigit() and 1 <= int(part) <= 1000 for part in parts):
-        raise InputError(f"{text!r} is no layout of processes", where="--ranks", remedy="For example 2x2")
-    return int(parts[0]), int(parts[1])

@@ -50,7 +50,9 @@ def check_folder(
         taken = next((name for name in names if (folder / name).is_dir()), None)
         if taken is not None:
             raise InputError(f"{taken} is a folder there, where a file goes", where=where, remedy=remedy)
-        _probe(nearest)
+        # A test of the rights alone misses what is mounted read-only.
+        with tempfile.TemporaryFile(dir=nearest) as file:
+            file.write(b"riftberg")
         free = shutil.disk_usage(nearest).free
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
@@ -60,12 +62,6 @@ def check_folder(
             f"the results take about {human(max(needed, LEAST_SPACE))}, and {human(free)} are free", where=where,
             remedy="Make room, name a folder on another disk, or write fewer records (--every)",
         )  # fmt: skip
-
-
-def _probe(folder: Path) -> None:
-    """Raise `OSError` where no file can be made; a test of the rights alone misses what is mounted read-only."""
-    with tempfile.TemporaryFile(dir=folder) as file:
-        file.write(b"riftberg")
 
 
 def check_output(path: Path, *, option: str = "--output", inputs: Iterable[Path | None] = ()) -> None:

@@ -165,7 +165,16 @@ def _drawn(
     from riftberg.viz import plots
 
     if name == "story":
-        return _story(run, path, dpi)
+        from riftberg.experiments.registry import story_of
+
+        story = story_of(run)
+        if story is None:
+            raise InputError(
+                "the run is none of the beams or collisions that come with Riftberg",
+                where="--kind story",
+                remedy="Draw another kind",
+            )
+        return story.draw(run, path, dpi)
     if name == "map":
         return maps.draw_map(run, path, observed=shown, dpi=dpi)
     if name == "timeline":
@@ -174,19 +183,6 @@ def _drawn(
         return plots.draw_dates(run, path, dates=when, observed=shown, dpi=dpi)
     draw = plots.draw_stress if name == "stress" else plots.draw_damage
     return draw(run, path, dates=when, dpi=dpi)
-
-
-def _story(run: xr.Dataset, path: Path, dpi: int) -> Path:
-    from riftberg.experiments.registry import story_of
-
-    story = story_of(run)
-    if story is None:
-        raise InputError(
-            "the run is none of the beams or collisions that come with Riftberg",
-            where="--kind story",
-            remedy="Draw another kind",
-        )
-    return story.draw(run, path, dpi)
 
 
 @reported

@@ -316,7 +316,7 @@ class Session:
         What is written goes into a copy of the run file; of the states that are kept there are two, and one more while it is
         written.
         """
-        from riftberg.runs.applied import force_variables
+        from riftberg.runs.derived import force_variables
         from riftberg.runs.layout import element_history
         from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
@@ -439,8 +439,10 @@ class Session:
         with open_run(self.folder) as dataset:
             if not story.fits(dataset):
                 return []
-            summary["story"] = story.facts(dataset)
-            return story.tell(dataset)
+            found = story.read(dataset)
+            summary["story"] = found.facts()
+            lines: list[str] = found.lines()
+            return lines
 
     def _draw(self) -> None:
         from riftberg.runs.run_file import open_run

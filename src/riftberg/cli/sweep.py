@@ -114,7 +114,7 @@ def _new(
 def _resumed(folder: Path, experiment: str | None, vary: list[str] | None, output: Path | None) -> Store:
     """Return the sweep in a folder with what is done."""
     from riftberg.ensembles.sweep import Store, planned, read_plan
-    from riftberg.experiments.options import Options
+    from riftberg.experiments.registry import Options
 
     if vary or output is not None:
         raise InputError(

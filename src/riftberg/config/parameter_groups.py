@@ -103,9 +103,6 @@ class Drag(Group):
     sides_by_bonds: bool = quantity(
         True, "", "side drag only on sides that no bond covers", "equations 4.1, KID's internal_bergs_for_drag"
     )
-    radius_based: bool = quantity(
-        False, "", "side face from the diameter of hexagonal DEM elements", "equations 4, KID's radius_based_drag"
-    )
     rotational: bool = quantity(
         True,
         "",
@@ -175,12 +172,6 @@ class Contact(Group):
     radial_damping: float = quantity(0.0, "s-1", "radial damping where not critical", "KID's radial_damping_coef", ge=0)
     tangential_damping: float = quantity(
         0.0, "s-1", "tangential damping where not critical", "KID's tangental_damping_coef", ge=0
-    )
-    damping_by_speed: bool = quantity(
-        False,
-        "",
-        "multiply damping by the projected relative speed (makes it quadratic)",
-        "equations 5.2, KID's scale_damping_by_pmag",
     )
     iterate: bool = quantity(
         True, "", "iterate the velocity coupling to convergence", "equations 6.4, KID's force_convergence"
@@ -417,15 +408,8 @@ class Melt(Group):
     split: bool = quantity(
         True, "", "base, sides and waves act one after the other, so that their losses add up", "files 1.6"
     )
-    sea_ice_shift: float = quantity(
-        0.0, "1", "added to the sea-ice fraction in the law of the waves", "files 1.2 sicn_shift", ge=-1, le=1
-    )
     bits_fraction: float = quantity(
         0.0, "1", "part of what waves erode that becomes bergy bits", "files 1.9 bergy_bit_erosion_fraction", ge=0, le=1
-    )
-    zero_rates: bool = quantity(False, "", "all rates are zero, rolling stays", "files 1.4 set_melt_rates_to_zero")
-    keep_shape: bool = quantity(
-        False, "", "the ocean gets the melt, but bergs stay as they are", "files 1.12 Iceberg_melt_without_decay"
     )
     const_gamma: bool = quantity(
         True, "", "constant exchange coefficients in the three equations; otherwise by the boundary layer", "files 1.5"
@@ -477,7 +461,6 @@ class Footloose(Group):
         "bits", "", "pieces are kept as bits of the parent, or become bergs at once", "files 2.3 fl_style"
     )
     displace: bool = quantity(True, "", "children start on the rim of the parent", "files 2.4 displace_fl_bergs")
-    one_draw: bool = quantity(False, "", "all children start at the same part of the rim", "files 2.2")
     berg_mass: float = quantity(
         1e12, "kg", "mass of bits from which a berg is made", "files 2.3 new_berg_from_fl_bits_mass_thres", gt=0
     )
@@ -610,7 +593,7 @@ class Compatibility(Group):
         False, "", "Q40: repulsion by cell search, attraction by bond", "equations 5.1 branch B"
     )
     bits_melt_at_zero_rates: bool = quantity(
-        False, "", "T5: bits melt although melt.zero_rates says that nothing does", "files 1.4"
+        False, "", "T5: bits melt although zero_rates says that nothing does", "files 1.4"
     )
     plain_basal_search: bool = quantity(
         False,
@@ -678,8 +661,29 @@ class Compatibility(Group):
         False, "", "T43: the north-east corner of a cell says of which hemisphere its size classes are", "files 3.1"
     )
 
+    # Options of the reference's namelists, off by default there too.
+    radius_based: bool = quantity(
+        False, "", "side face from the diameter of hexagonal DEM elements", "equations 4, KID's radius_based_drag"
+    )
+    damping_by_speed: bool = quantity(
+        False,
+        "",
+        "damping of contact is multiplied by the projected relative speed, which makes it quadratic",
+        "equations 5.2, KID's scale_damping_by_pmag",
+    )
+    sea_ice_shift: float = quantity(
+        0.0, "1", "added to the sea-ice fraction in the law by which waves erode", "files 1.2 sicn_shift", ge=-1, le=1
+    )
+    zero_rates: bool = quantity(
+        False, "", "all rates of melt are zero, rolling stays", "files 1.4 set_melt_rates_to_zero"
+    )
+    keep_shape: bool = quantity(
+        False, "", "the ocean gets the melt, but bergs stay as they are", "files 1.12 Iceberg_melt_without_decay"
+    )
+    one_draw: bool = quantity(False, "", "all footloose children start at the same part of the rim", "files 2.2")
+
     @classmethod
-    def kid(cls, **overrides: bool) -> Compatibility:
+    def kid(cls, **overrides: Any) -> Compatibility:
         """All switches as KID/iKID behaves, except those given."""
         on = {
             "flat_relative_velocity": True,

@@ -325,11 +325,12 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
         key=lambda item: (-len(item[1]["loc"]), item[1]["type"] == "missing", item[1]["type"] != "value_error"),
     )
     for number, finding in deepest:
-        place, inner, field = _found_at(finding["loc"], section)
+        unknown = finding["type"] in ("extra_forbidden", "unexpected_keyword_argument")
+        place, inner, field = _found_at(finding["loc"], section, unknown=unknown)
         what, remedy = finding_text(finding), "" if field is None else allowed(field, metres=metres)
         if finding["type"] == "value_error":
             remedy = getattr(finding["ctx"]["error"], "remedy", "")
-        elif finding["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        elif unknown:
             what, remedy, meant = _unknown(place, inner, section)
             known += meant
         elif field is not None and finding["type"].startswith("union_tag"):
@@ -342,7 +343,9 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
     return [found[number] for number in sorted(found)]
 
 
-def _found_at(loc: tuple[str | int, ...], section: Any) -> tuple[Place, Any, FieldInfo | None]:
+def _found_at(
+    loc: tuple[str | int, ...], section: Any, *, unknown: bool = False
+) -> tuple[Place, Any, FieldInfo | None]:
     """Return the place of a finding without pydantic's names of alternatives, the section around it, and its field."""
     place: Place = ()
     sections, inner, field = [section], section, None
@@ -358,7 +361,7 @@ def _found_at(loc: tuple[str | int, ...], section: Any) -> tuple[Place, Any, Fie
             if field.discriminator and parts:  # what follows is the kind, not a key
                 kind = parts.pop(0)
                 sections = [one for one in sections if kind in get_args(fields_of(one)["kind"].annotation)]
-        elif not parts and sections:  # a key that is not known
+        elif unknown and not parts and sections:  # the key that is not known
             return (*place, part), sections[0], None
     return place, inner, field
 

@@ -283,8 +283,9 @@ class Exchange:
 
     def _check_water(self, arrays: dict[str, Floats]) -> None:
         """Refuse a step of bergs that melt without what their laws need of the water."""
-        melt = self.model.parameters.melt
-        if not melt.enabled or melt.zero_rates:
+        p = self.model.parameters
+        melt = p.melt
+        if not melt.enabled or p.compatibility.zero_rates:
             return
         salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
         for field, said, needed in (("sst", melt.temperature, True), ("sss", melt.salinity, salty)):

@@ -160,7 +160,15 @@ class GridRecorder:
         """Add a long step."""
         if self._seen is None:
             self._look(model)
-        cells, rows = self._of_step(model)
+        assert self._seen is not None
+        shares, stock = self._seen
+        dt, amounts = model.parameters.stepping.time_step, np.zeros((ROWS, stock.shape[1]))
+        amounts[[MASS, AREA]] = stock * dt
+        last = model.life.last if model.life is not None else None
+        if last is not None:
+            amounts[:MASS] = last.water
+            amounts[HEAT] = last.melt.water * (last.melt.heat_density - LATENT_HEAT)
+        cells, rows = shares.cells, _shared(shares, amounts)
         self._seen = None
         began = model.date - timedelta(seconds=model.parameters.stepping.time_step)
         if (began.year, began.month) != (self._month_began.year, self._month_began.month):
@@ -296,18 +304,6 @@ class GridRecorder:
             return elements
         turns = np.round((place.lon - g.lon_centre[place.cell_j, place.cell_i]) / g.period) * g.period
         return elements.replaced(lon=place.lon - turns)
-
-    def _of_step(self, model: BareModel) -> tuple[Ints, Floats]:
-        """Return cells and rows of a long step: what melted where the bergs stood, and mass and area times its length."""
-        assert self._seen is not None
-        shares, stock = self._seen
-        dt, amounts = model.parameters.stepping.time_step, np.zeros((ROWS, stock.shape[1]))
-        amounts[[MASS, AREA]] = stock * dt
-        last = model.life.last if model.life is not None else None
-        if last is not None:
-            amounts[:MASS] = last.water
-            amounts[HEAT] = last.melt.water * (last.melt.heat_density - LATENT_HEAT)
-        return shares.cells, _shared(shares, amounts)
 
     def _state(self, model: BareModel) -> _Sums:
         elements = self._placed(model)

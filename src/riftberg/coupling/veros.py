@@ -140,7 +140,17 @@ class VerosBergs:
             What the ocean gets; see `riftberg.coupling.exchange.Exchange.step`.
         """
         given = self.exchange.step(self.taken())
-        self._give(given)
+        density = float(self.state.settings.rho_0)
+        water = (given["ficeberg"] + given["flandice"]).values.T
+        heat = (given["hfibthermds2d"] + given["hflandice"]).values.T
+        per_layer = self._parts["T"] / self._thick
+        self._put("salt_source", -self.salinity / density * water[..., None] * per_layer)
+        self._put("temp_source", heat[..., None] / (density * HEAT_CAPACITY) * per_layer)
+        vs = self.state.variables
+        for axis, at, name, stress in ((0, "U", "u_source", "ibtaux"), (1, "V", "v_source", "ibtauy")):
+            force = given[stress].values.T * np.asarray(vs.area_t)[INNER]
+            on_faces = self._on_faces(force, axis, at) / np.asarray(getattr(vs, f"area_{at.lower()}"))[INNER]
+            self._put(name, on_faces[..., None] / density * self._parts[at] / self._thick)
         return given
 
     def taken(self) -> dict[str, Any]:
@@ -191,20 +201,6 @@ class VerosBergs:
     def _mean(self, field: Any, at: str, now: int) -> Floats:
         """Mean over the keel, [y, x]."""
         return np.asarray((self._parts[at] * np.asarray(field)[INNER][..., now]).sum(axis=-1)).T
-
-    def _give(self, given: xr.Dataset) -> None:
-        """Put fresh water, heat and drag of a step into the sources of Veros."""
-        density = float(self.state.settings.rho_0)
-        water = (given["ficeberg"] + given["flandice"]).values.T
-        heat = (given["hfibthermds2d"] + given["hflandice"]).values.T
-        per_layer = self._parts["T"] / self._thick
-        self._put("salt_source", -self.salinity / density * water[..., None] * per_layer)
-        self._put("temp_source", heat[..., None] / (density * HEAT_CAPACITY) * per_layer)
-        vs = self.state.variables
-        for axis, at, name, stress in ((0, "U", "u_source", "ibtaux"), (1, "V", "v_source", "ibtauy")):
-            force = given[stress].values.T * np.asarray(vs.area_t)[INNER]
-            on_faces = self._on_faces(force, axis, at) / np.asarray(getattr(vs, f"area_{at.lower()}"))[INNER]
-            self._put(name, on_faces[..., None] / density * self._parts[at] / self._thick)
 
     def _on_faces(self, force: Floats, axis: int, at: str) -> Floats:
         """Share the force on each cell among its open faces of an axis; none is lost but in a cell without any."""

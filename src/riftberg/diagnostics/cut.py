@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from riftberg.parameters import KernelParameters
 from riftberg.plane import ConformalPlane
-from riftberg.runs.applied import force_variables
+from riftberg.runs.derived import force_variables
 from riftberg.runs.scene import Scene
 from riftberg.state import ELEMENT_VARIABLES, Elements, Floats, Ints, new_elements
 from riftberg.stepping.forces import media
@@ -89,7 +89,7 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
 
 
 def forces_recorded(run: xr.Dataset) -> bool:
-    """Whether a run holds the forces as they were applied (`riftberg.runs.applied`)."""
+    """Whether a run holds the forces as they were applied (`riftberg.runs.derived`)."""
     return run.sizes["time"] > 1 and all(v.name in run.variables for v in force_variables())
 
 

@@ -198,7 +198,12 @@ def pieces_of(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[t
     values = np.nan_to_num(mask.values)
     if str(attributes.get("units", "")).strip().lower() in ("%", "percent", "per cent"):
         values = values / 100.0
-    _check_seam(mask, values, where)
+    whole = mask.lon[-1] - mask.lon[0] + np.diff(mask.lon).mean() >= 359.9
+    if whole and (values[:, 0] > 0.5).any() and (values[:, -1] > 0.5).any():
+        raise InputError(
+            "the ice crosses the seam of the grid", where=where,
+            remedy="Roll the longitudes, so that they begin in open water",
+        )  # fmt: skip
     if values.min() >= -1e-9 and values.max() <= 1.0 + 1e-9:
         pieces = [("", ring) for ring in _rings_at_half(mask, values)]
     elif len(numbers := np.unique(values[values > 0.0])) <= _MOST and (values == np.round(np.abs(values))).all():
@@ -212,15 +217,6 @@ def pieces_of(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[t
     if not pieces:
         raise BergError("no ice in the mask", where=where, remedy="Cells of ice have values above one half")
     return [piece for piece, area in zip(pieces, areas, strict=True) if area >= SMALLEST * sum(areas)]
-
-
-def _check_seam(mask: Raster, values: Floats, where: str) -> None:
-    whole = mask.lon[-1] - mask.lon[0] + np.diff(mask.lon).mean() >= 359.9
-    if whole and (values[:, 0] > 0.5).any() and (values[:, -1] > 0.5).any():
-        raise InputError(
-            "the ice crosses the seam of the grid", where=where,
-            remedy="Roll the longitudes, so that they begin in open water",
-        )  # fmt: skip
 
 
 def _rings_at_half(mask: Raster, values: Floats) -> list[Floats]:

@@ -17,7 +17,7 @@ import numpy as np
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.vary import grouped
 from riftberg.errors import InputError, RiftbergError
-from riftberg.experiments.options import Options
+from riftberg.experiments.registry import Options
 from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import value_shown
 from riftberg.system.limits import allow_large

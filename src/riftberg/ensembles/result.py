@@ -63,7 +63,16 @@ def dataset_of(
         np.datetime64(start, "ns") + (times * 1e9).astype("timedelta64[ns]"),
         {"standard_name": "time"},
     )
-    _add_varied(ds, varied, members)
+    for v in varied:
+        values = [member[v.name] for member in members]
+        numeric = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+        kept = (
+            np.array(values, dtype=np.float64) if numeric else np.array([str(value) for value in values], dtype=object)
+        )
+        about = {"long_name": v.meaning or v.name, "parameter": v.name}
+        if numeric:
+            about["units"] = v.unit or "1"
+        ds.coords[variable_name(v.name)] = ("member", kept, about)
     _add_ends(ds, outcomes, count, start)
     _add_fragments(ds, outcomes, listed, start, latlon)
     _add_tracks(ds, outcomes, listed, times, latlon)
@@ -83,19 +92,6 @@ def _listed(outcome: Outcome) -> list[int]:
 def variable_name(name: str) -> str:
     """Return the name of the variable of a parameter: ``fracture_normal_strength``."""
     return name.replace(".", "_")
-
-
-def _add_varied(ds: xr.Dataset, varied: Sequence[Varied], members: Sequence[Mapping[str, Any]]) -> None:
-    for v in varied:
-        values = [member[v.name] for member in members]
-        numeric = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
-        kept = (
-            np.array(values, dtype=np.float64) if numeric else np.array([str(value) for value in values], dtype=object)
-        )
-        about = {"long_name": v.meaning or v.name, "parameter": v.name}
-        if numeric:
-            about["units"] = v.unit or "1"
-        ds.coords[variable_name(v.name)] = ("member", kept, about)
 
 
 def _add_ends(ds: xr.Dataset, outcomes: Mapping[int, Outcome], count: int, start: datetime) -> None:

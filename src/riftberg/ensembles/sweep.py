@@ -20,7 +20,7 @@ from riftberg.ensembles.result import dataset_of, write_sweep
 from riftberg.ensembles.vary import Varied, grouped, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import BERG, changed
-from riftberg.experiments.options import Options
+from riftberg.experiments.registry import Options
 from riftberg.runs.progress import SweepBar
 from riftberg.system.atomic_files import only_writer, write_text
 from riftberg.system.input_files import check_file, is_folder, reading, value_shown
@@ -209,7 +209,15 @@ def planned(
         except InputError as error:  # the first could be built, so it is what is varied
             raise InputError(error.what, where=_member_text(members[-1]), remedy=error.remedy) from error
         for model, values in ((first, members[0]), (last, members[-1])):
-            _check_taken(model, values, named)
+            for group, inner in grouped(values).items():
+                for key, value in inner.items() if group != BERG else ():
+                    taken = getattr(getattr(model.parameters, group), key)
+                    if taken != value and value:  # 0 and none mean: find it
+                        raise InputError(
+                            f"{named} keeps {group}.{key} = {value_shown(taken)} whatever is given",
+                            where=f"--vary {group}.{key}",
+                            remedy="Vary another parameter, or give a function that makes the models",
+                        )  # fmt: skip
     elif length is None:
         raise InputError("the length of the runs is missing", where="days", remedy="Give days")
     else:
@@ -254,18 +262,6 @@ def _check_members(first: Model, members: list[dict[str, Any]]) -> None:
 def _member_text(values: Mapping[str, Any]) -> str:
     said = ", ".join(f"{name} = {value_shown(value)}" for name, value in values.items())
     return f"--vary, member with {said}"
-
-
-def _check_taken(model: Model, values: Mapping[str, Any], named: str) -> None:
-    """Refuse to vary what the experiment sets itself, such as the packing of its berg."""
-    for group, inner in grouped(values).items():
-        for key, value in inner.items() if group != BERG else ():
-            taken = getattr(getattr(model.parameters, group), key)
-            if taken != value and value:  # 0 and none mean: find it
-                raise InputError(
-                    f"{named} keeps {group}.{key} = {value_shown(taken)} whatever is given", where=f"--vary {group}.{key}",
-                    remedy="Vary another parameter, or give a function that makes the models",
-                )  # fmt: skip
 
 
 class Store:

@@ -15,6 +15,7 @@ from riftberg.config.units import looks_like_quantity
 from riftberg.config.values import allowed, given, kinds_of, native, required, unit_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, find_field
+from riftberg.parameters import group_now
 from riftberg.system.input_files import value_shown
 from riftberg.system.limits import refuse_large
 
@@ -78,12 +79,13 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
     group, dot, key = name.partition(".")
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
+    group = group_now(group, key)
     field = find_field(group, key, where=where)
     if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
         raise InputError("this parameter holds several numbers", where=where, remedy="Vary it in Python, or by --set")
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
     plain = [given(value, SETTABLE[group], key, where=where) for value in several]
-    return Varied(name, _distinct(plain, where), unit_of(field), field.description or "")
+    return Varied(f"{group}.{key}", _distinct(plain, where), unit_of(field), field.description or "")
 
 
 def _listed(values: Any, where: str) -> list[Any]:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riftberg.errors import InputError, nearest
-from riftberg.experiments.options import Info, Numerics, Options
-from riftberg.experiments.registry import EXPERIMENTS, BuiltIn, find, names
+from riftberg.experiments.registry import EXPERIMENTS, BuiltIn, Info, Numerics, Options, find, names
 
 if TYPE_CHECKING:
     from riftberg.runs.model import Model

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riftberg.constants import DEGREE, SECONDS_PER_DAY
-from riftberg.experiments.a68a_shape import a68a_berg
-from riftberg.experiments.options import Info, Options
+from riftberg.experiments.a68a_observed import a68a_berg
+from riftberg.experiments.registry import Info, Options
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import A68A_2022, A68A_2022_KID
 from riftberg.physics.geometry import meridian_convergence

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
-from riftberg.experiments.a68a_shape import a68a_berg
-from riftberg.experiments.options import Info, Options
+from riftberg.experiments.a68a_observed import a68a_berg
+from riftberg.experiments.registry import Info, Options
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.state import Elements, Floats

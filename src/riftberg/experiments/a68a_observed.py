@@ -1,13 +1,99 @@
-"""Observed state of A68a by day: centroid, heading and area, as numbers.
+"""A68a as it was observed: its shape on 9 December 2020 as rows of a square lattice of 3 km, and its state by day, as numbers.
 
-From the daily outlines of Huth et al. (2022), repository alex-huth/iKID_iceberg_A68a at b0bfa83 (digitised from MODIS
-and Sentinel-1 images): centroid and area of each outline, azimuth of the long side of its least rectangle, degrees
-clockwise from north. Until 23 December the outlines include the finger.
+The rows are those of the 472 elements of the published run: Huth, Adcroft, Sergienko and Khan (2022), Science
+Advances 8, eabq6974, whose `icebergs.res.nc` (github.com/alex-huth/iKID_iceberg_A68a, b0bfa83) follows from the outline
+of 9 December by the rules of equations 10.5. They stand 0.1 degree south of the observed berg there.
+
+Centroid, heading and area are from the daily outlines of Huth et al. (2022), repository alex-huth/iKID_iceberg_A68a at
+b0bfa83 (digitised from MODIS and Sentinel-1 images): centroid and area of each outline, azimuth of the long side of its least
+rectangle, degrees clockwise from north. Until 23 December the outlines include the finger.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.bergs.lattice import cells_of_rows, cells_region
+from riftberg.bergs.placement import ReferencePlane
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.parameters import Packing
+from riftberg.plane import EqualAreaPlane
+from riftberg.state import Floats, Ints
+
+A68A_RADIUS = 1500.0
+"""Radius of the elements of the table, m."""
+
+A68A_ROWS: list[tuple[int, int, int]] = [
+    (0, 20, 24), (1, 17, 25), (2, 16, 25), (3, 11, 26), (4, 9, 30), (4, 41, 44), (5, 8, 30), (5, 40, 47), (6, 3, 31),
+    (6, 37, 47), (7, 1, 46), (8, 1, 45), (9, 0, 43), (10, 0, 42), (11, 1, 37), (12, 1, 35), (13, 2, 3), (13, 5, 33),
+    (14, 5, 30), (15, 10, 24), (16, 10, 21), (17, 13, 13),
+]  # fmt: skip
+"""(row, first column, last column), rows from south to north, columns from west to east."""
+
+_FIRST_COLUMN, _FIRST_ROW = 10, 12
+_WEST, _SOUTH = 319.2578125, -55.7015625
+_NORTHWARD = 0.1
+
+
+def a68a_berg(
+    radius: float = A68A_RADIUS,
+    packing: Packing = "square",
+    *,
+    lattice_angle: float = 0.0,
+    offset: tuple[float, float] | None = None,
+    thickness: Any = 200.0,
+    velocity: tuple[float, float] = (0.22, 0.0),
+) -> Iceberg:
+    """Return A68a as it was on 9 December 2020, 13:00.
+
+    ``radius``: radius of the elements, m; ``thickness``, ``velocity``: of the ice (m, m s-1), by default those of the paper.
+
+    Examples
+    --------
+    >>> len(a68a_berg().elements.id)
+    472
+
+    """
+    column, row = cells_of_rows(A68A_ROWS)
+    region = cells_region(column, row, 2.0 * A68A_RADIUS)
+    lon, lat = (float(a.mean()) for a in table_positions())
+    x, y = _cell_centres(column, row)
+    x, y = x - x.mean(), y - y.mean()
+    # Rows are great circles now, whose ends lie nearer to the equator than the parallel at their middle: the tangent plane
+    # touches where its elements get the mean position of those of the table.
+    placed = [float(a.mean()) for a in EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
+    berg = Iceberg.from_table(
+        A68A_ROWS, placement=(2 * lon - placed[0] - 360.0, 2 * lat - placed[1]), table_radius=A68A_RADIUS, radius=radius,
+        thickness=thickness, packing=packing, velocity=velocity, lattice_angle=lattice_angle, offset=offset,
+    )  # fmt: skip
+    made = {
+        "source": "A68a, 9 December 2020 (Huth et al. 2022)",
+        "outline_area": region.area,
+        "area_error": berg.area / region.area - 1.0,
+    }
+    return replace(berg, report=made)
+
+
+def _cell_centres(column: Ints, row: Ints) -> tuple[Floats, Floats]:
+    return np.asarray(2.0 * A68A_RADIUS * (column + 0.5)), np.asarray(2.0 * A68A_RADIUS * (row + 0.5))
+
+
+def table_positions(northward: float = _NORTHWARD) -> tuple[Floats, Floats]:
+    """Return longitude (0 to 360) and latitude of the elements of the table by the rules of the published run.
+
+    ``northward``: degrees by which the berg is moved north as it is; 0 gives the published positions.
+    """
+    x, y = _cell_centres(*cells_of_rows(A68A_ROWS))
+    plane, side = ReferencePlane(_WEST, _SOUTH, 0.0, EARTH_RADIUS_A68), 2.0 * A68A_RADIUS
+    lon, lat = plane.inverse(x + _FIRST_COLUMN * side, y + _FIRST_ROW * side)
+    if northward == 0.0:
+        return lon, lat
+    middle, north = float(lon.mean()), lat + northward
+    return middle + (lon - middle) * np.cos(lat * DEGREE) / np.cos(north * DEGREE), north
 
 
 class ObservedDay(NamedTuple):

@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 from riftberg.bergs.keys import LatticeKeys
 from riftberg.config.values import fields_of, given
 from riftberg.errors import InputError, nearest, together
-from riftberg.parameters import A68A_2022_KID, Parameters
+from riftberg.parameters import A68A_2022_KID, Parameters, group_now
 
 Changes = dict[str, dict[str, Any]]
 
@@ -42,6 +42,7 @@ def _parsed(setting: str) -> tuple[str, str, Any]:
     """Return group, name and value of a setting."""
     key, equals, text = setting.partition("=")
     group, dot, name = key.strip().partition(".")
+    group = group_now(group, name)
     if not equals or not dot:
         raise InputError(
             f"{setting!r} is not of the form group.name=value",
@@ -88,5 +89,5 @@ def reference_numerics(parameters: Parameters) -> Parameters:
         bonds={"objective_damping": False},
         contact={"on_substeps": False},
         stepping={"scheme": "mts", "skip_first_long_force": True},
-        compatibility=A68A_2022_KID.compatibility.model_dump(),
+        compatibility={name: value for name, value in A68A_2022_KID.compatibility if value},
     )

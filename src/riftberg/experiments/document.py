@@ -62,7 +62,20 @@ class Document:
 
     def _load(self, text: str) -> dict[str, Any]:
         try:
-            self._check_events(text)
+            depth = 0
+            for event in yaml.parse(text, Loader=yaml.SafeLoader):
+                if isinstance(event, yaml.CollectionStartEvent):
+                    depth += 1
+                    if depth > DEEPEST:
+                        raise self._wrong(
+                            f"more than {DEEPEST} sections or lists within each other", _line(event),
+                            "An experiment file has no more than 5",
+                        )  # fmt: skip
+                elif isinstance(event, yaml.CollectionEndEvent):
+                    depth -= 1
+                tag = getattr(event, "tag", None)
+                if tag not in (None, "!") and tag not in _CORE:
+                    raise self._wrong(f"the tag {value_shown(tag)} is not known", _line(event), "Write the plain value")
             node = yaml.compose(text, Loader=yaml.SafeLoader)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
@@ -91,23 +104,6 @@ class Document:
         finally:
             loader.dispose()
         return values
-
-    def _check_events(self, text: str) -> None:
-        """Refuse depth and tags, before anything is built."""
-        depth = 0
-        for event in yaml.parse(text, Loader=yaml.SafeLoader):
-            if isinstance(event, yaml.CollectionStartEvent):
-                depth += 1
-                if depth > DEEPEST:
-                    raise self._wrong(
-                        f"more than {DEEPEST} sections or lists within each other", _line(event),
-                        "An experiment file has no more than 5",
-                    )  # fmt: skip
-            elif isinstance(event, yaml.CollectionEndEvent):
-                depth -= 1
-            tag = getattr(event, "tag", None)
-            if tag not in (None, "!") and tag not in _CORE:
-                raise self._wrong(f"the tag {value_shown(tag)} is not known", _line(event), "Write the plain value")
 
     def _mark(self, node: yaml.Node, place: Place, above: tuple[int, ...]) -> None:
         """Note the line of every key; refuse keys that stand twice or are no words, and aliases that never end."""

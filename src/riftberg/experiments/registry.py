@@ -1,17 +1,93 @@
-"""The built-in experiments by name: an experiment is imported when it is built, so that asking for the list costs nothing."""
+"""The built-in experiments by name, what a person may change in one, and what a built one says of itself.
+
+An experiment is imported when it is built, so that asking for the list costs nothing.
+"""
 
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from riftberg.errors import InputError, nearest
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from riftberg.experiments.options import Builder, Story
+    from riftberg.parameters import Parameters
+    from riftberg.runs.model import Model
+
+
+Numerics = Literal["own", "reference"]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the person who starts a run asked for."""
+
+    # Values by group and name, as `riftberg.parameters.Parameters.changed` takes them, and those of the berg; already checked
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    days: float | None = None  # Length of the run; None leaves it to the experiment
+    data: Path | None = None  # Folder of data files
+    without: frozenset[str] = frozenset()  # Parts of the experiment to leave out
+    # Numerics of Riftberg, or those of the reference with its quirks; None leaves it to the experiment
+    numerics: Numerics | None = None
+    fetch: bool = False  # Fetch missing data files first
+    # Cells (degrees) of a model grid that data files are put on; None leaves it to the experiment
+    grid: float | None = None
+    # Files or patterns in place of those of the experiment, as ``forcing.files`` takes them
+    files: tuple[Any, ...] = ()
+
+    @property
+    def own(self) -> bool:
+        """Riftberg's own numerics, unless the reference's were asked for: what most experiments do."""
+        return self.numerics != "reference"
+
+    @property
+    def lattice(self) -> Mapping[str, Any]:
+        """Changes of the lattice of the berg, as `riftberg.bergs.keys.LatticeKeys` has them."""
+        return self.changes.get("berg", {})
+
+    def apply(self, parameters: Parameters) -> Parameters:
+        """Return parameters with the changes made."""
+        from riftberg.experiments.changes import changed
+
+        return changed(parameters, self.changes)
+
+
+@dataclass(frozen=True)
+class Story:
+    """What a test case tells of itself in place of break-ups and maps, from its run file."""
+
+    # Takes the run and returns what has lines for the command line, ``lines()``, and figures for ``summary.json``, ``facts()``
+    read: Callable[[xr.Dataset], Any]
+    draw: Callable[[xr.Dataset, Path, int], Path]  # Takes the run, a path and ``dpi``, and writes the picture
+    fits: Callable[[xr.Dataset], bool]  # Takes the run and returns whether it is one of this case
+
+
+@dataclass(frozen=True)
+class Info:
+    """What the command line needs to know about a built experiment."""
+
+    name: str  # Short name, used for the output folder
+    title: str = ""  # Heading of the map
+    days: float = 1.0  # Length of the run that the experiment has by itself
+    output_every_hours: float = 1.0  # Interval of the records, in hours of model time
+    seed: int | None = None  # Seed of random numbers, if any are drawn
+    # Observed outlines for the map: ISO date to rings of longitude and latitude
+    observed: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    notices: tuple[str, ...] = ()  # What should be known before the run, in a line each
+    output_forces: bool = False  # Whether the run file holds the mean force of each medium between records
+    output_cells: float | None = None  # Width (degrees) of the cells of the gridded output; None for none
+    made: str = ""  # What became of the shape that was asked for, in a line
+    loses: bool = False  # A finer lattice would come closer to that shape
+    story: Story | None = None  # What a test case tells and draws instead of break-ups and a map
+
+
+Builder = Callable[[Options], "tuple[Model, Info]"]
+"""A function that builds an experiment."""
 
 
 @dataclass(frozen=True)
@@ -44,17 +120,17 @@ class BuiltIn:
 EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
     BuiltIn("a68a", "a68a:build", "A68a in December 2020 in an analytic ocean: drift, grounding, two break-ups",
           ("shoal", "shear"), lattice=True),
-    BuiltIn("a68a-paper", "a68a_paper:build", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
+    BuiltIn("a68a-paper", "a68a_files:build_paper", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
           ("shoal",), fetches=True),
-    BuiltIn("a68a-oras5", "a68a_oras5:build", "A68a in the monthly mean currents of ORAS5", fetches=True),
+    BuiltIn("a68a-oras5", "a68a_files:build_oras5", "A68a in the monthly mean currents of ORAS5", fetches=True),
     BuiltIn("a68a-melt", "a68a_melt:build", "A68a melts along its observed track for three months, in a sea made by formula",
           lattice=True),
-    BuiltIn("supported-beam", "beams:build_supported", "a simply supported beam bends under a load",
-          story="beams:SUPPORTED_STORY"),
-    BuiltIn("cantilever", "beams:build_cantilever", "a clamped beam bends under a load at its end",
-          story="beams:CANTILEVER_STORY"),
-    BuiltIn("collision", "collision:build", "two small bergs collide", story="collision:STORY"),
-    BuiltIn("grounding-fracture", "grounding_fracture:build", "a berg runs aground and breaks"),
+    BuiltIn("supported-beam", "cases:build_supported", "a simply supported beam bends under a load",
+          story="cases:SUPPORTED_STORY"),
+    BuiltIn("cantilever", "cases:build_cantilever", "a clamped beam bends under a load at its end",
+          story="cases:CANTILEVER_STORY"),
+    BuiltIn("collision", "cases:build_collision", "two small bergs collide", story="cases:COLLISION_STORY"),
+    BuiltIn("grounding-fracture", "cases:build_grounding_fracture", "a berg runs aground and breaks"),
 )  # fmt: skip
 """Built-in experiments."""
 

@@ -17,15 +17,13 @@ from riftberg.config.values import Place, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.document import Document
-from riftberg.experiments.options import Info, Options
-from riftberg.experiments.registry import find
+from riftberg.experiments.registry import Info, Options, find
 from riftberg.experiments.schema import (
     PRESETS,
     Berg,
     Experiment,
     ExperimentForcing,
     FormulaForcing,
-    Rift,
     Shelf,
     Strength,
     check_span,
@@ -169,7 +167,15 @@ def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path) -> I
     made = _whole_berg(berg, parameters, folder)
     for index, rift in enumerate(berg.rifts):
         with _key_named(f"{place}.rifts.{index}"):
-            made = _with_rift(made, rift, folder)
+            from riftberg.bergs.raster import is_map, read_raster
+
+            source: Any = rift.points
+            if rift.file is not None:
+                path = folder / rift.file
+                source = read_raster(path, rift.variable) if is_map(path) else path
+            made = made.with_rifts(
+                source, strength=rift.strength, broken=rift.broken, crs=rift.crs, threshold=rift.threshold
+            )
     if berg.strength is not None:
         with _key_named(f"{place}.strength"):
             made = _with_strength(made, berg.strength, folder)
@@ -184,16 +190,6 @@ def _key_named(key: str) -> Iterator[None]:
     except BergError as error:
         where = f"{key}, {error.where}" if error.where else key
         raise BergError(error.what, where=where, remedy=error.remedy) from error
-
-
-def _with_rift(berg: Iceberg, rift: Rift, folder: Path) -> Iceberg:
-    from riftberg.bergs.raster import is_map, read_raster
-
-    source: Any = rift.points
-    if rift.file is not None:
-        path = folder / rift.file
-        source = read_raster(path, rift.variable) if is_map(path) else path
-    return berg.with_rifts(source, strength=rift.strength, broken=rift.broken, crs=rift.crs, threshold=rift.threshold)
 
 
 def _with_strength(berg: Iceberg, strength: Strength, folder: Path) -> Iceberg:

@@ -348,7 +348,11 @@ def a68_records(
     start = driver.whole("transient_a68_data_start_ind")
     if start < 1:
         raise driver.error(f"transient_a68_data_start_ind = {start} with a68_test", "Give the first record, from 1")
-    _check_depth(icebergs)
+    if icebergs.number("cdrag_grounding") > 0 and not (icebergs.flag("A68_test") and icebergs.flag("mts")):
+        raise icebergs.error(
+            "cdrag_grounding > 0, but the driver's A68 test knows no depth",
+            "Set A68_test = .true. with mts = .true. for the grounding zone, or cdrag_grounding = 0",
+        )
     begin = float(LATE_START.get(start, 0))
     files = open_hours(
         case_data(driver, case),
@@ -377,14 +381,6 @@ def a68_records(
     )
     still = still._replace(sst=celsius(still.sst, grid.arrays.mask))
     return hourly_records(files, Assembler(grid, still, icebergs.flag("tau_is_velocity")), start)
-
-
-def _check_depth(icebergs: NamelistGroup) -> None:
-    if icebergs.number("cdrag_grounding") > 0 and not (icebergs.flag("A68_test") and icebergs.flag("mts")):
-        raise icebergs.error(
-            "cdrag_grounding > 0, but the driver's A68 test knows no depth",
-            "Set A68_test = .true. with mts = .true. for the grounding zone, or cdrag_grounding = 0",
-        )
 
 
 class Assembler:

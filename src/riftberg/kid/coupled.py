@@ -51,10 +51,10 @@ def without_idle_life(p: Parameters, elements: Elements, bonds: Bonds, passive: 
     if p.footloose.enabled:
         return p
     off = p.changed(melt={"enabled": False}, rolling={"enabled": False})
-    if p.melt.keep_shape:
+    if p.compatibility.keep_shape:
         return off if passive else p
     bits = p.melt.bits_fraction > 0.0 and (elements.life.mass_of_bits > 0.0).any()
-    if not p.melt.zero_rates or bits:
+    if not p.compatibility.zero_rates or bits:
         return p
     count = np.bincount(np.concatenate([bonds.first, bonds.second]), minlength=elements.size)
     free = (elements.static < 0.5) & ((count == 0) | p.fracture.enabled)
@@ -212,7 +212,10 @@ class CoupledRun:
         calving = FluxCalving(parameters, grid)
         random = Stores.random(calving.south, calving.north, grid, by_column=not group.flag("make_calving_reproduce"))
         calving.stores = random if stores is None else stores
-        _share_counter(model, calving)
+        counter = getattr(getattr(model.life, "names", None), "__self__", None)
+        if counter is not None:
+            np.maximum(counter.counts, calving.stores.counter, out=counter.counts)
+            calving.stores.counter = counter.counts
         self.namelist, self.parameters, self.clock, self.grid, self.model = namelist, parameters, clock, grid, model
         self.exchange = ReferenceExchange(model, calving, _return_rules(group))
         self.returned: list[Returned] = []
@@ -261,14 +264,6 @@ def _bergs(path: Path, grid: Grid, group: NamelistGroup) -> Elements:
     if group.flag("require_restart"):
         raise InputError("no such file", where=str(path), remedy="Put it there, or set require_restart = .false.")
     return new_elements(0)
-
-
-def _share_counter(model: Model, calving: FluxCalving) -> None:
-    """Let births from the stores and footloose children count on in the same cells."""
-    counter = getattr(getattr(model.life, "names", None), "__self__", None)
-    if counter is not None:
-        np.maximum(counter.counts, calving.stores.counter, out=counter.counts)
-        calving.stores.counter = counter.counts
 
 
 def _return_rules(group: NamelistGroup) -> ReturnRules:

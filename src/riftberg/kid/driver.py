@@ -82,10 +82,6 @@ def build_grid(namelist: KidNamelist, case: Path) -> Grid:
         )
     if a68:
         return a68_grid(driver, case, namelist_period(icebergs))
-    return _cartesian(driver, icebergs)
-
-
-def _cartesian(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
     ni, nj, spacing = driver.whole("ni"), driver.whole("nj"), driver.number("gridres")
     if ni < 2 or nj < 2 or not 0 < spacing <= WIDEST_CELL:
         raise driver.error(

@@ -322,7 +322,9 @@ def split_groups(text: str, path: Path) -> list[tuple[str, str]]:
                 continue
             name, body = start[1].lower(), ""
             code = code[start.end() :]
-        part, closed = _until_end(code, name)
+        bare = _mask_texts(name, code)
+        end = re.search(r"(?i)/|[&$]end\b", bare)
+        part, closed = (code[: end.start()], True) if end else (code, False)
         body += part + "\n"
         if closed:
             groups.append((name, body))
@@ -330,13 +332,6 @@ def split_groups(text: str, path: Path) -> list[tuple[str, str]]:
     if name:
         raise NamelistError(f"group &{name} has no end", where=str(path), remedy="Close it with a line '/'")
     return groups
-
-
-def _until_end(code: str, group: str) -> tuple[str, bool]:
-    """Return a line of code up to the end of its group, and whether the group ends in it."""
-    bare = _mask_texts(group, code)
-    end = re.search(r"(?i)/|[&$]end\b", bare)
-    return (code[: end.start()], True) if end else (code, False)
 
 
 def _mask_texts(group: str, code: str) -> str:

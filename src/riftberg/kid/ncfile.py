@@ -302,7 +302,10 @@ class BlockWriter:
         if self._waiting:
             try:
                 with replacing(self.path, copy=True) as part, open_netcdf(part, "a") as dataset:
-                    self._write_block(dataset)
+                    end = self._written + self._waiting_size
+                    for item in self.columns:
+                        block = np.concatenate([records[item.name] for records in self._waiting])
+                        dataset.variables[item.name][self._written : end] = block
             except OSError as error:
                 raise RunError(
                     f"cannot write {self.path} ({refusal(error)}); it holds {self._good or 'no records yet'}"
@@ -315,12 +318,6 @@ class BlockWriter:
         took = self._last - began
         dear = took > QUICK or self.path.stat().st_size > SMALL
         self._pause = PATIENCE * took if dear else 0.0
-
-    def _write_block(self, dataset: netCDF4.Dataset) -> None:
-        end = self._written + self._waiting_size
-        for item in self.columns:
-            block = np.concatenate([records[item.name] for records in self._waiting])
-            dataset.variables[item.name][self._written : end] = block
 
     def close(self) -> None:
         """Write what waits."""

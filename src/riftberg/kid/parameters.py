@@ -30,7 +30,19 @@ def to_parameters(namelist: KidNamelist) -> Parameters:
     """Return the physics of the namelist with the numerics and quirks of the reference."""
     check_supported(namelist)
     group = namelist.icebergs
-    _check_scheme(group)
+    if group.number("rho_bergs") < DENSITIES[0]:
+        raise group.error(
+            f"rho_bergs = {group.number('rho_bergs'):g} kg m-3 is no density of ice",
+            f"Give it in kg m-3: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g}",
+        )
+    if group.flag("dem") and scheme(group) == "runge_kutta":
+        raise group.error("dem = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+    if group.flag("footloose") and scheme(group) == "runge_kutta":
+        raise group.error("footloose = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
+    if group.flag("footloose") and not group.flag("use_operator_splitting"):
+        raise group.error(
+            "footloose = .true. with use_operator_splitting = .false.", "Set use_operator_splitting = .true."
+        )
     try:
         return Parameters(**_groups(group, time_step(namelist)))
     except InputError as error:
@@ -94,22 +106,6 @@ def is_plain_kid(group: NamelistGroup) -> bool:
     return not (group.flag("mts") or far or contact_stiffness(group) != group.number("spring_coef"))
 
 
-def _check_scheme(group: NamelistGroup) -> None:
-    if group.number("rho_bergs") < DENSITIES[0]:
-        raise group.error(
-            f"rho_bergs = {group.number('rho_bergs'):g} kg m-3 is no density of ice",
-            f"Give it in kg m-3: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g}",
-        )
-    if group.flag("dem") and scheme(group) == "runge_kutta":
-        raise group.error("dem = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
-    if group.flag("footloose") and scheme(group) == "runge_kutta":
-        raise group.error("footloose = .true. with Runge_not_Verlet = .true.", "Set Runge_not_Verlet = .false.")
-    if group.flag("footloose") and not group.flag("use_operator_splitting"):
-        raise group.error(
-            "footloose = .true. with use_operator_splitting = .false.", "Set use_operator_splitting = .true."
-        )
-
-
 def _check_criterion(group: NamelistGroup, inline: bool) -> None:
     criterion = group.text("fracture_criterion")
     if criterion.lower() == "stress":
@@ -139,7 +135,6 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
         "drag": {
             "ocean_scale": number("ocean_drag_scale"),
             "sides_by_bonds": flag("internal_bergs_for_drag"),
-            "radius_based": flag("radius_based_drag") and flag("hexagonal_icebergs") and dem,
             "rotational": False,
         },
         "grounding": {
@@ -157,7 +152,6 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
             "tangential_critical_damping": flag("tang_crit_int_damp_on"),
             "radial_damping": number("radial_damping_coef"),
             "tangential_damping": number("tangental_damping_coef"),
-            "damping_by_speed": flag("scale_damping_by_pmag"),
             "iterate": flag("force_convergence"),
             "tolerance": number("convergence_tolerance"),
         },
@@ -208,7 +202,15 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
         },
         **_groups_of_life(group),
         "compatibility": Compatibility.kid(
-            shared_shear_lever=flag("save_bond_forces"), grid_position_round_trip=plain, plain_kid_branch=plain
+            shared_shear_lever=flag("save_bond_forces"),
+            grid_position_round_trip=plain,
+            plain_kid_branch=plain,
+            radius_based=flag("radius_based_drag") and flag("hexagonal_icebergs") and dem,
+            damping_by_speed=flag("scale_damping_by_pmag"),
+            sea_ice_shift=number("sicn_shift"),
+            zero_rates=flag("set_melt_rates_to_zero"),
+            keep_shape=flag("Iceberg_melt_without_decay"),
+            one_draw=flag("fl_init_child_xy_by_pe"),
         ).model_dump(),
     }
 
@@ -234,10 +236,7 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
             "base": equations if mixed or shelf else "turbulent",
             "salinity_from_ocean": flag("use_mixed_layer_salinity_for_thermo"),
             "split": flag("use_operator_splitting"),
-            "sea_ice_shift": number("sicn_shift"),
             "bits_fraction": max(number("bergy_bit_erosion_fraction"), 0.0),
-            "zero_rates": flag("set_melt_rates_to_zero"),
-            "keep_shape": flag("Iceberg_melt_without_decay"),
             "const_gamma": flag("const_gamma"),
             "gamma_t": number("Gamma_T_3EQ"),
             "friction_drag": number("cdrag_icebergs"),
@@ -256,7 +255,6 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
             "strength": 1000.0 * number("fl_strength"),  # kPa in namelists
             "style": "bergs" if group.text("fl_style") == "new_bergs" else "bits",
             "displace": flag("displace_fl_bergs"),
-            "one_draw": flag("fl_init_child_xy_by_pe"),
             "berg_mass": number("new_berg_from_fl_bits_mass_thres"),
         },
         "calving": {

@@ -124,11 +124,22 @@ def read_restart(path: Path, grid: Grid, *, seam: bool = False) -> Elements:
     path = Path(path)
     with opened_dataset(path) as dataset:
         elements = _read_bergs(dataset, path)
-        _read_life(dataset, path, elements)
+        for name, default in LIFE.items():
+            array = getattr(elements.life, name)
+            if array.dtype == np.int64:
+                array[:] = whole_column(dataset, path, name, elements.size)
+            else:
+                array[:] = column(dataset, path, name, elements.size, default)
         _check_values(elements, path, degrees=grid.arrays.latlon)
         grid.locate(elements)
         elements.id[:] = _read_identifiers(dataset, path, elements, grid, seam)
-    _check_unique(elements, path)
+    unique, counts = np.unique(elements.id, return_counts=True)
+    if (counts > 1).any():
+        raise BergError(
+            f"identifier {id_text(unique[counts > 1][0])} stands {counts.max()} times",
+            where=str(path),
+            remedy="Identifiers must be unique",
+        )
     return elements
 
 
@@ -166,15 +177,6 @@ def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
     elements.static[:] = static >= 0.5
     elements.in_contact[:] = static == CONTACT_FLAG
     return elements
-
-
-def _read_life(dataset: netCDF4.Dataset, path: Path, elements: Elements) -> None:
-    for name, default in LIFE.items():
-        array = getattr(elements.life, name)
-        if array.dtype == np.int64:
-            array[:] = whole_column(dataset, path, name, elements.size)
-        else:
-            array[:] = column(dataset, path, name, elements.size, default)
 
 
 def _read_identifiers(dataset: netCDF4.Dataset, path: Path, elements: Elements, grid: Grid, seam: bool) -> Ints:
@@ -244,16 +246,6 @@ def _check_values(elements: Elements, path: Path, *, degrees: bool) -> None:
         refuse(values < 0.0, values, name, "0 or more")
     flagged = (life.fl_k < 0.0) & ~np.isin(life.fl_k, CHILD_FLAGS)
     refuse(flagged, life.fl_k, "fl_k", "0 or more, or -1 or -2 of a child of footloose calving")
-
-
-def _check_unique(elements: Elements, path: Path) -> None:
-    unique, counts = np.unique(elements.id, return_counts=True)
-    if (counts > 1).any():
-        raise BergError(
-            f"identifier {id_text(unique[counts > 1][0])} stands {counts.max()} times",
-            where=str(path),
-            remedy="Identifiers must be unique",
-        )
 
 
 def _columns(elements: Elements, grid: Grid) -> dict[str, NDArray[Any]]:
@@ -360,7 +352,12 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
     """Read a bond restart."""
     path = Path(path)
     with opened_dataset(path) as dataset:
-        _refuse_obsolete(dataset, path)
+        if "first_berg_num" in dataset.variables:
+            raise InputError(
+                "the obsolete layout with first_berg_num",
+                where=str(path),
+                remedy="KID cannot read it either; set manually_initialize_bonds = .true.",
+            )
         size = dimension(dataset, path)
         first = _rows(dataset, path, elements, "first", size)
         second = _rows(dataset, path, elements, "other", size)
@@ -375,17 +372,6 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
     a, b = bonds.first, bonds.second
     dx, dy = separations(metric, elements.lon[a], elements.lat[a], elements.lon[b], elements.lat[b])
     bonds.bond_length[:] = np.sqrt(dx * dx + dy * dy)
-    _check_lengths(bonds, elements, path)
-    count_bonds(elements, bonds)
-    return bonds
-
-
-LONGEST: Final = 10.0
-"""Length of a bond, in sides of its elements, beyond which the file is of another moment or another berg."""
-
-
-def _check_lengths(bonds: Bonds, elements: Elements, path: Path) -> None:
-    """Refuse bonds between elements that lie far apart."""
     side = np.maximum(elements.length, elements.width)
     far = bonds.bond_length > LONGEST * 0.5 * (side[bonds.first] + side[bonds.second])
     if far.any():
@@ -396,15 +382,12 @@ def _check_lengths(bonds: Bonds, elements: Elements, path: Path) -> None:
             where=str(path),
             remedy="Both restart files must be of the same moment",
         )
+    count_bonds(elements, bonds)
+    return bonds
 
 
-def _refuse_obsolete(dataset: netCDF4.Dataset, path: Path) -> None:
-    if "first_berg_num" in dataset.variables:
-        raise InputError(
-            "the obsolete layout with first_berg_num",
-            where=str(path),
-            remedy="KID cannot read it either; set manually_initialize_bonds = .true.",
-        )
+LONGEST: Final = 10.0
+"""Length of a bond, in sides of its elements, beyond which the file is of another moment or another berg."""
 
 
 def _rows(dataset: netCDF4.Dataset, path: Path, elements: Elements, end: str, size: int) -> Ints:

@@ -189,7 +189,10 @@ class FluxCalving:
             for j, i in np.argwhere(s.ice[k] >= need).tolist():
                 offset = 0.0
                 while s.ice[k, j, i] >= need[j, i]:
-                    warmth = self._heat_density(k, j, i)
+                    # The reference gives a berg the heat of all classes over the ice of its own (quirk T16).
+                    ice = self.stores.ice[:, j, i]
+                    held = ice[k] if self.parameters.compatibility.heat_of_one_class else ice.sum()
+                    warmth = float(self.stores.heat[j, i] / held)
                     rows.append((k, j, i, day + offset / 86400.0, warmth))
                     s.heat[j, i] -= need[j, i] * warmth
                     s.ice[k, j, i] -= need[j, i]
@@ -198,12 +201,6 @@ class FluxCalving:
                     offset -= dt * PART_OF_STEP
         elements, ids = self._elements(rows, year)
         return Births(elements, ids, mass, heat, real)
-
-    def _heat_density(self, k: int, j: int, i: int) -> float:
-        """Heat of a new berg, J kg-1: of all ice in the store of its cell, or by the reference over that of its class (T16)."""
-        ice = self.stores.ice[:, j, i]
-        held = ice[k] if self.parameters.compatibility.heat_of_one_class else ice.sum()
-        return float(self.stores.heat[j, i] / held)
 
     def _elements(self, rows: list[tuple[int, int, int, float, float]], year: int) -> tuple[Elements, Ints]:
         e = new_elements(len(rows))

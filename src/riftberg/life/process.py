@@ -28,7 +28,7 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
     Runs with the reference's numerics take what their driver hands over.
     """
     melt = p.melt
-    if not melt.enabled or melt.zero_rates or p.compatibility.zero_start:
+    if not melt.enabled or p.compatibility.zero_rates or p.compatibility.zero_start:
         return
     known = provided(forcing)
     missing = []
@@ -90,7 +90,7 @@ class LifeProcess:
         self.last: LifeStep | None = None
         self.look_around: Callable[[LifeModel], None] | None = None
         self.born: Callable[[LifeModel], tuple[int, float]] = date_of_birth
-        self.draws: Draws = OwnDraws(own.seed, own.one_draw)
+        self.draws: Draws = OwnDraws(own.seed, parameters.compatibility.one_draw)
         self.ranks: tuple[int, int] = (1, 1)
         self.names: Callable[[int, int], int] | None = None
         self._ledger: Ledger | None = None
@@ -110,7 +110,13 @@ class LifeProcess:
         if step.gone.any():
             model.remove(step.id[step.gone])
         ledger.melted(step, water)
-        self._enter_rest(ledger, step)
+        # With options of the reference bergs do not decay, or bits are dropped: the ledger closes with these as sources.
+        per_mass = latent_deficit(step.heat_density)
+        if self.values.keep_shape:
+            ledger.gain("not_decayed", float(step.water.sum()), float((step.water * per_mass).sum()))
+        elif self.values.drop_orphan_bits:
+            dropped = step.melted.dropped * step.scaling
+            ledger.gain("dropped_bits", -float(dropped.sum()), -float((dropped * per_mass).sum()))
         self.last = LifeStep(step, calved, water)
         self._keep(model, ledger)
 
@@ -148,15 +154,6 @@ class LifeProcess:
         if calved.density_mass != 0.0:
             ledger.gain("density_reset", calved.density_mass, now[1] - before[1])
         return calved
-
-    def _enter_rest(self, ledger: Ledger, step: MeltStep) -> None:
-        """Enter what options of the reference make or lose: bergs that do not decay, bits that are dropped."""
-        per_mass = latent_deficit(step.heat_density)
-        if self.values.keep_shape:
-            ledger.gain("not_decayed", float(step.water.sum()), float((step.water * per_mass).sum()))
-        elif self.values.drop_orphan_bits:
-            dropped = step.melted.dropped * step.scaling
-            ledger.gain("dropped_bits", -float(dropped.sum()), -float((dropped * per_mass).sum()))
 
 
 def date_of_birth(model: LifeModel) -> tuple[int, float]:

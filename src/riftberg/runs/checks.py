@@ -63,7 +63,8 @@ def open_checked(file: Path) -> xr.Dataset:
     try:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)
-            _check_attributes(dataset, file)
+            parameters_of(dataset, file)
+            stated_start(dataset, file)
             decoded = _with_dates(dataset, file)
             _check_values(decoded, file)
             return decoded
@@ -108,11 +109,6 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
     for dimension, word in (("trajectory", "elements"), ("time", "records")):
         if run.sizes[dimension] == 0:
             raise _error(f"no {word}", file, remedy="The run stopped before its first record: make it again")
-
-
-def _check_attributes(run: xr.Dataset, file: Path) -> None:
-    parameters_of(run, file)
-    stated_start(run, file)
 
 
 def parameters_of(run: xr.Dataset, file: Path | None = None) -> Parameters:
@@ -416,7 +412,8 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "motion_ledger": Bound((len(GIVERS) + 3, 3)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
     "record_peak_stress_.+": Bound((None,)),
-    "record_impulse_.+": Bound((None, len(FORCES), 2)),
+    "record_sums_.+": Bound((None, None)),
+    "record_impulse_.+": Bound((None, len(FORCES), 2)),  # what the sums of forces were called before 0.1.0
     "record_seconds_.+": Bound(()),
     "record_times_.+": Bound((2,)),
     # Identifiers in the order of the rows of the run file; whether it has gaps, and which sizes change.

@@ -49,19 +49,16 @@ class StateKeeper:
         """Save the state where that is due."""
         by_wall = self.minutes > 0.0 and clock.monotonic() - self._saved >= 60.0 * self.minutes
         if by_wall or (self.seconds is not None and model.time - self._saved_time >= self.seconds - 1e-6):
-            self._save(model)
-
-    def _save(self, model: Any) -> None:
-        path = self._paths()[self._turn]
-        self.writer.flush(model)
-        try:
-            model.save(path)
-        except (OSError, RiftbergError) as error:  # what is kept for a bad day must not end a good one
-            say(f"Notice: the state cannot be kept ({refusal(error)}); the run goes on")
-        else:
-            self._turn = 1 - self._turn
-            self.written = list({*self.written, path})
-        self._saved, self._saved_time = clock.monotonic(), model.time
+            path = self._paths()[self._turn]
+            self.writer.flush(model)
+            try:
+                model.save(path)
+            except (OSError, RiftbergError) as error:  # what is kept for a bad day must not end a good one
+                say(f"Notice: the state cannot be kept ({refusal(error)}); the run goes on")
+            else:
+                self._turn = 1 - self._turn
+                self.written = list({*self.written, path})
+            self._saved, self._saved_time = clock.monotonic(), model.time
 
     def _paths(self) -> list[Path]:
         return [self.writer.path.with_name(name) for name in _NAMES]

@@ -38,7 +38,7 @@ class ProgressRecorder:
         self._began = self._shown = clock.monotonic()
         self._first_day = self._speed_day = model.time / SECONDS_PER_DAY
         if self.terminal and not self.quiet:
-            self._put_up_bar()
+            self._bar = NotebookBar(self.days) if self._notebook else TerminalBar(self.days)
 
     def record(self, model: BareModel) -> None:
         """Show the state where the last look is long enough ago."""
@@ -58,9 +58,6 @@ class ProgressRecorder:
         self._show(model)
         if self._bar is not None:
             self._bar.stop()
-
-    def _put_up_bar(self) -> None:
-        self._bar = NotebookBar(self.days) if self._notebook else TerminalBar(self.days)
 
     def _show(self, model: BareModel) -> None:
         done = model.time / SECONDS_PER_DAY - self._first_day

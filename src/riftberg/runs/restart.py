@@ -83,7 +83,20 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path, to_disk=True) as part, open_netcdf(part, "w") as file:
-        _write_header(file, model)
+        file.setncatts(
+            {
+                "title": "Restart file of Riftberg",
+                "riftberg_restart_format": FORMAT,
+                "riftberg_version": __version__,
+                "start": model.start.isoformat(),
+                "forcing": forcing_text(model.forcing),
+                "parameters_json": model.parameters.model_dump_json(),
+            }
+        )
+        file.createVariable("time", "f8", ())[...] = model.time
+        file["time"].units = "s"
+        file["time"].long_name = "time since the start of the run"
+        file.createVariable("step_number", "i8", ())[...] = model.step_number
         _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
         _write_table(file, "bond", BOND_VARIABLES, model.bonds)
         _write_fragments(file, fragment_rows(model))
@@ -98,7 +111,22 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
     path = Path(path)
     with _open_restart(path) as file, reading(path, "a damaged restart file", _REMEDY):
         file.set_auto_mask(False)
-        _check_header(file, path)
+        layout = getattr(file, "riftberg_restart_format", None)
+        if layout is None:
+            raise InputError(
+                "not a restart file of Riftberg (attribute riftberg_restart_format is missing)",
+                where=str(path),
+                remedy="Run files (run.nc) cannot be resumed; files of KID go through 'riftberg kid'",
+            )
+        if not isinstance(layout, int | np.integer) or layout < 1:
+            raise InputError(f"restart layout {layout!r} is none", where=str(path), remedy=_REMEDY)
+        if layout != FORMAT:
+            age, later = ("newer", " or later") if layout > FORMAT else ("older", "")
+            raise InputError(
+                f"restart layout {layout} is {age} than this Riftberg ({__version__}) reads ({FORMAT})",
+                where=str(path),
+                remedy=f"Use Riftberg {getattr(file, 'riftberg_version', '?')}{later}, or make the run again",
+            )
         ends = np.zeros(file.dimensions["bond"].size, np.int64)
         state = RestartState(
             elements=_filled(file, "element", ELEMENT_VARIABLES, new_elements(file.dimensions["element"].size), path),
@@ -131,23 +159,6 @@ def fragment_rows(model: BareModel) -> list[dict[str, Any]]:
 def contact_rows(model: BareModel) -> list[dict[str, Any]]:
     """Return the meetings of bergs as dictionaries."""
     return [dataclasses.asdict(row) for row in getattr(getattr(model, "contacts", None), "rows", ())]
-
-
-def _write_header(file: netCDF4.Dataset, model: BareModel) -> None:
-    file.setncatts(
-        {
-            "title": "Restart file of Riftberg",
-            "riftberg_restart_format": FORMAT,
-            "riftberg_version": __version__,
-            "start": model.start.isoformat(),
-            "forcing": forcing_text(model.forcing),
-            "parameters_json": model.parameters.model_dump_json(),
-        }
-    )
-    file.createVariable("time", "f8", ())[...] = model.time
-    file["time"].units = "s"
-    file["time"].long_name = "time since the start of the run"
-    file.createVariable("step_number", "i8", ())[...] = model.step_number
 
 
 def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
@@ -201,25 +212,6 @@ def _open_restart(path: Path) -> Iterator[netCDF4.Dataset]:
             file = netCDF4.Dataset(path)
         with file:
             yield file
-
-
-def _check_header(file: netCDF4.Dataset, path: Path) -> None:
-    layout = getattr(file, "riftberg_restart_format", None)
-    if layout is None:
-        raise InputError(
-            "not a restart file of Riftberg (attribute riftberg_restart_format is missing)",
-            where=str(path),
-            remedy="Run files (run.nc) cannot be resumed; files of KID go through 'riftberg kid'",
-        )
-    if not isinstance(layout, int | np.integer) or layout < 1:
-        raise InputError(f"restart layout {layout!r} is none", where=str(path), remedy=_REMEDY)
-    if layout != FORMAT:
-        newer = layout > FORMAT
-        raise InputError(
-            f"restart layout {layout} is {'newer' if newer else 'older'} than this Riftberg ({__version__}) reads ({FORMAT})",
-            where=str(path),
-            remedy=f"Use Riftberg {getattr(file, 'riftberg_version', '?')}{' or later' if newer else ''}, or make the run again",
-        )
 
 
 def _filled(file: netCDF4.Dataset, table: str, variables: Iterable[Variable], arrays: _Table, path: Path) -> _Table:

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import os
 import time as clock
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -37,9 +37,9 @@ from numpy.typing import NDArray
 
 from riftberg.config.values import required
 from riftberg.errors import InputError, RunError
-from riftberg.runs.applied import AppliedForces, force_variables
 from riftberg.runs.background import append_background
 from riftberg.runs.checks import open_checked
+from riftberg.runs.derived import APPLIED, Means, added, define_ledgers, ledgers_of, values_now, write_fragment_melt
 from riftberg.runs.layout import (
     BOND_HISTORY,
     BOND_LATEST,
@@ -53,7 +53,6 @@ from riftberg.runs.layout import (
     run_attributes,
     texts,
 )
-from riftberg.runs.ledger_records import define_ledger, ledger_row, write_fragment_melt, write_ledger
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
@@ -97,7 +96,9 @@ class RunWriter:
         Add currents and sea floor around the run for maps (`riftberg.runs.background`) at the end.
 
     forces : bool, optional
-        Write the mean force of each medium on each element since the record before (`riftberg.runs.applied`).
+        Write the mean force of each medium on each element since the record before (`riftberg.runs.derived`).
+    derived : mapping, optional
+        Further variables of the elements, by name: unit, and a function of the model that returns a value for each element.
     goes_on : bool, optional
         Go on with the file that is there: its records from before the state of the model stay, and the file becomes that of
         the run that never stopped.
@@ -105,6 +106,8 @@ class RunWriter:
     Examples
     --------
     >>> model.advance(days=14, recorders=[RunWriter("run.nc", every_hours=1.0)])  # doctest: +SKIP
+    >>> speed = {"speed": ("m s-1", lambda model: np.hypot(*model.velocity()))}
+    >>> model.advance(days=14, recorders=[RunWriter("run.nc", derived=speed)])  # doctest: +SKIP
     """
 
     def __init__(
@@ -117,6 +120,7 @@ class RunWriter:
         flush_seconds: float = 1.0,
         background: bool = True,
         forces: bool = False,
+        derived: Mapping[str, tuple[str, Callable[[Any], Any]]] | None = None,
         goes_on: bool = False,
     ) -> None:
         self.path = Path(path)
@@ -124,7 +128,7 @@ class RunWriter:
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
         self.forces, self.goes_on = forces, goes_on
-        self._applied: AppliedForces | None = None
+        self._derived = [*([APPLIED] if forces else []), *added(derived or {})]
         self.records = 0
         self._made = False
         self._held: list[_Record] = []
@@ -146,7 +150,7 @@ class RunWriter:
         self._layout = Layout()
         self.records, self._held = 0, []
         self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed)
-        self._applied = AppliedForces(model) if self.forces else None
+        self._means = Means(model, self._derived)
         try:
             if self.goes_on:
                 self._take_up_file(model)
@@ -168,8 +172,7 @@ class RunWriter:
             self._peak = placed(self._peak_ids, self._peak, model.bonds.id, -np.inf)
             self._peak_ids = model.bonds.id.copy()
         np.maximum(self._peak, model.bonds.peak_stress, out=self._peak)
-        if self._applied is not None:
-            self._applied.add(model)
+        self._means.add(model)
         due = model.time >= self._next - _ROUND
         self._remember(model)
         if due:
@@ -201,29 +204,31 @@ class RunWriter:
 
     def _take(self, model: BareModel) -> None:
         self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
-        self._held.append(_Record(model, self._peak, {} if self._applied is None else self._applied.means(model)))
+        derived = {**self._means.values(model), **values_now(model, self._derived)}
+        self._held.append(_Record(model, self._peak, derived))
         self._latest = model.time
 
     def _schedule(self, model: BareModel) -> None:
         """Begin the interval up to the next record."""
-        if self._applied is not None:
-            self._applied.begin()
+        self._means.begin()
         self._peak, self._peak_ids = model.bonds.normal_stress.copy(), model.bonds.id.copy()
         self._next = model.time if self.interval <= 0.0 else self._next + self.interval
 
     def _define(self, file: netCDF4.Dataset, model: BareModel) -> None:
         _define(file, model, self._names, self._layout)
-        if self.forces:
-            _define_histories(file, force_variables(), self._names, self._layout)
+        _define_histories(file, self._derived_variables(), self._names, self._layout)
         file.setncatts(self._attributes)
         self._layout.written()
+
+    def _derived_variables(self) -> list[Variable]:
+        return [v for entry in self._derived for v in entry.variables]
 
     def _remember(self, model: BareModel) -> None:
         """Leave with the model what the record of this moment holds beyond its state, and when it is due."""
         kept: dict[str, Floats] | None = getattr(model, "remembered", None)
         if kept is not None:
             kept[self._key("peak_stress")] = self._peak.copy()
-            for name, value in self._applied.kept.items() if self._applied is not None else ():
+            for name, value in self._means.kept.items():
                 kept[self._key(name)] = value
             kept[self._key("times")] = np.array([model.time, self._next])
             layout = self._layout
@@ -246,9 +251,9 @@ class RunWriter:
         goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
         if goes_on:
             self._peak, self._next = np.array(peak), float(due)
-            impulse = kept.get(self._key("impulse"), np.zeros(0))
-            if self._applied is not None and len(impulse) == model.elements.size and self._key("seconds") in kept:
-                self._applied.go_on(impulse, kept[self._key("seconds")])
+            self._means.go_on(
+                kept.get(self._key("sums"), kept.get(self._key("impulse"))), kept.get(self._key("seconds"))
+            )
         elif self.goes_on:
             raise InputError("the restart file does not know its last record", where=str(self.path), remedy=_ANEW)
         else:
@@ -270,7 +275,7 @@ class RunWriter:
             gap = missing_records(old["time"][:], kept, self.interval)
             if gap:
                 raise InputError(gap, where=place, remedy=_ANEW)
-            if self.forces != (force_variables()[0].name in old.variables):
+            if self.forces != (APPLIED.variables[0].name in old.variables):
                 raise InputError(
                     f"its records have {'no ' if self.forces else ''}forces", where=place,
                     remedy=f"{'Leave out' if self.forces else 'Give'} --forces, as for the run that made it",
@@ -346,9 +351,10 @@ class RunWriter:
             missing = MISSING if v.dtype == "i8" else np.nan
             columns = [placed(r.ids, r.elements[v.name], layout.ids, missing) for r in self._held]
             file[self._names.get(v.name, v.name)][:, block] = np.stack(columns, axis=1)
-        write_ledger(file, [r.ledger for r in self._held], block)
-        for name in self._held[0].forces:
-            columns = [placed(r.ids, r.forces[name], layout.ids, np.nan) for r in self._held]
+        for name in self._held[0].ledger:
+            file[name][:, block] = np.stack([r.ledger[name] for r in self._held], axis=1)
+        for name in self._held[0].derived:
+            columns = [placed(r.ids, r.derived[name], layout.ids, np.nan) for r in self._held]
             file[name][:, block] = np.stack(columns, axis=1)
         for name in bond_history(model):
             columns = [placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in self._held]
@@ -387,7 +393,7 @@ def _peak_so_far(model: BareModel) -> Floats:
 class _Record:
     """Copies of the variables of one time."""
 
-    def __init__(self, model: BareModel, peak: Floats, forces: dict[str, Floats]) -> None:
+    def __init__(self, model: BareModel, peak: Floats, derived: dict[str, Floats]) -> None:
         self.time = float(model.time)
         self.ids, self.bond_ids = model.elements.id.copy(), model.bonds.id.copy()
         names = [*(v.name for v in element_history()), *SHAPE]
@@ -395,8 +401,8 @@ class _Record:
         self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
         self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
-        self.forces = forces
-        self.ledger = ledger_row(model)
+        self.derived = derived
+        self.ledger = values_now(model, ledgers_of(model))
 
 
 def bond_history(model: BareModel) -> tuple[str, ...]:
@@ -469,11 +475,34 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     file.createDimension("bond", len(layout.bond_ids))
     file.createDimension("fragment", None)
     file.createDimension("contact", None)
-    _define_time(file, model)
-    _define_elements(file, layout, names)
+    _create(
+        file,
+        "time",
+        "f8",
+        ("time",),
+        standard_name="time",
+        long_name="time",
+        units=_since(model),
+        calendar="proleptic_gregorian",
+        axis="T",
+    )
+    # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
+    kind = "i4" if layout.ids.max(initial=0) <= np.iinfo(np.int32).max else "i8"
+    number = _create(
+        file, "trajectory", kind, ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
+    )
+    number[:] = layout.ids
+    for name in SHAPE:
+        described = _described(_REGISTRY[name], names)
+        if name in layout.moving:
+            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names))
+        else:
+            kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
+            _create(file, name, kind, ("trajectory",), **described)[:] = layout.shape[name]
+    _define_histories(file, element_history(), names, layout)
     _define_bonds(file, model, layout)
     _define_fragments(file, model, names)
-    define_ledger(file, model)
+    define_ledgers(file, model)
 
 
 def _since(model: BareModel) -> str:
@@ -496,20 +525,6 @@ def _create(
     return variable
 
 
-def _define_time(file: netCDF4.Dataset, model: BareModel) -> None:
-    _create(
-        file,
-        "time",
-        "f8",
-        ("time",),
-        standard_name="time",
-        long_name="time",
-        units=_since(model),
-        calendar="proleptic_gregorian",
-        axis="T",
-    )
-
-
 def _described(v: Variable, names: dict[str, str]) -> dict[str, str]:
     """Attributes of a variable; positions on a Cartesian grid are metres."""
     if v.name in names:
@@ -523,23 +538,6 @@ def _stored_kind(v: Variable) -> str:
     if v.dtype == "i8":
         return "i4"
     return "f8" if v.name in DOUBLE else "f4"
-
-
-def _define_elements(file: netCDF4.Dataset, layout: Layout, names: dict[str, str]) -> None:
-    # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
-    kind = "i4" if layout.ids.max(initial=0) <= np.iinfo(np.int32).max else "i8"
-    number = _create(
-        file, "trajectory", kind, ("trajectory",), cf_role="trajectory_id", long_name="identifier of the element"
-    )
-    number[:] = layout.ids
-    for name in SHAPE:
-        described = _described(_REGISTRY[name], names)
-        if name in layout.moving:
-            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names))
-        else:
-            kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
-            _create(file, name, kind, ("trajectory",), **described)[:] = layout.shape[name]
-    _define_histories(file, element_history(), names, layout)
 
 
 def _where(names: dict[str, str]) -> str:

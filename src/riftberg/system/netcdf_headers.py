@@ -19,23 +19,18 @@ def whole_size(path: str) -> int | None:
         head = file.read(48)
         try:
             if head.startswith(b"\x89HDF\r\n\x1a\n"):
-                return _of_hdf5(head)
+                version = head[8]
+                width, place = (head[13], {0: 40, 1: 44}[version]) if version < 2 else (head[9], 28)
+                if width != 8 or place + 8 > len(head):
+                    return None
+                end = int(struct.unpack_from("<Q", head, place)[0])
+                return end if end < 2**62 else None
             if head[:3] == b"CDF" and head[3] in (1, 2, 5):
                 file.seek(0)
                 return _Classic(file).size()
         except (struct.error, ValueError, KeyError, MemoryError, OverflowError, IndexError):
             return None
     return None
-
-
-def _of_hdf5(head: bytes) -> int | None:
-    """Return the end of file that an HDF5 superblock notes (offsets of eight bytes)."""
-    version = head[8]
-    width, place = (head[13], {0: 40, 1: 44}[version]) if version < 2 else (head[9], 28)
-    if width != 8 or place + 8 > len(head):
-        return None
-    end = int(struct.unpack_from("<Q", head, place)[0])
-    return end if end < 2**62 else None
 
 
 class _Classic:

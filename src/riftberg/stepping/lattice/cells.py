@@ -23,15 +23,12 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, Voronoi, cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
 from riftberg.errors import BergError
 from riftberg.state import Floats, Ints
 
 Booleans = NDArray[np.bool_]
-
-CLEARANCE = 0.6
-"""Cells whose centre lies less than this times their radius inside the outline are left out: they would make slivers."""
 
 OUTLINE_TOLERANCE = 0.02
 """Detail of an outline (in distances of cells) that is left out: a curve of many short sides would fill up with nodes."""
@@ -66,13 +63,6 @@ class CellMesh(NamedTuple):
     def cell_area(self) -> Floats:
         """Area (m2) of each cell: that of its nodes."""
         return np.asarray(np.bincount(self.owner, self.node_area, self.cells), np.float64)
-
-
-def clear_of_outline(xy: Floats, outline: shapely.Polygon, radius: float) -> Booleans:
-    """Return which centres (m) lie inside the outline and far enough from it for good triangles."""
-    points = shapely.points(xy)
-    inside = shapely.contains(outline, points)
-    return np.asarray(inside & (shapely.distance(outline.boundary, points) >= CLEARANCE * radius))
 
 
 def outline_of_cells(xy: Floats, radius: float, packing: str, angle: float) -> shapely.Polygon:
@@ -170,21 +160,6 @@ def freed_edges(mesh: CellMesh, broken: Booleans) -> Booleans:
     whole = np.append(~broken, True)  # the last one stands for -1
     held = np.append(np.bincount(mesh.path_tie, whole[mesh.path_bonds].all(axis=1), mesh.ties) > 0, True)
     return np.asarray(~(whole[mesh.edge_bond] & held[mesh.edge_tie]))
-
-
-def facet_lengths(centres: Floats, first: Ints, second: Ints, outline: shapely.Polygon) -> Floats:
-    """Length (m) of the facet between the ends of each bond: the Voronoi edge of the centres within the outline."""
-    # Four far points close the cells along the outline.
-    far = 10.0 * float(np.abs(np.array(outline.bounds)).max() + np.ptp(centres, axis=0).max())
-    ridges = Voronoi(np.vstack([centres, centres.mean(axis=0) + far * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])]))
-    length: dict[tuple[int, int], float] = {}
-    for (a, b), (p, q) in zip(ridges.ridge_points.tolist(), ridges.ridge_vertices, strict=True):
-        if p >= 0 and q >= 0 and max(a, b) < len(centres):
-            edge = shapely.LineString(ridges.vertices[[p, q]])
-            length[min(a, b), max(a, b)] = float(edge.intersection(outline).length)
-    return np.array(
-        [length.get((min(a, b), max(a, b)), 0.0) for a, b in zip(first.tolist(), second.tolist(), strict=True)]
-    )
 
 
 def _triangulation(centres: Floats, outline: shapely.Polygon, spacing: float) -> tuple[Floats, Ints]:

@@ -78,7 +78,7 @@ def _spring_stiffness(p: Parameters, rest: Floats) -> Floats:
 def _spring_damping(p: Parameters, stiffness: Floats) -> tuple[Floats, Floats]:
     """Radial and tangential damping (s-1) of spring bonds; 0 where it is quadratic and has no linear part (equations 5.2)."""
     c, one = p.contact, np.ones_like(stiffness)
-    if c.damping_by_speed:
+    if p.compatibility.damping_by_speed:
         return 0.0 * one, 0.0 * one
     if not c.critical_damping:
         return c.radial_damping * one, c.tangential_damping * one

@@ -5,13 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 import xarray as xr
 
 from riftberg import Iceberg, Model, Steady
 from riftberg.diagnostics.cut import FORCES, applied_forces, external_forces, forces_recorded
+from riftberg.errors import RunError
 from riftberg.experiments import Options, build
 from riftberg.parameters import A68A_2022
-from riftberg.runs.applied import force_variables
+from riftberg.runs.derived import force_variables
 from riftberg.runs.run_file import RunWriter, open_run
 
 P = A68A_2022.changed(stepping={"substeps": 90, "time_step": 1800.0}, bonds={"constant_size": False})
@@ -77,3 +79,22 @@ def test_why_reads_the_applied_forces_where_they_are(tmp_path: Path) -> None:
         bare = run.drop_vars([v.name for v in force_variables()])
         moment = external_forces(bare, 0, P.kernel_values())["sea floor"][:, 0]
         assert (np.abs(moment) > 5.0 * np.abs(floor)).all()
+
+
+def test_what_a_user_derives_is_a_function_of_the_model(tmp_path: Path) -> None:
+    """A name, a unit and a function: it has the values of its records, also of elements that were born in the run."""
+    berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-37.0, -56.0), velocity=(0.5, 0.0))
+    speed = {"speed": ("m s-1", lambda model: np.hypot(*model.velocity()))}
+    writer = RunWriter(tmp_path / "run.nc", every_hours=0.0, derived=speed, background=False)
+    Model(berg, Steady(**SEA), P).advance(steps=3, recorders=[writer])
+    with open_run(tmp_path / "run.nc") as run:
+        assert run["speed"].dims == ("trajectory", "time")
+        assert run["speed"].attrs["units"] == "m s-1"
+        np.testing.assert_allclose(run["speed"], np.hypot(run["u_sync"], run["v_sync"]), rtol=1e-6)
+
+
+def test_a_derived_variable_of_another_shape_is_named(tmp_path: Path) -> None:
+    berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-37.0, -56.0))
+    writer = RunWriter(tmp_path / "run.nc", derived={"total": ("kg", lambda model: model.elements.mass.sum())})
+    with pytest.raises(RunError, match=r"derived variable total: shape \(\), but there are 2 elements"):
+        Model(berg, Steady(), P).advance(steps=1, recorders=[writer])

@@ -1,0 +1,239 @@
+"""What a run file holds besides the state: names, units, and a function of the model that gives the values at each record.
+
+Forces as they were applied, the ledgers of momentum, energy, ice and heat, and whatever a user adds, are all of this kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import netCDF4
+import numpy as np
+
+from riftberg.errors import RunError
+from riftberg.life.ledger import PROCESSES, SOURCES, melt_of
+from riftberg.life.melt import mass_in_bits
+from riftberg.life.motion import GIVERS
+from riftberg.runs.layout import define_texts, texts
+from riftberg.state import Floats, Variable
+from riftberg.state.numbering import by_identifier
+from riftberg.stepping.forces.media import FORCES
+
+if TYPE_CHECKING:
+    from riftberg.model import BareModel
+
+
+class Derived(NamedTuple):
+    """Quantities of a run file that come from one function of the model."""
+
+    variables: tuple[Variable, ...]
+    of: Callable[[Any], Sequence[Any]]  # Takes the model and returns the values of each variable
+    over: str = "trajectory"  # What the values lie along: the elements, or a dimension of `LABELS`
+    mean: bool = False  # Mean of the long steps since the record before, instead of the value at the record
+
+
+LABELS: Final[dict[str, tuple[Sequence[str], str]]] = {
+    "force": (
+        GIVERS, "what gives momentum and energy: forces from outside, elements to each other, melt and births, others",
+    ),
+    "process": (PROCESSES, "way in which ice becomes melt water"),
+    "total": ((), ""),
+}  # fmt: skip
+"""Dimensions of the ledgers, with their labels and what these are; ``total`` has one entry and none."""
+
+
+# ---- what is written --------------------------------------------------------------------------------------------------
+
+
+def force_variables() -> list[Variable]:
+    """Return the variables of a run file with forces: east and north for every row of the table of media."""
+    return [
+        Variable(f"force_{name}_{axis}", "N", f"mean {word} force of {name.replace('_', ' ')} since the record before")
+        for name in FORCES
+        for axis, word in (("x", "eastward"), ("y", "northward"))
+    ]
+
+
+# A long step of the multiple-time-step scheme applies its slow forces about its start and the sea floor in its sub-steps;
+# both count for the step in which they change the velocities.
+APPLIED: Final = Derived(
+    tuple(force_variables()), lambda model: model.applied_forces().reshape(model.elements.size, -1).T, mean=True
+)
+"""Mean force of each medium on each element."""
+
+
+def added(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
+    """Return what a user adds: unit and function of the model, by name."""
+
+    def checked(name: str, function: Callable[[Any], Any]) -> Callable[[Any], Sequence[Any]]:
+        def values(model: BareModel) -> Sequence[Any]:
+            found = np.asarray(function(model), np.float64)
+            if found.shape != (model.elements.size,):
+                raise RunError(
+                    f"derived variable {name}: shape {found.shape}, but there are {model.elements.size} elements"
+                )
+            return (found,)
+
+        return values
+
+    return [
+        Derived((Variable(name, unit, name.replace("_", " ")),), checked(name, function))
+        for name, (unit, function) in functions.items()
+    ]
+
+
+def _motion_by_force(model: BareModel) -> Sequence[Any]:
+    b = model.motion.balance(model, model.remembered)
+    return [*zip(*(b.impulse[name] for name in GIVERS), strict=True), [b.work[name] for name in GIVERS]]
+
+
+def _motion_totals(model: BareModel) -> Sequence[Any]:
+    b = model.motion.balance(model, model.remembered)
+    elastic, dissipated = (np.nan if value is None else value for value in (b.elastic_now, b.dissipated))
+    return *b.momentum_now, b.kinetic_now, elastic, dissipated, b.released
+
+
+def _melt_by_process(model: BareModel) -> Sequence[Any]:
+    assert model.life is not None
+    b = model.life.balance(model)
+    return [b.water[name] for name in PROCESSES], [b.heat[name] for name in PROCESSES]
+
+
+def _ice_totals(model: BareModel) -> Sequence[Any]:
+    assert model.life is not None
+    b = model.life.balance(model)
+    gained = sum(b.gained[name] for name in SOURCES)
+    return b.now, mass_in_bits(model.elements.life), gained, b.error, b.heat_error
+
+
+MOTION: Final = (
+    Derived((
+        Variable("impulse_x", "N s", "eastward momentum given to the bergs since the start, by force"),
+        Variable("impulse_y", "N s", "northward momentum given to the bergs since the start, by force"),
+        Variable("work", "J", "work done on the bergs since the start, by force"),
+    ), _motion_by_force, "force"),
+    Derived((
+        Variable("momentum_x", "N s", "eastward momentum of all bergs"),
+        Variable("momentum_y", "N s", "northward momentum of all bergs"),
+        Variable("kinetic_energy", "J", "kinetic energy of all bergs, with that of spin"),
+        Variable("elastic_energy", "J", "elastic energy in bonds; no value where their law does not vibrate"),
+        Variable("dissipated_energy", "J", "energy lost in dampers and contacts since the start; no value as above"),
+        Variable("cracks_energy", "J", "elastic energy that broken bonds have released since the start"),
+    ), _motion_totals, "total"),
+)  # fmt: skip
+"""The ledger of momentum and energy."""
+
+ICE: Final = (
+    Derived((
+        Variable("melt_water", "kg", "melt water since the start by process"),
+        Variable(
+            "melt_heat", "J",
+            "heat that melt water brought to the ocean since the start by process, negative as ice takes it",
+        ),
+    ), _melt_by_process, "process"),
+    Derived((
+        Variable("ice_mass", "kg", "ice in all bergs and bits"),
+        Variable("ice_in_bits", "kg", "ice in bergy bits and footloose bits"),
+        Variable("ice_gained", "kg", "ice that came since the start other than by melt and freezing, negative where it went"),
+        Variable("ledger_error", "1", "what is left over in the ledger of mass, as part of what it turns over"),
+        Variable("ledger_heat_error", "1", "the same in the ledger of heat"),
+    ), _ice_totals, "total"),
+)  # fmt: skip
+"""The ledger of ice and heat."""
+
+FRAGMENT_MELT: Final = "fragment_melt_water"
+"""Variable over fragments and processes; it is written anew with the family tree."""
+
+
+def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
+    """Return the ledgers that a model keeps; not all models that may be written keep any."""
+    motion = MOTION if getattr(model, "motion", None) is not None else ()
+    return motion if getattr(model, "life", None) is None else (*motion, *ICE)
+
+
+# ---- how it is written ------------------------------------------------------------------------------------------------
+
+
+class Means:
+    """Means over the long steps between records of what is derived from each element."""
+
+    def __init__(self, model: BareModel, derived: Sequence[Derived]) -> None:
+        self.derived = [entry for entry in derived if entry.mean]
+        self._ids = model.elements.body.id.copy()
+        self._width = sum(len(entry.variables) for entry in self.derived)
+        self._sum: Floats = np.zeros((model.elements.size, self._width))
+        self._seconds = 0.0
+
+    def add(self, model: BareModel) -> None:
+        """Add the long step that was just taken."""
+        if not self.derived:
+            return
+        dt = model.parameters.stepping.time_step
+        self._follow(model)
+        self._sum = self._sum + dt * np.concatenate([np.asarray(entry.of(model)) for entry in self.derived]).T
+        self._seconds += dt
+
+    def _follow(self, model: BareModel) -> None:
+        """Begin at zero for the newly born, and forget those that are no more."""
+        ids = model.elements.body.id
+        if not np.array_equal(self._ids, ids):
+            self._sum = by_identifier(self._ids, self._sum, ids)
+            self._ids = ids.copy()
+
+    @property
+    def kept(self) -> dict[str, Floats]:
+        """What must be known again to go on: sums (of the unit times s) and length (s) since the record before."""
+        return {"sums": self._sum.copy(), "seconds": np.array(self._seconds)} if self.derived else {}
+
+    def go_on(self, sums: Floats | None, seconds: Floats | None) -> None:
+        """Take up what was kept, where it is of these elements and quantities."""
+        if self.derived and seconds is not None and sums is not None and np.size(sums) == self._sum.size:
+            self._sum, self._seconds = np.array(sums).reshape(self._sum.shape), float(seconds)
+
+    def begin(self) -> None:
+        """Begin a new interval."""
+        self._sum, self._seconds = np.zeros_like(self._sum), 0.0
+
+    def values(self, model: BareModel) -> dict[str, Floats]:
+        """Return the means since the interval began by name, NaN where no step was taken."""
+        self._follow(model)
+        mean = self._sum / self._seconds if self._seconds > 0.0 else np.full_like(self._sum, np.nan)
+        names = [v.name for entry in self.derived for v in entry.variables]
+        return dict(zip(names, mean.T, strict=True))
+
+
+def values_now(model: BareModel, derived: Sequence[Derived]) -> dict[str, Floats]:
+    """Return what is derived from a model at this moment, by name."""
+    return {
+        v.name: np.atleast_1d(np.asarray(values, np.float64))
+        for entry in derived if not entry.mean
+        for v, values in zip(entry.variables, entry.of(model), strict=True)
+    }  # fmt: skip
+
+
+def define_ledgers(file: netCDF4.Dataset, model: BareModel) -> None:
+    """Create dimensions and variables of the ledgers that a model keeps."""
+    for entry in ledgers_of(model):
+        if entry.over not in file.dimensions:
+            labels, meaning = LABELS[entry.over]
+            file.createDimension(entry.over, len(labels) or 1)
+            if labels:
+                names = define_texts(file, entry.over, entry.over)
+                names[:] = texts(labels)
+                names.long_name = meaning
+        for v in entry.variables:
+            variable = file.createVariable(v.name, "f8", (entry.over, "time"), fill_value=False)
+            variable.setncatts({"units": v.units, "long_name": v.long_name})
+    if getattr(model, "life", None) is not None:
+        by_fragment = file.createVariable(FRAGMENT_MELT, "f8", ("fragment", "process"), fill_value=np.nan)
+        by_fragment.setncatts(
+            {"units": "kg", "long_name": "melt water of elements while they belonged to the fragment, by process"}
+        )
+
+
+def write_fragment_melt(file: netCDF4.Dataset, model: BareModel) -> None:
+    """Write the melt water of all fragments so far, where something melts."""
+    if getattr(model, "life", None) is not None and len(model.fragments.rows):
+        numbers = np.array([row.number for row in model.fragments.rows], np.int64)
+        file[FRAGMENT_MELT][: numbers.size] = melt_of(model.remembered, numbers)
