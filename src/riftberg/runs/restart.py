@@ -141,7 +141,7 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             bergs=[(str(name), int(count)) for name, count in json.loads(file.bergs_json)],
             contacts=dict(json.loads(file.contacts_json)),
         )
-        if lost := set(str(getattr(file["extra"], "names", "")).split()) - set(state.extra):
+        if lost := set(str(getattr(file, "extra_variables", "")).split()) - set(state.extra):
             raise InputError(f"variable extra/{min(lost)} is missing", where=str(path), remedy=DAMAGED)
         state.fragment_rows()  # rows that are no fragments are found here
         state.contact_log()
@@ -193,7 +193,7 @@ def _plain(value: Any) -> Any:
 
 def _write_extra(file: netCDF4.Dataset, extra: Mapping[str, Any]) -> None:
     group = file.createGroup("extra")
-    group.setncattr("names", " ".join(extra))  # by these a reader finds what was lost
+    file.setncattr("extra_variables", " ".join(extra))  # by these a reader finds what was lost
     for name, value in extra.items():
         array = np.asarray(value)
         if array.dtype == bool:
