@@ -26,7 +26,7 @@ from riftberg import Iceberg, Model, Parameters
 from riftberg.bergs.fields import LENGTHS, SHARES, thickness_of
 from riftberg.constants import EARTH_RADIUS_KID, EARTH_ROTATION, GRAVITY
 from riftberg.coupling.exchange import ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.gridded import GridRecorder
 from riftberg.ocean.grid import Grid
 

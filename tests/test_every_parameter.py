@@ -15,7 +15,7 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import RiftbergError
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.grid import Grid
@@ -366,6 +366,7 @@ TRIALS: Final[dict[str, Trial]] = {
     ),
     "compatibility.uncentred_half_kicks": _quirk(),
     "compatibility.explicit_contact_damping": _quirk(with_(WEAK, fracture={"broken_as_contact": True})),
+    "compatibility.forces_by_element": _quirk(),
     "compatibility.frozen_sea_ice_drag": _quirk(more={"sea": {"sea_ice": (0.0, 0.0, 1.0)}}),
     "compatibility.rest_length_from_sizes": _quirk(with_(MELT, stepping={"time_step": 3600.0})),
     "compatibility.bergs_coupled": _quirk(),

@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
-from riftberg.cli.output import check_folder, check_output, results_folder
+from riftberg.cli.options import check_folder, check_output, results_folder
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.system.atomic_files import OneWriter

@@ -18,7 +18,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
-from riftberg.runs.kept import StateKeeper
+from riftberg.runs.model import StateKeeper
 from riftberg.runs.restart import load_state
 from runs.test_resumed_file import contents
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg.coupling.names import GIVEN, TAKEN
+from riftberg.coupling.fields import GIVEN, TAKEN
 from riftberg.errors import InputError
 
 bmi = pytest.importorskip("riftberg.coupling.bmi", reason="the extra bmi is not installed")

@@ -11,7 +11,7 @@ import xarray as xr
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.melt import scaled_mass
 from riftberg.parameters import Parameters

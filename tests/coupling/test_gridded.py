@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.main import app
 from riftberg.coupling.exchange import ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.gridded import GridRecorder, cells_of
 from riftberg.errors import InputError
 from riftberg.life.melt import scaled_mass

@@ -10,7 +10,7 @@ import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.shelf import IceShelf
 from riftberg.errors import BergError, InputError, RiftbergError
 from riftberg.life.melt import scaled_mass

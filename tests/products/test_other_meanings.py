@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -177,6 +178,40 @@ def test_monthly_means_dated_near_the_middle_hold_in_the_middle(tmp_path: Path, 
         for name in ds.data_vars:
             ds[name].attrs["cell_methods"] = "time: mean"
     np.testing.assert_allclose(of_start(tmp_path, ds)[1], 0.01 * 15.25, atol=1e-6)
+
+
+@pytest.mark.parametrize("zone", [" EST", "CET", " America/New_York", " local time", " UTC+3", " GMT-9:30"])
+def test_dates_counted_from_a_zone_of_letters_are_refused(tmp_path: Path, zone: str) -> None:
+    """The library leaves letters out, and takes UTC+3 as three hours west."""
+    path = of_zone(tmp_path, zone)
+    with pytest.raises(
+        ForcingError, match=rf"time counts 'hours since 2020-12-16 00:00:00{re.escape(zone)}', in a zone"
+    ):
+        open_product(path)
+
+
+@pytest.mark.parametrize(
+    ("zone", "hours"),
+    [
+        ("", 0),
+        ("Z", 0),
+        (" UTC", 0),
+        (" (UTC)", 0),
+        (".0 gmt", 0),
+        (" +03:00", 3),
+        (" -0930", -9.5),
+        (" +0300 (MSK)", 3),
+    ],
+)
+def test_zones_in_numbers_count(tmp_path: Path, zone: str, hours: float) -> None:
+    found = open_product(of_zone(tmp_path, zone))["time"].values[0]
+    assert found == np.datetime64("2020-12-16T12:00") - np.timedelta64(round(3600 * hours), "s")
+
+
+def of_zone(folder: Path, zone: str) -> Path:
+    ds = plain(names=("uo", "vo")).drop_vars("time")
+    units = {"units": f"hours since 2020-12-16 00:00:00{zone}"}
+    return written(folder, ds.assign_coords(time=("time", 12.0 * np.arange(1.0, 5.0), units)))
 
 
 # --- products that a file is not ------------------------------------------------------------------------------------------

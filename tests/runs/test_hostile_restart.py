@@ -12,7 +12,7 @@ import pytest
 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import InputError, RiftbergError
 from riftberg.runs.checks import WHOLE_NUMBERS
 from riftberg.runs.restart import load_state

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from riftberg.cli.output import check_folder, results_folder
+from riftberg.cli.options import check_folder, results_folder
 from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
 from riftberg.system.input_files import check_file, is_folder, reading

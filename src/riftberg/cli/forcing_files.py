@@ -11,8 +11,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import typer
 
-from riftberg.cli.options import Quiet, dates, pair, positive
-from riftberg.cli.output import results_folder
+from riftberg.cli.options import Quiet, dates, pair, positive, results_folder
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError, RiftbergError
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from riftberg.cli.output import check_folder, check_output, results_folder
+from riftberg.cli.options import check_folder, check_output, results_folder
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError
 from riftberg.system.input_files import is_folder

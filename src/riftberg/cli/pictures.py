@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import OutputBeside, Quiet, positive, within
-from riftberg.cli.output import check_output, results_folder
+from riftberg.cli.options import OutputBeside, Quiet, check_output, positive, results_folder, within
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
 from riftberg.system.atomic_files import only_writer

@@ -17,12 +17,13 @@ from riftberg.cli.options import (
     Quiet,
     Settings,
     Without,
+    check_folder,
     make_options,
     output_folder,
     positive,
+    results_folder,
     within,
 )
-from riftberg.cli.output import check_folder, results_folder
 from riftberg.cli.terminal import EXIT_INTERRUPTED, announce_compilation, reported, say
 from riftberg.config.usual_ranges import of_records
 from riftberg.errors import InputError, RiftbergError, RunError
@@ -270,8 +271,7 @@ def _built(experiment: str, options: Options, resume: Path | None, wanted: RunOp
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
         )
     from riftberg.runs.checks import check_same_run
-    from riftberg.runs.kept import last_good
-    from riftberg.runs.model import Model
+    from riftberg.runs.model import Model, last_good
     from riftberg.runs.restart import load_state
 
     if not is_folder(resume):
@@ -335,7 +335,7 @@ class Session:
     def run(self, days: float, every_hours: float) -> None:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
         from riftberg.diagnostics.summary import Stopwatch
-        from riftberg.runs.kept import StateKeeper
+        from riftberg.runs.model import StateKeeper
         from riftberg.runs.progress import ProgressRecorder
         from riftberg.runs.run_file import RunWriter
         from riftberg.runs.track import DailyTrack

@@ -14,11 +14,12 @@ from riftberg.cli.options import (
     Quiet,
     Settings,
     Without,
+    check_folder,
     make_options,
     output_folder,
     positive,
+    results_folder,
 )
-from riftberg.cli.output import check_folder, results_folder
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large

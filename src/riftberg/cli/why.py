@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import OutputBeside
-from riftberg.cli.output import results_folder
+from riftberg.cli.options import OutputBeside, results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.config.values import number
 from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.forcing import OceanForcing
-from riftberg.coupling.names import GIVEN, TAKEN, taken
+from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
@@ -67,8 +66,8 @@ The tester of CSDMS looks at names with an expression that takes years for a lon
 class BmiRiftberg(Bmi):
     """Bergs beside an ocean, behind the Basic Model Interface.
 
-    Input variables are those of `riftberg.coupling.names.TAKEN` (wind, not its stress), output variables those of
-    `riftberg.coupling.names.GIVEN`. They are listed by the names of CSDMS, see `NAMES`; those of CF are known too.
+    Input variables are those of `riftberg.coupling.fields.TAKEN` (wind, not its stress), output variables those of
+    `riftberg.coupling.fields.GIVEN`. They are listed by the names of CSDMS, see `NAMES`; those of CF are known too.
 
     Examples
     --------

@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
-from riftberg.coupling.forcing import OceanForcing
-from riftberg.coupling.names import GIVEN, TAKEN, taken
+from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.coupling.shelf import IceShelf, Shares, shares_of
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
@@ -157,7 +156,7 @@ class Exchange:
     >>> import numpy as np
     >>> from riftberg import Iceberg, Model, Parameters
     >>> from riftberg.coupling.exchange import Exchange, ocean_grid
-    >>> from riftberg.coupling.forcing import OceanForcing
+    >>> from riftberg.coupling.fields import OceanForcing
     >>> lon, lat = np.meshgrid(np.linspace(-40, -30, 21), np.linspace(-60, -54, 13))
     >>> grid = ocean_grid(lon, lat)
     >>> berg = Iceberg.rectangle(30e3, 12e3, thickness=200.0, placement=(-37.0, -56.0))
@@ -227,7 +226,7 @@ class Exchange:
         Parameters
         ----------
         given : mapping or xarray.Dataset
-            What the ocean hands over, by the names of `riftberg.coupling.names.TAKEN`: numbers, arrays in the units of that
+            What the ocean hands over, by the names of `riftberg.coupling.fields.TAKEN`: numbers, arrays in the units of that
             table, pairs of array and units, or xarray variables with units. What is left out stays as it is at rest or
             absent; temperature must be there if bergs melt.
 
@@ -235,7 +234,7 @@ class Exchange:
         -------
         xarray.Dataset
             What the ocean gets, mean over its step (mass, area and friction velocity: at its end), with CF attributes; see
-            `riftberg.coupling.names.GIVEN`.
+            `riftberg.coupling.fields.GIVEN`.
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """What bergs give to the ocean, on cells: monthly means and moments of a run as CF files, conserving to round-off.
 
-Names are those of CMIP and of the exchange (`riftberg.coupling.names.GIVEN`): ``ficeberg`` is the fresh water,
+Names are those of CMIP and of the exchange (`riftberg.coupling.fields.GIVEN`): ``ficeberg`` is the fresh water,
 ``hfibthermds2d`` the heat that it takes, latent heat above all.
 """
 
@@ -19,7 +19,7 @@ import xarray as xr
 from riftberg.config.values import number
 from riftberg.constants import LATENT_HEAT
 from riftberg.coupling.exchange import ocean_grid
-from riftberg.coupling.names import GIVEN
+from riftberg.coupling.fields import GIVEN
 from riftberg.coupling.shelf import Shares, shares_of
 from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES

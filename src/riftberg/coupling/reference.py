@@ -12,7 +12,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, LATENT_HEAT
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import InputError
 from riftberg.life.calving import FluxCalving
 from riftberg.life.melt import LifeValues, MeltStep, bit_shape, life_values, scaled_mass

@@ -14,7 +14,7 @@ import xarray as xr
 
 from riftberg.config.values import number
 from riftberg.coupling.exchange import Exchange, ocean_grid
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import InputError
 from riftberg.model import BareModel
 from riftberg.ocean.grid import Grid
@@ -121,7 +121,7 @@ class VerosBergs:
         felt = np.clip(reach + upper, 0.0, self._thick)
         # Where water is not as deep as the keel, its layers share among themselves.
         self._parts = {at: _parts(np.asarray(getattr(vs, f"mask{at}"))[INNER], felt) for at in ("T", "U", "V")}
-        self._volume = self._wet(np.asarray(vs.area_t)[INNER][..., None] * self._thick)
+        self._volume = np.asarray(vs.maskT)[INNER] * (np.asarray(vs.area_t)[INNER][..., None] * self._thick)
         self.salinity = (
             self._mean_salinity() if salinity is None else number(salinity, "1e-3", where="VerosBergs, salinity")
         )
@@ -190,9 +190,6 @@ class VerosBergs:
         return Closure(
             start.ice - now.ice, start.ice_heat - now.ice_heat, lost / (start.ice + all_water), heat_lost / scale
         )
-
-    def _wet(self, values: Floats) -> Floats:
-        return np.asarray(self.state.variables.maskT)[INNER] * values
 
     def _mean_salinity(self) -> float:
         salt = np.asarray(self.state.variables.salt)[INNER][..., int(self.state.variables.tau)]

@@ -68,7 +68,7 @@ def a68a_berg(
     placed = [float(a.mean()) for a in EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
     berg = Iceberg.from_table(
         A68A_ROWS, placement=(2 * lon - placed[0] - 360.0, 2 * lat - placed[1]), table_radius=A68A_RADIUS, radius=radius,
-        thickness=thickness, packing=packing, velocity=velocity, lattice_angle=lattice_angle, offset=offset,
+        lattice_angle=lattice_angle, offset=offset, thickness=thickness, packing=packing, velocity=velocity,
     )  # fmt: skip
     made = {
         "source": "A68a, 9 December 2020 (Huth et al. 2022)",

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric
-from riftberg.coupling.forcing import OceanForcing
+from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
 from riftberg.kid.calving_file import CALVING_FILE, IdentifierCounter, read_stores, write_stores

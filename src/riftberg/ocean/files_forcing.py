@@ -80,6 +80,7 @@ class Run(NamedTuple):
 def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> DatasetForcing:
     """Return the forcing for a run."""
     opened = open_named(_paths(settings.entries, folder))
+    # What the run does not take is left out before any values are read.
     datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]
     if not any("uo" in ds for ds in datasets):
         fields = sorted({str(name) for ds in opened for name in ds.data_vars})
@@ -88,7 +89,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
             where=", ".join(entry.file for entry in settings.entries),
             remedy=f"They give {', '.join(fields)}; add a file of currents",
         )
-    records.check_pairs(datasets)
+    records.check_pairs(datasets)  # only now: records without values may have parted the components
     deep = {*(("uo", "vo") if settings.currents == "draft" else ()), *(OVER_KEEL if run.melts else ())}
     datasets = [_as_needed(ds, deep) for ds in datasets]
     if settings.spacing is None:

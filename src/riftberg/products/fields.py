@@ -125,6 +125,7 @@ def _canonical(
             remedy=f"Subtract the geoid (ADT), or leave it out: ncks -x -v {name} FILE OUT",
         )  # fmt: skip
     attributes = dict(ds[name].attrs)
+    # In this order: the dimensions that dates, members and levels leave over are those of the place.
     field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
     field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
@@ -153,6 +154,7 @@ def _canonical(
             one.append(
                 f"{name} ({standard_name(ds[name])}) is taken as a height, positive up: where negative, there is water"
             )
+    # `canonicalise` leaves the attributes of the quantity alone: what else must be known is kept aside and put back.
     along = field.attrs.get("along")
     field = field.drop_vars([c for c in field.coords if c not in _KEPT]).assign_coords(means)
     field = canonicalise(field, QUANTITIES[quantity], units, where=f"{where}, variable {name}")

@@ -176,6 +176,7 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
         raw = repair(raw, path)
     ds = product.reshape(within_valid_range(_decoded(product.mend(raw))))
     ds.encoding["source"] = path
+    # The undecoded heading says these: decoding takes units and bounds out of the attributes.
     stated, kind = stated_interval(raw, path), told_kind(raw, path) if product.kind_matters else ""
     parts = []
     for part in gathered(ds, product, where=path):

@@ -193,6 +193,7 @@ def joined(parts: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset]:
     products = {product.name: product for _, product in parts}
     for ds, product in parts:
         groups.setdefault((product.name, *_grid_key(ds), tuple(ds.data_vars)), []).append(ds)
+    # Where means hold follows from the time between the records of all files: these are joined in time first.
     whole = [(part, products[str(key[0])]) for key, group in groups.items() for part in _concatenated(group)]
     return _merged([_settled(part, product) for part, product in whole])
 

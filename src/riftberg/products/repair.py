@@ -112,6 +112,8 @@ _ISO = re.compile(
 _NAMED = re.compile(r"^(\d{1,2})[- ]([A-Za-z]{3})[a-z]*[- ](\d{4})(?:[ T:](\d{2}):(\d{2})(?::(\d{2}))?)?$")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _SINCE = re.compile(r"^\s*([A-Za-z]+)\s+since\s+(.*?)\s*$", re.I)
+_ZONE = re.compile(r"^-?\d+-\d+-\d+(?:[T ]+\d+(?::\d+)*(?:\.\d*)?)?\s*(\(?[A-Za-z].*)$")
+"""A date of reference with letters behind it."""
 _SINCE_1970 = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "proleptic_gregorian"}
 _MOST = 1_000_000
 
@@ -197,10 +199,16 @@ def _seconds(text: str) -> float | None:
 
 def with_plain_time_units(ds: xr.Dataset, where: str) -> xr.Dataset:
     """Return a dataset whose units of time read ``hours since DATE`` in a calendar of CF, however they were written."""
-    for variable in ds.variables.values():
+    for name, variable in ds.variables.items():
         units = variable.attrs.get("units")
         match = _SINCE.match(units) if isinstance(units, str) else None
         if match is not None:
+            zone = _ZONE.match(match[2])
+            if zone is not None and zone[1].strip("() ").lower() not in ("z", "ut", "utc", "gmt"):
+                raise ForcingError(  # the decoder leaves names out, and counts UTC+3 westward
+                    f"{name} counts {units!r}, in a zone whose distance from UTC is not plain", where=where,
+                    remedy=f"Write it in numbers, such as -05:00: ncatted -a units,{name},o,c,'hours since DATE -05:00' FILE",
+                )  # fmt: skip
             plain = f"{match[1].lower()} since {match[2]}"
             if plain != units:
                 variable.attrs["units"] = plain

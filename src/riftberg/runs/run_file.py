@@ -216,12 +216,9 @@ class RunWriter:
 
     def _define(self, file: netCDF4.Dataset, model: BareModel) -> None:
         _define(file, model, self._names, self._layout)
-        _define_histories(file, self._derived_variables(), self._names, self._layout)
+        _define_histories(file, [v for entry in self._derived for v in entry.variables], self._names, self._layout)
         file.setncatts(self._attributes)
         self._layout.written()
-
-    def _derived_variables(self) -> list[Variable]:
-        return [v for entry in self._derived for v in entry.variables]
 
     def _remember(self, model: BareModel) -> None:
         """Leave with the model what the record of this moment holds beyond its state, and when it is due."""

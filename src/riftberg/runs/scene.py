@@ -132,7 +132,7 @@ class Scene:
         x, y = ("lon", "lat") if self.latlon else ("x", "y")
         east, north = (run[name].transpose("time", "trajectory").values for name in (x, y))
         self.there: NDArray[np.bool_] = np.isfinite(north)
-        self.x: Floats = self._joined(filled_forward(east))
+        self.x: Floats = on_one_branch(filled_forward(east), self.there, zonal_period(self.parameters))
         self.y: Floats = filled_forward(north)
         berg = run["berg"].transpose("time", "trajectory").values
         self.berg: Ints = berg if self.there.all() else np.where(self.there, berg, 0).astype(np.int64)
@@ -142,10 +142,6 @@ class Scene:
         )
         self.area: Floats = area.values if self._areas_in_time is None else self._areas_in_time[0]
         self.times: NDArray[np.datetime64] = run["time"].values
-
-    def _joined(self, x: Floats) -> Floats:
-        """Put positions on one branch, so that nothing jumps where the domain comes round."""
-        return on_one_branch(x, self.there, zonal_period(self.parameters))
 
     @property
     def seconds(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Names, units and limits of what is exchanged: CF standard names where the table has one."""
+"""Fields that are exchanged: names, units and limits (CF standard names where the table has one), and the forcing they make."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from riftberg.config.units import parse_unit
 from riftberg.errors import InputError, nearest
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid_arrays import Fields
+from riftberg.ocean.gridded import GriddedForcing
 from riftberg.state import Floats
 
 
@@ -159,3 +162,33 @@ def _check_limits(values: Floats, mask: Floats, name: str, q: Exchanged) -> None
             f"{values[at]:g} {q.units}{cell}", where=f"exchange, {name}",
             remedy=f"Values from {q.low:g} to {q.high:g} can be. {hint}",
         )  # fmt: skip
+
+
+class OceanForcing(GriddedForcing):
+    """Fields on the grid of an ocean model; each step of the exchange puts new ones in their place.
+
+    Parameters
+    ----------
+    grid : Grid
+        Of the ocean model.
+    fields : Fields
+        At the start.
+    **options
+        How fields reach the elements, see `riftberg.ocean.gridded.GriddedForcing`.
+
+    Attributes
+    ----------
+    provides : frozenset of str
+        What each step brings of the water; `Exchange.step` sees to it.
+    """
+
+    provides: Final = frozenset({"sst", "sss"})
+
+    def __init__(self, grid: Grid, fields: Fields, **options: Any) -> None:
+        super().__init__(grid, fields, **options)
+        self.ocean_grid = grid
+
+    def put(self, fields: Fields) -> Fields:
+        """Take the fields of a step; return them as the bergs see them: without gaps, 0 on land."""
+        self.replace(fields)
+        return self.fields_at(0.0)
