@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time as clock
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,13 @@ def test_a_run_of_one_step_has_no_speed() -> None:
     model, stopwatch = FakeModel(), Stopwatch()
     model.advance(1800 / 86400, recorders=[stopwatch])
     assert summarize(model, stopwatch=stopwatch)["seconds_per_day"] is None
+
+
+def test_a_stopwatch_counts_the_seconds_since_its_start():
+    """Wall time so far, also before the run ends."""
+    began = clock.perf_counter()
+    stopwatch = Stopwatch()
+    stopwatch.start(FakeModel())
+    clock.sleep(0.02)
+    stopwatch.record(FakeModel())
+    assert 0.02 <= stopwatch.wall_seconds <= clock.perf_counter() - began

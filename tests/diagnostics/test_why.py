@@ -7,6 +7,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -262,3 +263,26 @@ def test_a_break_soon_after_the_start_is_told_as_one(run: xr.Dataset) -> None:
     early = dataclasses.replace(reasons.breakups[0], hours_since_start=2.5)
     reasons.breakups[:] = [early]
     assert "This is 2.5 h after the start" in why.words(reasons)[0]
+
+
+@pytest.mark.parametrize(
+    ("minutes", "counts"), [(-1, False), (0, True), (60, True), (89, True), (91, False), (600, False)]
+)
+def test_a_break_up_is_of_a_collision_while_it_lasts_and_one_step_longer(minutes, counts):
+    """Contact from 12:00 to 13:00 with long steps of half an hour; the other berg is named whichever side it stands on."""
+    moment = np.datetime64("2020-12-10T12:00", "ns")
+    for first, second in ((1, 7), (7, 1)):
+        run = xr.Dataset({
+            "contact_time": ("contact", [moment]), "contact_end": ("contact", [moment + np.timedelta64(1, "h")]),
+            "contact_first": ("contact", [first]), "contact_second": ("contact", [second]),
+            "contact_speed": ("contact", [0.3]),
+        })  # fmt: skip
+        stepping = SimpleNamespace(time_step=1800.0)
+        scene = SimpleNamespace(
+            run=run, parameters=SimpleNamespace(stepping=stepping), name=lambda number: f"berg {number}"
+        )
+        broken = SimpleNamespace(parent=1, first_break=str(moment + np.timedelta64(minutes, "m")))
+        found = why.collision_of(scene, broken)
+        assert (found is not None) == counts
+        if found is not None:
+            assert (found.berg, found.speed) == ("berg 7", 0.3)

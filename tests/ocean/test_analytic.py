@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg import A68A_2022, Iceberg, Model, Steady
+from riftberg.ocean.analytic import Convergence
 
 
 @pytest.mark.parametrize("latitude", [-56.0, 70.0])
@@ -33,3 +34,16 @@ def test_the_slope_has_the_sign_of_the_hemisphere() -> None:
     f = 2.0 * 7.292e-5 * math.sin(math.radians(-56.0))
     assert Steady.balanced((0.2, 0.1), -56.0, wind=(1.0, 2.0)).slope == pytest.approx((f * 0.1 / 9.8, -f * 0.2 / 9.8))
     assert Steady.balanced((0.2, 0.1), -56.0, wind=(1.0, 2.0)).wind == (1.0, 2.0)
+
+
+def test_the_vorticity_of_converging_water_is_the_slope_of_its_northward_current() -> None:
+    """``dv/dx`` is the speed over the ramp where the convergence sets in, the opposite where it ends, 0 between and outside."""
+    water = Convergence((0.1, 0.0), 0.2, 0.0, (10e3, 30e3), 5e3, 100e3)
+    x = np.array([12.5e3, 20e3, 32.5e3, 50e3])
+    for y, sign in ((-10e3, 1.0), (10e3, -1.0)):
+        berg = Iceberg.from_points(x, np.full(4, y), thickness=100.0, radius=500.0, latlon=False)
+        water.sample(berg.elements, 0.0)
+        np.testing.assert_allclose(
+            berg.elements.vorticity, sign * 0.2 / 5e3 * np.array([1.0, 0.0, -1.0, 0.0]), atol=1e-12
+        )
+        np.testing.assert_allclose(berg.elements.vo, sign * 0.2 * np.array([0.5, 1.0, 0.5, 0.0]), atol=1e-12)

@@ -27,6 +27,7 @@ from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_all, open_product
+from riftberg.products.repair import with_text_dates
 
 DAY_0 = datetime(2020, 12, 16)
 UO_VO = ("uo", "vo")
@@ -566,3 +567,19 @@ def test_a_store_that_is_none_is_not_looked_for_in_the_network(tmp_path: Path) -
     (tmp_path / "old.zarr_files").mkdir()
     path = written(tmp_path / "old.zarr_files", dated(growing(np.arange(4)), np.arange(4)))
     assert forced(path, day(1.5))[0] == pytest.approx(0.15, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "utc"),
+    [
+        ("2020-12-09 12:00:00+05:30", "2020-12-09T06:30"),
+        ("2020-12-09T12:00-03:30", "2020-12-09T15:30"),
+        ("2020-12-09T23:30:00-0130", "2020-12-10T01:00"),
+        ("2020-12-09T12:00:00Z", "2020-12-09T12:00"),
+    ],
+)
+def test_the_minutes_of_a_zone_count_like_its_hours(text: str, utc: str) -> None:
+    """Dates written as text: what is ahead of UTC is taken off, hours and minutes alike."""
+    ds = xr.Dataset({"uo": ("time", [0.1])}, coords={"time": ("time", np.array([text], object))})
+    found = xr.decode_cf(with_text_dates(ds))["time"].values[0]
+    assert found == np.datetime64(utc)

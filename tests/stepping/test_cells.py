@@ -75,8 +75,8 @@ def found(mesh, broken, thickness=1.0, poisson: float = 0.3, drilling: float = 0
     """Unknowns of the triangles, their matrices, and the stiffness of the whole."""
     at, volume = freedoms(mesh.triangle, mesh.owner[mesh.triangle]), volumes(mesh, thickness * np.ones(mesh.cells))
     vertex = mesh.xy[mesh.triangle]
-    triangles = find_triangles(vertex, volume, freed_edges(mesh, broken), 1.0, poisson, drilling)
-    return at, triangles, stiffness_matrix(at, triangles.stiffness, len(mesh.owner))
+    triangles = find_triangles(vertex, freed_edges(mesh, broken), 1.0, poisson, drilling)
+    return at, triangles, stiffness_matrix(at, volume[:, None, None] * triangles.stiffness, len(mesh.owner))
 
 
 def whole(mesh, **material):

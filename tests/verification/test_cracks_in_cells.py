@@ -73,8 +73,8 @@ class Strip:
         broken = (ay * by < 0.0) & (crossing > left) & (crossing < right)
         freed = freed_edges(self.mesh, broken)
         vertex = self.mesh.xy[self.mesh.triangle]
-        triangles = find_triangles(vertex, self._volume, freed, 1.0, 0.3)
-        matrix = stiffness_matrix(self._at, triangles.stiffness, self.mesh.owner.size)
+        triangles = find_triangles(vertex, freed, 1.0, 0.3)
+        matrix = stiffness_matrix(self._at, self._volume[:, None, None] * triangles.stiffness, self.mesh.owner.size)
         displacement = splu((matrix + diags(self._held)).tocsc()).solve(self.load)
         # A facet lies across its bond, in the middle of it.
         middle, across = 0.5 * (ax + bx), 0.5 * self.facet * abs(by - ay)

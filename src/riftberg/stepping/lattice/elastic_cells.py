@@ -11,6 +11,7 @@ loads. They are unknowns of the stiffness matrix, and their displacements follow
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ from riftberg.stepping.lattice.cells import (
 )
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
 from riftberg.stepping.lattice.triangles import (
+    Triangles,
     bond_weights,
     find_triangles,
     freedoms,
@@ -162,6 +164,13 @@ def _mesh_of(
     return cell_mesh(xy, pairs[:, 0], pairs[:, 1], ice, spacing, both_diagonals=not hexagonal), ids
 
 
+@lru_cache(maxsize=2)
+def _triangles(vertices: bytes, freed: bytes, youngs: float, poisson: float) -> Triangles:
+    """Find triangles, or those that were found last: ice that melts has others in each step, of the same matrices per volume."""
+    places = np.frombuffer(vertices).reshape(-1, 3, 2)
+    return find_triangles(places, np.frombuffer(freed, bool).reshape(-1, 3), youngs, poisson)
+
+
 class CellStiffness:
     """Triangles in the frames of the fragments, with the stiffness and the stress that broken bonds have left to them.
 
@@ -195,7 +204,9 @@ class CellStiffness:
 
         self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
         self._volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
-        self._triangles = find_triangles(self._vertex, self._volume, self._freed, p.youngs_modulus, p.poisson)
+        found = _triangles(self._vertex.tobytes(), self._freed.tobytes(), p.youngs_modulus, p.poisson)
+        # Of these triangles as they are: with their volume, and with what breaks free from now on.
+        self._triangles = Triangles(found.stiffness * self._volume[:, None, None], found.stress.copy())
         vertex = self._mesh.triangle
         self._at = freedoms(number[vertex], number[mesh.owner[vertex]])
         self._weights = bond_weights(self._mesh, mesh.bonds)
@@ -240,14 +251,13 @@ class CellStiffness:
         self._broken[self._bond_number[bond]] = True
         self._freed = freed_edges(self._mesh, self._broken) | self._lost
         changed = np.flatnonzero((self._freed != before).any(axis=1))
-        new = find_triangles(
-            self._vertex[changed], self._volume[changed], self._freed[changed], self._p.youngs_modulus, self._p.poisson
-        )
+        new = find_triangles(self._vertex[changed], self._freed[changed], self._p.youngs_modulus, self._p.poisson)
+        left = new.stiffness * self._volume[changed, None, None]
         at, place = np.unique(self._at[changed], return_inverse=True)
         place, less = place.reshape(-1, 9), np.zeros((at.size, at.size))
-        np.add.at(less, (place[:, :, None], place[:, None, :]), old[changed] - new.stiffness)
+        np.add.at(less, (place[:, :, None], place[:, None, :]), old[changed] - left)
         least = NEGLIGIBLE * float((old[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
-        old[changed], self._triangles.stress[changed] = new.stiffness, new.stress
+        old[changed], self._triangles.stress[changed] = left, new.stress
         self._outline = None
         value, vector = np.linalg.eigh(less * np.outer(scale[at], scale[at]))
         columns = np.zeros((int((value > least).sum()), scale.size))

@@ -38,7 +38,9 @@ rotations to the ice of coarse lattices.
 class Triangles(NamedTuple):
     """Matrices of the triangles for their six displacements (x and y of each vertex) and the rotations of their owners."""
 
-    stiffness: Floats  # N m-1, N, N m; shape (triangles, 9, 9)
+    stiffness: (
+        Floats  # Per volume of the ice, which it is proportional to: N m-4, N m-3, N m-2; shape (triangles, 9, 9)
+    )
     stress: Floats  # Stress xx, yy, xy (Pa) by displacements and rotations; shape (triangles, 3, 9)
 
 
@@ -49,12 +51,11 @@ def plane_stress(youngs: float, poisson: float) -> Floats:
 
 
 def find_triangles(
-    vertex: Floats, volume: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING
+    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING
 ) -> Triangles:
     """Find the matrices of triangles with their freed edges condensed out.
 
-    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``volume``: of the ice, with the weight of the triangle,
-    m3; ``freed``: shape (triangles, 3).
+    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
     """
     count = len(vertex)
     run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
@@ -76,9 +77,9 @@ def find_triangles(
     strain = np.linalg.inv(np.stack([tx**2, ty**2, tx * ty], axis=2)) / length[:, None, :]
     edge_shear = np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2) @ strain
     elastic = plane_stress(youngs, poisson)
-    natural = volume[:, None, None] * (strain.transpose(0, 2, 1) @ elastic @ strain)
+    natural = strain.transpose(0, 2, 1) @ elastic @ strain
     shear_modulus = 0.5 * youngs / (1.0 + poisson)
-    drill = drilling * shear_modulus * volume / 6.0  # 2 c
+    drill = drilling * shear_modulus / 6.0  # 2 c
 
     # W in the nine freedoms x and the inner unknowns s: z = known x + inner s, with s only for freed edges.
     whole = (~freed).astype(np.float64)
