@@ -132,10 +132,12 @@ def test_the_force_in_every_scheme_is_that_of_the_given_waves(scheme: str, perio
             way,
             e.mass[k],
             freeboard,
-            e.length[k],
-            e.width[k],
+            6e3,
+            4e3,
         )
-        np.testing.assert_allclose(got[k], e.mass[k] * law, rtol=2e-3)
+        # The waves push the berg; each element bears its part of the sides: 2 of 10 at a corner, 1 in the middle of a side.
+        share = 0.2 if e.bond_count[k] == 2 else 0.1
+        np.testing.assert_allclose(got[k], share * e.mass[k] * law, rtol=2e-3)
 
 
 def test_waves_as_high_as_those_of_the_wind_push_alike() -> None:
