@@ -101,13 +101,16 @@ def _plan_area(berg: BondedBerg) -> str:
 def lost_in_lattice(berg: BondedBerg) -> tuple[str, bool]:
     """Return in a line what a lattice makes of the shape that was asked for, and whether a finer one would come closer.
 
-    The line is empty where no shape was asked for. Half a per cent of the area is what a reader would notice.
+    The line is empty where no shape was asked for, and where area and pieces are those of the shape. Half a per cent of the
+    area is what a reader would notice.
     """
     asked = berg.report.get("outline_area")
     if not asked:
         return "", False
     error, pieces, drawn = berg.area / asked - 1.0, int(berg.elements.berg.max()), berg.report.get("outline_pieces")
     shape = f", in {pieces} of {drawn} pieces" if drawn not in (None, pieces) else ""
+    if abs(error) < 1e-6 and not shape:
+        return "", False
     loses = abs(error) > 0.005 or bool(shape)
     line = (
         f"Asked for {asked / 1e6:.6g} km2 and {berg.mass / (1.0 + error) / 1e12:.4g} Gt; the lattice has "
