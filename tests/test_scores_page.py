@@ -55,4 +55,4 @@ def test_the_reference_rules_give_the_published_berg_in_the_table(script: Module
     assert published[1:5] == rules[1:5] == ["472", "874", "4248", "722.2"]
     assert rules[5:] == ["0", "0", "0", "1.000", "1.000"]
     assert 0 < float(made[5]) < 2121  # half a diagonal of an element
-    assert float(made[9]) > 0.93
+    assert float(made[9]) > 0.92

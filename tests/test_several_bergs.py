@@ -253,7 +253,7 @@ def test_a_mixed_join_says_what_it_is_made_of() -> None:
     small = Iceberg.rectangle("3 km", "2 km", thickness="150 m", placement=(-36.6, -56.0), radius="250 m")
     large = Iceberg.rectangle("9 km", "6 km", thickness="250 m", placement=(-37.0, -56.0), packing="hexagonal")
     whole = Iceberg.join([large, small])
-    assert "30 square and hexagonal elements of radius 250 to 1500 m" in repr(whole)
-    assert "square and hexagonal, radius 250 to 1500 m" in whole.describe()
+    assert "30 square and hexagonal elements of radius 250 to 1612 m" in repr(whole)
+    assert "square and hexagonal, radius 250 to 1612 m" in whole.describe()
     with pytest.raises(BergError, match="no list of bergs"):
         Iceberg.join(small)  # type: ignore[arg-type]

@@ -120,6 +120,8 @@ def test_parameters_are_those_of_the_reference_namelist(shared: Path) -> None:
     given = to_parameters(namelist)
     # The namelist has melt rates set to zero; what it says of melt and calving is no part of the preset.
     life = {name: getattr(given, name).model_dump() for name in ("melt", "rolling", "footloose", "calving")}
+    rates = ("zero_rates", "keep_shape", "sea_ice_shift", "one_draw")
+    life["compatibility"] = {name: getattr(given.compatibility, name) for name in rates}
     assert given == A68A_2022_KID.changed(bonds={"max_bonds": 4}, **life)
     assert given.kernel_values() == A68A_2022_KID.changed(**life).kernel_values()
     driver, icebergs = namelist.driver, namelist.icebergs

@@ -75,7 +75,9 @@ def turn(model: Model, rate: float) -> None:
 
 def inertia(model: Model) -> Any:
     """Moment of inertia of the discs of the elements, kg m2."""
-    return 0.5 * model.elements.mass * RADIUS**2
+    el = model.elements  # whose lattice is stretched to the area of its outline
+    squares = el.length * el.width / np.where(el.sides == 6, 2.0 * np.sqrt(3.0), 4.0)
+    return 0.5 * el.mass * squares
 
 
 def spin_now(model: Model) -> Any:

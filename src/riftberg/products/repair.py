@@ -112,7 +112,7 @@ _ISO = re.compile(
 _NAMED = re.compile(r"^(\d{1,2})[- ]([A-Za-z]{3})[a-z]*[- ](\d{4})(?:[ T:](\d{2}):(\d{2})(?::(\d{2}))?)?$")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _SINCE = re.compile(r"^\s*([A-Za-z]+)\s+since\s+(.*?)\s*$", re.I)
-_ZONE = re.compile(r"^-?\d+-\d+-\d+(?:[T ]+\d+(?::\d+)*(?:\.\d*)?)?\s*(\(?[A-Za-z].*)$")
+_ZONE = re.compile(r"^-?\d+-\d+-\d+(?:[T ]+\d+(?::\d+)*(?:\.\d*)?)?\s*(?!T\d)(\(?[A-Za-z].*)$")
 """A date of reference with letters behind it."""
 _SINCE_1970 = {"units": "seconds since 1970-01-01 00:00:00", "calendar": "proleptic_gregorian"}
 _MOST = 1_000_000

@@ -19,15 +19,24 @@ from riftberg.stepping.forces.sizes import sides_of
 
 
 def measure_outlines(elements: Elements, p: KernelParameters) -> None:
-    """Set length and width of the berg that each element belongs to, and the element's share of its sides."""
+    """Set length and width of the berg that each element belongs to, and the element's share of its sides.
+
+    Bergs whose area is that of their rectangle stay as they were measured: what happens to others must not change their digits.
+    """
     place, body = elements.place, elements.body
     numbers, part = np.unique(body.berg, return_inverse=True)
     count = numbers.size
+    share_sides(body.length, body.width, body.sides, body.bond_count, part, count, p, body.side_share)
+    area = np.bincount(part, body.length * body.width, count)
+    stale = np.zeros(count, bool)
+    stale[part[np.abs(body.berg_length * body.berg_width - area[part]) > 1e-12 * area[part]]] = True
+    if not stale.any():
+        return
     length, width = equivalent_rectangles(
         place.lon, place.lat, body.length, body.width, part, count, p.latlon, p.earth_radius, p.period
     )
-    body.berg_length[:], body.berg_width[:] = length[part], width[part]
-    share_sides(body.length, body.width, body.sides, body.bond_count, part, count, p, body.side_share)
+    rows = stale[part]
+    body.berg_length[rows], body.berg_width[rows] = length[part[rows]], width[part[rows]]
 
 
 @kernel
