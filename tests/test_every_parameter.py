@@ -341,7 +341,7 @@ TRIALS: Final[dict[str, Trial]] = {
     "compatibility.one_draw": Trial(base=BITS, more={**CUT, "steps": 6}),
     "footloose.berg_mass": Trial(2e9, BITS, more=CUT),
     "footloose.seed": Trial(7, FOOT, more=CUT),
-    "calving.south": _class("south", thickness=(45.0, 55.0)),
+    "calving.south": _class("south", thickness=(42.0, 52.0)),
     "calving.north": _class("north", thickness=(45.0, 55.0)),
     "calving.fractions": Trial("number", CALVES, calve),
     "calving.length_over_width": Trial(1.8, CALVES, calve),
