@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import numpy as np
@@ -53,9 +54,9 @@ def test_on_a_floor_that_takes_hold_gradually_the_tip_is_one_piece_too() -> None
     steps = -np.diff(gradual)
     assert (np.diff(steps) < 0.0).all(), "each refinement changes the stress less"
     assert 0.0 < steps[-1] < 0.07 * gradual[-1]
-    assert gradual[0] < 1.4 * gradual[-1]
+    assert gradual[0] < 1.5 * gradual[-1]
     assert sudden[-1] < 0.4 * sudden[0]
-    assert all(fine < 0.85 * coarse for coarse, fine in zip(sudden, sudden[1:], strict=False)), "it falls and falls"
+    assert all(fine < 0.85 * coarse for coarse, fine in itertools.pairwise(sudden)), "it falls and falls"
 
 
 @pytest.mark.slow
