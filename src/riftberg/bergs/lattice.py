@@ -117,8 +117,12 @@ def fill(
     _check_size(region, radius, packing)
     parts = [k / OFFSETS_TRIED for k in range(OFFSETS_TRIED)]
     tried = [(a, b) for a in parts for b in parts] if offset is None else [offset]
-    found = [(shift, _filled(region, radius, packing, shift, angle)) for shift in tried]
-    fits = [(_misfit(lattice, region, radius, packing), k) for k, (_, lattice) in enumerate(found) if len(lattice)]
+    fits: list[tuple[float, int]] = []
+    for k, shift in enumerate(tried):  # one lattice at a time: of a million elements all of them would take 800 MB
+        lattice = _filled(region, radius, packing, shift, angle)
+        if len(lattice):
+            # Equal fits keep the first shift.
+            fits.append((round(_misfit(lattice, region, radius, packing), 9), k))
     one = element_area(radius, packing)
     if not fits or region.area < one:
         x0, y0, x1, y1 = region.bounds
@@ -128,11 +132,9 @@ def fill(
         raise BergError(
             f"the outline ({region.area / 1e6:.4g} km2) {fault}", remedy=f"Give a radius below {0.2 * wide:.3g} m"
         )
-    # Equal fits keep the first shift.
-    best = [found[k] for _, k in sorted((round(misfit, 9), k) for misfit, k in fits)]
     # All shifts of a small lattice are stretched, the three that fit best of a large one.
-    most = max(3, MOST_STRETCHED // len(best[0][1]))
-    made = [_with_area_of(region, lattice, radius, packing, shift, angle) for shift, lattice in best[:most]]
+    most = max(3, int(MOST_STRETCHED * one / region.area))
+    made = [_with_area_of(region, radius, packing, tried[k], angle) for _, k in sorted(fits)[:most]]
     lattice, own = min(made, key=lambda one: round(_misfit(one[0], region, one[1], packing), 9))
     return along(lattice), own
 
@@ -162,7 +164,7 @@ STRETCH_STEP = 0.005
 
 
 def _with_area_of(
-    region: Region, lattice: Lattice, radius: float, packing: Packing, shift: tuple[float, float], angle: float
+    region: Region, radius: float, packing: Packing, shift: tuple[float, float], angle: float
 ) -> tuple[Lattice, float]:
     """Return the lattice whose elements have the area of the region, and their radius, the nearest to ``radius`` (m).
 
@@ -174,6 +176,7 @@ def _with_area_of(
     def excess(count: int, r: float) -> float:
         return count * element_area(r, packing) / region.area - 1.0
 
+    lattice = _filled(region, radius, packing, shift, angle)
     start = excess(len(lattice), radius)
     if abs(start) < 1e-9:
         return lattice, radius

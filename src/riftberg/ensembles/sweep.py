@@ -208,6 +208,7 @@ def planned(
             last, _ = build(named, _first_options(options, members[-1]))
         except InputError as error:  # the first could be built, so it is what is varied
             raise InputError(error.what, where=_member_text(members[-1]), remedy=error.remedy) from error
+        # What the experiment sets itself, such as the packing of its bonds, cannot be varied.
         for model, values in ((first, members[0]), (last, members[-1])):
             for group, inner in grouped(values).items():
                 for key, value in inner.items() if group != BERG else ():
