@@ -167,6 +167,10 @@ _AS_THEY_STAND: Final = {
 }  # fmt: skip
 
 
+NEED_CELLS: Final = ("ice", "toughness")
+"""Criteria of fracture that read the stress of elastic cells."""
+
+
 class Parameters(Group):
     """All parameters of a run.
 
@@ -227,17 +231,16 @@ class Parameters(Group):
                 "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
                 "and bonds.no_shear = false, or stepping.scheme = 'mts'"
             )
-        if self.bonds.elasticity == "cells":
-            if scheme != "quasi_static" or self.bonds.law != "dem":
-                raise ValueError(
-                    "bonds.elasticity = 'cells' needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
-                    "bonds.law = 'dem', or bonds.elasticity = 'bonds'"
-                )
-            if self.fracture.enabled and self.fracture.criterion != "bond":
-                raise ValueError(
-                    f"fracture.criterion = {self.fracture.criterion!r} reads the forces of elastic bonds: set "
-                    "bonds.elasticity = 'bonds', or fracture.criterion = 'bond'"
-                )
+        if self.elastic_cells and (scheme != "quasi_static" or self.bonds.law != "dem"):
+            asked = (
+                "bonds.elasticity = 'cells'"
+                if self.bonds.elasticity
+                else f"fracture.criterion = {self.fracture.criterion!r}"
+            )
+            raise ValueError(
+                f"{asked} needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
+                "bonds.law = 'dem', or bonds.elasticity = 'bonds' and fracture.criterion = 'bond'"
+            )
         self._check_criterion()
         g = self.grounding
         if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
@@ -262,8 +265,18 @@ class Parameters(Group):
     def _check_criterion(self) -> None:
         """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
         f = self.fracture
-        if f.criterion == "bond" or not f.enabled:
+        if f.enabled and f.criterion in ("bond", "averaged") and self.elastic_cells:
+            raise ValueError(
+                f"fracture.criterion = {f.criterion!r} reads the forces of elastic bonds: set bonds.elasticity = 'bonds', or "
+                "fracture.criterion = 'ice'"
+            )
+        if f.criterion in (None, "bond") or not f.enabled:
             return
+        if f.criterion == "ice" and not self.elastic_cells:
+            raise ValueError(
+                "fracture.criterion = 'ice' reads the stress of elastic cells: set bonds.elasticity = 'cells', or "
+                "fracture.criterion = 'bond'"
+            )
         if self.stepping.scheme != "quasi_static":
             raise ValueError(
                 f"fracture.criterion = {f.criterion!r} needs the stress in equilibrium: set stepping.scheme = "
@@ -275,6 +288,12 @@ class Parameters(Group):
             raise ValueError(
                 "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2 and fracture.normal_strength, above 0"
             )
+
+    @property
+    def elastic_cells(self) -> bool:
+        """Whether the ice is elastic in cells, and not along its bonds."""
+        asked = self.bonds.elasticity
+        return asked == "cells" or (asked is None and self.fracture.enabled and self.fracture.criterion in NEED_CELLS)
 
     def _check_life(self) -> None:
         melt, footloose = self.melt, self.footloose

@@ -19,7 +19,7 @@ Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["linear", "quadratic"]
-Criterion = Literal["bond", "averaged", "toughness"]
+Criterion = Literal["bond", "averaged", "ice", "toughness"]
 Packing = Literal["square", "hexagonal"]
 MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
 BaseLaw = Literal["turbulent", "two_equation", "three_equation"]
@@ -189,10 +189,11 @@ class BondParameters(Group):
 
     law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "equations 5")
     packing: Packing = quantity("square", "", "square or hexagonal elements", "equations 1.4")
-    elasticity: Elasticity = quantity(
-        "bonds",
+    elasticity: Elasticity | None = quantity(
+        None,
         "",
-        "what is elastic: the bonds, or (with quasi_static) the ice of the cells, as a solid that is alike in all directions",
+        "what is elastic: the bonds, or (with quasi_static) the ice of the cells, as a solid that is alike in all directions; "
+        "none means cells where fracture.criterion needs them, else bonds",
         "equations 5; cells: Argyris 1964, Hughes and Brezzi 1989",
     )
     spring: float | None = quantity(
@@ -234,12 +235,13 @@ class Fracture(Group):
     enabled: bool = quantity(True, "", "bonds can break", "equations 7, KID's fracture_criterion")
     normal_strength: float = quantity(18e3, "Pa", "largest tensile stress a bond bears", "paper; equations 10.5")
     shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "equations 10.5")
-    criterion: Criterion = quantity(
-        "bond",
+    criterion: Criterion | None = quantity(
+        None,
         "",
-        "what is held against the strength: the stress of each bond, or (with quasi_static) the stress averaged over a "
-        "distance that is set or that follows from the toughness",
-        "paper; averaged: Taylor 2007, The Theory of Critical Distances",
+        "bond: the stress of each bond against the strengths; ice (elastic cells): the largest tension and shear of the ice; "
+        "toughness (elastic cells): the same, and the toughness at the tips of cracks; averaged: the stress averaged over a "
+        "distance; none means ice with elastic cells, else bond",
+        "paper; ice and toughness: Riftberg; averaged: Taylor 2007, The Theory of Critical Distances",
     )
     distance: float = quantity(
         0.0, "m", "with 'averaged': length ahead of a crack over which the mean stress counts", "Taylor 2007", ge=0

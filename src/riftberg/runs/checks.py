@@ -393,6 +393,7 @@ WHOLE_NUMBERS: Final[Mapping[str, tuple[int, int | str]]] = {
     "element_substeps": (0, MOST_SUBSTEPS), "element_start_year": (-10**6, 10**6),
     "bond_first": (0, "elements - 1"), "bond_second": (0, "elements - 1"), "bond_status": (0, 2),
     "bond_break_grounded": (0, 1), "bond_id": (0, LARGEST_WHOLE),
+    "bond_crack": (0, LARGEST_WHOLE), "bond_crack_order": (-LARGEST_WHOLE, LARGEST_WHOLE),
 }  # fmt: skip
 """Least and largest value of every whole number of an element and a bond: many of them index other arrays.
 

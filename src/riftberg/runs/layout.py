@@ -49,7 +49,19 @@ A record is a moment, and ice rings within a long step: ``peak_stress`` is the l
 since the record before.
 """
 
-BOND_LATEST: Final = ("first", "second", "status", "strength", "break_time", "break_grounded", "released_energy")
+BOND_LATEST: Final = (
+    "first",
+    "second",
+    "status",
+    "strength",
+    "break_time",
+    "break_grounded",
+    "released_energy",
+    "cracked_area",
+    "crack",
+    "crack_order",
+    "crack_part",
+)
 
 FRAGMENT_VARIABLES: Final = (
     Variable("number", "1", "number of the fragment, the value of berg", dtype="i8"),

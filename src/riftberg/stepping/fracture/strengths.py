@@ -49,6 +49,15 @@ def most_overloaded(stress: Floats, strengths: Strengths) -> tuple[int, float]:
 
 
 @kernel
+def overloads(stress: Floats, strengths: Strengths) -> Floats:
+    """Stress over strength of each intact bond."""
+    ratios = np.empty(stress.shape[0])
+    for k in range(stress.shape[0]):
+        ratios[k] = overload(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
+    return ratios
+
+
+@kernel
 def overload(normal: float, shear: float, normal_limit: float, shear_limit: float) -> float:
     """Stress over strength; a bond without strength fails under the smallest stress."""
     a = normal / normal_limit if normal_limit > 0.0 else (np.inf if normal > 0.0 else 0.0)

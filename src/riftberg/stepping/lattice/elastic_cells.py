@@ -21,8 +21,10 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from riftberg.bergs.bonding import RADII_FACTOR
+from riftberg.compiled.kernels import kernel
 from riftberg.errors import BergError, RunError
 from riftberg.parameters import KernelParameters
+from riftberg.physics.averaging import principal
 from riftberg.physics.geometry import nearest_image
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -30,7 +32,9 @@ from riftberg.state.numbering import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.block_ldl import BlockLDL
+from riftberg.stepping.lattice.bridges import bridge_moments
 from riftberg.stepping.lattice.cells import (
+    Booleans,
     CellMesh,
     cell_mesh,
     freed_edges,
@@ -40,10 +44,11 @@ from riftberg.stepping.lattice.cells import (
 )
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
 from riftberg.stepping.lattice.triangles import (
+    Neighbourhoods,
     Triangles,
-    bond_weights,
     find_triangles,
     freedoms,
+    mean_stresses,
     stiffness_matrix,
     triangle_stresses,
     volumes,
@@ -180,7 +185,7 @@ class CellStiffness:
     def __init__(
         self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints, xy: Floats, p: KernelParameters
     ) -> None:
-        mesh, self._p, self._elements = cells.mesh, p, el.size
+        mesh, self._p, self._elements, self._xy = cells.mesh, p, el.size, xy
         row, living = rows_of(el.body.id, cells.element)
         on_outline = mesh.owner.size - mesh.cells
         number = np.arange(el.size - mesh.cells, el.size + on_outline)
@@ -209,7 +214,10 @@ class CellStiffness:
         self._triangles = Triangles(found.stiffness * self._volume[:, None, None], found.stress.copy())
         vertex = self._mesh.triangle
         self._at = freedoms(number[vertex], number[mesh.owner[vertex]])
-        self._weights = bond_weights(self._mesh, mesh.bonds)
+        self._areas_of(row, living, bonds)
+        # The side along which two cells meet: hexagons touch along less than their width.
+        self._facet = np.where(el.body.sides == 6, 1.0 / np.sqrt(3.0), 1.0)
+        self._held = (el.static >= 0.5) | (el.free_y < 0.5)
         self._outline: tuple[Ints, csr_matrix, Any] | None = None
 
     def _in_frames(self, row: Ints, body: Ints, xy: Floats) -> Floats:
@@ -231,12 +239,15 @@ class CellStiffness:
         triangle = mesh.triangle
         end = np.take_along_axis(triangle, (np.argmin(self._freed, axis=1)[:, None] + 1) % 3, axis=1)
         own = body[row[mesh.owner[end]]]
+        self._of_body = own[:, 0]
         ours = (row[mesh.owner[triangle]] >= 0) & (body[row[mesh.owner[triangle]]] == own)
         anchor = np.where(ours, mesh.owner[triangle], mesh.owner[end])
         away = mesh.xy[triangle] - mesh.xy[anchor]
         c, s = turn.real[own], turn.imag[own]
         turned = np.stack([c * away[..., 0] - s * away[..., 1], s * away[..., 0] + c * away[..., 1]], axis=2)
-        return np.asarray(xy[row[anchor]] + turned)
+        vertex = np.asarray(xy[row[anchor]] + turned)
+        self._middle = vertex.mean(axis=1)
+        return vertex
 
     def matrix(self) -> csr_matrix:
         """Stiffness of all nodes: displacements (m) and rotation (rad) of each."""
@@ -286,10 +297,91 @@ class CellStiffness:
             every.ravel()[free] = factors.solve(-(coupling @ np.ascontiguousarray(of_elements).ravel()))
         return every
 
-    def bond_stresses(self, of_elements: Floats, rows: Ints) -> Floats:
-        """Stress (Pa; xx, yy, xy) of the ice at intact bonds (rows of the state)."""
-        stress = triangle_stresses(self._at, self._triangles, self.displacements(of_elements))
-        return np.asarray((self._weights @ stress)[self._bond_number[rows]])
+    def _areas_of(self, row: Ints, living: Booleans, bonds: Bonds) -> None:
+        """Find over which triangles the stress is averaged at bonds, at nodes on the outline beside them, and in cells."""
+        mesh, numbers = self._mesh, np.arange(len(self._mesh.triangle))
+        at_edge, of_edge = np.tile(numbers, (3, 1)).T.ravel(), mesh.edge_bond.ravel()
+        self._at_bond = Neighbourhoods.of_pairs(mesh, of_edge, at_edge)
+        in_triangle = mesh.triangle.ravel(), np.repeat(numbers, 3)
+        owner = mesh.owner[mesh.triangle].ravel()
+        self._in_cell = Neighbourhoods.of_pairs(mesh, np.where(living[owner], row[owner], -1), in_triangle[1])
+        outer = mesh.triangle.ravel() >= mesh.cells
+        node, place = np.unique(in_triangle[0][outer], return_inverse=True)
+        self._outer_nodes = node.size
+        self._at_node = Neighbourhoods.of_pairs(mesh, place.ravel(), in_triangle[1][outer])
+        # Each bond has the nodes at both ends of its edges that lie on the outline.
+        end = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+        bond = np.repeat(of_edge, 2)
+        beside = (bond >= 0) & (end.ravel() >= mesh.cells)
+        pairs = np.unique(np.column_stack([bond[beside], np.searchsorted(node, end.ravel()[beside])]), axis=0)
+        self._bond_beside, self._node_beside = pairs.T.copy()
+
+    def triangle_stresses(self, of_elements: Floats) -> Floats:
+        """Stress (Pa; xx, yy, xy) of each triangle by the displacements of the elements."""
+        return triangle_stresses(self._at, self._triangles, self.displacements(of_elements))
+
+    def bond_tensors(self, stress: Floats, rows: Ints) -> Floats:
+        """Stress (Pa; xx, yy, xy) of the ice at intact bonds (rows of the state); ``stress``: of the triangles."""
+        return self._mean(self._at_bond, stress, self._broken.size)[self._bond_number[rows]]
+
+    def cell_tensors(self, stress: Floats) -> Floats:
+        """Stress (Pa; xx, yy, xy) of the ice in the cells of the elements, with all triangles at their nodes."""
+        every = np.ones(len(stress), bool)
+        return mean_stresses(*self._in_cell, every, stress, self._elements)
+
+    def bending_stresses(self, lattice: ElasticLattice, rows: Ints, load: Floats) -> Floats:
+        """Stress (Pa) by bending of bonds that are the last between two parts; 0 for all others.
+
+        6 M / (H w^2) at the end of the facet, as in a beam as high as the facet is long (w): the mean stress of a bond
+        knows nothing of the moment M that it bears.
+        """
+        width = lattice.width[rows] * self._facet[lattice.first[rows]]
+        moment = bridge_moments(lattice.first, lattice.second, rows, self._xy, load, self._held)
+        return np.asarray(6.0 * abs(moment) / (lattice.thickness[rows] * width**2))
+
+    def bond_stresses(self, stress: Floats, tensor: Floats, rows: Ints) -> Floats:
+        """Largest tension and shear (Pa) of the ice at intact bonds, shape (bonds, 2); ``tensor``: `bond_tensors`.
+
+        Bonds lie inside the ice, so the stress at nodes of the outline beside them counts where it is larger.
+        """
+        strongest = np.full((self._broken.size, 2), -np.inf)
+        of_nodes = principal_stresses(self._mean(self._at_node, stress, self._outer_nodes))
+        np.maximum.at(strongest, self._bond_beside, of_nodes[self._node_beside])
+        largest = np.maximum(principal_stresses(tensor), strongest[self._bond_number[rows]])
+        return np.asarray(largest)
+
+    def _mean(self, near: Neighbourhoods, stress: Floats, places: int) -> Floats:
+        whole = np.asarray(~self._freed.any(axis=1))
+        return mean_stresses(*near, whole, stress, places)
+
+    def row_distance(self, element: int, spacing: float) -> float:
+        """Distance (m) of the rows of a lattice: of the elements in squares, sqrt(3) / 2 of it in hexagons."""
+        return spacing if self._facet[element] == 1.0 else 0.5 * np.sqrt(3.0) * spacing
+
+    def facet_area(self, lattice: ElasticLattice, bond: int) -> float:
+        """Area (m2) along which the cells of a bond meet."""
+        return float(lattice.width[bond] * self._facet[lattice.first[bond]] * lattice.thickness[bond])
+
+    def mean_ahead(self, stress: Floats, body: int, place: Floats, direction: Floats, radius: float) -> Floats:
+        """Stress (Pa; xx, yy, xy) of the ice ahead of a place in a fragment; zero where there is none.
+
+        Weighted by area and by exp(-d^2 / 2 r^2), up to 3 r (after Wells and Sluys 2001, Int. J. Numer. Methods Eng. 50).
+        """
+        away = self._middle - place
+        square = (away**2).sum(axis=1)
+        weight = self._mesh.weight * self._mesh.area * np.exp(-0.5 * square / radius**2)
+        weight *= (self._of_body == body) & (square <= 9.0 * radius**2) & (away @ direction > 0.0)
+        total = weight.sum()
+        return np.asarray(weight @ stress / total) if total > 0.0 else np.zeros(3)
+
+
+@kernel
+def principal_stresses(tensor: Floats) -> Floats:
+    """Largest tension and shear (Pa) of each tensor (xx, yy, xy), shape (places, 2)."""
+    extremes = np.empty((tensor.shape[0], 2))
+    for k in range(tensor.shape[0]):
+        extremes[k, 0], extremes[k, 1] = principal(tensor[k, 0], tensor[k, 1], tensor[k, 2])
+    return extremes
 
 
 class CellSolver(StiffnessSolver):

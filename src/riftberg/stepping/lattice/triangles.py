@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
+from riftberg.compiled.kernels import kernel
 from riftberg.state import Floats, Ints
 from riftberg.stepping.lattice.cells import Booleans, CellMesh
 
@@ -133,13 +134,38 @@ def triangle_stresses(at: Ints, triangles: Triangles, displacement: Floats) -> F
     return np.asarray(np.einsum("tsx,tx->ts", triangles.stress, displacement.ravel()[at]))
 
 
-def bond_weights(mesh: CellMesh, bonds: int) -> csr_matrix:
-    """Weights of the triangles in the stress at each bond, shape (bonds, triangles): by area, of those that have an edge of it.
+class Neighbourhoods(NamedTuple):
+    """Triangles whose stress is averaged in each of some places; a row for each triangle of a place."""
 
-    Freed edges carry nothing, and the stress of a triangle counts with what its edges carry.
+    place: Ints
+    triangle: Ints
+    share: Floats  # Area with its weight, m2
+
+    @classmethod
+    def of_pairs(cls, mesh: CellMesh, place: Ints, triangle: Ints) -> Neighbourhoods:
+        """Take each pair of a place and a triangle once; places below 0 are none."""
+        pairs = np.unique(np.column_stack([place, triangle])[place >= 0], axis=0)
+        return cls(pairs[:, 0].copy(), pairs[:, 1].copy(), (mesh.weight * mesh.area)[pairs[:, 1]])
+
+
+@kernel
+def mean_stresses(place: Ints, triangle: Ints, share: Floats, whole: Booleans, stress: Floats, places: int) -> Floats:
+    """Stress (Pa; xx, yy, xy) in each place: mean over its triangles by area, those without a freed edge if there are any.
+
+    Freed edges carry nothing, so a mean that takes their triangles in sees the relief of the flanks of a crack and hardly
+    notices that a short one goes on.
     """
-    edge, triangle = mesh.edge_bond.ravel(), np.repeat(np.arange(len(mesh.triangle)), 3)
-    bond, triangle = np.unique(np.column_stack([edge, triangle])[edge >= 0], axis=0).T
-    share = (mesh.weight * mesh.area)[triangle]
-    total = np.bincount(bond, share, bonds)
-    return csr_matrix((share / total[bond], (bond, triangle)), shape=(bonds, len(mesh.triangle)))
+    mean, total = np.zeros((places, 3)), np.zeros(places)
+    for only_whole in (True, False):
+        filled = total > 0.0
+        for n in range(place.size):
+            k, t = place[n], triangle[n]
+            if filled[k] or (only_whole and not whole[t]):
+                continue
+            total[k] += share[n]
+            for c in range(3):
+                mean[k, c] += share[n] * stress[t, c]
+    for k in range(places):
+        if total[k] > 0.0:
+            mean[k] /= total[k]
+    return mean

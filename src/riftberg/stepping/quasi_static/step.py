@@ -57,10 +57,12 @@ from riftberg.stepping.contact.land import corrected_poses, land_corrections, le
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
+from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackPaths, CrackTips, tips_from_arrays
 from riftberg.stepping.fracture.criteria import Criterion, Equilibrium, criterion_for
 from riftberg.stepping.fracture.strengths import (
     Strengths,
     grow_damage,
+    overloads,
     record_peak_stress,
     residual_strengths,
     store_stresses,
@@ -121,7 +123,8 @@ class QuasiStaticStepper:
         self._bodies: Bodies | None = None
         # Where the ice is elastic in cells, they are made at the start of a run; a restart holds them from then on.
         self._cells: ElasticCells | None = None
-        if model.parameters.bonds.elasticity == "cells" and model.elements.size and model.step_number == 0:
+        self._tips = NO_TIPS
+        if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
         self._lattice: FactoredLattice | None = None
         self._state: BodyState | None = None
@@ -131,9 +134,9 @@ class QuasiStaticStepper:
         self._work: BodyWorkspace | None = None
         self._touched = NO_PAIRS
         self._snapshot: StepSnapshot | None = None
-        # Time, bodies, snapshot and cells at the start of the last step, for a model that takes a failed step back.
-        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None] = (
-            math.nan, None, None, None
+        # Time, bodies, snapshot, cells and tips at the start of the last step, for a model that takes a failed step back.
+        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips] = (
+            math.nan, None, None, None, NO_TIPS
         )  # fmt: skip
 
     @property
@@ -150,7 +153,8 @@ class QuasiStaticStepper:
         """Return what a restart file must hold beside the state."""
         bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
         before = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
-        return {**bodies, **before, **({} if self._cells is None else cells_to_arrays(self._cells))}
+        tips = dict(zip(TIP_NAMES, self._tips, strict=True)) if self._tips.crack.size else {}
+        return {**bodies, **before, **tips, **({} if self._cells is None else cells_to_arrays(self._cells))}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
@@ -162,6 +166,7 @@ class QuasiStaticStepper:
             self._snapshot = StepSnapshot(ids.astype(np.int64), *(np.array(a, np.float64) for a in rest))
         if all(name in saved for name in CELL_NAMES):
             self._cells = cells_from_arrays(saved)
+        self._tips = tips_from_arrays(saved)
 
     def sample_forcing(self, model: RunState) -> None:
         """Sample at the present positions."""
@@ -174,17 +179,19 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
         if self._last_start[0] == model.time:  # the model has taken the last step back
-            (_, self._bodies, self._snapshot, self._cells), self._state = self._last_start, None
-        self._last_start = model.time, self._bodies, self._snapshot, self._cells
+            (_, self._bodies, self._snapshot, self._cells, self._tips), self._state = self._last_start, None
+        self._last_start = model.time, self._bodies, self._snapshot, self._cells, self._tips
         unknown = self._sync(model)
-        step = TimeStep(model, self._bodies, self._lattice, self._state, self._sizes, self._work, unknown, self._cells)
+        step = TimeStep(
+            model, self._bodies, self._lattice, self._state, self._sizes, self._work, unknown, self._cells, self._tips
+        )
         self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
         # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a
         # restarted run does.
         self._bodies, self._lattice, self._state = step.state.bodies, step.lattice, None if step.cracked else step.state
         self._applied, self._touched = step.applied, concatenate_pairs(step.touched)
-        self._sizes, self._work, self._cells = step.sizes, step.work, step.cells
+        self._sizes, self._work, self._cells, self._tips = step.sizes, step.work, step.cells, step.tips
         if step.cracked:
             self._topology = _topology_key(model)
         self._snapshot = take_snapshot(model.elements)
@@ -250,7 +257,7 @@ class TimeStep:
     def __init__(
         self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
         state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
-        unknown: NDArray[np.bool_] | None = None, cells: ElasticCells | None = None,
+        unknown: NDArray[np.bool_] | None = None, cells: ElasticCells | None = None, tips: CrackTips = NO_TIPS,
     ) -> None:  # fmt: skip
         self.cells = cells
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
@@ -263,7 +270,9 @@ class TimeStep:
         fresh = bodies is None or unknown is not None
         if bodies is None:
             bodies = self._first_bodies()
-        self.lattice = lattice or self._factored_lattice(bodies)
+        self.lattice = lattice or self._factored_lattice(bodies, tips)
+        if self.lattice.cells is not None:  # of the arrays of this step, which may be others than in the last one
+            self.lattice.paths = self._crack_paths(tips, bodies, self.lattice)
         if fresh:
             known = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
             bodies = bodies._replace(twist=np.where(known[:, None], bodies.twist, self._twists_of_elements(bodies)))
@@ -285,6 +294,11 @@ class TimeStep:
             parts = math.ceil(left / self._max_dt - 1e-9)
             next_dt = self._advance_to_event(min(left / parts, next_dt), may_break)
         self._store(self._equilibrium(self.state))
+
+    @property
+    def tips(self) -> CrackTips:
+        """The tips of cracks, as the last break has left them."""
+        return NO_TIPS if self.lattice.paths is None else self.lattice.paths.tips
 
     # One step to the first event
 
@@ -614,16 +628,20 @@ class TimeStep:
         bond = bond if ratio > 1.0 else first
         if bond < 0:
             return
-        self.cracked, starter = True, bond
+        bond = self._on_its_way(now, bond)
+        self.cracked, starter, area = True, bond, 0.0
         energy = elastic_energy(self.state.bodies.displacement, self.state.load)
         while True:
+            area += self._facet_area(bond)
             self._break_bond(bond)
             now = self._equilibrium(self.state)
             bond, ratio = self._critical_bond(now)
             if ratio <= 1.0:
                 break
-            self._store(now)
+            # What the last bonds bear while a crack runs through them is no stress that the ice has borne.
+            bond = self._on_its_way(now, bond)
         self.bonds.released_energy[starter] = energy - elastic_energy(self.state.bodies.displacement, self.state.load)
+        self.bonds.cracked_area[starter] = area
         self._renumber()
         self._record_peaks(self._equilibrium(self.state))
 
@@ -635,6 +653,25 @@ class TimeStep:
         """Row in the state of the bond that breaks next (-1 without bonds), and stress over strength: above 1 it breaks."""
         row, ratio = self.lattice.criterion.most_critical(moment, self.lattice.strengths(self.bonds, self.c))
         return (int(moment.intact[row]) if row >= 0 else -1), ratio
+
+    def _on_its_way(self, now: Equilibrium, failing: int) -> int:
+        """Return the bond that breaks where one fails: with elastic cells the next one on the way of a crack line."""
+        paths, bonds = self.lattice.paths, self.bonds
+        if paths is None:
+            return failing
+        row = int(np.searchsorted(now.intact, failing))
+        strengths = self.lattice.strengths(bonds, self.c)
+        ratio, strength = np.zeros(bonds.first.size), np.zeros(bonds.first.size)
+        ratio[now.intact], strength[now.intact] = overloads(now.stress, strengths), strengths.normal
+        last = bool(now.bending[row] > 0.0)
+        return paths.next_bond(failing, last, now.tensor[row], now.triangle_stress, ratio, strength)
+
+    def _facet_area(self, bond: int) -> float:
+        """Area (m2) of the section of a bond: with elastic cells of the side along which its cells meet."""
+        lattice, cells = self.lattice.lattice, self.lattice.cells
+        return (
+            float(lattice.width[bond] * lattice.thickness[bond]) if cells is None else cells.facet_area(lattice, bond)
+        )
 
     def _break_bond(self, bond: int) -> None:
         """Break one bond and find the equilibrium without it, with new bodies where a piece has parted."""
@@ -661,11 +698,11 @@ class TimeStep:
                 c.earth_radius,
             )
             self.frozen_displacement = bodies.displacement
-            self.lattice = self._factored_lattice(bodies)
+            self.lattice = self._factored_lattice(bodies, self.tips)
             self._publish_positions(bodies)
             self.state = self._state_at(bodies, state.time)
         elif lattice.solver.update_rank >= MAX_LOW_RANK_UPDATES:
-            self.lattice = self._factored_lattice(state.bodies)
+            self.lattice = self._factored_lattice(state.bodies, self.tips)
         else:
             lattice.solver.downdate(bond)
             lattice.intact = lattice.intact[lattice.intact != bond]
@@ -679,7 +716,7 @@ class TimeStep:
         else:
             drop_broken_bonds(bonds)
         model.fragments.update(el, bonds, self.state.time, self.c)
-        self.lattice = self._factored_lattice(self.state.bodies)
+        self.lattice = self._factored_lattice(self.state.bodies, self.tips)
         self.state = self._state_at(self.state.bodies, self.state.time)
 
     # Set-up and output
@@ -705,7 +742,7 @@ class TimeStep:
             self.work = allocate_body_workspace(bodies.pose.shape[0])
         return self.work
 
-    def _factored_lattice(self, bodies: Bodies) -> FactoredLattice:
+    def _factored_lattice(self, bodies: Bodies, tips: CrackTips) -> FactoredLattice:
         """Describe and factor the lattice of the intact bonds."""
         el, bonds, c = self.el, self.bonds, self.c
         xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
@@ -715,14 +752,22 @@ class TimeStep:
         gauge_springs = supports.gauge_springs(bodies.body, xy)
         cells: CellStiffness | None = None
         solver: Callable[..., StiffnessSolver] = StiffnessSolver
-        if self.model.parameters.bonds.elasticity == "cells":
+        if self.model.parameters.elastic_cells:
             self.cells = with_new_cells(self.cells, el, bonds, (), c)
             cells = CellStiffness(self.cells, el, bonds, bodies.body, xy, c)
             solver = partial(CellSolver, cells)
         volume = el.length * el.width * el.thickness
         criterion = criterion_for(self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c, cells)
         factors = solver(lattice, intact, supports, gauge_springs)
-        return FactoredLattice(xy, lattice, intact, supports, factors, criterion, cells)
+        found = FactoredLattice(xy, lattice, intact, supports, factors, criterion, cells)
+        if cells is not None:
+            found.paths = self._crack_paths(tips, bodies, found)
+        return found
+
+    def _crack_paths(self, tips: CrackTips, bodies: Bodies, lattice: FactoredLattice) -> CrackPaths:
+        """Where the tips of cracks stand in the fragments."""
+        assert lattice.cells is not None
+        return CrackPaths(tips, self.bonds, self.el.body.id, bodies.body, lattice.xy, lattice.cells)
 
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
@@ -740,6 +785,7 @@ class FactoredLattice:
     solver: StiffnessSolver
     criterion: Criterion
     cells: CellStiffness | None = None  # Where the ice is elastic in cells; else along its bonds
+    paths: CrackPaths | None = None  # Of cracks through elastic cells
     _latest: Equilibrium | None = None
     _strengths: tuple[tuple[int, bytes, bytes], Strengths] | None = None
 
@@ -759,7 +805,7 @@ class FactoredLattice:
 
     def moment(self, displacement: Floats, load: Floats, p: KernelParameters) -> Equilibrium:
         """Return an equilibrium of any moment."""
-        return Equilibrium(self.lattice, self.intact, displacement, load, p, self.cells)
+        return Equilibrium(self.lattice, self.intact, displacement, load, p, self.cells, self.paths)
 
 
 def _bracket(occurred: Callable[[float], bool], h: float, tolerance: float) -> tuple[float, float]:

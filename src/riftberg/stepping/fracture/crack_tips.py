@@ -1,0 +1,225 @@
+"""Cracks as lines with tips that have a place and a direction of their own.
+
+A lattice whose most critical bond breaks, and then the next one, cracks along its rows, whatever the stress. So a crack is a
+line here. A tip turns normal to the larger principal stress of the ice ahead of it, and the first unbroken bond that its ray
+crosses breaks: the line cuts every bond that it crosses and leaves none behind. A bond that fails away from all tips starts a
+crack of its own, with two tips in opposite directions. A tip ends where its ray leaves the ice or meets another crack.
+
+A tip keeps its place beside the ends of the bond that it crossed last, so it moves with its piece.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from riftberg.state import Bonds, Floats, Ints
+from riftberg.state.numbering import rows_of
+from riftberg.stepping.lattice.cells import Booleans
+from riftberg.stepping.lattice.elastic_cells import CellStiffness
+
+REACH = 2.5
+"""A bond that fails within this distance of a tip (in distances of elements) is the tip's: it goes on, and no crack starts."""
+
+AHEAD = 1.5
+"""Radius (in distances of elements) within which the ice ahead of a tip decides on its direction: 0.75 to 2 give the same
+direction within 3 degrees."""
+
+LONGEST_STEP = 3.0
+"""Way (in distances of elements) within which the ray of a tip must cross a bond; else the tip has run out of the ice."""
+
+LEAST_COSINE = math.cos(math.radians(70.5))
+"""No load turns a crack farther than in pure mode II (Erdogan and Sih 1963, J. Basic Eng. 85). A mean that says more is that of a
+last ligament in bending, which a crack crosses straight on."""
+
+BEYOND = 1e-3
+"""Part of the distance of elements by which a tip stands beyond the bond that it has crossed."""
+
+
+class CrackTips(NamedTuple):
+    """The tips of all cracks; a row for each."""
+
+    beside: Ints  # Identifiers of the two elements beside which a tip keeps its place; shape (tips, 2)
+    place: Floats  # Along and to the left of the line from the first of them to the second, m; shape (tips, 2)
+    direction: Floats  # In which it grows, in the same axes; shape (tips, 2)
+    crack: Ints  # Number of the crack
+    order: Ints  # Of the bond to be crossed next, counted from the start of the crack; below 0 on the other arm
+    length: Floats  # Of the whole crack, m
+
+
+TIP_NAMES = tuple(f"crack_tip_{name}" for name in CrackTips._fields)
+"""Names in a restart file."""
+
+NO_TIPS = CrackTips(
+    np.zeros((0, 2), np.int64),
+    np.zeros((0, 2)),
+    np.zeros((0, 2)),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros(0),
+)
+
+
+def tips_from_arrays(saved: Mapping[str, Any]) -> CrackTips:
+    """Return the tips of a restart file; none where it holds none."""
+    if not all(name in saved for name in TIP_NAMES):
+        return NO_TIPS
+    return CrackTips._make([np.asarray(saved[name], now.dtype) for name, now in zip(TIP_NAMES, NO_TIPS, strict=True)])
+
+
+class Tip(NamedTuple):
+    """A tip in the frame of its fragment."""
+
+    row: int  # Among all tips
+    body: int
+    place: Floats  # m
+    direction: Floats
+    spacing: float  # Distance of the elements beside it, m
+
+
+class Crossing(NamedTuple):
+    """Where the way of a crack crosses a bond."""
+
+    bond: int  # Row of the state
+    part: float  # Of the way from its first end to its second
+    tip: Tip  # With its new direction, before it steps
+
+
+class CrackPaths:
+    """Where the tips of a fragmented lattice stand, and where they go next."""
+
+    def __init__(self, tips: CrackTips, bonds: Bonds, ids: Ints, body: Ints, xy: Floats, cells: CellStiffness) -> None:
+        self.tips, self._bonds, self._ids, self._body, self._xy, self._cells = tips, bonds, ids, body, xy, cells
+
+    def standing(self) -> list[Tip]:
+        """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
+        rows, known = rows_of(self._ids, self.tips.beside.ravel())
+        a, b = rows.reshape(-1, 2).T
+        here = known.reshape(-1, 2).all(axis=1)
+        found = []
+        for n in np.flatnonzero(here):
+            i, j = a[n], b[n]
+            if self._body[i] != self._body[j]:
+                continue
+            along = self._xy[j] - self._xy[i]
+            spacing = float(np.hypot(*along))
+            axes = np.array([along, [-along[1], along[0]]]) / spacing
+            place, direction = self._xy[i] + self.tips.place[n] @ axes, self.tips.direction[n] @ axes
+            found.append(Tip(int(n), int(self._body[i]), place, direction, spacing))
+        return found
+
+    def middles(self, rows: Ints) -> Floats:
+        """Middles (m) of bonds in the frames of their fragments."""
+        return np.asarray(0.5 * (self._xy[self._bonds.first[rows]] + self._xy[self._bonds.second[rows]]))
+
+    def within(self, rows: Ints, body: int) -> Booleans:
+        """Which bonds belong to a fragment."""
+        return np.asarray(self._body[self._bonds.first[rows]] == body)
+
+    def next_bond(
+        self, failing: int, last: bool, tensor: Floats, stress: Floats, ratio: Floats, strength: Floats
+    ) -> int:
+        """Return the bond (row of the state) that breaks next where ``failing`` is overloaded; the tips have moved then.
+
+        ``last``: it is the last one between two parts, which any crack beside it must cross;
+        ``tensor``: stress (Pa; xx, yy, xy) at that bond; ``stress``: of the triangles; ``ratio``, ``strength``: stress over
+        strength and strength (Pa) of all bonds of the state, broken ones too.
+        """
+        i, j = self._bonds.first[failing], self._bonds.second[failing]
+        middle, spacing = 0.5 * (self._xy[i] + self._xy[j]), float(np.hypot(*(self._xy[j] - self._xy[i])))
+        near = [(float(np.hypot(*(tip.place - middle))), tip) for tip in self.standing() if tip.body == self._body[i]]
+        ended = []
+        for distance, tip in sorted(near, key=lambda pair: pair[0]):
+            if distance > REACH * spacing:
+                break
+            crossing = Crossing(failing, 0.5, tip) if last else self.ahead(tip, stress)
+            if crossing is None:
+                ended.append(tip.row)
+                continue
+            bond, part = crossing.bond, crossing.part
+            if ratio[bond] <= 1.0 and strength[failing] < strength[bond] * (1.0 - 1e-9):
+                # Ice of uneven strength: the crack goes to the weaker bond beside its way.
+                bond, part = failing, 0.5
+            self._step(crossing.tip, bond, part)
+            self._drop(ended)
+            return bond
+        self._drop(ended)
+        self._start(failing, middle, spacing, tensor)
+        return failing
+
+    def ahead(self, tip: Tip, stress: Floats) -> Crossing | None:
+        """Return the unbroken bond that a tip crosses next, normal to the larger principal stress ahead; None where it ends."""
+        xx, yy, xy = self._cells.mean_ahead(stress, tip.body, tip.place, tip.direction, AHEAD * tip.spacing)
+        direction = tip.direction
+        if xx != yy or xy != 0.0:
+            angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+            direction = np.array([math.cos(angle), math.sin(angle)])
+            direction *= 1.0 if direction @ tip.direction >= 0.0 else -1.0
+            if direction @ tip.direction < LEAST_COSINE:
+                direction = tip.direction
+        bond, part = self._crossed(tip._replace(direction=direction), int(self.tips.crack[tip.row]))
+        return None if bond < 0 else Crossing(bond, part, tip._replace(direction=direction))
+
+    def _crossed(self, tip: Tip, crack: int) -> tuple[int, float]:
+        """First bond on the ray of a tip, and where on the bond; -1 where there is none or where it has broken already."""
+        first, second = self._bonds.first, self._bonds.second
+        # Bonds that its own crack has cut lie behind it.
+        own = (self._bonds.crack == crack) & (self._bonds.status != 0)
+        within = np.flatnonzero((self._body[first] == tip.body) & (self._body[second] == tip.body) & ~own)
+        a, along = self._xy[first[within]] - tip.place, self._xy[second[within]] - self._xy[first[within]]
+        x, y = tip.direction
+        turn = x * along[:, 1] - y * along[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            way = (a[:, 0] * along[:, 1] - a[:, 1] * along[:, 0]) / turn
+            part = (a[:, 0] * y - a[:, 1] * x) / turn
+        crossed = (way > 0.0) & (way <= LONGEST_STEP * tip.spacing) & (part >= -1e-9) & (part <= 1.0 + 1e-9)
+        if not crossed.any():
+            return -1, 0.0
+        nearest = int(np.argmin(np.where(crossed, way, np.inf)))
+        bond = int(within[nearest])
+        return (bond if self._bonds.status[bond] == 0 else -1), float(np.clip(part[nearest], 0.0, 1.0))
+
+    def _start(self, bond: int, middle: Floats, spacing: float, tensor: Floats) -> None:
+        """Start a crack in the middle of a bond, with two tips."""
+        xx, yy, xy = tensor
+        angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
+        number = 1 + max(int(self._bonds.crack.max(initial=0)), int(self.tips.crack.max(initial=0)))
+        self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, 0, 0.5
+        for sign in (1.0, -1.0):
+            direction = sign * np.array([math.cos(angle), math.sin(angle)])
+            self._add(bond, middle + BEYOND * spacing * direction, direction, number, int(sign), spacing)
+
+    def _add(self, bond: int, place: Floats, direction: Floats, number: int, order: int, length: float) -> None:
+        beside, axes, origin = self._axes(bond)
+        tip = (beside, axes @ (place - origin), axes @ direction, number, order, length)
+        self.tips = CrackTips._make([np.concatenate([old, [new]]) for old, new in zip(self.tips, tip, strict=True)])
+
+    def _axes(self, bond: int) -> tuple[list[int], Floats, Floats]:
+        i, j = self._bonds.first[bond], self._bonds.second[bond]
+        along = self._xy[j] - self._xy[i]
+        axes = np.array([along, [-along[1], along[0]]]) / np.hypot(*along)
+        return [int(self._ids[i]), int(self._ids[j])], axes, self._xy[i]
+
+    def _step(self, tip: Tip, bond: int, part: float) -> None:
+        """Let a tip cross a bond."""
+        row, tips = tip.row, CrackTips._make([array.copy() for array in self.tips])
+        i, j = self._bonds.first[bond], self._bonds.second[bond]
+        place = self._xy[i] + part * (self._xy[j] - self._xy[i])
+        advance = place - tip.place
+        direction = tip.direction if advance @ tip.direction > 0.0 else advance / np.hypot(*advance)
+        place = place + BEYOND * tip.spacing * direction
+        number, order = int(tips.crack[row]), int(tips.order[row])
+        self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, order, part
+        beside, axes, origin = self._axes(bond)
+        tips.beside[row], tips.place[row], tips.direction[row] = beside, axes @ (place - origin), axes @ direction
+        tips.order[row] += 1 if order > 0 else -1
+        tips.length[tips.crack == number] += np.hypot(*(place - tip.place))
+        self.tips = tips
+
+    def _drop(self, rows: list[int]) -> None:
+        if rows:
+            kept = np.setdiff1d(np.arange(self.tips.crack.size), rows)
+            self.tips = CrackTips._make([array[kept] for array in self.tips])
