@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
     from riftberg.model import Recorder
     from riftberg.runs.model import Model
-    from riftberg.runs.track import DailyTrack
+    from riftberg.runs.tracks import DailyTrack
 
 RESULTS: Final = ("run.nc", "summary.json", "map.png", "bergs-monthly.nc", "bergs-instantaneous.nc")
 """Files that a run may write into its folder."""
@@ -338,7 +338,7 @@ class Session:
         from riftberg.runs.model import StateKeeper
         from riftberg.runs.progress import ProgressRecorder
         from riftberg.runs.run_file import RunWriter
-        from riftberg.runs.track import DailyTrack
+        from riftberg.runs.tracks import DailyTrack
 
         remaining = days - self.model.time / 86400.0
         self.track, self.stopwatch = DailyTrack(), Stopwatch()

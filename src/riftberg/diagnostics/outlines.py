@@ -27,7 +27,7 @@ from riftberg.bergs.raster import Raster, read_raster
 from riftberg.diagnostics.dates import date_in_text, find_date
 from riftberg.errors import BergError, InputError
 from riftberg.plane import ConformalPlane
-from riftberg.runs.track import principal_azimuth
+from riftberg.runs.tracks import principal_azimuth
 from riftberg.state import Floats
 from riftberg.system.input_files import reading
 from riftberg.system.limits import MOST_VALUES, refuse_large

@@ -43,7 +43,7 @@ from riftberg.errors import InputError
 from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
-from riftberg.runs.track import Position, berg_position
+from riftberg.runs.tracks import Position, berg_position
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_json
 

@@ -47,7 +47,7 @@ from riftberg.config.places import area_text
 from riftberg.life.ledger import PROCESSES, melt_of
 from riftberg.runs.layout import forcing_text
 from riftberg.runs.restart import contact_rows, fragment_rows
-from riftberg.runs.track import Position, track_table
+from riftberg.runs.tracks import Position, track_table
 from riftberg.system.atomic_files import write_json
 from riftberg.version import __version__
 
