@@ -363,7 +363,7 @@ def polygon_moments(ring: Floats) -> tuple[float, float, float]:
     xx = ((x * x + x * xn + xn * xn) * cross).sum() / (12.0 * area) - cx * cx
     yy = ((y * y + y * yn + yn * yn) * cross).sum() / (12.0 * area) - cy * cy
     xy = ((x * yn + 2.0 * x * y + 2.0 * xn * yn + xn * y) * cross).sum() / (24.0 * area) - cx * cy
-    return float(cx + ring[0, 0]), float(cy + ring[0, 1]), principal_azimuth(float(xx), float(yy), float(xy))
+    return float(cx + ring[0, 0]), float(cy + ring[0, 1]), float(principal_azimuth(xx, yy, xy))
 
 
 def polygon_on(plane: ConformalPlane, ring: Floats) -> BaseGeometry:

@@ -124,6 +124,39 @@ def draw_map(
     return figure if path is None else style.save_figure(figure, path)
 
 
+def draw_tracks(run: xr.Dataset, path: str | Path | None = None, *, title: str = "", dpi: int = 150) -> Path | Figure:
+    """Draw the tracks of bergs and fragments on one map, with the ice at the first and the last date.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.open_run`, or what `Model.run` returns.
+    path : path, optional
+        Picture to write; the ending decides on the format.
+    title : str, optional
+        First line of the title; by default the experiment.
+    dpi : int, optional
+        Resolution.
+
+    Returns
+    -------
+    pathlib.Path or matplotlib.figure.Figure
+        The picture if ``path`` is given, else the figure.
+    """
+    required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_tracks")
+    scene = Scene(run)
+    if path is not None:
+        style.check_format(path)
+    figure = style.new_figure(7.0, 8.4, dpi)
+    overview = Overview(figure.subplots(), scene, water_of(run), OVERVIEW)
+    handles = overview.handles(marks="track and dates")
+    figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=2, frameon=False)
+    style.put_title(figure, _title(run, scene, title))
+    style.lay_out(figure)
+    overview.draw(scene.telling_records(6))
+    return figure if path is None else style.save_figure(figure, path)
+
+
 def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     """Return a title that names the run, its dates, its forcing and what melted."""
     first = title or str(run.attrs.get("experiment") or "Iceberg drift")
@@ -253,15 +286,13 @@ class Overview:
                 labels.put(texts[k], *places[k], fontsize=9, fontweight="bold")
                 labelled.append(places[k])
 
-    def handles(self) -> list[Any]:
+    def handles(self, marks: str = "track and dates of the panels") -> list[Any]:
         """Return what explains fragments and signs in a legend."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
         handles: list[Any] = list(fragment_patches(self.scene))
-        handles.append(
-            Line2D([], [], color="black", marker="o", mfc="white", lw=2, label="track and dates of the panels")
-        )
+        handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=marks))
         if any(self.scene.birth(n) for n in self.scene.numbers):
             handles.append(
                 Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="place of a break-up")

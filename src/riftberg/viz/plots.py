@@ -34,6 +34,7 @@ from riftberg.viz.style import date_axis, day_text, is_short, moment_texts, new_
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
 
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO day to rings of shape (n, 2), longitude and latitude."""
@@ -149,14 +150,25 @@ def _observed_panel(
 
 
 def draw_stress(
-    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path:
+    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Path | Figure:
     """Draw the bonds in the colour of their tensile stress; by default just before the large break-ups.
 
     Parameters
     ----------
-    run, path, dates, dpi
-        As in `draw_dates`.
+    run : xarray.Dataset
+        From `riftberg.open_run`, or what `Model.run` returns.
+    path : path, optional
+        Picture to write; the ending decides on the format.
+    dates : sequence of numpy.datetime64, optional
+        Dates of the panels.
+    dpi : int, optional
+        Resolution.
+
+    Returns
+    -------
+    pathlib.Path or matplotlib.figure.Figure
+        The picture if ``path`` is given, else the figure.
     """
     scene = Scene(run)
     if not run.sizes["bond"]:
@@ -177,8 +189,8 @@ def draw_stress(
 
 
 def draw_damage(
-    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path:
+    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Path | Figure:
     """Draw the bonds in the colour of their damage; by default just before the large break-ups and at the end.
 
     Parameters
@@ -200,9 +212,9 @@ def draw_damage(
 
 
 def _bond_maps(
-    scene: Scene, values: Mapping[int, Floats], path: str | Path, *, shades: Colormap, top: float, label: str,
+    scene: Scene, values: Mapping[int, Floats], path: str | Path | None, *, shades: Colormap, top: float, label: str,
     what: str, dpi: int, beyond: bool = False,
-) -> Path:  # fmt: skip
+) -> Path | Figure:  # fmt: skip
     """Draw the bonds at each record in the colour of their values, with a scale up to ``top`` below, open if ``beyond``."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import PowerNorm
@@ -235,7 +247,7 @@ def _bond_maps(
         panel.draw_ground(shaded=True)
         panel.draw_bonds(record, values[record], shades, scale)
         panel.draw_scale()
-    return style.save_figure(figure, path)
+    return figure if path is None else style.save_figure(figure, path)
 
 
 def stress_unit(top: float) -> tuple[str, float]:
@@ -259,16 +271,26 @@ def _before_breakups(scene: Scene) -> list[int]:
     return sorted({r + 1 if r < last and stress[r] < calm <= stress[r + 1] else r for r in records})
 
 
-def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
+def draw_fragments(run: xr.Dataset, path: str | Path | None = None, *, dpi: int = 150) -> Path | Figure:
     """Draw areas and births of the fragments, the largest tensile stress and what is aground, over time.
 
     Parameters
     ----------
-    run, path, dpi
-        As in `draw_dates`.
+    run : xarray.Dataset
+        From `riftberg.open_run`, or what `Model.run` returns.
+    path : path, optional
+        Picture to write; the ending decides on the format.
+    dpi : int, optional
+        Resolution.
+
+    Returns
+    -------
+    pathlib.Path or matplotlib.figure.Figure
+        The picture if ``path`` is given, else the figure.
     """
     scene = Scene(run)
-    style.check_format(path)
+    if path is not None:
+        style.check_format(path)
     figure = new_figure(11.0, 7.4, dpi)
     ground = scene.aground().sum(axis=1) if knows_floor(scene) else np.zeros(len(scene.times))
     bonded = run.sizes["bond"] > 0
@@ -296,7 +318,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     if len(times) > 1:
         lower.set_xlim(times[0], times[-1])
     style.put_title(figure, figure_title(run, "fragments"))
-    return style.save_figure(figure, path)
+    return figure if path is None else style.save_figure(figure, path)
 
 
 def knows_floor(scene: Scene) -> bool:
