@@ -5,15 +5,12 @@ from __future__ import annotations
 import importlib
 from collections.abc import Hashable, Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
 from riftberg.runs.tracks import tracks_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 ELEMENT_NAMES: Final = {"u_sync": "u", "v_sync": "v", "trajectory": "element"}
 """Words of the field for variables of the elements that have another name in the file."""
@@ -55,7 +52,7 @@ class Table:
     def _repr_html_(self) -> str:
         return self.dataset._repr_html_()
 
-    def to_dataframe(self) -> pd.DataFrame:
+    def to_dataframe(self) -> Any:
         """Return the table as a data frame."""
         return self.dataset.to_dataframe()
 
@@ -70,9 +67,9 @@ class Tracks(Table):
 
     picture = "draw_tracks"
 
-    def to_dataframe(self) -> pd.DataFrame:
+    def to_dataframe(self) -> Any:
         """Return one row for each berg or fragment and time, indexed by both: ``.loc["A68a"]`` is the track of one."""
-        import pandas as pd
+        import pandas as pd  # type: ignore[import-untyped]
 
         tracks, size = self.dataset, self.dataset["rowsize"].values
         names = [
@@ -100,7 +97,7 @@ class ElementTable(Table):
     picture = "draw_map"
 
 
-@xr.register_dataset_accessor("riftberg")
+@xr.register_dataset_accessor("riftberg")  # type: ignore[no-untyped-call]
 class RunAccessor:
     """A run by bergs, by fragments and by elements.
 

@@ -100,7 +100,7 @@ class Shapes:
 
     def sum(self, values: Floats) -> Floats:
         """Return the sum over the elements of each berg."""
-        return np.bincount(self.berg, values, self.count)
+        return np.asarray(np.bincount(self.berg, values, self.count), np.float64)
 
     def mean(self, values: Floats) -> Floats:
         """Return the mean over the area of each berg."""
@@ -234,7 +234,7 @@ TRACK_VARIABLES: Final = (
     ),
     Variable(
         "stress_over_strength", "1",
-        "largest tensile stress of a bond since the record before, over its strength; of bonds that hold at the record, at most 1",
+        "largest tensile stress of a bond since the record before over its strength, of bonds that hold at the record; at most 1",
     ),
     Variable("aground", "1", "1 where the sea floor acts on an element of the berg", dtype="i1"),
 )  # fmt: skip
@@ -283,7 +283,8 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
 
     def of(name: str) -> Floats:
         column = columns[name]
-        return np.broadcast_to(column[:, None] if column.ndim == 1 else column, shape).ravel()[there].astype(np.float64)
+        whole = np.broadcast_to(column[:, None] if column.ndim == 1 else column, shape)
+        return np.asarray(whole.ravel()[there], np.float64)
 
     length, width = of("length"), of("width")
     earth = p.earth
@@ -369,7 +370,7 @@ def ragged(
     for v in TRACK_COORDINATES:
         values = np.array([row[{"birth": "birth_time"}.get(v.name, v.name)] for row in known])
         table[v.name] = Ragged(
-            "trajectory", values.astype({"i8": "i4", "str": str}.get(v.dtype, "f8")), {"long_name": v.long_name}
+            "trajectory", values.astype({"i8": "i4", "str": "U"}.get(v.dtype, "f8")), {"long_name": v.long_name}
         )
     table["trajectory"].attributes["cf_role"] = "trajectory_id"
     table["birth"].attributes.update(dated)

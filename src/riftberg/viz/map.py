@@ -124,6 +124,10 @@ def draw_map(
     return figure if path is None else style.save_figure(figure, path)
 
 
+@overload
+def draw_tracks(run: xr.Dataset, path: str | Path, *, title: str = "", dpi: int = 150) -> Path: ...
+@overload
+def draw_tracks(run: xr.Dataset, path: None = None, *, title: str = "", dpi: int = 150) -> Figure: ...
 def draw_tracks(run: xr.Dataset, path: str | Path | None = None, *, title: str = "", dpi: int = 150) -> Path | Figure:
     """Draw the tracks of bergs and fragments on one map, with the ice at the first and the last date.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import xarray as xr
@@ -149,6 +149,14 @@ def _observed_panel(
     ax.set_title(f"Observed; currents of {day_text(scene.times[middle], hour=False)}", fontsize=10, pad=4)
 
 
+@overload
+def draw_stress(
+    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Path: ...
+@overload
+def draw_stress(
+    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Figure: ...
 def draw_stress(
     run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
 ) -> Path | Figure:
@@ -188,6 +196,14 @@ def draw_stress(
     )  # fmt: skip
 
 
+@overload
+def draw_damage(
+    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Path: ...
+@overload
+def draw_damage(
+    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Figure: ...
 def draw_damage(
     run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
 ) -> Path | Figure:
@@ -271,6 +287,10 @@ def _before_breakups(scene: Scene) -> list[int]:
     return sorted({r + 1 if r < last and stress[r] < calm <= stress[r + 1] else r for r in records})
 
 
+@overload
+def draw_fragments(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path: ...
+@overload
+def draw_fragments(run: xr.Dataset, path: None = None, *, dpi: int = 150) -> Figure: ...
 def draw_fragments(run: xr.Dataset, path: str | Path | None = None, *, dpi: int = 150) -> Path | Figure:
     """Draw areas and births of the fragments, the largest tensile stress and what is aground, over time.
 
