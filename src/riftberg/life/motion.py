@@ -326,13 +326,18 @@ def _enter(kept: Floats, who: str, now: Floats) -> None:
     kept[NOW] = now
 
 
+def bonds_vibrate(run: RunState) -> bool:
+    """Return whether bonds store elastic energy of which the motion of the elements knows."""
+    return run.parameters.stepping.scheme == "mts" and bool(run.constants.dem and run.constants.bonds_on)
+
+
 def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | None:
     """Return the elastic energy (J) in unbroken bonds, None where their law is not that of a vibrating lattice.
 
     Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``.
     """
     p, c = run.parameters, run.constants
-    if p.stepping.scheme != "mts" or not c.dem or not c.bonds_on:
+    if not bonds_vibrate(run):
         return None
     some = bonds.taken(bonds.status == 0) if (bonds.status != 0).any() else bonds
     i, j = some.first, some.second
