@@ -156,7 +156,7 @@ FRAGMENT_MELT: Final = "fragment_melt_water"
 
 def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
     """Return the ledgers that a model keeps; not all models that may be written keep any."""
-    motion = MOTION if getattr(model, "motion", None) is not None else ()
+    motion: tuple[Derived, ...] = MOTION if getattr(model, "motion", None) is not None else ()
     if motion and bonds_vibrate(model):
         motion = (*motion, IN_BONDS)
     return motion if getattr(model, "life", None) is None else (*motion, *ICE)
