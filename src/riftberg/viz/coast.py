@@ -53,7 +53,8 @@ def draw_coast(ax: Axes, box: Box, *, latlon: bool = True) -> bool:
         [np.asarray(line.coords)[:, :2] for line in lines], colors=SHORE, linewidths=0.8, zorder=COAST
     )
     ax.add_collection(shore, autolim=False)
-    return bool(areas or lines)
+    shown = [part.bounds for part in (*(area for area, _ in areas), *lines)]  # a little outside of the map is cut too
+    return any(w < box.east and e > box.west and s < box.north and n > box.south for w, s, e, n in shown)
 
 
 @lru_cache(maxsize=64)

@@ -21,6 +21,7 @@ from riftberg.viz.panels import (
     Water,
     arrow_key,
     common_boxes,
+    depth_bar,
     fragment_colours,
     fragment_name,
     fragment_patches,
@@ -153,6 +154,7 @@ def draw_tracks(run: xr.Dataset, path: str | Path | None = None, *, title: str =
         style.check_format(path)
     figure = style.new_figure(7.0, 8.4, dpi)
     overview = Overview(figure.subplots(), scene, water_of(run), OVERVIEW)
+    depth_bar(overview.panel)
     handles = overview.handles(marks="track and dates")
     figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=2, frameon=False)
     style.put_title(figure, _title(run, scene, title))
@@ -176,6 +178,7 @@ def _draw_figure(
     shown, columns = fragment_colours(scene), (len(records) + 1) // 2
     left, right = style.parts(figure, 1, 2, width_ratios=(0.4, 0.6))
     overview = Overview(left.subplots(), scene, water, OVERVIEW, observed)
+    depth_bar(overview.panel)
     style.letter(overview.ax, 0)
     left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)
     places = list(right.subplots(2, columns, squeeze=False).flat)
@@ -301,9 +304,8 @@ class Overview:
             handles.append(
                 Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="place of a break-up")
             )
-        if self.panel.shaded:
-            shade = colours.depth_map()(0.75)
-            handles.append(Patch(fc=shade, ec=colours.ISOBATH, lw=0.6, label="sea floor, darker is deeper"))
+        if self.panel.land:
+            handles.append(Patch(fc=colours.LAND, ec=colours.SHORE, lw=0.8, label="land; ice shelves are white"))
         if self.grounded:
             handles.append(Patch(fc="white", ec=colours.GROUND, hatch="////",
                                  label=f"shallower than the keel ({self.scene.draft():.0f} m)"))  # fmt: skip

@@ -240,7 +240,7 @@ def _bond_maps(
     axes = list(figure.subplots(1, len(values), squeeze=False).flat)
     boxes = common_boxes(scene, records, margin=0.05)
     panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(axes, boxes, strict=True)]
-    for k, (ax, text) in enumerate(zip(axes, moment_texts(scene.times, records), strict=True)):
+    for k, (ax, text) in enumerate(zip(axes, _spans(scene, records), strict=True)):
         ax.set_title(text, fontsize=10, pad=4)
         if len(axes) > 1:
             style.letter(ax, k)
@@ -256,7 +256,7 @@ def _bond_maps(
     bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.3g}" if v < 1e3 else f"{v:,.0f}"))
     bar.ax.xaxis.set_minor_locator(FixedLocator([]))
     bar.ax.tick_params(labelsize=8)
-    bar.set_label(label, fontsize=9)
+    bar.set_label(f"{label}; square-root scale", fontsize=9)
     style.put_title(figure, figure_title(scene.run, what))
     style.lay_out(figure)
     for panel, record in zip(panels, records, strict=True):
@@ -264,6 +264,17 @@ def _bond_maps(
         panel.draw_bonds(record, values[record], shades, scale)
         panel.draw_scale()
     return figure if path is None else style.save_figure(figure, path)
+
+
+def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
+    """Return the dates of records; of one that follows a break-up, when that was, for its values are of the hour before."""
+    births = [birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None]
+    texts = moment_texts(scene.times, records)
+    for k, record in enumerate(records):
+        broke = [birth for birth in births if record > 0 and scene.times[record - 1] < birth <= scene.times[record]]
+        if broke:
+            texts[k] += f" (break-up at {moment_texts(np.array([broke[0], *scene.times]), [0])[0]})"
+    return texts
 
 
 def stress_unit(top: float) -> tuple[str, float]:
