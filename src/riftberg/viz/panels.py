@@ -84,7 +84,7 @@ class Map:
         ax.set_aspect(self.stretch)
         style.geographic_axes(ax, latlon=latlon, ticks=ticks, labels=labels)
         ax.set_facecolor(colours.SEA)
-        self.shaded: tuple[float, float] | None = None  # least and largest depth (m) where the sea floor is shaded
+        self.shaded = False
         self.land = draw_coast(ax, box, latlon=latlon)
 
     def mesh(self, points: int) -> tuple[Floats, Floats]:
@@ -110,7 +110,7 @@ class Map:
         if depth.mask.all() or float(depth.max()) <= min(NO_FLOOR, NO_FLOOR if draft is None else draft):
             return False
         low, high = float(depth.min()), float(depth.max())
-        self.shaded = (low, high) if shaded and low < UNKNOWN_DEPTH else None
+        self.shaded = shaded and low < UNKNOWN_DEPTH
         if self.shaded:
             shades = colours.depth_map()
             norm = BoundaryNorm(DEPTHS, shades.N)
@@ -334,20 +334,15 @@ def speed_bar(axes: Sequence[Axes], top: float) -> None:
 
 
 def depth_bar(panel: Map) -> None:
-    """Draw the scale of depth beside a map whose sea floor is shaded, as far as the map needs it."""
+    """Draw the scale of depth below a map whose sea floor is shaded."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm
 
-    if panel.shaded is None:
+    if not panel.shaded:
         return
-    low, high = panel.shaded
-    first = max(k for k, depth in enumerate(DEPTHS) if depth <= max(low, 0.0))
-    last = min(k for k, depth in enumerate(DEPTHS) if depth >= min(high, DEPTHS[-1]))
     shades = colours.depth_map()
-    bar = panel.ax.figure.colorbar(
-        ScalarMappable(BoundaryNorm(DEPTHS, shades.N), shades), ax=panel.ax, location="bottom", shrink=0.7, aspect=40, pad=0.02,
-        boundaries=DEPTHS[first : max(last, first + 1) + 1], spacing="uniform",
-    )  # fmt: skip
+    scale = ScalarMappable(BoundaryNorm(DEPTHS, shades.N), shades)
+    bar = panel.ax.figure.colorbar(scale, ax=panel.ax, location="bottom", shrink=0.7, aspect=40, pad=0.02)
     bar.set_label("depth of the sea floor (m)", fontsize=8)
     bar.ax.tick_params(labelsize=8, length=2)
 
