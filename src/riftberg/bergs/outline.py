@@ -127,17 +127,21 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
         features = data.get("features", [])
         if not isinstance(features, list) or not all(isinstance(f, dict) for f in features):
             raise BergError("its features are no list of features", where=where, remedy=_RFC)
-        items = [(f.get("geometry"), f.get("properties") or {}) for f in features]
-    elif data.get("type") == "Feature":
-        items = [(data.get("geometry"), data.get("properties") or {})]
     else:
-        items = [(data, {})]
-    try:
-        return [Feature(shape(g), dict(p)) for g, p in items if _holds_anything(g)], crs
-    except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
-        raise BergError("not a GeoJSON geometry: members or numbers are missing", where=where, remedy=_RFC) from error
-    except (ValueError, shapely.errors.ShapelyError) as error:
-        raise BergError(f"not a GeoJSON geometry ({error})", where=where, remedy=_RFC) from error
+        features = [data if data.get("type") == "Feature" else {"geometry": data}]
+    found = []
+    for number, feature in enumerate(features):
+        place = f"{where}, feature {number}"
+        try:
+            if _holds_anything(feature.get("geometry")):
+                found.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
+        except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
+            raise BergError(
+                "not a GeoJSON geometry: members or numbers are missing", where=place, remedy=_RFC
+            ) from error
+        except (ValueError, shapely.errors.ShapelyError) as error:
+            raise BergError(f"not a GeoJSON geometry ({error})", where=place, remedy=_RFC) from error
+    return found, crs
 
 
 _RFC = "Write GeoJSON as in RFC 7946"
@@ -239,7 +243,7 @@ def select_outline(
     features: list[Feature], *, where: str, feature: int | str | None = None, date: str | None = None
 ) -> Feature:
     """Choose the one polygon feature that is meant."""
-    polygons = [Feature(area, f.properties) for f in features if (area := _polygons_joined(f.geometry)) is not None]
+    polygons = [Feature(area, f.properties) for f in features if (area := polygons_joined(f.geometry)) is not None]
     chosen = polygons
     if isinstance(feature, int):
         chosen = polygons[feature : feature + 1] if feature >= 0 else []
@@ -266,7 +270,7 @@ def _parts(geometry: Any) -> Iterator[Any]:
         yield geometry
 
 
-def _polygons_joined(geometry: Any) -> Any:
+def polygons_joined(geometry: Any) -> Any:
     """Return the polygons of a geometry as one, None if it has none."""
     if geometry.geom_type in ("Polygon", "MultiPolygon"):
         return geometry

@@ -18,7 +18,6 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from riftberg.bergs.bonding import THICKEST
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import Booleans, fill
 from riftberg.bergs.raster import Raster, projection, read_raster, unbroken
@@ -32,6 +31,7 @@ from riftberg.physics.geometry import separation
 from riftberg.physics.spreading import HEXAGON, RECTANGLE, add_shares, cover_all, lattice_angle
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.variables import THICKEST
 from riftberg.system.input_files import value_shown
 
 

@@ -22,7 +22,7 @@ from shapely import Polygon, make_valid
 from shapely.affinity import translate
 from shapely.validation import explain_validity
 
-from riftberg.bergs.outline import TALLEST, read_features
+from riftberg.bergs.outline import TALLEST, Feature, polygons_joined, read_features
 from riftberg.bergs.raster import Raster, read_raster
 from riftberg.diagnostics.dates import date_in_text, find_date
 from riftberg.errors import BergError, InputError
@@ -100,8 +100,8 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
 
 
 def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline]:
-    """Read the polygons of a KML file or a shapefile."""
-    polygons = [f for f in read_features(path) if f.geometry.geom_type in ("Polygon", "MultiPolygon")]
+    """Read the polygons of a GeoJSON or KML file or of a shapefile; lines (rifts) and points are left alone."""
+    polygons = [Feature(area, f.properties) for f in read_features(path) if (area := polygons_joined(f.geometry))]
     if not polygons:
         raise InputError("no polygons, only lines or points", where=str(path), remedy="Outlines are closed polygons")
     for number, feature in enumerate(polygons):
