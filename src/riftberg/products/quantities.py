@@ -172,8 +172,8 @@ _NAMED: Final[dict[str, tuple[tuple[tuple[str, ...], tuple[float, float]], ...]]
 """Units that are no powers of others, or are written as none, with the factor and offset into the canonical one."""
 
 _SPELLED: Final = {
-    "n": "N", "w": "W", "j": "J", "pa": "Pa", "pascal": "Pa", "ms": "m s", "kt": "kn", "kts": "kn", "kph": "km/h", "mph": "mile/h",
-    "radian": "rad", "radians": "rad",
+    "n": "N", "w": "W", "j": "J", "pa": "Pa", "pascal": "Pa", "ms": "m s", "kt": "kn", "kts": "kn", "kph": "km/h",
+    "mph": "mile/h", "radian": "rad", "radians": "rad",
     "centimeter": "cm", "centimeters": "cm", "centimetre": "cm", "centimetres": "cm",
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
 }  # fmt: skip
