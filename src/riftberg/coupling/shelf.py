@@ -28,7 +28,7 @@ from riftberg.errors import BergError, InputError
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.geometry import separation
-from riftberg.physics.spreading import HEXAGON, RECTANGLE, add_shares, cover_all, lattice_angle
+from riftberg.physics.spreading import HEXAGON, RECTANGLE, Cells, Footprints, add_shares, cover_all, lattice_angle
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.variables import THICKEST
@@ -98,14 +98,13 @@ def shares_of(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Sh
     g, place, body = grid.arrays, elements.place, elements.body
     shape = HEXAGON if p.bonds.packing == "hexagonal" and p.bonds.law != "none" else RECTANGLE
     angle = element_axes(elements, bonds, p)
-    room = 2 * elements.size + 64
+    bergs = Footprints(place.lon, place.lat, place.cell_i, place.cell_j, shape, body.length, body.width, angle)
+    on = Cells(g.lon, g.lat, g.mask, g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period)
+    room = 2 * elements.size + 64  # most elements lie in one cell or two; if these are too few, they are counted
     while True:
         first = np.zeros(elements.size + 1, np.int64)
         cells, shares = np.zeros(room, np.int64), np.zeros(room)
-        count = cover_all(
-            place.lon, place.lat, place.cell_i, place.cell_j, shape, body.length, body.width, angle, g.lon, g.lat, g.mask,
-            g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period, first, cells, shares,
-        )  # fmt: skip
+        count = cover_all(bergs, on, first, cells, shares)
         if count <= room:
             return Shares(first, cells[:count], shares[:count], grid)
         room = math.ceil(1.2 * count)

@@ -9,7 +9,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.physics.quadrilaterals import bilinear, inverse_bilinear, wrap_around
-from riftberg.state import Elements, Floats, Ints
+from riftberg.state import Elements, Floats, Ints, Place
 
 if TYPE_CHECKING:
     from riftberg.ocean.grid_arrays import Fields, GridArrays
@@ -168,10 +168,11 @@ def _find_turns(
 
 @kernel
 def _fill_vectors(
-    i: Ints, j: Ints, xi: Floats, eta: Floats, u: Floats, v: Floats, c: Floats, s: Floats, mask: Floats,
-    drift: float, mirrored: bool, east: Floats, north: Floats,
+    place: Place, u: Floats, v: Floats, c: Floats, s: Floats, mask: Floats, drift: float, mirrored: bool, east: Floats,
+    north: Floats,
 ) -> None:  # fmt: skip
     """Interpolate a corner field to all elements, add the drift away from land, turn it to east and north."""
+    i, j, xi, eta = place.cell_i, place.cell_j, place.xi, place.eta
     for n in range(i.size):
         column, row = i[n], j[n]
         x, y = (1.0 - xi[n], 1.0 - eta[n]) if mirrored else (xi[n], eta[n])
@@ -184,9 +185,9 @@ def _fill_vectors(
 
 @kernel
 def _fill_slopes(
-    i: Ints, j: Ints, xi: Floats, eta: Floats, ssh: Floats, mask: Floats, dx: Floats, dy: Floats, c: Floats, s: Floats,
-    east: Floats, north: Floats,
-) -> None:  # fmt: skip
+    place: Place, ssh: Floats, mask: Floats, dx: Floats, dy: Floats, c: Floats, s: Floats, east: Floats, north: Floats
+) -> None:
+    i, j, xi, eta = place.cell_i, place.cell_j, place.xi, place.eta
     for n in range(i.size):
         along, across = sea_surface_slope(ssh, mask, dx, dy, i[n], j[n], xi[n], eta[n])
         east[n] = _finite_or_zero(c[n] * along + s[n] * across)
@@ -244,31 +245,18 @@ def sample_gridded(
     i, j, xi, eta = place.cell_i, place.cell_j, place.xi, place.eta
     c, s = np.empty(i.size), np.empty(i.size)
     _find_turns(i, j, xi, eta, g.cos_angle, g.sin_angle, mirrored, c, s)
-    _fill_vectors(i, j, xi, eta, f.uo, f.vo, c, s, g.mask, coastal_drift, mirrored, environment.uo, environment.vo)
-    _fill_vectors(i, j, xi, eta, f.ui, f.vi, c, s, g.mask, coastal_drift, mirrored, environment.ui, environment.vi)
-    _fill_vectors(i, j, xi, eta, f.ua, f.va, c, s, g.mask, 0.0, mirrored, environment.ua, environment.va)
-    _fill_slopes(i, j, xi, eta, f.ssh, g.mask, g.dx, g.dy, c, s, environment.slope_x, environment.slope_y)
+    _fill_vectors(place, f.uo, f.vo, c, s, g.mask, coastal_drift, mirrored, environment.uo, environment.vo)
+    _fill_vectors(place, f.ui, f.vi, c, s, g.mask, coastal_drift, mirrored, environment.ui, environment.vi)
+    _fill_vectors(place, f.ua, f.va, c, s, g.mask, 0.0, mirrored, environment.ua, environment.va)
+    _fill_slopes(place, f.ssh, g.mask, g.dx, g.dy, c, s, environment.slope_x, environment.slope_y)
     _fill_vorticity(i, j, xi, eta, f.uo, f.vo, g.dx, g.dy, environment.vorticity)
     _fill_from_cells(i, j, f.sst, environment.sst)
     _fill_from_cells(i, j, f.sss, environment.sss)
     _fill_from_cells(i, j, f.ice_fraction, environment.ice_fraction)
     _fill_from_cells(i, j, f.ice_thickness, environment.ice_thickness)
     fill_depth(
-        place.lon,
-        place.lat,
-        i,
-        j,
-        xi,
-        eta,
-        g,
-        f.depth,
-        f.ssh,
-        depth_rule,
-        zone_lon,
-        zone_lat,
-        even_parity,
-        environment.depth,
-    )
+        place.lon, place.lat, i, j, xi, eta, g, f.depth, f.ssh, depth_rule, zone_lon, zone_lat, even_parity, environment.depth
+    )  # fmt: skip
 
 
 @kernel
