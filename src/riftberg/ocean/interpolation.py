@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -208,12 +208,32 @@ def _fill_from_cells(i: Ints, j: Ints, field: Floats, out: Floats) -> None:
         out[n] = field[j[n], i[n]]
 
 
+class Points(NamedTuple):
+    """Points on a grid."""
+
+    x: Floats  # Degrees or m
+    y: Floats
+    i: Ints  # Array column and row of the cell
+    j: Ints
+    xi: Floats  # Position in the cell
+    eta: Floats
+
+
+class DepthAtPoint(NamedTuple):
+    """How the depth at a point follows from that of cells."""
+
+    rule: int  # `DEPTH_OF_CELL`, `DEPTH_BIQUADRATIC` or `DEPTH_ZONE`
+    zone_lon: float  # South-west point of the dry quadrant, degrees, for `DEPTH_ZONE`
+    zone_lat: float
+    even_parity: bool  # Anchors of the stencil are even cells, for `DEPTH_BIQUADRATIC`
+
+
 @kernel
-def fill_depth(
-    x: Floats, y: Floats, i: Ints, j: Ints, xi: Floats, eta: Floats, grid: GridArrays, depth: Floats, ssh: Floats,
-    rule: int, zone_lon: float, zone_lat: float, even_parity: bool, out: Floats,
-) -> None:  # fmt: skip
+def fill_depth(points: Points, grid: GridArrays, depth: Floats, ssh: Floats, how: DepthAtPoint, out: Floats) -> None:
     """Fill the depth of water (m) at many points by one of the three rules (equations 3.2); ``i`` < 0 is left alone."""
+    # Out of the tuples before the loop, where each access would count references.
+    x, y, i, j, xi, eta = points
+    rule, zone_lon, zone_lat, even_parity = how
     lon, lat, boxes = grid.lon_centre, grid.lat_centre, grid.regular and not grid.latlon
     period, halo, latlon = grid.period, grid.halo, grid.latlon
     for n in range(i.size):
@@ -231,13 +251,11 @@ def fill_depth(
 
 @kernel
 def sample_gridded(
-    elements: Elements, grid: GridArrays, fields: Fields, depth_rule: int, zone_lon: float, zone_lat: float,
-    coastal_drift: float, mirrored: bool, even_parity: bool,
-) -> None:  # fmt: skip
+    elements: Elements, grid: GridArrays, fields: Fields, how: DepthAtPoint, coastal_drift: float, mirrored: bool
+) -> None:
     """Fill the environment of all elements, ``uo`` to ``vorticity`` (equations 3.2).
 
-    ``zone_lon``, ``zone_lat``: south-west point of the dry quadrant, degrees, for `DEPTH_ZONE`; ``coastal_drift``:
-    speed of the drift away from land, m s-1.
+    ``coastal_drift``: speed of the drift away from land, m s-1.
     """
     # Each part is a loop of its own over bare arrays: handing the tuples of arrays to a helper for every element would
     # count references to seventy arrays each time.
@@ -254,9 +272,7 @@ def sample_gridded(
     _fill_from_cells(i, j, f.sss, environment.sss)
     _fill_from_cells(i, j, f.ice_fraction, environment.ice_fraction)
     _fill_from_cells(i, j, f.ice_thickness, environment.ice_thickness)
-    fill_depth(
-        place.lon, place.lat, i, j, xi, eta, g, f.depth, f.ssh, depth_rule, zone_lon, zone_lat, even_parity, environment.depth
-    )  # fmt: skip
+    fill_depth(Points(place.lon, place.lat, i, j, xi, eta), g, f.depth, f.ssh, how, environment.depth)
 
 
 @kernel

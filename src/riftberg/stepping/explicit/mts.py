@@ -305,8 +305,8 @@ def take_long_step(
     """
     outer_work = allocate_outer_workspace(el.size, outer)
     if not p.dem:
-        inner_work = allocate_outer_workspace(el.size, inner)
-        report = _step_of_springs(el, bonds, work, outer, outer_work, inner, inner_work, sizes, around, plan, p)
+        within, without = Solved(inner, allocate_outer_workspace(el.size, inner)), Solved(outer, outer_work)
+        report = _step_of_springs(el, bonds, work, without, within, sizes, around, plan, p)
         return StepReport(*report)
     if plan.apply_inner and plan.threads > 1 and el.size >= WORTH_THREADS:
         outer_only = plan._replace(apply_inner=False)
@@ -335,18 +335,24 @@ def _step_of_beams(
     return broken, iterations
 
 
+class Solved(NamedTuple):
+    """Partners of the elements in an implicit solve, and its workspace."""
+
+    partners: NeighbourLists
+    work: OuterWorkspace
+
+
 @borrower
 def _step_of_springs(
-    el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, outer_work: OuterWorkspace,
-    inner: NeighbourLists, inner_work: OuterWorkspace, sizes: Sizes, around: Surroundings, plan: StepPlan,
-    p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: Solved, inner: Solved, sizes: Sizes, around: Surroundings,
+    plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """As `_step_of_beams`."""
+    """As `_step_of_beams`; ``inner`` are the partners in the sub-steps."""
     broken, iterations = 0, 1
     if plan.apply_outer:
-        broken, iterations = _outer_kick(el, bonds, outer, outer_work, sizes, around, plan, p)
+        broken, iterations = _outer_kick(el, bonds, outer.partners, outer.work, sizes, around, plan, p)
     if plan.apply_inner and iterations >= 0:
-        iterations = take_substeps_of_springs(el, bonds, work, inner, inner_work, sizes, around, plan, p)
+        iterations = take_substeps_of_springs(el, bonds, work, inner.partners, inner.work, sizes, around, plan, p)
     return broken, iterations
 
 
