@@ -182,6 +182,7 @@ def _shelf_rate(sea: _Sea, lat: float, thickness: float, depth: float, values: L
     salinity = sea.salinity if values.salinity_from_ocean else 35.0
     rate = basal_melt_rate(sea.speed, f, salinity, sea.temperature, thickness, values.rho_ice, values.exchange)
     gap = depth - draft_of(thickness, values.rho_ice)
+    # Where the keel all but touches the floor, no water passes under it.
     if values.least_gap >= 0.0 and gap < values.least_gap:
         return 0.0
     return max(rate, 0.0)
@@ -199,10 +200,12 @@ def melt_rates(
         return 0.0, 0.0, 0.0
     sides = side_melt_rate(sea.temperature)
     waves = wave_erosion_rate(sea.wind, sea.surface, min(1.0, sea.ice + values.sea_ice_shift))
+    # Sides with a bond face other ice and not the sea.
     open_part = (values.most_bonds - covered) / values.most_bonds
     if values.mode == BERG:
         return base_melt_rate(sea.speed, sea.temperature, span), sides, waves
     if values.mode == EXPOSED:
+        # The law of bergs has no tide of its own; it is added to the speed as in the law of shelves.
         if values.turbulent:
             speed = math.sqrt(sea.speed * sea.speed + values.exchange.tide * values.exchange.tide)
             base = base_melt_rate(speed, sea.temperature, span)

@@ -208,6 +208,7 @@ class GriddedForcing(DescribedForcing):
         if weight == 0.0:
             return before
         after = self._store[k + 1]
+        # A negative weight tells the kernel to leave a field alone: it is shared with the record before.
         same = [first is last or name in self._held for name, first, last in zip(Fields._fields, before, after)]
         # New arrays in every call: two models in two threads may share this forcing.
         blended = Fields(*(b if held else np.empty_like(b) for b, held in zip(before, same)))

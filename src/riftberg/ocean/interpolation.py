@@ -55,6 +55,7 @@ def sea_surface_slope(
 
     Slopes at cell faces, 0 where the face touches land, are interpolated to (xi, eta).
     """
+    # Faces lie at the middles of the sides: the point is between those of its own row of cells and of the next.
     row = j if eta >= 0.5 else j - 1
     north = eta - 0.5 if eta >= 0.5 else eta + 0.5
     east_x = north * _slope_x(ssh, mask, dx, i, row + 1) + (1.0 - north) * _slope_x(ssh, mask, dx, i, row)
@@ -70,6 +71,7 @@ def sea_surface_slope(
 def _stencil_start(index: int, halo: int, position: float, even_parity: bool) -> int:
     """First of three cells of the depth stencil along one axis; anchors are odd cells of the reference (quirk Q20)."""
     parity = 0 if even_parity else 1
+    # Cells of the reference are counted from 1, without halo.
     if (index - halo + 1) % 2 == parity:
         return index if position >= 0.5 else index - 2
     return index - 1
@@ -177,6 +179,7 @@ def _fill_vectors(
         column, row = i[n], j[n]
         x, y = (1.0 - xi[n], 1.0 - eta[n]) if mirrored else (xi[n], eta[n])
         along, across = bilinear(u, column, row, x, y), bilinear(v, column, row, x, y)
+        # Land is seen along the rows of the grid, so the drift is added before the vector is turned.
         if drift > 0.0:
             du, dv = coastal_increment(mask, column, row, drift)
             along, across = along + du, across + dv
@@ -190,6 +193,7 @@ def _fill_slopes(
     i, j, xi, eta = place.cell_i, place.cell_j, place.xi, place.eta
     for n in range(i.size):
         along, across = sea_surface_slope(ssh, mask, dx, dy, i[n], j[n], xi[n], eta[n])
+        # Beside gaps in the sea level the surface counts as flat.
         east[n] = _finite_or_zero(c[n] * along + s[n] * across)
         north[n] = _finite_or_zero(c[n] * across - s[n] * along)
 
@@ -287,6 +291,7 @@ def blend_around(
         west, east = max(cell_i.min() - margin, 0), min(cell_i.max() + margin + 1, columns)
     for k in range(len(first)):
         w = weights[k]
+        # Held until the next record, or the same array in both.
         if w < 0.0:
             continue
         before, after, between = first[k], second[k], out[k]
