@@ -172,7 +172,7 @@ _NAMED: Final[dict[str, tuple[tuple[tuple[str, ...], tuple[float, float]], ...]]
 """Units that are no powers of others, or are written as none, with the factor and offset into the canonical one."""
 
 _SPELLED: Final = {
-    "n": "N", "w": "W", "j": "J", "pa": "Pa", "pascal": "Pa", "ms": "m s", "kt": "kn", "kts": "kn", "kph": "km/h",
+    "n": "N", "pa": "Pa", "pascal": "Pa", "ms": "m s", "kt": "kn", "kts": "kn", "kph": "km/h",
     "mph": "mile/h", "radian": "rad", "radians": "rad",
     "centimeter": "cm", "centimeters": "cm", "centimetre": "cm", "centimetres": "cm",
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
@@ -195,6 +195,8 @@ _READ_TOO: Final = {
 def unit_change(units: str, wanted: str) -> tuple[float, float] | None:
     """Return factor and offset that turn units, however a file writes them, into those that are wanted; None for others."""
     key = " ".join(units.split()).lower()
+    if key == wanted.lower():
+        return _SAME
     for names, way in _NAMED.get(wanted, ()):
         if key in names:
             return way

@@ -93,6 +93,7 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
         if name not in run.variables:
             continue
         variable = run[name]
+        # Sizes have a time only in runs in which they change.
         moving = name in SHAPE and set(variable.dims) == {"trajectory", "time"}
         if not moving and (set(variable.dims) != set(dims) or len(variable.dims) != len(dims)):
             raise _error(f"dimensions {variable.dims} instead of {dims}", file, f"variable {name}")
@@ -177,6 +178,7 @@ def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
     for name in dates:
         if decoded[name].dtype.kind != "M":
             raise _error("dates outside the years 1678 to 2261", file, f"variable {name}")
+    # As whole numbers: a difference of dates that are none would be no number and pass.
     steps = np.diff(decoded["time"].values.astype("datetime64[ns]").astype(np.int64))
     if (steps <= 0).any():
         raise _error(f"times do not rise after record {int(np.argmax(steps <= 0)) + 1}", file, "variable time")
@@ -428,6 +430,7 @@ def check_extra(state: State, path: Path) -> None:
         place = f"variable extra/{name}"
         if values.dtype.kind not in "iuf":
             raise _damaged(f"numbers are needed, not values of type {values.dtype}", path, place)
+    # Sizes by which others are bounded; those that arrays say themselves are added as they are met.
     sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
     following = {name: np.asarray(state.extra.get(name)) for name in ("next_element", "next_bond")}
     sizes |= {name: int(value) for name, value in following.items() if value.dtype.kind in "iu" and value.ndim == 0}

@@ -179,6 +179,7 @@ def _take_substeps(
     while left > 0:
         taken = 1
         if not (forced or b[AX].any() or b[AY].any()):
+            # Without forces all go straight, so many sub-steps can be one until two nearly touch.
             taken = _free_substeps(b, first, second, h, left, p)
         _drift(b, h * taken, p)
         _accelerate(b, first, second, touched, 0.0 if p.explicit_contact_damping and p.dem else h, law, p.max_bonds)

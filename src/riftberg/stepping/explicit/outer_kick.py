@@ -69,6 +69,7 @@ def second_half_kick(
     """
     u, v, u_sync, v_sync, static = el.motion.u, el.motion.v, el.motion.u_sync, el.motion.v_sync, el.body.static
     fill_contact_table(el, partners.collision, sizes, law, work.table)
+    # At the start of a run there is no step before: the solve finds the accelerations and leaves the velocity.
     kick = 0.0 if starting else 1.0
     find_isolated(partners, work.isolated)
     group, unconverged, norm_before = partners.group, work.unconverged, work.norm_before
