@@ -112,6 +112,7 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     lon, lat = elements.place.lon, elements.place.lat
     near = find_pairs(lon, lat, elements.body.berg, reach, ANY, metric.latlon, metric.radius, metric.period)
     first, second = np.repeat(np.arange(size), np.diff(near.start)), near.partner
+    # The search lists each pair from both ends.
     once = first < second
     first, second = first[once], second[once]
     dx, dy = separations(metric, lon[first], lat[first], lon[second], lat[second])

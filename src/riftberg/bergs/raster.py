@@ -63,7 +63,7 @@ class Raster:
         with np.errstate(invalid="ignore"):
             return np.where(weight > 0, total / weight, np.nan)
 
-    def heaviest(self, lon: Floats, lat: Floats) -> Floats:
+    def of_largest_weight(self, lon: Floats, lat: Floats) -> Floats:
         """Return the value of that of the four points around that weighs most and is no gap; NaN without any."""
         best, weight = np.full(np.shape(lon), np.nan), np.zeros(np.shape(lon))
         for value, share in self._corners(lon, lat):

@@ -21,6 +21,7 @@ from riftberg.kid.ncfile import Column, column, dimension, opened_dataset, whole
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters, element_radius
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
+from riftberg.state.variables import GONE
 from riftberg.system.limits import MEANT, extreme_allowed
 
 _LOW = 0xFFFFFFFF
@@ -336,9 +337,6 @@ def write_restart(path: Path, elements: Elements, grid: Grid, parameters: Parame
     layout += _STATIC if (elements.static >= 0.5).any() else ()
     write_restart_file(Path(path), [(c, values[c.name]) for c in layout], len(elements.id), counter=True)
 
-
-GONE: Final = 2
-"""Status of a bond that is no longer listed."""
 
 DEM_FIELDS: Final = {
     "tangd1": "shear_x",

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.kid.namelist import Clock, Date, NamelistGroup, is_sampled
 from riftberg.kid.ncfile import BlockWriter, Column
-from riftberg.kid.restart import DEM_COLUMNS, GONE, LIFE, OPTIONAL, REQUIRED, directed, split_id
+from riftberg.kid.restart import DEM_COLUMNS, LIFE, OPTIONAL, REQUIRED, directed, split_id
 from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
 from riftberg.state.numbering import by_identifier
+from riftberg.state.variables import GONE
 
 KM2: Final = 1e6
 """Square metres in the unit of the area thresholds."""

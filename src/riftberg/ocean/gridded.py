@@ -393,8 +393,8 @@ class _Records:
         # The dictionary is replaced, never changed: other threads look into it without the lock.
         spared = sorted(self._kept, key=lambda old: (abs(old - k) <= 1, old))[-1:]
         self._kept = {**{old: self._kept[old] for old in spared}, k: prepared}
-        alive = {id(a) for state, _ in self._kept.values() for a in state}
-        self._prepared = {key: v for key, v in self._prepared.items() if id(v[1]) in alive}
+        in_use = {id(a) for state, _ in self._kept.values() for a in state}
+        self._prepared = {key: v for key, v in self._prepared.items() if id(v[1]) in in_use}
         return prepared
 
     def __getitem__(self, k: int) -> Fields:

@@ -21,6 +21,9 @@ from riftberg.system.limits import MOST_SUBSTEPS
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+GONE = 2
+"""Status of a bond that is no more: neither intact nor a contact pair."""
+
 LARGEST = 1e30
 """Numbers at least this large are fill values."""
 

@@ -119,8 +119,8 @@ class FragmentTree:
         some = np.flatnonzero(old > 0)
         # By number, then from the heaviest to the lightest; of equals the first goes first.
         some = some[np.lexsort((-mass[some], old[some]))]
-        heaviest = some[np.unique(old[some], return_index=True)[1]]
-        number[heaviest] = old[heaviest]
+        keeping = some[np.unique(old[some], return_index=True)[1]]
+        number[keeping] = old[keeping]
         return number
 
 
