@@ -194,6 +194,7 @@ def coast_in(box: Box) -> tuple[list[tuple[Any, str]], list[Any]]:
     ]
     lines = [part for name in SHORES for part in _clipped(natural_earth(resolution, name), box)]
     lines = [part for part in lines if part.geom_type == "LineString"]
+    # Without a layer of lines the edges of the areas have to do.
     if not lines:
         lines = [ring for polygon, _ in areas for ring in (polygon.exterior, *polygon.interiors)]
     return areas, lines
@@ -237,6 +238,7 @@ def _clipped(path: Path | None, box: Box) -> list[Any]:
     # Cut a little outside of the map, so that the cuts are not seen on it.
     wide, high = 0.05 * (box.east - box.west), 0.05 * (box.north - box.south)
     pieces: list[Any] = []
+    # The box may lie on another branch of longitude than the shapes, or across the date line.
     for turn in (-360.0, 0.0, 360.0):
         bounds = box.west - wide - turn, box.south - high, box.east + wide - turn, box.north + high
         for shape in _shapes(path):
@@ -318,6 +320,7 @@ class Panel(Map):
             np.ma.masked_invalid(speed), cmap=colours.speed_map(steps), vmin=0.0, vmax=top, interpolation="bilinear",
             extent=(b.west, b.east, b.south, b.north), origin="lower", aspect=self.ax.get_aspect(), zorder=0,
         )  # fmt: skip
+        # Arrows in the middle of equal boxes, none on the frame.
         margin_x, margin_y = (b.east - b.west) / arrows / 2, (b.north - b.south) / arrows / 2
         ax, ay = np.meshgrid(
             np.linspace(b.west + margin_x, b.east - margin_x, arrows),
