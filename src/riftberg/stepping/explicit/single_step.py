@@ -59,6 +59,7 @@ class SingleStepper(Stateless):
         if not c.interactions:
             return NeighbourLists(none, none, none, np.zeros(0), group)
         bonded, rest = none, np.zeros(0)
+        # Rows have come or gone: lists of the search name rows of before.
         if self._version != run.population.version:
             near, self._version = NeighbourSearch(), run.population.version
             self._near = near
@@ -140,11 +141,14 @@ class RungeKuttaStepper(SingleStepper):
         mean_speeds = run.parameters.stepping.predictor_corrector
         sizes = interaction_sizes(el, c)
         partners = self._partners(run, sizes)
+        # Each stage looks for its cell from that of the start: from the one of the stage before, it could be another
+        # beside land.
         cells = el.cell_i.copy(), el.cell_j.copy(), el.xi.copy(), el.eta.copy()
         pair_positions = el.lon_pair.copy(), el.lat_pair.copy()
         if self._stages.x0.size != el.size:
             self._allocate(el.size)
         imposed = run.parameters.stepping.fixed_velocity
+        # The reference imposes it after the stages alone, so that its first step still moves as forces have it.
         if imposed is not None and not run.parameters.compatibility.imposed_velocity_late:
             impose_velocity(el, *imposed)
         begin_stages(el, self._stages)
