@@ -56,6 +56,7 @@ class Feature:
 
 def polygon(shell: Any, holes: list[Any], where: str) -> Any:
     """Return a shapely polygon of a shell and holes, or say what is wrong with its vertices."""
+    # Each ring by itself first: shapely names neither the file nor the ring.
     rings = [_ring(ring, where) for ring in (shell, *holes)]
     return shapely.Polygon(rings[0], rings[1:])
 
@@ -76,6 +77,7 @@ def _ring(ring: Any, where: str) -> Any:
         )
     if not np.isfinite(vertices).all():
         raise BergError("vertices that are not numbers", where=where, remedy="Remove them")
+    # Heights and measures, as of KML, say nothing about an outline on the sea.
     return vertices[:, :2]
 
 
@@ -133,6 +135,7 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
     for number, feature in enumerate(features):
         place = f"{where}, feature {number}"
         try:
+            # Tools of mapping write features without a geometry for rows that were never drawn; these are skipped.
             if _holds_anything(feature.get("geometry")):
                 found.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
         except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
@@ -192,6 +195,7 @@ def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
         features = [
             Feature(shape(item.shape.__geo_interface__), dict(item.record.as_dict()))
             for item in reader.iterShapeRecords()
+            # Shapes of kind 0 are null shapes.
             if item.shape.shapeType != 0
         ]
     geographic = crs is not None and crs.lstrip().upper().startswith(("GEOGCS", "GEOGCRS"))

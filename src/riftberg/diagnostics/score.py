@@ -186,6 +186,7 @@ def score_run(
                 where=observed.source, remedy="Give the rows of one berg, or one of an hour",
             )  # fmt: skip
     names = judge.name_fragments(fixes)
+    # A berg of the table that a fragment is known as stays in, however far away it is.
     strangers = judge.strangers(fixes) - set(names)
     groups: dict[tuple[datetime, int], list[Outline | Fix]] = {}
     for when, record, item in found:

@@ -148,7 +148,7 @@ class RungeKuttaStepper(SingleStepper):
         if self._stages.x0.size != el.size:
             self._allocate(el.size)
         imposed = run.parameters.stepping.fixed_velocity
-        # The reference imposes it after the stages alone, so that its first step still moves as forces have it.
+        # The reference imposes it at the end of a step, so that its first one still moves as forces have it.
         if imposed is not None and not run.parameters.compatibility.imposed_velocity_late:
             impose_velocity(el, *imposed)
         begin_stages(el, self._stages)

@@ -257,6 +257,7 @@ def _solve_all(
         if fields.active[e] == 0.0 or not unconverged[0 if one_group else group[e]]:
             continue
         u0, v0 = motion.u[e], motion.v[e]
+        # The first half of the kick is that of the sub-step before; the new forces are solved for its second half.
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
         w = ElementState(place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0)
         s = solve_velocity(e, w, around, how, partners, False, p.constant_size, view, law)
@@ -272,6 +273,7 @@ def _norms(el: Elements, group: Ints, change: Floats, norm: Floats, fields: Subs
     norm[:] = 0.0
     for e in range(motion.u.size):
         if fields.active[e] > 0.0:
+            # Without groups all elements settle as one.
             g = 0 if group.size == 0 else group[e]
             change[g] += (motion.u[e] - shown.u_pair[e]) ** 2 + (motion.v[e] - shown.v_pair[e]) ** 2
             norm[g] += motion.u[e] ** 2 + motion.v[e] ** 2
@@ -286,6 +288,7 @@ def _rewind(el: Elements, dt: float, group: Ints, unconverged: NDArray[np.bool_]
         if fields.active[e] == 0.0 or not unconverged[0 if group.size == 0 else group[e]]:
             continue
         shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
+        # The kick was half by the accelerations of before, half by those just solved for: both are taken back.
         motion.u[e] -= half * (kicks.ax_fast[e] + kicks.bx_fast[e]) + half * (kicks.ax[e] + kicks.bx[e])
         motion.v[e] -= half * (kicks.ay_fast[e] + kicks.by_fast[e]) + half * (kicks.ay[e] + kicks.by[e])
         kicks.ax_fast[e], kicks.ay_fast[e] = kicks.ax[e], kicks.ay[e]
