@@ -296,6 +296,7 @@ class BareModel(RunState):
                 self._check_forcing(1)
             self._first_visit()
         self._follow_changes()
+        # A scheme alone changes neither rows nor sizes, so half of the copies are spared.
         saved = self.population.saved(stepped_only=self.life is None and not self.after_step)
         before = (
             self.time, self.step_number, list(self.fragments.rows), saved, dict(self.remembered), self.contacts.saved()
@@ -303,6 +304,7 @@ class BareModel(RunState):
         try:
             if self.elements.size:
                 self._stepped_from(saved.elements)
+                # The ledgers see the state before the step; contacts need it too, for the speed before bergs touched.
                 self.motion.moved(saved.elements, saved.bonds, self, self._stepper.applied, self.remembered)
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
@@ -312,6 +314,7 @@ class BareModel(RunState):
                 self.time += self.parameters.stepping.time_step
             self.step_number += 1
             if self.life is not None:
+                # Melt and calving act on what the step has moved, and the processes of the user on what they left.
                 self.life.act(self)
                 self.motion.changed(self, "life", self.remembered)
             for process in self.after_step:
@@ -369,6 +372,7 @@ class BareModel(RunState):
         # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
         if self.population.version == version and _bytes_of(_sizes_of(self.elements)) == self._seen_bytes:
             return
+        # Sizes in bins: melt changes every element in every step, the number of sub-steps only where that matters.
         coarse = size_bins(self.elements)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
         check_state(self.elements, self.bonds)
@@ -439,6 +443,7 @@ class BareModel(RunState):
         with held() as hold:
             try:
                 self._record_steps(count, recorders, hold)
+                # A signal that came after the last step comes into force here, when all recorders have their record.
                 hold.check()
             except (KeyboardInterrupt, SystemExit):
                 for recorder in recorders:
@@ -491,6 +496,7 @@ class BareModel(RunState):
         days = number(days, "day", where="days")
         if not math.isfinite(days) or days <= 0.0:
             raise InputError(f"{days:g} days", where="Model.run", remedy="Give a finite number above 0")
+        # To the nearest step: 0.1 days are no exact multiple of any.
         count = round(days * 86400.0 / self.parameters.stepping.time_step)
         if count < 1:
             raise InputError(

@@ -204,6 +204,7 @@ class Parameters(Group):
         try:
             values = json.loads(text)
             for group in ("drag", "compatibility"):
+                # Files of old versions name parameters that never did anything; they are no mistake of the user.
                 values[group] = {name: value for name, value in values[group].items() if name not in GONE}
             values = in_new_places(values, notice=False)
         except (ValueError, KeyError, TypeError, AttributeError):

@@ -386,6 +386,7 @@ class Session:
         """Return the recorder of fresh water, heat and mass on cells."""
         from riftberg.coupling.gridded import GridRecorder
 
+        # Cells are written daily, or as often as the run is recorded where that is less.
         hours = max(24.0, every_hours)
         recorder = GridRecorder(self.folder / "bergs", width, every_hours=hours, goes_on=self.goes_on)
         self.gridded = [recorder.path.with_name(name) for name in recorder.names()]

@@ -203,7 +203,9 @@ class BondParameters(Group):
         "KID's spring_coef; none: Riftberg",
         ge=0,
     )
-    youngs_modulus: float = quantity(5e6, "Pa", "Young's modulus E of DEM bonds", "KID's dem_spring_coef", ge=0)
+    youngs_modulus: float = quantity(
+        5e6, "Pa", "Young's modulus E of DEM bonds", "KID's dem_spring_coef", ge=0, le=1e12
+    )
     poisson: float = quantity(0.3, "1", "Poisson's ratio of DEM bonds", "equations 0.2", gt=-1, lt=0.5)
     damping: float = quantity(1.0, "1", "damping ratio of DEM bonds", "KID's dem_damping_coef", ge=0)
     objective_damping: bool = quantity(

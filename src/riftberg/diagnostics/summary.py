@@ -196,6 +196,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     numbers, index = np.unique(e.berg, return_inverse=True)
     pieces: dict[int, list[float]] = {}
     for number, area in zip(numbers.tolist(), np.bincount(index, weights=e.length * e.width), strict=True):
+        # Up the family tree to the berg that it comes from.
         origin = number
         while origin in rows and rows[origin]["parent"] > 0:
             origin = int(rows[origin]["parent"])

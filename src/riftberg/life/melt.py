@@ -182,6 +182,7 @@ def _shelf_rate(sea: _Sea, lat: float, thickness: float, depth: float, values: L
     salinity = sea.salinity if values.salinity_from_ocean else 35.0
     rate = basal_melt_rate(sea.speed, f, salinity, sea.temperature, thickness, values.rho_ice, values.exchange)
     gap = depth - draft_of(thickness, values.rho_ice)
+    # Where the keel all but touches the floor, no water passes under it.
     if values.least_gap >= 0.0 and gap < values.least_gap:
         return 0.0
     return max(rate, 0.0)
@@ -199,10 +200,12 @@ def melt_rates(
         return 0.0, 0.0, 0.0
     sides = side_melt_rate(sea.temperature)
     waves = wave_erosion_rate(sea.wind, sea.surface, min(1.0, sea.ice + values.sea_ice_shift))
+    # Sides with a bond face other ice and not the sea.
     open_part = (values.most_bonds - covered) / values.most_bonds
     if values.mode == BERG:
         return base_melt_rate(sea.speed, sea.temperature, span), sides, waves
     if values.mode == EXPOSED:
+        # The law of bergs has no tide of its own; it is added to the speed as in the law of shelves.
         if values.turbulent:
             speed = math.sqrt(sea.speed * sea.speed + values.exchange.tide * values.exchange.tide)
             base = base_melt_rate(speed, sea.temperature, span)
@@ -302,22 +305,6 @@ def melt_footloose_bits(
 
 
 @kernel
-def _sea_at(
-    u: float, v: float, uo: float, vo: float, ua: float, va: float, surface: float, salinity: float, keel: float,
-    keel_salinity: float, ice: float, values: LifeValues,
-) -> _Sea:  # fmt: skip
-    """What the sea is like at an element; numbers of the parameters stand for fields of the forcing."""
-    salinity = keel_salinity if not math.isnan(keel_salinity) else salinity
-    keel = keel if not math.isnan(keel) else surface
-    if not math.isnan(values.temperature):
-        surface = keel = values.temperature
-    if not math.isnan(values.salinity):
-        salinity = values.salinity
-    du, dv, wx, wy = u - uo, v - vo, ua - uo, va - vo
-    return _Sea(math.sqrt(du * du + dv * dv), math.sqrt(wx * wx + wy * wy), surface, keel, salinity, ice)
-
-
-@kernel
 def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
     """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references."""
     body, life, around, u, v, lat = el.body, el.life, el.environment, el.motion.u, el.motion.v, el.place.lat
@@ -328,9 +315,16 @@ def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
     bits, foot, fl_bits, bergy = life.mass_of_bits, life.fl_k, life.mass_of_fl_bits, life.mass_of_fl_bergy_bits
     out, row = np.zeros((COLUMNS, mass.size)), np.zeros(COLUMNS)
     for e in range(mass.size):
-        sea = _sea_at(
-            u[e], v[e], uo[e], vo[e], ua[e], va[e], sst[e], sss[e], keel[e], keel_salinity[e], ice[e], values
-        )  # fmt: skip
+        # Numbers of the parameters stand for fields of the forcing; without values at the keel those of the surface hold.
+        surface, salinity = sst[e], keel_salinity[e] if not math.isnan(keel_salinity[e]) else sss[e]
+        below = keel[e] if not math.isnan(keel[e]) else surface
+        if not math.isnan(values.temperature):
+            surface = below = values.temperature
+        if not math.isnan(values.salinity):
+            salinity = values.salinity
+        du, dv, wx, wy = u[e] - uo[e], v[e] - vo[e], ua[e] - uo[e], va[e] - vo[e]
+        current, wind = math.sqrt(du * du + dv * dv), math.sqrt(wx * wx + wy * wy)
+        sea = _Sea(current, wind, surface, below, salinity, ice[e])
         shape = thickness[e], width[e], length[e]
         covered = covered_sides(bond_count[e], static[e], values)
         rates = melt_rates(sea, lat[e], shape[0], span[e], depth[e], covered, values)

@@ -110,6 +110,7 @@ def clear_environment(elements: Elements) -> None:
     environment = elements.environment
     for name in SUMMED:
         getattr(environment, name)[:] = 0.0
+    # Of several floors the shallowest counts, so the search for it begins at no floor at all.
     environment.depth[:] = np.inf
     for name in UNKNOWN:
         getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
@@ -134,6 +135,7 @@ class Sum(Formula):
     """Several forcings as one: formulas, on top of at most one that is none, such as fields from files."""
 
     def __init__(self, parts: Sequence[Any]) -> None:
+        # Forcing from files comes first: it sets the environment, and formulas add to what they find.
         self.parts = tuple(sorted(parts, key=lambda part: isinstance(part, Formula)))
         others = [part for part in parts if not isinstance(part, Formula)]
         if len(others) > 1:
@@ -289,6 +291,7 @@ class Flow(Part):
         """Add current, vorticity and the slope of the sea surface that goes with them."""
         place, e = elements.place, elements.environment
         u, v, vorticity = self.flow(place.lon, place.lat, time)
+        # Slopes that move this water itself: a berg would drift off to the side of water without them.
         f, (du, dv) = self.coriolis(place.lat), self.change(time)
         e.uo[:] += u
         e.vo[:] += v
@@ -336,6 +339,7 @@ class Uniform(Flow):
     @field_validator("water", mode="before")
     @classmethod
     def _no_floor(cls, depth: Any) -> Any:
+        # No floor and a floor endlessly deep are one; files have no number for the second.
         return None if depth == math.inf else depth
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:

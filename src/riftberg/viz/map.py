@@ -182,10 +182,12 @@ def _draw_figure(
     style.letter(overview.ax, 0)
     left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)
     places = list(right.subplots(2, columns, squeeze=False).flat)
+    # With an odd number of dates the grid has one place too many.
     for unused in places[len(records) :]:
         unused.remove()
     boxes = common_boxes(scene, records, margin=0.08)
     panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(places, boxes, strict=False)]
+    # One scale of speed for all dates, so that they can be compared.
     top, flows = speed_scale(panels, records)
     for k, (panel, text) in enumerate(zip(panels, style.moment_texts(scene.times, records), strict=True)):
         panel.ax.set_title(text, fontsize=10, pad=4)
@@ -195,6 +197,7 @@ def _draw_figure(
         speed_bar(places[: len(records)], top)
     style.put_title(figure, title, size=13.0)
     style.lay_out(figure)
+    # Only now, for labels find their places by where the axes came to lie.
     overview.draw(records)
     for k, (panel, record) in enumerate(zip(panels, records, strict=True)):
         rings = observed.get(str(scene.times[record])[:10], ())
@@ -217,6 +220,7 @@ def _draw_into(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, 
             where="draw_map",
             remedy="Give plain axes; x and y are those of the run",
         )
+    # As the user laid them out, before an equal aspect shrank them.
     place = ax.get_position(original=True)
     shape = float(ax.figure.bbox.width * place.width / (ax.figure.bbox.height * place.height))
     if date is None:
@@ -250,6 +254,7 @@ class Overview:
 
     def draw(self, records: list[int]) -> None:
         """Draw ice, tracks and labels, once the axes have their place; the records are marked on the track."""
+        # The first position lies pale below the last, for both may overlap.
         self.panel.draw_ice(records[0], self.colours, alpha=0.35, zorder=2.6)
         self.panel.draw_ice(records[-1], self.colours, zorder=2.8)
         labels = style.Labels(self.ax)
@@ -259,6 +264,7 @@ class Overview:
                 colour = self.colours.get(number, colours.SMALL)
                 self.ax.plot(x[0], y[0], "*", ms=15, mfc=colour, mec="black", zorder=9)
                 labels.avoid(x[0], y[0], 8.0)
+        # Smaller pieces first, so that the track of the largest lies on top.
         for number in reversed(list(self.colours)):
             self._draw_track(number, labels)
         self._draw_dates(labels, records)
@@ -279,6 +285,7 @@ class Overview:
         places = []
         for record in records:
             x, y, there = self.scene.track(self.scene.ancestor(largest, record))
+            # A track may miss this very record: the nearest one stands for it.
             row = int(np.argmin(np.abs(there - record)))
             places.append((float(x[row]), float(y[row])))
         self.ax.plot(*zip(*places, strict=True), "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)

@@ -195,6 +195,7 @@ class Panel(Map):
             np.ma.masked_invalid(speed), cmap=colours.speed_map(steps), vmin=0.0, vmax=top, interpolation="bilinear",
             extent=(b.west, b.east, b.south, b.north), origin="lower", aspect=self.ax.get_aspect(), zorder=0,
         )  # fmt: skip
+        # Arrows in the middle of equal boxes, none on the frame.
         margin_x, margin_y = (b.east - b.west) / arrows / 2, (b.north - b.south) / arrows / 2
         ax, ay = np.meshgrid(
             np.linspace(b.west + margin_x, b.east - margin_x, arrows),
