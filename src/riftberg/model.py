@@ -407,6 +407,8 @@ class BareModel(RunState):
         self._visited = True
         self.forcing.sample(self.elements, self.time)
         self.fragments.update(self.elements, self.bonds, self.time, self.constants)
+        if self.life is not None:
+            self.life.follow_outlines(self)
 
     def check(self, days: float | str | None = None, *, steps: int | None = None) -> int:
         """Return the number of long steps of a run, or refuse it as its start would; nothing is changed.
