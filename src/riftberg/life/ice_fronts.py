@@ -75,16 +75,17 @@ def follow_outlines(
     place, _ = rows_of(fronts.element, ids)
     size = np.sqrt(fronts.area)
 
-    retreat = np.where(alive, el.life.retreat[row], 0.0)
     ices, kept = [], []
     for source in np.unique(fronts.part[place]).tolist():
         before = np.flatnonzero(fronts.part == source)
+        left = before[alive[before]]
+        retreat = el.life.retreat[row[left]]
         ice = fronts.ice[np.flatnonzero(fronts.berg == source)[0]]
-        pieces = np.unique(el.body.berg[row[before[alive[before]]]]).tolist()
-        stays = pieces == [source] and bool(alive[before].all()) and bool((retreat[before] < REACH * size[before]).all())
+        pieces = np.unique(el.body.berg[row[left]]).tolist()
+        stays = pieces == [source] and left.size == before.size and bool((retreat < REACH * size[left]).all())
         if not stays:
-            ice = _moved_inwards(ice, fronts.cell[before], retreat[before], float(size[before].mean()))
-            el.life.retreat[row[before[alive[before]]]] = 0.0
+            ice = _moved_inwards(ice, fronts.cell[left], retreat, float(size[left].mean()))
+            el.life.retreat[row[left]] = 0.0
         for piece in pieces:
             own = place[berg == piece]
             own = own[fronts.part[own] == source]
