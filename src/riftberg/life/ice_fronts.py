@@ -91,7 +91,7 @@ def follow_outlines(
             own = own[fronts.part[own] == source]
             if own.size == 0:  # an element alone
                 continue
-            rest = ice if stays else _without(ice, fronts, np.setdiff1d(before, own))
+            rest = ice if stays else _without(ice, fronts, np.setdiff1d(left, own), before[~alive[before]])
             if not stays:
                 el.life.front[row[own]] = _front(rest, fronts, own, el.body.length[row[own]] * el.body.width[row[own]])
             ices.append((piece, rest))
@@ -168,12 +168,12 @@ def _moved_inwards(ice: Any, cell: Any, retreat: Floats, size: float) -> Any:
     return shapely.simplify(shapely.difference(ice, gone), DETAIL * size)
 
 
-def _without(ice: Any, fronts: IceFronts, others: Ints) -> Any:
-    """Return the ice of a piece, without the cells of others; of those that melted away less than half is left there."""
-    if others.size == 0:
-        return ice
-    left = shapely.area(shapely.intersection(fronts.cell[others], ice))
-    apart = others[left > 0.5 * fronts.whole[others]]
+def _without(ice: Any, fronts: IceFronts, others: Ints, lost: Ints) -> Any:
+    """Return the ice of a piece, without the cells of others, and of those lost not by melt, which leaves less than half there."""
+    if lost.size:
+        there = shapely.area(shapely.intersection(fronts.cell[lost], ice))
+        lost = lost[there > 0.5 * fronts.whole[lost]]
+    apart = np.concatenate([others, lost])
     return shapely.difference(ice, shapely.union_all(fronts.cell[apart])) if apart.size else ice
 
 
