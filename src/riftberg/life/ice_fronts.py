@@ -25,7 +25,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import numbered, rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.lattice.elastic_cells import ice_on_plane, lattices, laid_flat
+from riftberg.stepping.lattice.elastic_cells import ice_on_plane, laid_flat, lattices
 
 REACH: Final = 0.05
 """Retreat after which the outline is drawn anew, in parts of the size of an element."""
@@ -107,7 +107,7 @@ def follow_outlines(
 
 
 def hand_on_feet(el: Elements, gone: NDArray[np.bool_]) -> None:
-    """Give the feet of elements that have melted away to the fronts that are left of their bergs: a foot goes with the outline."""
+    """Give the feet of elements that have melted away to those along the fronts of their bergs: a foot goes with the outline."""
     feet, front, berg = el.life.fl_k, el.life.front, el.body.berg
     giving = gone & (front >= 0.0) & (feet > 0.0)
     for number in np.unique(berg[giving]):
@@ -169,7 +169,7 @@ def _moved_inwards(ice: Any, cell: Any, retreat: Floats, size: float) -> Any:
 
 
 def _without(ice: Any, fronts: IceFronts, others: Ints, lost: Ints) -> Any:
-    """Return the ice of a piece, without the cells of others, and of those lost not by melt, which leaves less than half there."""
+    """Return the ice of a piece, without the cells of others and of elements lost not by melt, which leaves less than half."""
     if lost.size:
         there = shapely.area(shapely.intersection(fronts.cell[lost], ice))
         lost = lost[there > 0.5 * fronts.whole[lost]]
@@ -222,4 +222,6 @@ def _taken(remembered: Mapping[str, Any]) -> IceFronts:
             "outlines that cannot be read", where=f"restart file, extra/{SHAPES}",
             remedy="Name a restart file that Riftberg wrote",
         )  # fmt: skip
-    return IceFronts(berg, shape[: berg.size], *cells.T, *sizes.T, shape[berg.size :])
+    return IceFronts(
+        berg, shape[: berg.size], cells[:, 0], cells[:, 1], sizes[:, 0], sizes[:, 1], shape[berg.size :]
+    )  # fmt: skip

@@ -150,7 +150,9 @@ class Life(NamedTuple):
             default=-1.0, stepped=False,
         ),
     ]  # fmt: skip
-    retreat: Annotated[Floats, _is("m", "how far sides have melted back here since the outline was drawn", stepped=False)]
+    retreat: Annotated[
+        Floats, _is("m", "how far sides have melted back here since the outline was drawn", stepped=False)
+    ]
     heat_density: Annotated[Floats, _is("J kg-1", "heat that the ice brings with it", stepped=False)]
     start_lon: Annotated[Floats, _is("degrees_east", "longitude of calving", stepped=False)]
     start_lat: Annotated[Floats, _is("degrees_north", "latitude of calving", stepped=False)]

@@ -112,9 +112,7 @@ def with_new_cells(
     return ElasticCells(joined(meshes), np.concatenate(element), np.concatenate(bond))
 
 
-def lattices(
-    el: Elements, bonds: Bonds, new: NDArray[np.bool_], outlines: Sequence[Any]
-) -> list[tuple[Ints, Any]]:
+def lattices(el: Elements, bonds: Bonds, new: NDArray[np.bool_], outlines: Sequence[Any]) -> list[tuple[Ints, Any]]:
     """Return the rows of each lattice that has ``new`` elements, and the outline that it fills; None where none is known."""
     # An outline holds its elements, bonded or not; all others hang together by bonds, also by those that have broken.
     group = connected_parts(el.size, bonds.first, bonds.second, np.zeros(bonds.first.size, np.int64))
