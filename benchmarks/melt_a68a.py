@@ -14,7 +14,7 @@ import numpy as np
 from riftberg.bergs.bonding import count_bonds
 from riftberg.experiments.a68a_melt import DAYS, FRESH_WATER, START, THICKNESS, THINNING, TrackSea, melting_a68a
 from riftberg.experiments.registry import Options
-from riftberg.life.ledger import Ledger
+from riftberg.life.ledger import Ledger, water_by_process
 from riftberg.life.melt import melt_step
 
 STEP = 21600.0
@@ -48,7 +48,8 @@ def row(name: str, melt: dict[str, Any], sea: TrackSea | None = None) -> str:
         water_around.sample(e, step * STEP)
         e.u[:], e.v[:] = e.uo, e.vo
         model.life.follow_outlines(model)
-        ledger.melted(melt_step(e, model.life.values, (START.year, 0.0)))
+        melted = melt_step(e, model.life.values, (START.year, 0.0))
+        ledger.melted(melted, water_by_process(melted))
     balance, area = ledger.balance(e), e.length * e.width
     water = {process: mass / 1e12 for process, mass in balance.water.items()}
     total = sum(water.values())

@@ -14,7 +14,6 @@ from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.errors import InputError
 from riftberg.life.ice_fronts import ALONE, REACH, SHAPES
 from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
-from riftberg.physics.footloose import foot_length, piece_width
 from riftberg.plane import ConformalPlane
 
 LENGTH, WIDTH, RADIUS, PLACE = 60e3, 30e3, 30e3, (-40.0, -56.0)
@@ -246,10 +245,9 @@ def test_feet_follow_the_outline():
         life = model.elements.life
         outline = shapely.get_parts(shapely.from_wkb(model.remembered[SHAPES].tobytes()))[0]
         assert area_of(model) == pytest.approx(outline.area, rel=0.05)
-        # Pieces come off in whole numbers: the feet that wait count as the pieces that they will be.
-        wide, foot = piece_width(200.0, 1e7), foot_length(200.0, 1e7, 2e6, 850.0)
-        pieces = life.mass_of_fl_bits.sum() + life.fl_k.sum() * wide / foot * 200.0 * 850.0
-        lost.append([float(pieces), model.life.balance(model).water["waves"]])
+        water = model.life.balance(model).water
+        bits = (life.mass_of_fl_bits * life.mass_scaling).sum() + water["footloose_bits"]
+        lost.append([float(bits), water["waves"]])
         assert abs(model.life.balance(model).error) <= MASS_CLOSES
     lost = np.array(lost)
     assert (lost > 0.0).all()

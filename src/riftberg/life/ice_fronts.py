@@ -107,13 +107,17 @@ def follow_outlines(
 
 
 def hand_on_feet(el: Elements, gone: NDArray[np.bool_]) -> None:
-    """Give the feet of elements that have melted away to those along the fronts of their bergs: a foot goes with the outline."""
-    feet, front, berg = el.life.fl_k, el.life.front, el.body.berg
-    giving = gone & (front >= 0.0) & (feet > 0.0)
+    """Give feet and footloose bits of elements that have melted away to those along the fronts that are left of their bergs."""
+    life, berg = el.life, el.body.berg
+    giving = gone & (life.front >= 0.0)
     for number in np.unique(berg[giving]):
-        left = (berg == number) & ~gone & (front > 0.0) & (feet >= 0.0)
+        left = (berg == number) & ~gone & (life.front > 0.0) & (life.fl_k >= 0.0)
+        from_these = giving & (berg == number)
         if left.any():
-            feet[left] += feet[giving & (berg == number)].sum() * front[left] / front[left].sum()
+            share = life.front[left] / life.front[left].sum()
+            for held in (life.fl_k, life.mass_of_fl_bits, life.mass_of_fl_bergy_bits):
+                held[left] += held[from_these].sum() * share
+                held[from_these] = 0.0
 
 
 def _with_new(

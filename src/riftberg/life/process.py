@@ -15,7 +15,7 @@ import numpy as np
 from riftberg.errors import InputError
 from riftberg.life.draws import Draws, OwnDraws
 from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose, let_children_go
-from riftberg.life.ice_fronts import follow_outlines, hand_on_feet
+from riftberg.life.ice_fronts import follow_outlines
 from riftberg.life.ledger import Balance, Ledger, add_melt, latent_deficit, stocks, water_by_process
 from riftberg.life.melt import MeltStep, life_values, melt_step
 from riftberg.ocean.forcing import Forcing
@@ -112,7 +112,6 @@ class LifeProcess:
         water = water_by_process(step)
         add_melt(model.remembered, fragment, water)
         if step.gone.any():
-            hand_on_feet(model.elements, step.gone)
             model.remove(step.id[step.gone])
         ledger.melted(step, water)
         # With options of the reference bergs do not decay, or bits are dropped: the ledger closes with these as sources.
