@@ -376,26 +376,30 @@ class BareModel(RunState):
         coarse = size_bins(self.elements)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
         check_state(self.elements, self.bonds)
-        if self.population.version != version:
-            self._follow_rows(ids)
-        if self._visited:
+        measured = self.population.version != version and self._follow_rows(ids)
+        if self._visited and not measured:
             measure_outlines(self.elements, self.constants)
         new_bonds = self.bonds.id >= next_bond
         changed[self.bonds.first[new_bonds]] = True
         assign_substeps(self, changed)
         self._look(coarse)
 
-    def _follow_rows(self, ids: Ints) -> None:
-        """Do what follows from elements and bonds that came or went; ``ids`` are those of before."""
+    def _follow_rows(self, ids: Ints) -> bool:
+        """Do what follows from elements and bonds that came or went, and return whether fragments were found and measured.
+
+        ``ids``: identifiers before.
+        """
         newborn = ~np.isin(self.elements.body.id, ids)
         sample_new_elements(self, newborn, self._visited)
         complete_state(self)
         if not self._visited:
-            return
+            return False
         count_bonds(self.elements, self.bonds)
         # Where lone elements went and nothing else, every fragment that is left is as it was.
-        if newborn.any() or not np.array_equal(self.bonds.id, self._seen_bonds):
-            self.fragments.update(self.elements, self.bonds, self.time, self.constants)
+        if not newborn.any() and np.array_equal(self.bonds.id, self._seen_bonds):
+            return False
+        self.fragments.update(self.elements, self.bonds, self.time, self.constants)
+        return True
 
     def _check_forcing(self, steps: int) -> None:
         """Raise `ForcingError` unless the forcing serves the berg for some steps from now."""
@@ -411,6 +415,8 @@ class BareModel(RunState):
         self._visited = True
         self.forcing.sample(self.elements, self.time)
         self.fragments.update(self.elements, self.bonds, self.time, self.constants)
+        if self.life is not None:
+            self.life.follow_outlines(self)
 
     def check(self, days: float | str | None = None, *, steps: int | None = None) -> int:
         """Return the number of long steps of a run, or refuse it as its start would; nothing is changed.

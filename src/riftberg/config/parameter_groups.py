@@ -576,7 +576,7 @@ class Compatibility(Group):
         False,
         "",
         "Q34: each element feels waves as a berg of its own, inner ones too, and drag on as many sides as no bond covers; "
-        "drift then depends on the size of the elements",
+        "sides melt by length and width of each element; drift and melt then depend on the size of the elements",
         "equations 4.1",
     )
     rest_length_from_sizes: bool = quantity(

@@ -260,6 +260,9 @@ class _Calving:
         # An element that could not give all keeps that part of its foot for the next step.
         got = np.divide(taken, wanted, out=np.zeros_like(taken), where=wanted > 0.0)
         life.fl_k[rows] -= share * pieces * each * got
+        front = np.maximum(life.front[rows], 0.0)
+        if front.sum() > 0.0:  # the outline retreats by what breaks off it
+            life.retreat[rows] += taken.sum() / front.sum()
         part = taken / area
         mass = body.mass[rows] * part
         body.mass[rows] -= mass

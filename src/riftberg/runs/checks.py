@@ -399,6 +399,10 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
     "motion_ledger": Bound((len(GIVERS) + 3, 3)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
+    "front_shapes": Bound((None,), 0, 255),
+    "front_bergs": Bound(("outlines",), 0, LARGEST_WHOLE),
+    "front_elements": Bound(("fronts", 2), 0, "next_element - 1"),
+    "front_sizes": Bound(("fronts", 2)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
     "record_impulse_.+": Bound((None, len(FORCES), 2)),  # what the sums of forces were called before 0.1.0

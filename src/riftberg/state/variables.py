@@ -198,6 +198,16 @@ class Life(NamedTuple):
             "m2", "area of the submerged foot; -1 child of footloose calving, -2 child that may collide", stepped=False
         ),
     ]
+    front: Annotated[
+        Floats,
+        _is(
+            "m", "length of the outline of the berg along which the element melts; -1 where it melts on all its own sides",
+            default=-1.0, stepped=False,
+        ),
+    ]  # fmt: skip
+    retreat: Annotated[
+        Floats, _is("m", "how far sides have melted back here since the outline was drawn", stepped=False)
+    ]
     heat_density: Annotated[Floats, _is("J kg-1", "heat that the ice brings with it", stepped=False)]
     start_lon: Annotated[Floats, _is("degrees_east", "longitude of calving", stepped=False)]
     start_lat: Annotated[Floats, _is("degrees_north", "latitude of calving", stepped=False)]
