@@ -200,7 +200,8 @@ class Sum(Formula):
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
         """Return the sea level (m) at arrays of points: the sum of all parts."""
-        return np.sum([sea_level(part, lon, lat, time) for part in self.parts], axis=0)
+        levels: Floats = np.sum([sea_level(part, lon, lat, time) for part in self.parts], axis=0)
+        return levels
 
     def describe(self) -> str:
         """Return all parts in words."""

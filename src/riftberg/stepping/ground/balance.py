@@ -14,6 +14,7 @@ columns depends on the loads, so both are found in turns.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -44,7 +45,10 @@ SETTLED: Final = 1e-4
 """Relative change of the load of the floor at which the rounds end."""
 
 COLUMNS_PER_LAMBDA: Final = 8.0
-"""Columns of a patch are this part of the bending length wide."""
+"""Columns of a patch are at most this part of ``lambda`` wide."""
+
+LEAST_COLUMNS: Final = 6
+"""Columns of a patch at least, so that it shows where bending falls to zero."""
 
 RIGID: Final = 1e40
 """Stiffness against tilt (N m) of a fragment that takes none."""
@@ -108,7 +112,7 @@ def hull_of(corner: Floats, start: Ints, owner: Ints, thickness: Floats, draft: 
     narrow = math.sqrt(12.0 * least[0] / (WATER_STIFFNESS * area)) < thickness.mean()
     if not narrow and (np.linalg.eigvalsh(tilts) > 0.5 * least).all():
         stiffness[1:, 1:] = tilts
-    rings = [shapely.Polygon(corner[a:b]) for a, b in zip(start[:-1], start[1:], strict=True)]
+    rings = [shapely.Polygon(corner[a:b]) for a, b in pairwise(start.tolist())]
     # Neighbours share their edges but for round-off.
     return Hull(np.array([x, y]), stiffness, shapely.unary_union(shapely.buffer(rings, 0.01, join_style="mitre")))
 
@@ -119,7 +123,7 @@ def _assemble(
     hull: Floats, springs: Floats, gradient: Floats, gradient_u: Floats, hessian: Floats, mixed: Floats, diagonal: Floats,
     loads: Floats, piece: Floats, room: Floats, sums: Floats,
 ) -> float:  # fmt: skip
-    """Fill gradient and Hessian of the energy at rise ``q`` and bending ``u``, and the loads of the columns; returns the energy."""
+    """Fill gradient and Hessian of the energy at rise ``q`` and bending ``u``, and the loads of columns; returns the energy."""
     energy = 0.0
     for i in range(3):
         gradient[i] = 0.0
@@ -229,7 +233,7 @@ def minimise(
 
 @kernel
 def _split(
-    start: Ints, corner: Floats, owner: Ints, group: Ints, axis_x: Floats, axis_y: Floats, begin: Floats, width: float,
+    start: Ints, corner: Floats, owner: Ints, group: Ints, axis_x: Floats, axis_y: Floats, begin: Floats, width: Floats,
     first: Ints, out_start: Ints, out: Floats, origin: Ints, column: Ints,
 ) -> int:  # fmt: skip
     """Cut the polygons of the elements of patches by the columns of these; returns how many there are, -1 where they do not fit.
@@ -246,17 +250,16 @@ def _split(
         low, high = math.inf, -math.inf
         for n in range(size):
             x, y, d = corner[start[k] + n, 0], corner[start[k] + n, 1], corner[start[k] + n, 2]
-            s = 0.0 if g < 0 else (axis_x[g] * x + axis_y[g] * y - begin[g]) / width
+            s = 0.0 if g < 0 else (axis_x[g] * x + axis_y[g] * y - begin[g]) / width[g]
             whole[n, 0], whole[n, 1], whole[n, 2], whole[n, 3] = x, y, d, s
             low, high = min(low, s), max(high, s)
         columns = 1 if g < 0 else first[g + 1] - first[g]
         a, b = (0, 0) if g < 0 else (max(math.floor(low), -1), min(math.floor(high), columns))
         for c in range(a, b + 1):
-            # Beyond the line of the patch the ice is as at its ends.
-            left, right = (-math.inf if c <= 0 else float(c)), (math.inf if c >= columns - 1 else c + 1.0)
-            if c < 0 or c >= columns:
-                if (c < 0 and high >= 0.0) or (c >= columns and low < columns):
-                    continue
+            # Beyond the columns the ice does not bend: it may come to lie on the floor, and the patch then grows.
+            left, right = (-math.inf if c < 0 else float(c)), (math.inf if c >= columns else c + 1.0)
+            if g < 0:
+                right = math.inf
             s2 = size
             if left > low:
                 s2 = cut(whole, size, 3, left, 1.0, room)
@@ -278,7 +281,7 @@ def _split(
             for n in range(s2):
                 out[at + n, 0], out[at + n, 1], out[at + n, 2] = piece[n, 0], piece[n, 1], piece[n, 2]
             out_start[count + 1], origin[count] = at + s2, k
-            column[count] = -1 if g < 0 else first[g] + min(max(c, 0), columns - 1)
+            column[count] = first[g] + c if g >= 0 and 0 <= c < columns else -1
             count += 1
     return count
 
@@ -391,7 +394,7 @@ def press(
             for patch, a, b in zip(shape, columns, columns[1:], strict=False):
                 springs[a:b] = patch.stiffness(u[a:b], loads[a:b])
             loads = _minimised(cut_up, xc, yc, q, u, bed, top, hull, springs)
-        bending = np.array([[u[a:b].max(), loads[a:b].sum()] for a, b in zip(columns, columns[1:], strict=False)])
+        bending = np.array([[u[a:b].max(), loads[a:b].sum()] for a, b in pairwise(columns.tolist())])
         found, overlap, area = evaluate()
         now = found.load.sum()
         if not found.touches or abs(now - before) <= SETTLED * now:
@@ -424,7 +427,7 @@ def _groups(load: Floats, first: Ints, second: Ints) -> Ints:
 def _cut_up(patches: Patches, group: Ints, shape: list[_Patch], columns: Ints) -> _Columns:
     """Cut the polygons by the columns of the patches."""
     axis = np.array([patch.axis for patch in shape])
-    begin, width = np.array([patch.begin for patch in shape]), shape[0].width
+    begin, width = np.array([[patch.begin, patch.width] for patch in shape]).T.copy()
     room = 2 * patches.owner.size + 64
     while True:
         start, out = np.zeros(room + 1, np.int64), np.empty((8 * room, 3))
@@ -442,7 +445,7 @@ class _Patch(NamedTuple):
     """The line of a patch of loaded elements, and how the ice gives way along it."""
 
     axis: tuple[float, float]  # Its direction
-    begin: float  # Where its first column begins, m along the direction
+    begin: float  # Where its first column begins, m along the direction: on both sides beyond what is loaded
     width: float  # Of the columns, m
     length: Floats  # Length of the line in each column, m
     line: float  # K_l, Pa
@@ -466,11 +469,11 @@ class _Patch(NamedTuple):
         pressed_parts, ends = _pressed_corners(cut_up.start, cut_up.corner, overlap, mine)
         corners = pressed_parts[:, :2]
         # Its line is the major axis of the loaded area.
-        weight, middle = area[mine], np.array([corners[a:b].mean(axis=0) for a, b in zip(ends, ends[1:], strict=False)])
+        weight, middle = area[mine], np.array([corners[a:b].mean(axis=0) for a, b in pairwise(ends.tolist())])
         mean = (weight[:, None] * middle).sum(axis=0) / weight.sum()
         spread = middle - mean
         second = (weight[:, None, None] * spread[:, :, None] * spread[:, None, :]).sum(axis=0)
-        for k, (a, b) in enumerate(zip(ends, ends[1:], strict=False)):
+        for k, (a, b) in enumerate(pairwise(ends.tolist())):
             own = corners[a:b] - middle[k]
             second += weight[k] / (b - a) * own.T @ own / 3.0
         axis = np.linalg.eigh(second)[1][:, 1]
@@ -484,39 +487,47 @@ class _Patch(NamedTuple):
             rectangle = shapely.Polygon(box[:, :1] * axis + box[:, 1:] * across)
             return float(rectangle.intersection(hull.ice).area / rectangle.area)
 
-        inner = 0.5 * (share(s0, s1, t1, t1 + around) + share(s0, s1, t0 - around, t0))
+        left, right = share(s0, s1, t1, t1 + around), share(s0, s1, t0 - around, t0)
+        inner = 0.5 * (left + right)
         deepest = corners[np.argmax(pressed_parts[:, 2])]
         disc = shapely.Point(*deepest).buffer(around, quad_segs=16)
         at_point = float(disc.intersection(hull.ice).area / disc.area)
         end = WATER_STIFFNESS * reach * reach * (1.08 + (4.0 - 1.08) * min(max(2.0 * inner - 1.0, 0.0), 1.0))
         wide = max(t1 - t0, 1.0)
-        beyond = tuple(
-            end if share(*span, t0 - 0.5 * wide, t1 + 0.5 * wide) > 0.5 * inner else 0.0
+        beyond = [
+            end * min(share(*span, t0 - 0.5 * wide, t1 + 0.5 * wide) / max(inner, 0.05), 1.0)
             for span in ((s0 - 0.25 * around, s0), (s1, s1 + 0.25 * around))
-        )
+        ]
         load = found.load[inside]
         x, y = np.average(found.x[inside], weights=load), np.average(found.y[inside], weights=load)
+        centre = x * across[0] + y * across[1]
         lever = np.array([1.0, y - hull.centre[1], -(x - hull.centre[0])])
         rigid = float(lever @ np.linalg.solve(hull.stiffness, lever))
-        width = around / COLUMNS_PER_LAMBDA
-        count = max(1, math.ceil((s1 - s0) / width - 1e-9))
-        length = np.full(count, width)
-        length[-1] = s1 - s0 - (count - 1) * width
-        # Under a wide patch the water itself carries, too.
-        line = line_stiffness(reach, max(inner, 0.05)) + WATER_STIFFNESS * weight.sum() / (s1 - s0)
+        count = max(LEAST_COLUMNS, math.ceil((s1 - s0) * COLUMNS_PER_LAMBDA / around))
+        width, pad = (s1 - s0) / count, (count + 1) // 2
+        length = np.full(count + 2 * pad, width)
+        # At an edge the ice gives way by 1 - x / lambda at a distance x; a wide patch lifts all of its water.
+        line = line_stiffness(reach, max(inner, 0.05))
+        further_in = (t1 - centre) if left < right else (centre - t0)
+        line += WATER_STIFFNESS * abs(right - left) * further_in
+        line = max(line, WATER_STIFFNESS * weight.sum() / (s1 - s0))
         patch = cls(
-            (float(axis[0]), float(axis[1])), float(s0), width, length, line, point_stiffness(reach, at_point),
+            (float(axis[0]), float(axis[1])), float(s0 - pad * width), width, length, line, point_stiffness(reach, at_point),
             (beyond[0], beyond[1]), rigid, np.zeros(0),
         )  # fmt: skip
-        even = np.ones(count)
+        even = np.ones(length.size)
         return patch._replace(springs=patch.stiffness(even, even))
 
     def stiffness(self, bending: Floats, load: Floats) -> Floats:
-        """Stiffness of the columns (N m-1) for a distribution of bending and load; no spring gives way where heave and tilt do all."""
+        """Stiffness of the columns (N m-1) by bending and load: none gives way where heave and tilt do all."""
         if not load.sum() > 0.0 or not bending.max() > 0.0:
             return np.maximum(self.line * self.length, 1e-3 * self.point)
         total = self.line * float((bending * self.length).sum())
-        at_ends = total + self.ends[0] * bending[0] + self.ends[1] * bending[-1]
+        bent = bending[load > 0.0]
+        first, last = (
+            (max(1.5 * bent[a] - 0.5 * bent[b], 0.0) for a, b in ((0, 1), (-1, -2))) if bent.size > 1 else (0.0, 0.0)
+        )
+        at_ends = total + self.ends[0] * first + self.ends[1] * last
         factor = max(self.point * float(bending.max()), at_ends) / total
         patch = factor * total / float((bending * load).sum() / load.sum())
         left = max(1.0 - self.rigid * patch, 1e-9)
@@ -525,23 +536,21 @@ class _Patch(NamedTuple):
 
 @kernel
 def _pressed_corners(start: Ints, corner: Floats, overlap: Floats, mine: Ints) -> tuple[Floats, Ints]:
-    """Corners and overlaps (m) of the loaded part of some polygons, one after the other, and where each begins."""
+    """Corners of the loaded part of some polygons (x, y, overlap without any rise, m), and where each polygon begins."""
     size, most = 0, CORNERS
     for k in mine:
         size += 2 * (start[k + 1] - start[k]) + 4
         most = max(most, 2 * (start[k + 1] - start[k]) + 4)
     out, ends = np.empty((size, 3)), np.zeros(mine.size + 1, np.int64)
-    piece, room, count = np.empty((most, 3)), np.empty((most, 3)), 0
+    piece, room, count = np.empty((most, 4)), np.empty((most, 4)), 0
     for m in range(mine.size):
         k = mine[m]
         n = start[k + 1] - start[k]
         for i in range(n):
-            piece[i, 0], piece[i, 1], piece[i, 2] = (
-                corner[start[k] + i, 0],
-                corner[start[k] + i, 1],
-                overlap[start[k] + i],
-            )
-        for i in range(cut(piece, n, 2, 0.0, 1.0, room)):
+            for j in range(3):
+                piece[i, j] = corner[start[k] + i, j]
+            piece[i, 3] = overlap[start[k] + i]
+        for i in range(cut(piece, n, 3, 0.0, 1.0, room)):
             for j in range(3):
                 out[count, j] = room[i, j]
             count += 1

@@ -235,7 +235,7 @@ def cut_by_cells(
             if size < 3:
                 continue
             per_degree = columns_of(jb, cell, latlon, radius)
-            around = int(round(per_degree * 360.0 / BLOCK)) if latlon else 0
+            around = round(per_degree * 360.0 / BLOCK) if latlon else 0
             west, east = row[0, 3], row[0, 3]
             for n in range(size):
                 west, east = min(west, row[n, 3]), max(east, row[n, 3])

@@ -24,7 +24,7 @@ from riftberg.errors import InputError, RunError
 from riftberg.ocean.forcing import sea_level
 from riftberg.parameters import Grounding, KernelParameters
 from riftberg.physics.floating import draft_of
-from riftberg.state import Bonds, Elements, Floats, Ints, Keel
+from riftberg.state import Elements, Floats, Ints, Keel
 from riftberg.stepping.bodies.dynamics import BodyOperators, ElementForcing, add_forces, assemble_force_and_jacobian
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses, tangent_coordinates
 from riftberg.stepping.contact.groups import NO_PAIRS
@@ -160,7 +160,7 @@ class Seabed:
 
     def prepare(self, model: RunState, bodies: Bodies) -> None:
         """Bring the fragments up to date with the state."""
-        el, bonds, c = model.elements, model.bonds, model.constants
+        el, bonds = model.elements, model.bonds
         body = el.body
         key = [
             a.tobytes()
@@ -466,10 +466,10 @@ class _Landing:
 
         def residual(v: Floats, f: Floats) -> Floats:
             net = constant - 0.5 * jacobian[0] @ (v - v0) + np.einsum("eak,ea->k", lever, f)
-            return v - v0 - dt * (self.mobility @ net)
+            return np.asarray(v - v0 - dt * (self.mobility @ net))
 
         def size_of(r: Floats) -> float:
-            return math.hypot(r[0], r[1]) + self.arm * abs(r[2])
+            return float(math.hypot(r[0], r[1]) + self.arm * abs(r[2]))
 
         v = v0.copy()
         f, direction, slides = forces(v)
@@ -554,12 +554,16 @@ def joined(contact: ContactPhase | None, ground: ContactPhase, body: Ints) -> Co
     loaded = ~np.isin(contact.peak_load.bodies, ground.bodies)
     some = contact.peak_load
     rows = ~np.isin(body[some.rows], ground.bodies)
-    rest = ContactPhase(*without(contact, ground.bodies, body)[:5], *contact[5:])
+    rest = without(contact, ground.bodies, body)
     kept = PeakContactLoad(some.rows[rows], some.force[rows], some.axes[rows], some.bodies[loaded], some.spin[loaded])
-    arrays = [np.concatenate([a, b]) for a, b in zip(rest[:5], ground[:5], strict=True)]
     peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(kept, ground.peak_load, strict=True)))
+
+    def both(name: str) -> Any:
+        return np.concatenate([getattr(rest, name), getattr(ground, name)])
+
     return ContactPhase(
-        *arrays, contact.first, contact.second, min(contact.shortest_substep, ground.shortest_substep), peak
+        both("bodies"), both("rows"), both("mean"), both("twist"), both("applied"), contact.first, contact.second,
+        min(contact.shortest_substep, ground.shortest_substep), peak,
     )  # fmt: skip
 
 

@@ -476,7 +476,7 @@ class TimeStep:
         return Trial(h, state, phase)
 
     def _run_aground(self, start: BodyState, h: float, contact: ContactPhase | None) -> GroundPhase | None:
-        """Take the fragments that touch a bed of sediment within ``h`` s through sub-steps; the keels hold what it does at the end."""
+        """Take the fragments that touch a bed of sediment within ``h`` s through sub-steps, up to what it does at the end."""
         if self.seabed is None:
             return None
         ground = self.seabed.resolve(self.model, start.bodies, start.operators, start.time, h, contact)
