@@ -146,20 +146,17 @@ class Floor:
         return True
 
     def settle(self, patches: Patches) -> None:
-        """Deepen the gouges to where the keels are, so that nothing presses."""
-        for _ in range(2):  # whole blocks first, then their cells
-            n = np.flatnonzero(patches.cell[:, 1] >= 0)
-            slots, by_cell = patches.cell[n, 0], patches.cell[n]
-            deepest = np.array(
-                [patches.corner[a:b, 2].max() for a, b in zip(patches.start[n], patches.start[n + 1], strict=True)]
-            )
-            for key, (slot, j, i), depth in zip(
-                self.keys_of(slots).tolist(), by_cell.tolist(), deepest.tolist(), strict=True
-            ):
-                if depth > 0.0:
-                    self._gouge[slot, j, i] += depth
-                    self.gouges[key] = self._gouge[slot].copy()
-                    self._flat[slot] = False
+        """Deepen the gouges to where the keels are, so that nothing presses; whole blocks are looked at by cells from then on."""
+        deepest = np.maximum.reduceat(patches.corner[:, 2], patches.start[:-1])
+        deeper = np.zeros_like(self._gouge)
+        for n in np.flatnonzero(deepest > 0.0).tolist():
+            slot, j, i = patches.cell[n].tolist()
+            self._flat[slot] = False
+            if j >= 0:  # several elements may stand over a cell
+                deeper[slot, j, i] = max(deeper[slot, j, i], deepest[n])
+        self._gouge += deeper
+        for slot in np.unique(patches.cell[deepest > 0.0, 0]).tolist():
+            self.gouges[int(self.keys_of(np.array(slot)))] = self._gouge[slot].copy()
 
     def checkpoint(self) -> dict[int, Floats]:
         """Copy the gouges."""

@@ -251,25 +251,19 @@ class Seabed:
             fragment = self.fragment(model, bodies, b)
             lon, lat = corner_positions(fragment.footprint.corner, bodies.pose[b], c)
             level = _level(model, bodies.pose[b], model.time)
-            for _ in range(3):  # whole blocks first, then their cells
-                patches = self.floor.patches(fragment.footprint, lon, lat, fragment.draft, near, level)
-                deepest = patches.corner[:, 2].max(initial=0.0)
-                if deepest <= DEEP_KEEL:
-                    break
-                if g.start == "refuse":
-                    e = int(
-                        rows[
-                            patches.owner[
-                                np.searchsorted(patches.start, patches.corner[:, 2].argmax(), side="right") - 1
-                            ]
-                        ]
-                    )
-                    raise InputError(
-                        f"the keel of element {el.body.id[e]} at ({el.lon[e]:.6g}, {el.lat[e]:.6g}) starts {deepest:.3g} m below "
-                        "the sea floor", where="Model",
-                        remedy="Place the berg in deeper water, or set grounding.start to settle",
-                    )  # fmt: skip
-                self.floor.settle(patches)
+            patches = self.floor.patches(fragment.footprint, lon, lat, fragment.draft, near, level)
+            deepest = patches.corner[:, 2].max(initial=0.0)
+            if deepest <= DEEP_KEEL:
+                continue
+            if g.start == "refuse":
+                at = np.searchsorted(patches.start, patches.corner[:, 2].argmax(), side="right") - 1
+                e = int(rows[patches.owner[at]])
+                raise InputError(
+                    f"the keel of element {el.body.id[e]} at ({el.lon[e]:.6g}, {el.lat[e]:.6g}) starts {deepest:.3g} m below the "
+                    "sea floor", where="Model", remedy="Place the berg in deeper water, or set grounding.start to settle",
+                )  # fmt: skip
+            for _ in range(2):  # whole blocks first, then their cells
+                self.floor.settle(self.floor.patches(fragment.footprint, lon, lat, fragment.draft, near, level))
 
 
 def corner_positions(corner: Floats, pose: Floats, p: KernelParameters) -> tuple[Floats, Floats]:
@@ -410,12 +404,12 @@ class _Landing:
         if not friction.slides and moved <= self.bed.anchor_way:
             return (pose, found), friction, end, True
         # By the greater of the forces in the middle and at the end.
-        grows = max(1.0, end.capacity.sum() / max(found.capacity.sum(), 1e-30)) if found.touches else 1.0
-        net = friction.net
-        if not found.touches and end.touches:
-            direction = v0 / max(math.hypot(v0[0], v0[1]), 1e-12)
-            net = -end.capacity.sum() * np.array([direction[0], direction[1], 0.0])
-        change = dt * grows * (self.mobility @ net)
+        if found.touches or not end.touches:
+            grows = max(0.0, end.capacity.sum() / max(found.capacity.sum(), 1e-30) - 1.0) if found.touches else 0.0
+            more = grows * friction.net
+        else:
+            more = -end.capacity.sum() / max(math.hypot(v0[0], v0[1]), 1e-12) * np.array([v0[0], v0[1], 0.0])
+        change = friction.velocity - v0 + dt * (self.mobility @ more) if found.touches or end.touches else np.zeros(3)
         size = math.hypot(change[0], change[1]) + self.arm * abs(change[2])
         speed = math.hypot(v0[0], v0[1]) + self.arm * abs(v0[2])
         return (pose, found), friction, end, size <= VELOCITY_CHANGE * max(speed, SLOW)
