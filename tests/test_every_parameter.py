@@ -203,7 +203,7 @@ KID = with_(
 )
 BED = with_(OPEN, grounding={"law": "seabed"}, stepping={"scheme": "quasi_static"})
 SHALLOW: Final = {"sea": {"depth": 150.0}}
-AGROUND: Final = {"sea": {"depth": 165.6}}
+AGROUND: Final = {"sea": {"depth": 165.6}, "steps": 1}
 BURIED: Final = {"sea": {"depth": 157.0}}
 NEAR: Final = {"sea": {"depth": 185.0}}
 WEAK = with_(OPEN, fracture={"enabled": True, "normal_strength": 10.0, "shear_strength": 1e7})
@@ -265,9 +265,9 @@ TRIALS: Final[dict[str, Trial]] = {
     "grounding.shear_strength": Trial(1e3, BED, more=AGROUND),
     "grounding.adhesion": Trial(0.05, with_(BED, grounding={"shear_strength": 2e3}), more=AGROUND),
     "grounding.anchor_way": Trial(0.2, BED, more=AGROUND),
-    "grounding.bending": Trial(False, with_(BED, grounding={"ice_modulus": 1e6}), more=AGROUND),
-    "grounding.ice_modulus": Trial(1e6, with_(BED, grounding={"ice_modulus": 3e6}), more=AGROUND),
-    "grounding.cell": Trial(20.0, with_(BED, grounding={"bearing_strength": 1e3}), more=AGROUND),
+    "grounding.bending": Trial(False, with_(BED, grounding={"ice_modulus": 1e8}), more=AGROUND),
+    "grounding.ice_modulus": Trial(1e8, with_(BED, grounding={"ice_modulus": 3e8}), more=AGROUND),
+    "grounding.cell": Trial(250.0, with_(BED, grounding={"bearing_strength": 5e3, "cell": 400.0}), more=AGROUND),
     "grounding.start": Trial(
         "refuse", with_(BED, grounding={"start": "settle"}), more=BURIED, refused="8.* m below the sea floor"
     ),
