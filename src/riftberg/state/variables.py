@@ -266,6 +266,20 @@ class Environment(NamedTuple):
     wave_y: Annotated[Floats, _is("1", "northward part of the direction in which given waves travel")]
 
 
+class Keel(NamedTuple):
+    """What a bed of sediment does to the keels of the elements (``grounding.law: seabed``); 0 afloat."""
+
+    floor_load: Annotated[Floats, _is("N", "weight of the element that the sea floor carries")]
+    floor_x: Annotated[Floats, _is("N", "eastward force of the sea floor: friction and slope")]
+    floor_y: Annotated[Floats, _is("N", "northward force of the sea floor: friction and slope")]
+    floor_torque: Annotated[Floats, _is("N m", "torque of that force about the centre of the element")]
+    anchor_x: Annotated[Floats, _is("N", "eastward friction that anchors the keel")]
+    anchor_y: Annotated[Floats, _is("N", "northward friction that anchors the keel")]
+    anchor_capacity: Annotated[
+        Floats, _is("N", "largest friction that could hold the keel since it touched the floor last")
+    ]
+
+
 class Elements(NamedTuple):
     """The elements: groups of arrays of shape (number of elements,).
 
@@ -279,6 +293,7 @@ class Elements(NamedTuple):
     body: Body
     life: Life
     environment: Environment
+    keel: Keel
 
     def __getattr__(self, name: str) -> NDArray[Any]:
         """Refuse a name that is no variable; those of the registry are properties, set below it."""

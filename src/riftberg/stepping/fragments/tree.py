@@ -71,7 +71,7 @@ class FragmentTree:
         number = self._inherited(part, mass, elements.berg)
         unnumbered = np.flatnonzero(number == 0)
         cuts = _Cuts(part, elements, bonds)
-        touching = aground(elements.body.thickness, elements.environment.depth, p)
+        touching = aground(elements.body.thickness, elements.environment.depth, p) | (elements.keel.floor_load > 0.0)
         # All rows of a part in turn, in their order.
         order = np.argsort(part, kind="stable")
         ends = np.cumsum(np.bincount(part))
