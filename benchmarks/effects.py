@@ -25,7 +25,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.experiments import Options, build
 from riftberg.parameters import A68A_2022_KID
 from riftberg.runs.model import Model
-from riftberg.runs.track import DailyTrack
+from riftberg.runs.tracks import DailyTrack
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = DOCS / "explanation" / "differences-from-the-reference.md"

@@ -30,7 +30,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.plane import ConformalPlane
 from riftberg.runs.model import Model
 from riftberg.runs.scene import element_polygons
-from riftberg.runs.track import Position, berg_position
+from riftberg.runs.tracks import Position, berg_position
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "a68a-story.md"
 KM_PER_DEGREE = 111.07

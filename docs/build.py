@@ -153,7 +153,7 @@ def _default(field: Any) -> str:
 
 def variables_page() -> str:
     """Return the page of the state variables and of the run file."""
-    from riftberg.runs import run_file
+    from riftberg.runs import run_file, tracks
     from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
     def rows(variables: Any) -> list[tuple[str, ...]]:
@@ -184,6 +184,13 @@ def variables_page() -> str:
             "## Fragments\n",
             "Family tree of the fragments, in the run file along `fragment`; `fragment_number` is the value of `berg`.\n",
             table(("name", "units", "meaning"), fragments),
+            "## Tracks\n",
+            "The group `tracks`: bergs and fragments over time, as CF contiguous ragged arrays",
+            "([results by berg](../howto/results-by-berg.md)). The first ones lie along `trajectory`, the others along `index`.\n",
+            table(
+                ("name", "units", "meaning"),
+                [(code(v.name), v.units, v.long_name) for v in (*tracks.TRACK_COORDINATES, *tracks.TRACK_VARIABLES)],
+            ),
         ]
     )
 

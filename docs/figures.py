@@ -133,7 +133,7 @@ def story(folder: Path) -> Iterator[Path]:
     from riftberg.diagnostics.why import explain
     from riftberg.experiments import build
     from riftberg.viz.map import draw_map
-    from riftberg.viz.plots import draw_stress, draw_timeline
+    from riftberg.viz.plots import draw_stress, draw_fragments
     from riftberg.viz.why import draw_reasons
 
     model, info = build("a68a")
@@ -143,7 +143,7 @@ def story(folder: Path) -> Iterator[Path]:
         draw_map(run, folder / "a68a-map.png", forcing=model.forcing, title=info.title, observed=info.observed)
         yield folder / "a68a-map.png"
         yield draw_stress(run, folder / "a68a-stress.png", dpi=100)
-        yield draw_timeline(run, folder / "a68a-timeline.png", dpi=100)
+        yield draw_fragments(run, folder / "a68a-timeline.png", dpi=100)
         yield draw_reasons(explain(run), folder / "a68a-why.png", dpi=90)
 
 

@@ -201,7 +201,10 @@ KID = with_(
     drag={"rotational": False},
     bonds={"objective_damping": False},
 )
+BED = with_(OPEN, grounding={"law": "seabed"}, stepping={"scheme": "quasi_static"})
 SHALLOW: Final = {"sea": {"depth": 150.0}}
+AGROUND: Final = {"sea": {"depth": 165.6}, "steps": 1}
+BURIED: Final = {"sea": {"depth": 157.0}}
 NEAR: Final = {"sea": {"depth": 185.0}}
 WEAK = with_(OPEN, fracture={"enabled": True, "normal_strength": 10.0, "shear_strength": 1e7})
 WEAK_QUASI = with_(WEAK, stepping={"scheme": "quasi_static"})
@@ -255,6 +258,19 @@ TRIALS: Final[dict[str, Trial]] = {
     "grounding.on_substeps": Trial(more=SHALLOW),
     "grounding.implicit": Trial(base=with_(OPEN, grounding={"coefficient": 10.0}), more=SHALLOW),
     "grounding.torque": Trial(more=SHALLOW),
+    "grounding.sediment": Trial("clay", BED, more=AGROUND),
+    "grounding.stiffness": Trial(1e8, BED, more=AGROUND),
+    "grounding.bearing_strength": Trial(2e6, BED, more=AGROUND),
+    "grounding.friction": Trial(0.4, BED, more=AGROUND),
+    "grounding.shear_strength": Trial(1e3, BED, more=AGROUND),
+    "grounding.adhesion": Trial(0.05, with_(BED, grounding={"shear_strength": 2e3}), more=AGROUND),
+    "grounding.anchor_way": Trial(0.2, BED, more=AGROUND),
+    "grounding.bending": Trial(False, with_(BED, grounding={"ice_modulus": 1e8}), more=AGROUND),
+    "grounding.ice_modulus": Trial(1e8, with_(BED, grounding={"ice_modulus": 3e8}), more=AGROUND),
+    "grounding.cell": Trial(250.0, with_(BED, grounding={"bearing_strength": 5e3, "cell": 400.0}), more=AGROUND),
+    "grounding.start": Trial(
+        "refuse", with_(BED, grounding={"start": "settle"}), more=BURIED, refused="8.* m below the sea floor"
+    ),
     "contact.spring": Trial(1e-6),
     "contact.distance": Trial(900.0),
     "contact.on_substeps": Trial(),

@@ -65,7 +65,7 @@ for wrong in (made, given):
 AT_START = """\
 import sys
 import riftberg.cli.run, riftberg.cli.kid, riftberg.experiments.a68a, riftberg.kid.run, riftberg.kid.trajectories
-import riftberg.runs.model, riftberg.runs.progress, riftberg.runs.run_file, riftberg.runs.track, riftberg.diagnostics.summary
+import riftberg.runs.model, riftberg.runs.progress, riftberg.runs.run_file, riftberg.runs.tracks, riftberg.diagnostics.summary
 print([m for m in ("xarray", "pandas", "dask", "scipy.linalg", "scipy.spatial", "matplotlib") if m in sys.modules])
 """
 

@@ -7,7 +7,7 @@ The built-in experiment: the berg loses its northern tip aground and its souther
 
 from riftberg import draw_map
 from riftberg.experiments import build
-from riftberg.viz.plots import draw_timeline
+from riftberg.viz.plots import draw_fragments
 
 model, info = build("a68a")
 run = model.run(info.days, every_hours=3)
@@ -15,7 +15,7 @@ draw_map(run, "a68a.png", forcing=model.forcing, title=info.title)
 
 # %%
 # Area, stress and grounding of the fragments:
-draw_timeline(run, "timeline.png")
+draw_fragments(run, "timeline.png")
 
 # %%
 areas = [row.area / 1e6 for row in model.fragments.breakups]

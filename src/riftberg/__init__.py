@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
     from riftberg.system.limits import allow_large
-    from riftberg.viz.map import draw_map
+    from riftberg.viz.map import draw_map, draw_tracks
+    from riftberg.viz.plots import draw_fragments, draw_stress
     from riftberg.viz.sweep import draw_sweep
 
 _HOMES = {
@@ -49,8 +50,11 @@ _HOMES = {
     "open_sweep": "riftberg.ensembles.result",
     "sweep": "riftberg.ensembles.sweep",
     "allow_large": "riftberg.system.limits",
+    "draw_fragments": "riftberg.viz.plots",
     "draw_map": "riftberg.viz.map",
+    "draw_stress": "riftberg.viz.plots",
     "draw_sweep": "riftberg.viz.sweep",
+    "draw_tracks": "riftberg.viz.map",
 }
 
 __all__ = [
@@ -66,8 +70,11 @@ __all__ = [
     "Steady",
     "__version__",
     "allow_large",
+    "draw_fragments",
     "draw_map",
+    "draw_stress",
     "draw_sweep",
+    "draw_tracks",
     "open_cells",
     "open_run",
     "open_sweep",

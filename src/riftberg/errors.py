@@ -64,10 +64,19 @@ MOST_TOLD: Final = 10
 
 
 def together(errors: Sequence[InputError]) -> InputError:
-    """Return one error that tells all of several, each on a line of its own; a single one stays as it is."""
+    """Return one error that reports all of several, each on a line of its own; a single one stays as it is.
+
+    What would be right for several of them (the keys of a section) stands once, behind the last of these.
+    """
     if len(errors) == 1:
         return errors[0]
-    lines = [f"  {error}" for error in errors[:MOST_TOLD]]
+    lines: list[str] = []
+    said: set[str] = set()
+    for error in reversed(errors[:MOST_TOLD]):
+        hint, question, rest = error.remedy.rpartition("? ")  # "Did you mean 'days'? " belongs to this one alone
+        text = str(InputError(error.what, where=error.where, remedy=f"{hint}{question}".rstrip()))
+        lines.insert(0, f"  {text if rest in said else error}")
+        said |= {rest}
     more = [f"  and {len(errors) - MOST_TOLD} more"] if len(errors) > MOST_TOLD else []
     whole = InputError("\n".join([f"{len(errors)} things are wrong:", *lines, *more]))
     whole.faults = list(errors)

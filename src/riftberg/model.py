@@ -296,6 +296,7 @@ class BareModel(RunState):
                 self._check_forcing(1)
             self._first_visit()
         self._follow_changes()
+        # A scheme alone changes neither rows nor sizes, so half of the copies are spared.
         saved = self.population.saved(stepped_only=self.life is None and not self.after_step)
         before = (
             self.time, self.step_number, list(self.fragments.rows), saved, dict(self.remembered), self.contacts.saved()
@@ -303,6 +304,7 @@ class BareModel(RunState):
         try:
             if self.elements.size:
                 self._stepped_from(saved.elements)
+                # The ledgers see the state before the step; contacts need it too, for the speed before bergs touched.
                 self.motion.moved(saved.elements, saved.bonds, self, self._stepper.applied, self.remembered)
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
@@ -312,6 +314,7 @@ class BareModel(RunState):
                 self.time += self.parameters.stepping.time_step
             self.step_number += 1
             if self.life is not None:
+                # Melt and calving act on what the step has moved, and the processes of the user on what they left.
                 self.life.act(self)
                 self.motion.changed(self, "life", self.remembered)
             for process in self.after_step:
@@ -369,29 +372,34 @@ class BareModel(RunState):
         # Most steps change nothing: then the rows are the same, and comparing their bytes is enough, and quick.
         if self.population.version == version and _bytes_of(_sizes_of(self.elements)) == self._seen_bytes:
             return
+        # Sizes in bins: melt changes every element in every step, the number of sub-steps only where that matters.
         coarse = size_bins(self.elements)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
         check_state(self.elements, self.bonds)
-        if self.population.version != version:
-            self._follow_rows(ids)
-        if self._visited:
+        measured = self.population.version != version and self._follow_rows(ids)
+        if self._visited and not measured:
             measure_outlines(self.elements, self.constants)
         new_bonds = self.bonds.id >= next_bond
         changed[self.bonds.first[new_bonds]] = True
         assign_substeps(self, changed)
         self._look(coarse)
 
-    def _follow_rows(self, ids: Ints) -> None:
-        """Do what follows from elements and bonds that came or went; ``ids`` are those of before."""
+    def _follow_rows(self, ids: Ints) -> bool:
+        """Do what follows from elements and bonds that came or went, and return whether fragments were found and measured.
+
+        ``ids``: identifiers before.
+        """
         newborn = ~np.isin(self.elements.body.id, ids)
         sample_new_elements(self, newborn, self._visited)
         complete_state(self)
         if not self._visited:
-            return
+            return False
         count_bonds(self.elements, self.bonds)
         # Where lone elements went and nothing else, every fragment that is left is as it was.
-        if newborn.any() or not np.array_equal(self.bonds.id, self._seen_bonds):
-            self.fragments.update(self.elements, self.bonds, self.time, self.constants)
+        if not newborn.any() and np.array_equal(self.bonds.id, self._seen_bonds):
+            return False
+        self.fragments.update(self.elements, self.bonds, self.time, self.constants)
+        return True
 
     def _check_forcing(self, steps: int) -> None:
         """Raise `ForcingError` unless the forcing serves the berg for some steps from now."""
@@ -407,6 +415,8 @@ class BareModel(RunState):
         self._visited = True
         self.forcing.sample(self.elements, self.time)
         self.fragments.update(self.elements, self.bonds, self.time, self.constants)
+        if self.life is not None:
+            self.life.follow_outlines(self)
 
     def check(self, days: float | str | None = None, *, steps: int | None = None) -> int:
         """Return the number of long steps of a run, or refuse it as its start would; nothing is changed.
@@ -439,6 +449,7 @@ class BareModel(RunState):
         with held() as hold:
             try:
                 self._record_steps(count, recorders, hold)
+                # A signal that came after the last step comes into force here, when all recorders have their record.
                 hold.check()
             except (KeyboardInterrupt, SystemExit):
                 for recorder in recorders:
@@ -491,6 +502,7 @@ class BareModel(RunState):
         days = number(days, "day", where="days")
         if not math.isfinite(days) or days <= 0.0:
             raise InputError(f"{days:g} days", where="Model.run", remedy="Give a finite number above 0")
+        # To the nearest step: 0.1 days are no exact multiple of any.
         count = round(days * 86400.0 / self.parameters.stepping.time_step)
         if count < 1:
             raise InputError(

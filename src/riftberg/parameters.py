@@ -208,6 +208,7 @@ class Parameters(Group):
         try:
             values = json.loads(text)
             for group in ("drag", "compatibility"):
+                # Files of old versions name parameters that never did anything; they are no mistake of the user.
                 values[group] = {name: value for name, value in values[group].items() if name not in GONE}
             values = in_new_places(values, notice=False)
         except (ValueError, KeyError, TypeError, AttributeError):
@@ -248,6 +249,7 @@ class Parameters(Group):
                 "grounding.law = 'quadratic' needs grounding.quadratic_coefficient > 0, and has neither ramp_height nor torque: "
                 "they are of the linear law"
             )
+        self._check_seabed()
         if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
                 "damage lowers the strength of DEM bonds that can break: set bonds.law = 'dem' and "
@@ -261,6 +263,24 @@ class Parameters(Group):
                 "set stepping.interactions = false with it"
             )
         return self
+
+    def _check_seabed(self) -> None:
+        """Refuse a bed of sediment without its numbers, or with a scheme that does not know it."""
+        g = self.grounding
+        if g.law != "seabed":
+            return
+        if self.stepping.scheme != "quasi_static":
+            raise ValueError(
+                f"grounding.law = 'seabed' needs stepping.scheme = 'quasi_static', not {self.stepping.scheme!r}; the laws "
+                "'linear' and 'quadratic' act in all schemes"
+            )
+        missing = [
+            f"grounding.{name}" for name in ("stiffness", "bearing_strength", "friction") if getattr(g, name) is None
+        ]
+        if g.sediment == "other" and missing:
+            raise ValueError(f"grounding.sediment = 'other' needs {', '.join(missing)}")
+        if g.ramp_height != 0.0 or g.torque:
+            raise ValueError("grounding.law = 'seabed' has neither ramp_height nor torque: they are of the linear law")
 
     def _check_criterion(self) -> None:
         """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
@@ -366,7 +386,7 @@ class Parameters(Group):
         p = self
         hexagonal = p.bonds.packing == "hexagonal"
         multiple = p.stepping.scheme in ("mts", "quasi_static")
-        quadratic = p.grounding.law == "quadratic"
+        law = p.grounding.law
         # The quasi-static scheme divides its step as the springs of contact need it.
         explicit = p.stepping.explicit_substeps
         fast_contact = p.stepping.scheme == "quasi_static" or (multiple and p.contact.on_substeps and explicit)
@@ -377,8 +397,8 @@ class Parameters(Group):
             # Elements whose sides no bond covers stand in the water each for itself.
             forces_by_element=p.compatibility.forces_by_element or not p.drag.sides_by_bonds,
             max_sides=6 if hexagonal else 4,
-            ground_coefficient=0.0 if quadratic else p.grounding.coefficient,
-            ground_quadratic=p.grounding.quadratic_coefficient if quadratic else 0.0,
+            ground_coefficient=p.grounding.coefficient if law == "linear" else 0.0,
+            ground_quadratic=p.grounding.quadratic_coefficient if law == "quadratic" else 0.0,
             # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
             ground_on_substeps=multiple and p.grounding.on_substeps and p.stepping.explicit_substeps,
             modulus=p.bonds.youngs_modulus / p.ice.density,

@@ -239,7 +239,7 @@ class _PressedInARealRun:
     """Presses Ctrl-C in a step of a run from the command line."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, when: int) -> None:
-        from riftberg.runs.track import DailyTrack
+        from riftberg.runs.tracks import DailyTrack
 
         record, self.when = DailyTrack.record, when
 

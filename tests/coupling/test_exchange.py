@@ -196,7 +196,7 @@ def test_steps_that_do_not_fit_are_refused() -> None:
     ("more", "message"),
     [
         ({"sea_surface_temperature": np.full((NJ, NI), 275.0)}, "looks like kelvin"),
-        ({"sea_surface_temperature": (1.0, "m")}, "temperature in 'm'"),
+        ({"sea_surface_temperature": (1.0, "m")}, "units are 'm'"),
         ({"eastward_wind": (1.0, "kg")}, "units are 'kg'"),
         ({"sea_surface_temprature": 1.0}, "Did you mean 'sea_surface_temperature'"),
         ({"sea_surface_height_above_geoid": np.zeros((3, 3))}, r"shape \(3, 3\)"),

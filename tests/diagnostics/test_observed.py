@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from datetime import datetime
 from pathlib import Path
 
@@ -145,8 +146,9 @@ def test_dates(text: str, when: datetime, day_only: bool) -> None:
         ("a.csv", "date,lat,lon\nyesterday,1,2\n", "'yesterday' is not a date"),
         ("a.csv", "date,lat,lon\n", "no rows"),
         ("a.geojson", "hello", "not JSON"),
-        ("a.geojson", '{"type": "FeatureCollection", "features": [{"properties": {}}]}', "feature 0: no date"),
-        ("a.geojson", json.dumps(feature({"type": "Polygon", "coordinates": [[[1, 2], [3, 4]]]}, date="2020-12-01")), "2 points"),
+        ("a.geojson", json.dumps(feature({"type": "Polygon", "coordinates": [RING]})), "outline 0: no date"),
+        ("a.geojson", json.dumps(feature({"type": "Polygon", "coordinates": [[[1, 2], [3, 4]]]}, date="2020-12-01")),
+         r"feature 0: not a GeoJSON.*at least 4"),
         ("a.geojson", json.dumps(feature({"type": "Polygon", "coordinates": [[[1, 95], [3, 4], [5, 6]]]}, date="2020-12-01")),
          "latitude beyond 90"),
     ],
@@ -155,6 +157,34 @@ def test_what_cannot_be_read_is_named(tmp_path: Path, name: str, text: str, mess
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=message):
         read_observed(tmp_path / name)
+
+
+POLYGON = {"type": "Polygon", "coordinates": [RING]}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"type": "FeatureCollection", "features": [feature(None, date="2020-12-01")]}, "no geometry found"),
+        ({"type": "FeatureCollection", "features": None}, "its features are no list of features"),
+        ({"type": "FeatureCollection", "features": [None]}, "its features are no list of features"),
+        (feature({"type": "Polygon", "coordinates": None}, date="2020-12-01"), "no geometry found"),
+        (feature({"type": "Polygon", "coordinates": [None]}, date="2020-12-01"), "no polygons"),
+        (feature({"type": "Polygon", "coordinates": [[None, *RING]]}, date="2020-12-01"), "feature 0: not a GeoJSON geometry"),
+        (feature({"type": "Polygon", "coordinates": [[[-39.0, None], *RING]]}, date="2020-12-01"), "feature 0: not a GeoJSON"),
+        (feature({"type": "MultiPolygon", "coordinates": [None]}, date="2020-12-01"), "no polygons"),
+        (feature({"type": None, "coordinates": [RING]}, date="2020-12-01"), "feature 0: not a GeoJSON geometry"),
+        (feature({"type": "GeometryCollection", "geometries": None}, date="2020-12-01"), "no geometry found"),
+        (feature({"type": "GeometryCollection", "geometries": [None, POLYGON]}, date="2020-12-01"), "feature 0: not a GeoJSON"),
+        ({"type": "Feature", "properties": None, "geometry": POLYGON}, "outline 0: no date"),
+        (feature(POLYGON, date=None), "outline 0: no date"),
+    ],
+)  # fmt: skip
+def test_null_in_geojson_is_named_and_never_python(tmp_path: Path, content: object, message: str) -> None:
+    (tmp_path / "o.geojson").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=message) as refusal:
+        read_observed(tmp_path / "o.geojson")
+    assert not re.search("None(Type)?\\b|iterable|subscript", str(refusal.value))
 
 
 def test_real_tables(shared: Path) -> None:
@@ -212,7 +242,7 @@ def test_an_outline_that_crosses_itself_is_refused_where_its_area_is_in_doubt(
 ) -> None:
     ring = [[(SQUARE[k][0] + east + 180.0) % 360.0 - 180.0, SQUARE[k][1]] for k in (*order, order[0])]
     with pytest.raises(
-        InputError, match=r"feature 0: an outline that crosses itself \(Self-intersection.*in their order"
+        InputError, match=r"outline 0: an outline that crosses itself \(Self-intersection.*in their order"
     ):
         read_observed(
             geojson(tmp_path / "o.json", feature({"type": "Polygon", "coordinates": [ring]}, date="2020-12-17"))

@@ -12,7 +12,7 @@ from fakes import FakeModel
 from riftberg import __version__
 from riftberg.diagnostics import summary as module
 from riftberg.diagnostics.summary import Stopwatch, summarize, write_summary
-from riftberg.runs.track import DailyTrack
+from riftberg.runs.tracks import DailyTrack
 
 
 @pytest.fixture

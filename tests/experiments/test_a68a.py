@@ -16,7 +16,7 @@ from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
 from riftberg.ocean.story import OWN, REFERENCE, StoryNumbers, StoryOcean, _path, stream
 from riftberg.runs.layout import forcing_title
 from riftberg.runs.model import Model
-from riftberg.runs.track import berg_position
+from riftberg.runs.tracks import berg_position
 
 DAY = 86400.0
 START = 9.0 + 13.0 / 24.0

@@ -99,6 +99,38 @@ def test_five_faults_are_told_at_once_each_with_its_line(tmp_path: Path) -> None
         assert words in line
 
 
+KEYS_ONCE = {
+    "bergs that are none": (f"bergs: [{', '.join(['1'] * 12)}]", "It has the keys radius, packing"),
+    "points of a rift that are none": (
+        f"berg: {{rectangle: {{length: 1e4, width: 1e4}}, placement: [-39, -55], rifts: {{points: [{', '.join(['1'] * 12)}]}}}}",
+        "Allowed: a list",
+    ),
+    "keys that are not known": (
+        "berg: {aaa: 1, bbb: 2, ccc: 3, placement: [-39, -55]}",
+        "Allowed here: radius, packing",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", KEYS_ONCE)
+def test_what_would_be_right_for_many_faults_is_said_once_at_the_end(case: str, tmp_path: Path) -> None:
+    """Ten bergs that were numbers had the nineteen keys of a berg ten times."""
+    bergs, keys = KEYS_ONCE[case]
+    told = refusal(written(tmp_path, f"{bergs}\ndays: 1\nstart: 2020-12-09\nforcing: {{kind: constant}}\n"))
+    assert told.count(keys) == 1
+    assert len(told) < 1500
+    faults = [line for line in told.splitlines() if line.startswith("  own.yaml") or "own.yaml, line" in line]
+    assert keys in [line for line in faults if keys in line or "berg" in line][-1]
+
+
+def test_a_hint_to_one_name_stays_with_its_fault(tmp_path: Path) -> None:
+    text = "berg: {thicknes: 1, radus: 2, ccc: 3, placement: [-39, -55]}\ndays: 1\nstart: 2020-12-09\nforcing: {kind: constant}\n"
+    told = refusal(written(tmp_path, text)).splitlines()
+    for name in ("thickness", "radius"):
+        assert sum(f"Did you mean '{name}'?" in line for line in told) == 1
+    assert sum("Allowed here:" in line for line in told) == 1
+
+
 def test_faults_of_settings_and_of_parameters_in_python_are_told_at_once() -> None:
     with pytest.raises(InputError) as caught:
         parse_settings(["stepping.time_stp=900", "ice.density=18 m", "fracture.normal_strength=20 kPa"])

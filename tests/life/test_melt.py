@@ -10,6 +10,7 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError, InputError
+from riftberg.life.ice_fronts import REACH
 from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, Parameters
@@ -58,7 +59,8 @@ def test_sides_melt_only_where_no_bond_covers_them_and_bases_everywhere() -> Non
     covered = body.bond_count
     assert covered.tolist() == [2, 3, 2, 3, 4, 3, 2, 3, 2]
     assert lost[4] == 0.0
-    assert lost[0] == pytest.approx(2.0 * lost[1], rel=1e-9) != 0.0
+    # The outline at a corner shortens while it moves: the front is the mean until it is drawn anew.
+    assert lost[0] == pytest.approx((2.0 - REACH) * lost[1], rel=1e-3) != 0.0
     assert (body.thickness < 200.0).all()
     np.testing.assert_array_equal(body.width, body.length)
     closes(model)

@@ -213,3 +213,13 @@ def test_each_run_stores_and_prints_it(tmp_path: Path) -> None:
     assert "dissipated" in told
     write_summary(summary, tmp_path / "summary.json")
     assert json.loads((tmp_path / "summary.json").read_text())["motion"]["kinetic_now"] == b.kinetic_now
+
+
+def test_a_run_file_has_no_variable_without_a_value(tmp_path: Path) -> None:
+    """In equilibrium bonds do not vibrate: their energies were there, without a value in all records."""
+    model = melting(melt={"enabled": False}, stepping={"scheme": "quasi_static"})
+    model.run(steps=4, output=tmp_path / "run.nc", every_hours=1.0)
+    with open_run(tmp_path / "run.nc") as run:
+        assert "kinetic_energy" in run
+        numbers = [name for name, v in run.variables.items() if v.dtype.kind == "f" and v.size]
+        assert not [name for name in numbers if np.isnan(run[name].values).all()]

@@ -13,7 +13,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import FieldRules, GriddedForcing, add_tidal_drift
-from riftberg.ocean.interpolation import sample_gridded
+from riftberg.ocean.interpolation import DepthAtPoint, sample_gridded
 from riftberg.state import Environment
 
 ENVIRONMENT = tuple(
@@ -29,7 +29,7 @@ def environment(e):
 def by_hand(grid, fields, e, rule=1):
     """Environment sampled straight from one state."""
     clean = without_gaps(fields, grid.arrays.mask)
-    sample_gridded(e, grid.arrays, clean, rule, 0.0, 0.0, 0.0, False, False)
+    sample_gridded(e, grid.arrays, clean, DepthAtPoint(rule, 0.0, 0.0, False), 0.0, False)
     return environment(e)
 
 
@@ -137,7 +137,7 @@ def test_drift_near_land_is_added(scene):
     """Coastal and tidal drift of the forcing equal those of the kernels."""
     grid, states, e = scene
     clean = without_gaps(states[0], grid.arrays.mask)
-    sample_gridded(e, grid.arrays, clean, 0, 0.0, 0.0, 0.4, False, False)
+    sample_gridded(e, grid.arrays, clean, DepthAtPoint(0, 0.0, 0.0, False), 0.4, False)
     add_tidal_drift(e, grid.arrays, clean.ssh, 0.3)
     expected = environment(e).copy()
     GriddedForcing(grid, states[0], rules=FieldRules(depth_rule="cell", coastal_drift=0.4, tidal_drift=0.3)).sample(

@@ -13,6 +13,7 @@ from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
     DEPTH_ZONE,
+    DepthAtPoint,
     blend_around,
     sample_gridded,
     zone_depth,
@@ -28,7 +29,7 @@ SAMPLED = (
 
 def sampled(grid, fields, elements, *, rule=DEPTH_OF_CELL, zone=(0.0, 0.0), coastal=0.0, mirrored=False, even=False):
     """Sample with defaults and return the elements."""
-    sample_gridded(elements, grid.arrays, fields, rule, *zone, coastal, mirrored, even)
+    sample_gridded(elements, grid.arrays, fields, DepthAtPoint(rule, *zone, even), coastal, mirrored)
     return elements
 
 

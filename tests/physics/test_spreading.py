@@ -33,13 +33,12 @@ def covered(grid: Grid, lon, lat, shape, length, width, angle):
     e.lon[:], e.lat[:] = lon, lat
     grid.locate(e)
     one = np.ones(1)
+    bergs = spreading.Footprints(e.lon, e.lat, e.cell_i, e.cell_j, shape, length * one, width * one, angle * one)
+    on = spreading.Cells(g.lon, g.lat, g.mask, g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period)
     room = 64
     while True:
         first, cells, part = np.zeros(2, np.int64), np.zeros(room, np.int64), np.zeros(room)
-        count = spreading.cover_all(
-            e.lon, e.lat, e.cell_i, e.cell_j, shape, length * one, width * one, angle * one, g.lon, g.lat, g.mask,
-            g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period, first, cells, part,
-        )  # fmt: skip
+        count = spreading.cover_all(bergs, on, first, cells, part)
         if count <= room:
             break
         room = count

@@ -297,6 +297,18 @@ def test_letters_where_numbers_belong_are_refused(run: tuple[FakeModel, Path], t
         open_run(tmp_path / "bad.nc")
 
 
+@pytest.mark.parametrize("ids", ["letters", "real numbers", "twice the same"])
+def test_identifiers_that_are_none_are_refused(run: tuple[FakeModel, Path], tmp_path: Path, ids: str) -> None:
+    """A film was drawn of elements whose identifiers were letters."""
+    ds = xr.load_dataset(run[1], decode_times=False).drop_encoding()
+    size = ds.sizes["trajectory"]
+    wrong = {"letters": np.full(size, b"x", dtype="S1"), "real numbers": np.arange(size) + 0.5,
+             "twice the same": np.zeros(size, int)}[ids]  # fmt: skip
+    ds.assign_coords(trajectory=("trajectory", wrong, {"cf_role": "trajectory_id"})).to_netcdf(tmp_path / "bad.nc")
+    with pytest.raises(InputError, match="variable trajectory: identifiers are whole numbers"):
+        open_run(tmp_path / "bad.nc")
+
+
 @pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("path", ["", ".", "/"])
 def test_an_output_without_a_name_is_refused(path: str) -> None:

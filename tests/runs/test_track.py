@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fakes import FakeModel
 from riftberg.plane import OrthographicPlane
-from riftberg.runs.track import (
+from riftberg.runs.tracks import (
     DailyTrack,
     berg_position,
     long_axis,

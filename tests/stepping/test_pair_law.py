@@ -9,6 +9,7 @@ from riftberg.compiled.kernels import plain
 from riftberg.state import new_elements
 from riftberg.state.neighbours import OTHER_BERG, find_pairs, no_pairs
 from riftberg.stepping.forces.pair_law import (
+    Mover,
     NeighbourLists,
     PairLaw,
     allocate_contact_table,
@@ -54,6 +55,6 @@ def test_contact_found_once_gives_the_sums_of_the_pair_law(changes: dict[str, fl
     assert 60 < table.start[-1] < pairs.partner.size
     for e in range(60):
         at = el.u[e], el.v[e], el.u[e] + 0.1, el.v[e] - 0.2
-        want = plain(interaction_terms)(e, el.lon[e], el.lat[e], *at, partners, False, False, view, law)
+        want = plain(interaction_terms)(e, Mover(el.lon[e], el.lat[e], *at), partners, False, False, view, law)
         got = plain(contact_terms)(e, *at, table, el.u_pair, el.v_pair, law.by_speed)
         assert tuple(got) == tuple(want)

@@ -18,13 +18,14 @@ from matplotlib.image import imread
 from fakes import FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Box
-from riftberg.viz import panels as basemap
+from riftberg.viz import coast as basemap
 from riftberg.viz.animate import write_film
 from riftberg.viz.map import draw_map
 from riftberg.viz.plots import draw_dates
 
 SQUARE = [(-38.9, -54.95), (-38.5, -54.95), (-38.5, -54.8), (-38.9, -54.8), (-38.9, -54.95)]
 LAKE = [(-38.8, -54.9), (-38.8, -54.85), (-38.7, -54.85), (-38.7, -54.9), (-38.8, -54.9)]
+SOUTH_GEORGIA = Box(-38.4, -35.6, -55.0, -53.9)
 CLOSE = Box(-39.5, -38.0, -55.2, -54.6)
 
 
@@ -104,19 +105,13 @@ def test_land_with_its_lake_is_drawn_from_the_local_file_and_the_extent_stays(da
     assert part_in(data / "land.png", basemap.LAND) == pytest.approx(expected, rel=0.15)
 
 
-def test_pictures_show_the_coast_where_it_is_there_and_are_plain_otherwise(
-    data: Path, run: xr.Dataset, tmp_path: Path
-) -> None:
-    draw_map(run, tmp_path / "plain.png", dpi=60)
-    draw_dates(run, tmp_path / "plain-dates.png", dpi=60)
+def test_pictures_show_the_coast_where_there_is_one(data: Path, run: xr.Dataset, tmp_path: Path) -> None:
     write_layer(data, "land", SQUARE)
     forget()
     draw_map(run, tmp_path / "map.png", dpi=60)
     draw_dates(run, tmp_path / "dates.png", dpi=60)
     write_film(run, tmp_path / "film.gif", hours=24, dpi=50)
     for name in ("map", "dates"):
-        plain = tmp_path / ("plain.png" if name == "map" else "plain-dates.png")
-        assert part_in(plain, basemap.LAND) == 0.0
         assert part_in(tmp_path / f"{name}.png", basemap.LAND) > 0.005
     from PIL import Image
 
@@ -125,15 +120,46 @@ def test_pictures_show_the_coast_where_it_is_there_and_are_plain_otherwise(
     assert (np.abs(pixels - to_rgb(basemap.LAND)).sum(axis=1) < 0.05).mean() > 0.005
 
 
-def test_without_cartopy_or_its_files_the_map_is_plain(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not basemap.draw_coast(axes(CLOSE), CLOSE)
+def test_without_cartopy_or_its_files_the_coast_of_the_package_is_drawn(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert basemap.draw_coast(axes(SOUTH_GEORGIA), SOUTH_GEORGIA)
     write_layer(data, "land", SQUARE)
     forget()
+    (polygon, _), *more = basemap.coast_in(Box(-39.5, -38.0, -55.2, -53.5))[0]
+    assert not more  # that of cartopy is drawn alone
+    assert polygon.area == pytest.approx(0.4 * 0.15)
     for name in [n for n in sys.modules if n == "cartopy" or n.startswith("cartopy.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "cartopy", None)
-    assert basemap.natural_earth("10m", "land") is None
-    assert not basemap.draw_coast(axes(CLOSE), CLOSE)
+    forget()
+    assert basemap.natural_earth("land") is None
+    assert basemap.draw_coast(axes(SOUTH_GEORGIA), SOUTH_GEORGIA)
+
+
+def test_the_coast_of_the_package_is_where_the_land_is(data: Path) -> None:
+    """South Georgia with its area of 3,500 km2, an ice shelf, and open sea."""
+    areas, lines = basemap.coast_in(SOUTH_GEORGIA)
+    km2 = sum(part.area for part, _ in areas) * 111.2**2 * np.cos(np.radians(54.4))
+    assert km2 == pytest.approx(3500.0, rel=0.1)
+    assert lines
+    ronne = basemap.coast_in(Box(-62.0, -48.0, -78.5, -76.0))[0]
+    assert sum(part.area for part, colour in ronne if colour == basemap.SHELF) > 15.0
+    assert basemap.coast_in(Box(-41.0, -39.5, -57.0, -56.0)) == ([], [])
+
+
+@pytest.mark.parametrize(("box", "cut"), [((-80.0, -50.0, -45.0, -25.0), -35.0), ((-10.0, 20.0, 30.0, 50.0), 40.0)])
+def test_cuts_of_the_package_are_no_coasts(data: Path, box: tuple[float, ...], cut: float) -> None:
+    for line in basemap.coast_in(Box(*box))[1]:
+        y = np.asarray(line.coords)[:, 1]
+        assert not ((np.abs(y[1:] - cut) < 0.01) & (np.abs(y[:-1] - cut) < 0.01)).any()
+
+
+def test_neither_date_line_nor_pole_are_coasts(data: Path) -> None:
+    for line in basemap.coast_in(Box(150.0, 210.0, -90.0, -60.0))[1]:
+        x, y = np.asarray(line.coords).T
+        assert y.min() > -89.9
+        assert not ((np.abs(x[1:] - 180.0) < 0.005) & (np.abs(x[:-1] - 180.0) < 0.005)).any()
 
 
 def test_a_run_in_metres_has_no_coast(data: Path) -> None:
@@ -153,17 +179,6 @@ def test_the_coastline_layer_replaces_the_edges_of_the_land(data: Path) -> None:
     write_layer(data, "coastline", SQUARE[:3], lines=True)  # as the continent, whose edge at 180 degrees is no shore
     _, lines = basemap.coast_in(CLOSE)
     assert sum(line.length for line in lines) == pytest.approx(0.4 + 0.15)
-
-
-def test_the_finest_coast_is_taken_and_a_coarse_one_not_on_a_close_map(data: Path) -> None:
-    write_layer(data, "land", SQUARE, resolution="110m")
-    assert basemap.coast_in(CLOSE) == ([], [])
-    wide = Box(-60.0, -20.0, -65.0, -50.0)
-    assert len(basemap.coast_in(wide)[0]) == 1
-    write_layer(data, "land", SQUARE, LAKE, resolution="50m")
-    forget()
-    assert len(basemap.coast_in(wide)[0][0][0].interiors) == 1
-    assert basemap.coast_in(CLOSE) == ([], [])
 
 
 def test_a_continent_is_cut_outside_of_the_map(data: Path) -> None:

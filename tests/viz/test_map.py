@@ -194,3 +194,8 @@ def test_labels_never_overlap() -> None:
     assert 0 < sum(placed) < 12
     boxes = [text.get_window_extent() for text in ax.texts]
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_a_notebook_shows_the_figure_without_pyplot(run: tuple[FakeModel, xr.Dataset]) -> None:
+    """Bug: a kernel that had not imported pyplot showed ``<Figure size ...>``; IPython asks objects for a picture."""
+    assert draw_map(run[1], dpi=30)._repr_png_().startswith(b"\x89PNG")

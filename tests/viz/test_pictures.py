@@ -78,7 +78,7 @@ DRAWN: dict[str, Callable[[xr.Dataset, xr.Dataset, Path], object]] = {
     "dates": lambda run, beam, path: plots.draw_dates(run, path, dpi=60),
     "stress": lambda run, beam, path: plots.draw_stress(run, path, dpi=60),
     "damage": lambda run, beam, path: plots.draw_damage(run, path, dpi=60),
-    "timeline": lambda run, beam, path: plots.draw_timeline(run, path, dpi=60),
+    "timeline": lambda run, beam, path: plots.draw_fragments(run, path, dpi=60),
     "why": lambda run, beam, path: draw_reasons(explain(run), path, dpi=60),
     "score": lambda run, beam, path: draw_score(scored(), path, dpi=60),
     "theory": lambda run, beam, path: draw_beam(beam, path, case=BEAM, dpi=60),

@@ -259,6 +259,7 @@ def _joined_elements(bergs: Sequence[BondedBerg]) -> Any:
     """Return all elements, with identifiers and pieces numbered on."""
     arrays = [berg.elements.arrays() for berg in bergs]
     whole = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
+    # Pieces are numbered on from those of the bergs before.
     before = np.cumsum([0, *(int(berg.elements.berg.max(initial=0)) for berg in bergs)])
     whole["berg"] = np.concatenate([berg.elements.berg + n for berg, n in zip(bergs, before, strict=False)])
     whole["id"] = np.arange(1, whole["id"].size + 1)
@@ -269,6 +270,7 @@ def _joined_bonds(bergs: Sequence[BondedBerg]) -> Bonds:
     """Return all bonds, between the rows of all elements."""
     arrays = [berg.bonds.arrays() for berg in bergs]
     whole = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
+    # Ends of bonds are rows, which move by the elements of the bergs before.
     before = np.cumsum([0, *(berg.elements.size for berg in bergs)])
     for end in ("first", "second"):
         whole[end] = np.concatenate([part[end] + n for part, n in zip(arrays, before, strict=False)])

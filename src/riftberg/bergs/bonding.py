@@ -20,6 +20,7 @@ from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
+from riftberg.state.variables import THICKEST
 from riftberg.system.input_files import value_shown
 from riftberg.system.limits import check_elements
 
@@ -111,6 +112,7 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     lon, lat = elements.place.lon, elements.place.lat
     near = find_pairs(lon, lat, elements.body.berg, reach, ANY, metric.latlon, metric.radius, metric.period)
     first, second = np.repeat(np.arange(size), np.diff(near.start)), near.partner
+    # The search lists each pair from both ends.
     once = first < second
     first, second = first[once], second[once]
     dx, dy = separations(metric, lon[first], lat[first], lon[second], lat[second])
@@ -118,9 +120,6 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     joined = distance < reaches[first] + reaches[second]
     return first[joined], second[joined], distance[joined]
 
-
-THICKEST = 5000.0
-"""Thickness (m) that no ice on Earth has; what is above it is a fill value or a slip of units."""
 
 OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""

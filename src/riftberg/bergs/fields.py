@@ -104,6 +104,7 @@ def places(
         raise BergError(
             f"area {list(box)}", where="Iceberg.field", remedy="Give west, east, south and north, the smaller one first"
         )
+    # The largest first: they find no place once small ones stand everywhere.
     order = np.argsort(-radius, kind="stable")
     lon, lat = np.full(radius.size, np.nan), np.full(radius.size, np.nan)
     for n, k in enumerate(order):
@@ -129,5 +130,6 @@ def _drawn(
     x, share = west + (east - west) * random.random(), random.random()
     if not latlon:
         return x, south + (north - south) * share
+    # The area of a belt grows with the sine of latitude.
     low, high = np.sin(south * DEGREE), np.sin(north * DEGREE)
     return x, float(np.arcsin(low + (high - low) * share) / DEGREE)

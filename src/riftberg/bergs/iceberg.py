@@ -231,6 +231,7 @@ class Iceberg(BondedBerg):
             *plane_of.inverse(lattice.x, lattice.y),
             read_raster,
         )
+        # The berg turns about the centroid of the ice, not about the origin of the plane it was filled on.
         cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
         x, y = turned(lattice.x - cx, lattice.y - cy, settings.rotation)
         settings = settings.model_copy(
@@ -502,6 +503,7 @@ class Iceberg(BondedBerg):
         berg = cls._of_points(lon, lat, settings)
         if settings.conformal and len(berg.bonds.first):
             rest = np.full(len(berg.bonds.first), 2.0 * berg.radius)
+            # Bonds are known only once the points are placed; then these move until no bond is strained.
             lon, lat = relax(lon, lat, berg.bonds.first, berg.bonds.second, rest, Metric(True, settings.earth_radius))
             berg = cls._of_points(lon, lat, settings)
         return berg._reported(report)._within(outline, plane.inverse)

@@ -90,6 +90,7 @@ def lattice_points(
     """
     x0, y0, x1, y1 = bounds
     dx, dy = pitch(radius, packing)
+    # From before the corner, since an offset or the slant of a hexagonal lattice may bring such a point inside.
     columns = np.arange(-1, math.ceil((x1 - x0) / dx) + 1)
     rows = np.arange(-2, math.ceil((y1 - y0) / dy) + 1)
     column, row = (a.ravel() for a in np.meshgrid(columns, rows, indexing="ij"))
@@ -97,6 +98,7 @@ def lattice_points(
     x = first_x + column * dx + offset[0] * dx
     y = radius + row * dy + offset[1] * dy
     if packing == "hexagonal":
+        # Every other column of a hexagonal lattice stands half an element higher.
         y = y + (column % 2) * radius
     inside = (x > 0) & (x < x1 - x0) & (y > 0) & (y < y1 - y0)
     places = (np.asarray(x0 + x, np.float64), np.asarray(y0 + y, np.float64))
@@ -181,6 +183,7 @@ def _with_area_of(
     if abs(start) < 1e-9:
         return lattice, radius
     inner, many, away = radius, len(lattice), -STRETCH_STEP if start > 0.0 else STRETCH_STEP
+    # Step by step first: area over radius is a saw, and bisection from far away would end at another tooth.
     for k in range(1, round(MOST_STRETCH / STRETCH_STEP) + 1):
         outer = radius * (1.0 + k * away)
         few = len(_filled(region, outer, packing, shift, angle))
@@ -189,10 +192,12 @@ def _with_area_of(
         inner, many = outer, few
     else:
         return lattice, radius
+    # Forty halvings of a step of 0.5 % leave a ten thousand millionth of the radius.
     for _ in range(40):
         if many == few:
             fitting = math.sqrt(region.area / (many * element_area(1.0, packing)))
             fitted = _filled(region, fitting, packing, shift, angle)
+            # Between two teeth the number of elements stays, and the radius follows from the area.
             if len(fitted) == many:
                 return fitted, fitting
         middle = 0.5 * (inner + outer)
@@ -231,6 +236,7 @@ def _misfit(lattice: Lattice, region: Region, radius: float, packing: Packing) -
 def along(lattice: Lattice) -> Lattice:
     """Sort elements so that bonded neighbours are close in memory: across the short side first."""
     wide = np.ptp(lattice.x) >= np.ptp(lattice.y)
+    # Bonded neighbours are then at most one short side apart, and lie in the cache together.
     order = np.lexsort((lattice.row, lattice.column) if wide else (lattice.column, lattice.row))
     return lattice.where(order)
 
@@ -252,6 +258,7 @@ def cells_region(column: Ints, row: Ints, side: float) -> Region:
     def inside(x: Floats, y: Floats) -> Booleans:
         i = np.clip(np.floor(x / side).astype(np.int64), -1, held.shape[0])
         j = np.clip(np.floor(y / side).astype(np.int64), -1, held.shape[1])
+        # A rim of empty cells: indices beyond the table, clipped to it, find nothing there.
         padded = np.pad(held, 1)
         there: Booleans = padded[i + 1, j + 1]
         return there
@@ -276,6 +283,7 @@ def cells_of_rows(rows: list[tuple[int, int, int]]) -> tuple[Ints, Ints]:
                 remedy="Write (row, first column, last column) with 0 <= first <= last",
             )
     check_elements(sum(last - first + 1 for _, first, last in rows), where="table of rows", kind=BergError)
+    # The table of cells is as large as its box; a single far entry would ask for gigabytes.
     box = (1 + max(last for _, _, last in rows)) * (1 + max(row for row, _, _ in rows))
     check_elements(box / _SPARSE, where="table of rows", kind=BergError)
     column = np.concatenate([np.arange(first, last + 1) for _, first, last in rows])

@@ -56,6 +56,7 @@ class Feature:
 
 def polygon(shell: Any, holes: list[Any], where: str) -> Any:
     """Return a shapely polygon of a shell and holes, or say what is wrong with its vertices."""
+    # Each ring by itself first: shapely names neither the file nor the ring.
     rings = [_ring(ring, where) for ring in (shell, *holes)]
     return shapely.Polygon(rings[0], rings[1:])
 
@@ -76,6 +77,7 @@ def _ring(ring: Any, where: str) -> Any:
         )
     if not np.isfinite(vertices).all():
         raise BergError("vertices that are not numbers", where=where, remedy="Remove them")
+    # Heights and measures, as of KML, say nothing about an outline on the sea.
     return vertices[:, :2]
 
 
@@ -127,17 +129,22 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
         features = data.get("features", [])
         if not isinstance(features, list) or not all(isinstance(f, dict) for f in features):
             raise BergError("its features are no list of features", where=where, remedy=_RFC)
-        items = [(f.get("geometry"), f.get("properties") or {}) for f in features]
-    elif data.get("type") == "Feature":
-        items = [(data.get("geometry"), data.get("properties") or {})]
     else:
-        items = [(data, {})]
-    try:
-        return [Feature(shape(g), dict(p)) for g, p in items if _holds_anything(g)], crs
-    except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
-        raise BergError("not a GeoJSON geometry: members or numbers are missing", where=where, remedy=_RFC) from error
-    except (ValueError, shapely.errors.ShapelyError) as error:
-        raise BergError(f"not a GeoJSON geometry ({error})", where=where, remedy=_RFC) from error
+        features = [data if data.get("type") == "Feature" else {"geometry": data}]
+    found = []
+    for number, feature in enumerate(features):
+        place = f"{where}, feature {number}"
+        try:
+            # Tools of mapping write features without a geometry for rows that were never drawn; these are skipped.
+            if _holds_anything(feature.get("geometry")):
+                found.append(Feature(shape(feature["geometry"]), dict(feature.get("properties") or {})))
+        except (KeyError, TypeError, AttributeError) as error:  # their texts speak of Python
+            raise BergError(
+                "not a GeoJSON geometry: members or numbers are missing", where=place, remedy=_RFC
+            ) from error
+        except (ValueError, shapely.errors.ShapelyError) as error:
+            raise BergError(f"not a GeoJSON geometry ({error})", where=place, remedy=_RFC) from error
+    return found, crs
 
 
 _RFC = "Write GeoJSON as in RFC 7946"
@@ -188,6 +195,7 @@ def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
         features = [
             Feature(shape(item.shape.__geo_interface__), dict(item.record.as_dict()))
             for item in reader.iterShapeRecords()
+            # Shapes of kind 0 are null shapes.
             if item.shape.shapeType != 0
         ]
     geographic = crs is not None and crs.lstrip().upper().startswith(("GEOGCS", "GEOGCRS"))
@@ -239,7 +247,7 @@ def select_outline(
     features: list[Feature], *, where: str, feature: int | str | None = None, date: str | None = None
 ) -> Feature:
     """Choose the one polygon feature that is meant."""
-    polygons = [Feature(area, f.properties) for f in features if (area := _polygons_joined(f.geometry)) is not None]
+    polygons = [Feature(area, f.properties) for f in features if (area := polygons_joined(f.geometry)) is not None]
     chosen = polygons
     if isinstance(feature, int):
         chosen = polygons[feature : feature + 1] if feature >= 0 else []
@@ -266,7 +274,7 @@ def _parts(geometry: Any) -> Iterator[Any]:
         yield geometry
 
 
-def _polygons_joined(geometry: Any) -> Any:
+def polygons_joined(geometry: Any) -> Any:
     """Return the polygons of a geometry as one, None if it has none."""
     if geometry.geom_type in ("Polygon", "MultiPolygon"):
         return geometry

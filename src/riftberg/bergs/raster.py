@@ -63,7 +63,7 @@ class Raster:
         with np.errstate(invalid="ignore"):
             return np.where(weight > 0, total / weight, np.nan)
 
-    def heaviest(self, lon: Floats, lat: Floats) -> Floats:
+    def of_largest_weight(self, lon: Floats, lat: Floats) -> Floats:
         """Return the value of that of the four points around that weighs most and is no gap; NaN without any."""
         best, weight = np.full(np.shape(lon), np.nan), np.zeros(np.shape(lon))
         for value, share in self._corners(lon, lat):
@@ -75,11 +75,13 @@ class Raster:
         """Yield values and bilinear weights of the four points around; no weight outside."""
         if self.crs is not None:
             lon, lat = projection(self.crs).transform(lon, lat)
+        # Degrees, by their range: points are brought to the branch about the middle of the grid.
         elif self.lon[-1] - self.lon[0] <= 360 and abs(self.lon).max() <= 540:
             middle = 0.5 * (self.lon[0] + self.lon[-1])
             lon = middle + (lon - middle + 180) % 360 - 180
         i, a, in_lon = _bracket(self.lon, lon)
         j, b, in_lat = _bracket(self.lat, lat)
+        # Gaps are left to the callers: a mean without them, or the one that weighs most.
         for dj, wj in ((0, 1 - b), (1, b)):
             for di, wi in ((0, 1 - a), (1, a)):
                 yield self.values[j + dj, i + di], wi * wj * (in_lon & in_lat)
@@ -97,6 +99,7 @@ def unbroken(raster: Raster, there: Booleans) -> Raster:
     ``raster``: longitudes in degrees.
     """
     lon = np.sort(raster.lon[there.any(axis=0)])
+    # The last gap is that over the seam, where the axis may be cut without a change.
     gaps = np.append(np.diff(lon), lon[0] + 360.0 - lon[-1])
     k = int(np.argmax(gaps))
     if raster.crs is not None or k == len(gaps) - 1:
@@ -131,6 +134,7 @@ def unprojected(raster: Raster, there: Booleans) -> Raster:
     lons, lats = to_lonlat(np.array([x, x + dx, x]), np.array([y, y, y + dy]))
     narrow = math.cos(lats[0] * DEGREE)
     step = 0.5 * float(np.hypot(((lons[1:] - lons[0] + 180) % 360 - 180) * narrow, lats[1:] - lats[0]).min())
+    # Not finer than the largest number of cells allows.
     step = max(step, math.sqrt(np.ptp(lon) * narrow * np.ptp(lat) / _MOST_CELLS))
     fine_lon = np.arange(lon.min() - 2 * step / narrow, lon.max() + 2 * step / narrow, step / narrow)
     fine_lat = np.arange(lat.min() - 2 * step, lat.max() + 2 * step, step)
@@ -259,6 +263,7 @@ def _check_grid(lon: Floats, lat: Floats, values: Floats, where: str) -> None:
                 f"a {name} that is no number, or stands twice", where=where, remedy=f"Give every {name} once, in order"
             )
     with np.errstate(invalid="ignore"):
+        # xarray has turned fill values that the file declares into NaN; what is left of their size was not declared.
         odd = np.isinf(values) | (np.abs(values) >= _FILL)
     if odd.any():
         raise BergError(
@@ -296,6 +301,7 @@ def read_band(path: Path, variable: str | None = None) -> tuple[Floats, Floats, 
     where = f"{path}, band {band}"
     if system is None or transform.is_identity:
         raise BergError("no coordinates", where=where, remedy="Write a GeoTIFF with transform and coordinate system")
+    # Terms that mix rows and columns: then no row has one latitude.
     if transform.b or transform.d:
         raise BergError("a turned grid", where=where, remedy="Warp it to a grid along its coordinates")
     if not np.isfinite(list(transform)[:6]).all() or not transform.a or not transform.e:

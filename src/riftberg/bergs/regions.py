@@ -120,7 +120,7 @@ def mask_region(
     numbered = replace(mask, values=numbers)
 
     def piece(x: Floats, y: Floats) -> Ints:
-        return np.nan_to_num(numbered.heaviest(*plane.inverse(x, y))).astype(np.int64)
+        return np.nan_to_num(numbered.of_largest_weight(*plane.inverse(x, y))).astype(np.int64)
 
     x, y = plane.forward(lon[there], lat[there])
     middle = (float(np.average(x, weights=cell[there])), float(np.average(y, weights=cell[there])))

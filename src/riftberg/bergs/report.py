@@ -130,8 +130,10 @@ def principal_axes(berg: BondedBerg) -> tuple[float, float, float]:
     lon, lat = berg.centroid
     centre = np.full_like(e.lon, lon), np.full_like(e.lat, lat)
     x, y = separations(Metric(berg.latlon, berg.earth_radius), e.lon, e.lat, *centre)
+    # The angle that makes the mixed second moment 0.
     angle = 0.5 * np.arctan2(2.0 * np.mean(x * y), np.mean(x * x) - np.mean(y * y))
     along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
+    # From rim to rim: the extremes are those of centres.
     size = 2.0 * berg.radius
     return float(np.ptp(along)) + size, float(np.ptp(across)) + size, float((90.0 - np.degrees(angle)) % 180.0)
 
@@ -152,6 +154,7 @@ def portrait(elements: Elements, *, latlon: bool, hexagonal: bool) -> str:
         return ""
     stride = -(-elements.size // MOST_DRAWN)
     x, y = _metres(elements, latlon)
+    # Where only every n-th is drawn, each stands for the area of n.
     half = 0.5 * np.sqrt(elements.length * elements.width) * np.sqrt(stride)
     low_x, high_x = float((x - half).min()), float((x + half).max())
     low_y, high_y = float((y - half).min()), float((y + half).max())

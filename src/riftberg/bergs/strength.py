@@ -18,9 +18,7 @@ from riftberg.bergs.raster import Raster, is_map, read_raster
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.state import Bonds, Elements, Floats, Ints
-
-GONE = 2
-"""Status of a bond that no longer exists (`riftberg.state`)."""
+from riftberg.state.variables import GONE
 
 
 def crossed_by_lines(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bool) -> Booleans:
@@ -31,6 +29,8 @@ def crossed_by_lines(elements: Elements, bonds: Bonds, lines: Iterable[Any], lat
     ``lines``: each of shape (n, 2): longitude and latitude (m on a Cartesian grid).
     """
     lon0, lat0 = (float(a.mean()) for a in (elements.lon, elements.lat))
+    # In plane coordinates about the middle of the berg: whether lines cross does not depend on the scale, but on the
+    # shape.
     squeeze = math.cos(lat0 * DEGREE) if latlon else 1.0
     x, y = (elements.lon - lon0) * squeeze, elements.lat - lat0
     ax, ay, bx, by = x[bonds.first], y[bonds.first], x[bonds.second], y[bonds.second]
@@ -40,6 +40,7 @@ def crossed_by_lines(elements: Elements, bonds: Bonds, lines: Iterable[Any], lat
         px, py = (np.mod(east + 180, 360) - 180 if latlon else east) * squeeze, line[:, 1] - lat0
         for k in range(len(line) - 1):
             c, d = (px[k], py[k]), (px[k + 1], py[k + 1])
+            # Two segments cross where each has its ends on different sides of the other.
             ends_apart = _left(*c, *d, ax, ay) != _left(*c, *d, bx, by)
             crossed |= ends_apart & (_left(ax, ay, bx, by, *c) != _left(ax, ay, bx, by, *d))
     return crossed
@@ -54,6 +55,7 @@ def crossed_by_mask(elements: Elements, bonds: Bonds, mask: Raster, threshold: f
     """Return which bonds run through cells of a rift mask; each bond is probed at nine points along it."""
     crossed = np.zeros(len(bonds.first), dtype=bool)
     i, j = bonds.first, bonds.second
+    # A rift may be narrower than a bond is long, but not than an eighth of it.
     for part in np.linspace(0.0, 1.0, 9):
         lon = (1 - part) * elements.lon[i] + part * elements.lon[j]
         lat = (1 - part) * elements.lat[i] + part * elements.lat[j]
@@ -179,6 +181,7 @@ def scatter(size: int, distribution: Distribution, *, shape: float | None, sprea
     if distribution != "normal":
         raise BergError(f"distribution {distribution!r}", where="strength", remedy=f"Use {', '.join(DISTRIBUTIONS)}")
     values = generator.normal(1.0, spread, size)
+    # Drawn anew, not cut off: a cut at 0 would leave bonds without strength.
     while (low := values <= 0).any():
         values[low] = generator.normal(1.0, spread, int(low.sum()))
     return values

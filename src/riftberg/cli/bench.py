@@ -95,11 +95,11 @@ def _scaled(sizes: list[int], days: float, options: Options) -> Iterator[dict[st
 
 def line(row: dict[str, Any]) -> str:
     """Return a measurement in one line."""
-    memory = f"{row['memory_mb']:.0f} MB" if row["memory_mb"] is not None else "memory unknown"
+    room = f"{row['memory_mb']:.0f} MB" if row["memory_mb"] is not None else "memory unknown"
     ratio = f" = {row['relative_to_yardstick']:.2f} yardsticks" if row["relative_to_yardstick"] else ""
     return (
         f"{row['experiment']}: {row['elements']} elements, {row['bonds']} bonds, {row['scheme']} with "
         f"{row['time_step']:g} s, {row['seconds_per_day']:.3g} s per day"
         f"{ratio} (yardstick {row['yardstick_seconds_per_day']:.3g} s), "
-        f"first step {row['compile_seconds']:.3g} s, {memory}"
+        f"first step {row['compile_seconds']:.3g} s, {room}"
     )

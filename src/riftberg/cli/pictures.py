@@ -177,7 +177,7 @@ def _drawn(
     if name == "map":
         return maps.draw_map(run, path, observed=shown, dpi=dpi)
     if name == "timeline":
-        return plots.draw_timeline(run, path, dpi=dpi)
+        return plots.draw_fragments(run, path, dpi=dpi)
     if name == "dates":
         return plots.draw_dates(run, path, dates=when, observed=shown, dpi=dpi)
     draw = plots.draw_stress if name == "stress" else plots.draw_damage

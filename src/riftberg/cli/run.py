@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
     from riftberg.model import Recorder
     from riftberg.runs.model import Model
-    from riftberg.runs.track import DailyTrack
+    from riftberg.runs.tracks import DailyTrack
 
 RESULTS: Final = ("run.nc", "summary.json", "map.png", "bergs-monthly.nc", "bergs-instantaneous.nc")
 """Files that a run may write into its folder."""
@@ -338,7 +338,7 @@ class Session:
         from riftberg.runs.model import StateKeeper
         from riftberg.runs.progress import ProgressRecorder
         from riftberg.runs.run_file import RunWriter
-        from riftberg.runs.track import DailyTrack
+        from riftberg.runs.tracks import DailyTrack
 
         remaining = days - self.model.time / 86400.0
         self.track, self.stopwatch = DailyTrack(), Stopwatch()
@@ -386,6 +386,7 @@ class Session:
         """Return the recorder of fresh water, heat and mass on cells."""
         from riftberg.coupling.gridded import GridRecorder
 
+        # Cells are written daily, or as often as the run is recorded where that is less.
         hours = max(24.0, every_hours)
         recorder = GridRecorder(self.folder / "bergs", width, every_hours=hours, goes_on=self.goes_on)
         self.gridded = [recorder.path.with_name(name) for name in recorder.names()]

@@ -39,9 +39,11 @@ class SharedFiles(IndexDataCacheFile):
 
     def save(self, key: Any, data: Any) -> None:
         """Keep machine code under a key."""
+        # From reading the index to writing it nobody else may take a number.
         with _alone(f"{self._index_path}.lock"):
             known = self._load_index()
             name = known.get(key) or self._new_name()
+            # The code before the index: a process that dies in between leaves a file that nothing names.
             self._save_data(name, data)
             if key not in known:
                 self._save_index({**known, key: name})

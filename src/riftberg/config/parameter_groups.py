@@ -18,7 +18,9 @@ from riftberg.system.input_files import value_shown
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 Elasticity = Literal["bonds", "cells"]
-GroundingLaw = Literal["linear", "quadratic"]
+GroundingLaw = Literal["linear", "quadratic", "seabed"]
+Sediment = Literal["rock", "sand", "clay", "other"]
+DeepKeel = Literal["refuse", "settle"]
 Criterion = Literal["bond", "averaged", "ice", "toughness"]
 Packing = Literal["square", "hexagonal"]
 MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
@@ -112,13 +114,14 @@ class Drag(Group):
 
 
 class Grounding(Group):
-    """Drag of the sea floor on an element whose keel touches it."""
+    """The sea floor on which keels run aground: a drag (linear, quadratic), or a bed of sediment that carries them (seabed)."""
 
     law: GroundingLaw = quantity(
         "linear",
         "",
-        "linear in speed, or quadratic: with the square of the speed and the draft in excess of the depth",
-        "equations 4.1; quadratic: Riftberg",
+        "linear in speed, quadratic: with the square of the speed and the draft in excess of the depth, or seabed: a bed that "
+        "carries the berg and holds it by friction",
+        "equations 4.1; quadratic, seabed: Riftberg",
     )
     coefficient: float = quantity(
         1e4,
@@ -142,6 +145,38 @@ class Grounding(Group):
         True, "", "apply the sub-step drag implicitly (explicit needs c_g A dt_f / m < 2)", "Riftberg"
     )
     torque: bool = quantity(False, "", "sea floor also damps rotation", "equations 6.4 3c use_grounding_torque")
+    sediment: Sediment = quantity(
+        "sand", "", "bed of the law seabed, which sets what is left out below; other needs all of it", "Riftberg"
+    )
+    stiffness: float | None = quantity(
+        None, "Pa m-1", "k_v, stiffness of the bed: 1e9 rock, 1e7 sand, 1e6 clay", "order of Terzaghi 1955", gt=0
+    )
+    bearing_strength: float | None = quantity(
+        None,
+        "Pa",
+        "q_u, pressure at which the bed yields and a gouge deepens: 1e7 rock (that of ice), 1e6 sand, six times the shear "
+        "strength on clay",
+        "handbook soil mechanics",
+        gt=0,
+    )
+    friction: float | None = quantity(
+        None, "1", "Coulomb friction between keel and bed: 0.5", "handbook soil mechanics, 0.3 to 0.6", ge=0
+    )
+    shear_strength: float | None = quantity(
+        None, "Pa", "undrained shear strength, which limits friction: 2e4 clay, others none", "5 to 50 kPa", gt=0
+    )
+    adhesion: float = quantity(1.0, "1", "part of the shear strength that holds the keel", "Riftberg", gt=0, le=1)
+    anchor_way: float = quantity(0.1, "m", "way after which a keel slides over the bed", "Riftberg", gt=0)
+    bending: bool = quantity(True, "", "the ice bends where the bed lifts it; off: a rigid berg", "Riftberg")
+    ice_modulus: float = quantity(
+        9e9, "Pa", "Young's modulus of that bending; 1e9 for warm, crevassed ice", "glacier ice, small strains", gt=0
+    )
+    cell: float = quantity(
+        50.0, "m", "side of the cells that hold the depth of the bed and its gouges", "Riftberg", gt=0
+    )
+    start: DeepKeel = quantity(
+        "refuse", "", "a keel that starts more than 1 m below the bed: refuse, or settle it into a gouge", "Riftberg"
+    )
 
 
 class Contact(Group):
@@ -204,7 +239,9 @@ class BondParameters(Group):
         "KID's spring_coef; none: Riftberg",
         ge=0,
     )
-    youngs_modulus: float = quantity(5e6, "Pa", "Young's modulus E of DEM bonds", "KID's dem_spring_coef", ge=0)
+    youngs_modulus: float = quantity(
+        5e6, "Pa", "Young's modulus E of DEM bonds", "KID's dem_spring_coef", ge=0, le=1e12
+    )
     poisson: float = quantity(0.3, "1", "Poisson's ratio of DEM bonds", "equations 0.2", gt=-1, lt=0.5)
     damping: float = quantity(1.0, "1", "damping ratio of DEM bonds", "KID's dem_damping_coef", ge=0)
     objective_damping: bool = quantity(
@@ -576,7 +613,7 @@ class Compatibility(Group):
         False,
         "",
         "Q34: each element feels waves as a berg of its own, inner ones too, and drag on as many sides as no bond covers; "
-        "drift then depends on the size of the elements",
+        "sides melt by length and width of each element; drift and melt then depend on the size of the elements",
         "equations 4.1",
     )
     rest_length_from_sizes: bool = quantity(

@@ -45,6 +45,12 @@ USUAL: Final[dict[str, Usual]] = {
         1.0, 1e6, "of the order of 1e3: as much drag as 1e4 at some m and m s-1", off=True
     ),
     "grounding.ramp_height": Usual(0.1, 100.0, "KID's h_to_init_grounding: a part of the draft", off=True),
+    "grounding.stiffness": Usual(1e5, 1e10, "1e6 clay to 1e9 rock"),
+    "grounding.bearing_strength": Usual(1e4, 5e7, "1.2e5 clay to 1e7 rock, on which ice is crushed first"),
+    "grounding.friction": Usual(0.1, 0.8, "0.3 to 0.6 between keels and beds", off=True),
+    "grounding.shear_strength": Usual(2e3, 2e5, "5 to 50 kPa of marine clay"),
+    "grounding.ice_modulus": Usual(5e8, 1e10, "1 GPa of warm, crevassed ice, 9 GPa in laboratories"),
+    "grounding.cell": Usual(5.0, 250.0, "a part of the way on which a berg comes to rest"),
     "contact.spring": _SPRING,
     "contact.distance": Usual(1.0, 1e4, "4000 m in Huth et al. 2022", off=True),
     "contact.tolerance": Usual(1e-12, 1e-2, "1e-4 in KID"),

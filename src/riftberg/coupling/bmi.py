@@ -114,6 +114,7 @@ class BmiRiftberg(Bmi):
             raise InputError(f"days = {said['days']}", where=config_file, remedy="Give a finite number above 0")
         self._values = {name: np.zeros(self._shape) for name in NAMES.values()}
         self._values["sea_floor_depth_below_geoid"][:] = box["depth"]
+        # Of the open Southern Ocean, where nothing else is given.
         self._values["sea_surface_salinity"][:] = 34.0
         for name, value in said.get("ocean", {}).items():
             known = NAMES.get(name, name)
@@ -121,6 +122,7 @@ class BmiRiftberg(Bmi):
                 raise InputError(f"unknown field {name!r}", where=f"{config_file}, ocean", remedy="See TAKEN")
             self._values[known][:] = number(value, TAKEN[known].units, where=f"{config_file}, ocean, {name}")
         asked = {name: values for name, values in self._values.items() if name in TAKEN}
+        # Only for the check: values that cannot be are refused here and not in the first step.
         taken(asked, {TAKEN[name].field: (self._shape,) for name in asked}, np.ones(self._shape))
 
     @property

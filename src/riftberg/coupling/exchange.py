@@ -69,6 +69,7 @@ def refuse_meeting(old: Elements, new: Elements, metric: Metric) -> None:
         np.stack(separations(metric, e.lon, e.lat, np.asarray(lon0), np.asarray(lat0)), axis=1) for e in (old, new)
     ]
     reach = 0.5 * (float(size_old.max()) + float(size_new.max()))
+    # The tree finds who may touch by the largest sizes; each pair is then held against its own.
     for n, near in enumerate(cKDTree(places[0]).query_ball_point(places[1], 2.0 * reach)):
         rows = np.asarray(near, np.int64)
         dx, dy = separations(metric, old.lon[rows], old.lat[rows], np.asarray(new.lon[n]), np.asarray(new.lat[n]))
@@ -202,6 +203,7 @@ class Exchange:
     def stocks(self) -> tuple[float, float]:
         """Return ice in bergs and stores (kg), and the heat it lacks (J, negative)."""
         life, mass = self.model.elements.life, self.model.elements.body.mass
+        # Heat is counted from sea water at 0 degrees: ice lacks its latent heat.
         each = scaled_mass(life, mass)
         ice, heat = float(each.sum()), float((each * (life.heat_density - LATENT_HEAT)).sum())
         if self.calving is not None:
@@ -243,16 +245,19 @@ class Exchange:
         """
         arrays = self._arrays(given)
         flux, heat = self._flux(arrays)
+        # All that may be refused has been checked by now: a step that is refused has changed nothing.
         self.forcing.put(self._fields(arrays))
         fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
         by_process = np.zeros((len(PROCESSES), *flux.shape))
         if self.calving is not None:
             self._calve(flux, heat, fluxes)
         else:
+            # Without calving all land ice goes to the ocean at once, and takes its latent heat with it.
             fluxes["left"], fluxes["left_heat"] = flux, heat - LATENT_HEAT * flux
         for _ in range(self.steps):
             self._seen = None
             self.model.step()
+            # A model without melt has no process that looks around between motion and melt.
             if self._seen is None:
                 self._look(self.model)
             self._add(fluxes, by_process)
@@ -267,6 +272,7 @@ class Exchange:
         g = self.grid.arrays
         cell = ((g.nj, g.ni), (g.nj + 2, g.ni + 2))
         corner = (*cell, (g.nj + 1, g.ni + 1))
+        # Vectors may come with one more row and column: their corners.
         wide = {*CORNER_FIELDS, "taux", "tauy"}
         shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
         arrays = taken(items, shapes, g.mask[self.grid.domain])
@@ -390,6 +396,7 @@ class Exchange:
         new.life.start_mass[:], new.life.start_lon[:], new.life.start_lat[:] = new.mass, new.lon, new.lat
         year, day = date_of_birth(_next_step(model))
         new.life.start_year[:], new.life.start_day[:] = year, day
+        # What the cells bear with and without the new berg, both now: their difference is what has still to settle.
         before = self._borne()[0] + self._settling.rest
         ids, mass, heat = self._bear(new, berg.bonds)
         self._settling.rest = before + shelf.mass - self._borne()[0]
@@ -412,6 +419,7 @@ class Exchange:
 
     def _on_floor(self, el: Elements) -> Floats:
         """Return the mass of each element that the sea floor bears, kg."""
+        # A berg that touches the floor is borne by the water up to the depth, and by the floor for the rest.
         afloat = np.minimum(1.0, el.environment.depth / draft_of(el.body.thickness, self.model.parameters.ice.density))
         borne = el.body.mass * el.life.mass_scaling
         return np.asarray(borne - borne * np.maximum(afloat, 0.0))
@@ -426,6 +434,7 @@ class Exchange:
         """Add what one step of the bergs gives."""
         assert self._seen is not None
         seen, part = self._seen, 1.0 / self.ocean_step
+        # The ocean gets the opposite of what it did to the bergs.
         drag = -seen.forces[:, FORCES.index("water")] * seen.scaling[:, None]
         for k, name in enumerate(("stress_x", "stress_y")):
             fluxes[name] += seen.shares.per_area(drag[:, k]) / self.steps
@@ -442,6 +451,7 @@ class Exchange:
         """Mass, area and friction velocity at the end of the step."""
         assert self._seen is not None
         el, p = self.model.elements, self.model.parameters
+        # Melt may have removed elements since their shares were found: rows are matched by identifier.
         order = np.argsort(self._seen.ids)
         rows = order[np.searchsorted(self._seen.ids, el.body.id, sorter=order)]
         shares, scaling = self._seen.shares.taken(rows), el.life.mass_scaling

@@ -8,11 +8,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.config.units import parse_unit
 from riftberg.errors import InputError, nearest
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import GriddedForcing
+from riftberg.products.quantities import unit_change
 from riftberg.state import Floats
 
 
@@ -88,33 +88,6 @@ GIVEN: Final[dict[str, Exchanged]] = {
 }
 """What the ocean gets back, by name."""
 
-_CELSIUS: Final = ("degree_celsius", "degc", "celsius", "degrees_celsius", "c", "deg_c", "°c")
-_KELVIN: Final = ("k", "kelvin")
-_SALT: Final = ("1e-3", "psu", "g kg-1", "g/kg", "pss-78", "1e-03", "0.001")
-_NONE: Final = ("1", "", "none", "dimensionless")
-
-
-def in_units(values: Floats, units: str, wanted: str, where: str) -> Floats:
-    """Return values in the units that are wanted."""
-    said = units.strip().lower()
-    if wanted == "degree_Celsius":
-        if said in _CELSIUS:
-            return values
-        if said in _KELVIN:
-            return values - 273.15
-        raise InputError(f"temperature in {units!r}", where=where, remedy="Give degree_Celsius or K")
-    if wanted == "1e-3" and said in _SALT:
-        return values
-    if said == wanted.lower() or (wanted == "1" and said in _NONE):
-        return values
-    try:
-        unit, ours = parse_unit(units), parse_unit(wanted)
-    except ValueError as error:
-        raise InputError(str(error), where=where, remedy=f"Give it in {wanted}") from error
-    if unit.powers != ours.powers:
-        raise InputError(f"units are {units!r}", where=where, remedy=f"Give it in {wanted}")
-    return values * (unit.factor / ours.factor)
-
 
 def taken(
     given: Mapping[str, Any], shapes: Mapping[str, tuple[tuple[int, int], ...]], mask: Floats
@@ -130,7 +103,10 @@ def taken(
             )
         quantity = TAKEN[name]
         values, units = _split(value, quantity.units)
-        values = in_units(values, units, quantity.units, f"exchange, {name}")
+        change = unit_change(units, quantity.units)
+        if change is None:
+            raise InputError(f"units are {units!r}", where=f"exchange, {name}", remedy=f"Give it in {quantity.units}")
+        values = change[0] * values + change[1]
         if values.ndim and values.shape not in shapes[quantity.field]:
             raise InputError(
                 f"shape {values.shape}, expected {' or '.join(map(str, shapes[quantity.field]))}",

@@ -147,6 +147,7 @@ class GridRecorder:
         life = model.life
         if life is None:
             return
+        # An exchange may look there too; it comes first, and gets its place back at the end.
         before = self._before = life.look_around
 
         def look(living: LifeModel) -> None:
@@ -170,10 +171,12 @@ class GridRecorder:
             amounts[HEAT] = last.melt.water * (last.melt.heat_density - LATENT_HEAT)
         cells, rows = shares.cells, _shared(shares, amounts)
         self._seen = None
+        # A step counts to the month in which it began.
         began = model.date - timedelta(seconds=model.parameters.stepping.time_step)
         if (began.year, began.month) != (self._month_began.year, self._month_began.month):
             self._end_month(began)
         self._month, self._passed = self._month.added(cells, rows), self._passed.added(cells, rows)
+        # A millisecond is allowed: dates are whole microseconds, time steps need not be.
         if model.date - self._passed_began >= self.every - timedelta(milliseconds=1):
             self._moments.append(_Span(self._passed_began, model.date, self._passed, self._state(model)))
             self._passed, self._passed_began = _nothing(ROWS), model.date
@@ -193,6 +196,7 @@ class GridRecorder:
             kept[f"{self._sums}_{name}_cells"] = sums.cells.astype(float)
             kept[f"{self._sums}_{name}_rows"] = sums.rows
         spans = [*((0, span) for span in self._months), *((1, span) for span in self._moments)]
+        # Spans that have ended do not change, and copying all of them in every step would cost more and more.
         if len(spans) == self._kept:
             return
         self._kept = len(spans)

@@ -18,7 +18,6 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from riftberg.bergs.bonding import THICKEST
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import Booleans, fill
 from riftberg.bergs.raster import Raster, projection, read_raster, unbroken
@@ -29,9 +28,10 @@ from riftberg.errors import BergError, InputError
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.geometry import separation
-from riftberg.physics.spreading import HEXAGON, RECTANGLE, add_shares, cover_all, lattice_angle
+from riftberg.physics.spreading import HEXAGON, RECTANGLE, Cells, Footprints, add_shares, cover_all, lattice_angle
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.variables import THICKEST
 from riftberg.system.input_files import value_shown
 
 
@@ -98,14 +98,13 @@ def shares_of(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Sh
     g, place, body = grid.arrays, elements.place, elements.body
     shape = HEXAGON if p.bonds.packing == "hexagonal" and p.bonds.law != "none" else RECTANGLE
     angle = element_axes(elements, bonds, p)
-    room = 2 * elements.size + 64
+    bergs = Footprints(place.lon, place.lat, place.cell_i, place.cell_j, shape, body.length, body.width, angle)
+    on = Cells(g.lon, g.lat, g.mask, g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period)
+    room = 2 * elements.size + 64  # most elements lie in one cell or two; if these are too few, they are counted
     while True:
         first = np.zeros(elements.size + 1, np.int64)
         cells, shares = np.zeros(room, np.int64), np.zeros(room)
-        count = cover_all(
-            place.lon, place.lat, place.cell_i, place.cell_j, shape, body.length, body.width, angle, g.lon, g.lat, g.mask,
-            g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period, first, cells, shares,
-        )  # fmt: skip
+        count = cover_all(bergs, on, first, cells, shares)
         if count <= room:
             return Shares(first, cells[:count], shares[:count], grid)
         room = math.ceil(1.2 * count)
@@ -245,6 +244,7 @@ class IceShelf:
         options: Any = {"radius": radius, "packing": packing, "velocity": velocity, "density": self.density}
         berg = self._filled(geometry, options)
         shares = self._shares(berg, self.part > 0.0)
+        # Thickness by the cells under each element first, then one factor for each piece, so that the mass is right.
         mean = shares.mean(self.thickness)
         piece, factor = self._weighed(berg.elements, mean, geometry)
         elements = berg.elements.copy()
@@ -253,6 +253,7 @@ class IceShelf:
         elements.body.mass[:] = self.density * elements.body.thickness * area
         finished = replace(berg, elements=elements)
         per_area = self.mass / self.grid.arrays.area[self.grid.domain]
+        # Cells at the edge are left out: there the lattice cannot follow the outline.
         inside = (self.part == 1.0) & (self._shares(berg, self.part >= 0.0).per_area(area) > WHOLE)
         off = np.abs(self.misfit(finished)[inside]) / per_area[inside]
         report = {
@@ -270,6 +271,7 @@ class IceShelf:
         """Return the union of cells; longitudes are near those of the first cell."""
         g = self.grid.arrays
         j, i = (k + g.halo for k in np.nonzero(there))
+        # Rings are closed: the first corner stands at the end again.
         corners = [(j - 1, i - 1), (j - 1, i), (j, i), (j, i - 1), (j - 1, i - 1)]
         ring = np.stack([np.stack([g.lon[at], g.lat[at]], axis=-1) for at in corners], axis=1)
         if g.period > 0.0:
@@ -291,6 +293,7 @@ class IceShelf:
 
     def _shares(self, berg: Iceberg, there: Booleans) -> Shares:
         """Return the shares of elements in some of the cells."""
+        # Shares fall on marked cells alone: ice goes back to cells of the shelf, not to the sea beside it.
         mask = self.grid.extended(there.astype(float), outside="zero")
         cells = Grid(self.grid.arrays._replace(mask=mask), self.grid.earth_radius)
         cells.bergs_on_land = True
@@ -310,6 +313,7 @@ class IceShelf:
                 f"piece {int(np.argmin(has)) + 1} of {count} of the ice shelf is smaller than an element",
                 where="ice shelf, mask", remedy="Give a smaller radius, or leave that piece out of the mask",
             )  # fmt: skip
+        # Cells with little ice lie outside of the outline; they count to the nearest piece.
         ice = self.part > 0.0
         piece = self._piece_of(g.lon_centre[domain][ice], g.lat_centre[domain][ice], geometry)
         return own, np.bincount(piece, self.mass[ice], count) / has
@@ -407,6 +411,7 @@ def _cells(raster: Raster, earth_radius: float | None) -> Grid:
             remedy="Name the coordinate system of x and y in m with crs, such as EPSG:3031",
         )
     if raster.crs is not None:
+        # Round a pole longitudes jump along rows and along columns.
         x = np.unwrap(np.unwrap(x, period=360.0, axis=1), period=360.0, axis=0)
     options: Any = {} if earth_radius is None else {"radius_for_metrics": earth_radius}
     return Grid.from_corners(x, y, regular=raster.crs is None, includes_southwest=True, cyclic=False, **options)

@@ -24,7 +24,7 @@ from riftberg.diagnostics.outlines import axis_difference, best_pairs
 from riftberg.ocean.grid import haversine
 from riftberg.runs.checks import read_summary
 from riftberg.runs.scene import Scene
-from riftberg.runs.track import Position, berg_position
+from riftberg.runs.tracks import Position, berg_position
 from riftberg.system.atomic_files import write_json
 
 Event = dict[str, Any]

@@ -112,6 +112,7 @@ def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
         if name in run.variables:
             stored = run[name].isel(time=record) if "time" in run[name].dims else run[name]
             getattr(el, v.name)[:] = stored.values
+    # Drag acts at the velocity of the moment, which `u` of a restart would not be: it lacks the last half kick.
     el.u[:], el.v[:] = el.u_sync, el.v_sync
     measure_outlines(el, p)
     return el
@@ -119,6 +120,7 @@ def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
 
 def accelerations(run: xr.Dataset, record: int, first: int, last: int) -> Floats:
     """Return accelerations (m s-2, east and north) by differences of the recorded velocities."""
+    # Central differences, one-sided at the ends of the time in which the body is whole.
     low, high = max(first, record - 1), min(last, record + 1)
     if low == high:
         return np.full((run.sizes["trajectory"], 2), np.nan)
@@ -275,6 +277,7 @@ class Cut:
         self.inside[members[0]] = True
         first, second = run["first"].values, run["second"].values
         rest = ~self.inside & (scene.berg[before] == self.parent)
+        # Bonds that joined the fragment to the rest, whichever end was stored first.
         across = (self.inside[first] & rest[second]) | (rest[first] & self.inside[second])
         bonds = np.flatnonzero(across & ~np.isnat(self.broken_at))
         if not len(bonds) or not rest.any():

@@ -11,7 +11,6 @@ not known are left alone.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -31,11 +30,11 @@ from riftberg.system.input_files import check_file, reading, value_shown
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
 """Sources of positions in the BYU/NIC tables, the ones preferred first; NIC positions are given once a week."""
 
-_DRAWINGS: Final = (".kml", ".kmz", ".shp", ".zip")
+_DRAWINGS: Final = (".geojson", ".json", ".kml", ".kmz", ".shp", ".zip")
 _GRIDS: Final = (".nc", ".nc4", ".cdf")
 _TABLES: Final = (".csv", ".txt", "")
 
-KINDS: Final = (".geojson", ".json", *_DRAWINGS, *_GRIDS, ".csv")
+KINDS: Final = (*_DRAWINGS, *_GRIDS, ".csv")
 """Endings of the files that can be read."""
 
 _UPDATED: Final = ("last update", "last_update")
@@ -93,8 +92,6 @@ def _read(path: Path, date: str | None, variable: str | None) -> Observations:
         return Observations(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
     if kind in _GRIDS:
         return Observations(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
-    if kind in (".geojson", ".json"):
-        return Observations(path.name, outlines=_without_twins(_geojson(path)))
     if kind not in _TABLES:
         raise InputError(f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}")
     return _table(path)
@@ -127,48 +124,6 @@ def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:
         where=str(path),
         remedy=f"It has {', '.join(row)}; needed are date (or Last Update) and lat, lon (tracks), and vertex (outlines)",
     )
-
-
-def _geojson(path: Path) -> Iterator[Outline]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"not JSON ({error})", where=str(path), remedy="Name a GeoJSON file") from error
-    if not isinstance(content, dict):
-        raise InputError(
-            "no GeoJSON object", where=str(path), remedy="A GeoJSON FeatureCollection of polygons is needed"
-        )
-    features = content.get("features", [content] if content.get("type") == "Feature" else None)
-    if features is None:
-        raise InputError("no features", where=str(path), remedy="A GeoJSON FeatureCollection of polygons is needed")
-    if not isinstance(features, list) or not all(isinstance(f, dict) for f in features):
-        raise InputError("its features are no list of features", where=str(path), remedy="Write GeoJSON as in RFC 7946")
-    for number, feature in enumerate(features):
-        if not isinstance(feature.get("properties") or {}, dict) or not isinstance(feature.get("geometry") or {}, dict):
-            raise InputError("no feature", where=f"{path}, feature {number}", remedy="Write GeoJSON as in RFC 7946")
-        properties = {str(k).lower(): v for k, v in (feature.get("properties") or {}).items()}
-        where = f"{path}, feature {number}"
-        date = next((str(properties[n]) for n in ("date", "time", "datetime") if properties.get(n)), None)
-        if date is None:
-            raise InputError("no date", where=where, remedy="Give every feature a property 'date'")
-        when, day_only = parse_date(date, where=where)
-        name = next((str(properties[n]) for n in NAMES if properties.get(n)), "")
-        with reading(where, "no geometry", "Write polygons as in RFC 7946"):
-            rings = list(_outer_rings(feature.get("geometry") or {}))
-        for ring in rings:
-            yield Outline(name, when, day_only, checked_ring(ring, where))
-
-
-def _outer_rings(geometry: Mapping[str, Any]) -> Iterator[Any]:
-    """Yield the outer rings; lines (rifts) and points are left alone."""
-    if geometry.get("type") == "Polygon":
-        yield geometry["coordinates"][0]
-    elif geometry.get("type") == "MultiPolygon":
-        for polygon in geometry["coordinates"]:
-            yield polygon[0]
-    elif geometry.get("type") == "GeometryCollection":
-        for part in geometry["geometries"]:
-            yield from _outer_rings(part)
 
 
 def _without_twins(outlines: Iterable[Outline]) -> list[Outline]:

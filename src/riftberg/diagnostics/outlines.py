@@ -22,12 +22,12 @@ from shapely import Polygon, make_valid
 from shapely.affinity import translate
 from shapely.validation import explain_validity
 
-from riftberg.bergs.outline import TALLEST, read_features
+from riftberg.bergs.outline import TALLEST, Feature, polygons_joined, read_features
 from riftberg.bergs.raster import Raster, read_raster
 from riftberg.diagnostics.dates import date_in_text, find_date
 from riftberg.errors import BergError, InputError
 from riftberg.plane import ConformalPlane
-from riftberg.runs.track import principal_azimuth
+from riftberg.runs.tracks import principal_azimuth
 from riftberg.state import Floats
 from riftberg.system.input_files import reading
 from riftberg.system.limits import MOST_VALUES, refuse_large
@@ -87,6 +87,7 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
             f"an outline over {np.ptp(ring[:, 1]):.3g} degrees of latitude", where=where,
             remedy="No berg is that long: look for a missing sign, or swapped longitude and latitude",
         )  # fmt: skip
+    # Across the date line the corners jump by 360 degrees; unwrapped, the polygon is whole.
     drawn = Polygon(np.column_stack([np.unwrap(ring[:, 0], period=360.0), ring[:, 1]]))
     if not drawn.is_valid and abs(drawn.area / make_valid(drawn).area - 1.0) > CROSSED:
         raise InputError(
@@ -100,8 +101,8 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
 
 
 def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline]:
-    """Read the polygons of a KML file or a shapefile."""
-    polygons = [f for f in read_features(path) if f.geometry.geom_type in ("Polygon", "MultiPolygon")]
+    """Read the polygons of a GeoJSON or KML file or of a shapefile; lines (rifts) and points are left alone."""
+    polygons = [Feature(area, f.properties) for f in read_features(path) if (area := polygons_joined(f.geometry))]
     if not polygons:
         raise InputError("no polygons, only lines or points", where=str(path), remedy="Outlines are closed polygons")
     for number, feature in enumerate(polygons):
@@ -156,7 +157,9 @@ def _corners(table: xr.DataArray) -> Floats | None:
     values = np.where(
         np.abs(values) > 1e30, np.nan, values
     )  # the fill value of NetCDF, which such files do not declare
+    # Corners may stand in rows or in columns.
     for rows in (values, values.T):
+        # Longitudes and latitudes fill the beginning of the first two rows; all else is missing.
         full = np.isfinite(rows)
         count = int(full[0].sum()) if len(rows) > 1 else 0
         if count >= 3 and (full[:2] == (np.arange(rows.shape[1]) < count)).all() and not full[2:].any():
@@ -198,6 +201,7 @@ def pieces_of(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[t
     values = np.nan_to_num(mask.values)
     if str(attributes.get("units", "")).strip().lower() in ("%", "percent", "per cent"):
         values = values / 100.0
+    # Round the whole Earth: a berg across its seam would be outlined as two.
     whole = mask.lon[-1] - mask.lon[0] + np.diff(mask.lon).mean() >= 359.9
     if whole and (values[:, 0] > 0.5).any() and (values[:, -1] > 0.5).any():
         raise InputError(
@@ -223,6 +227,7 @@ def _rings_at_half(mask: Raster, values: Floats) -> list[Floats]:
     """Return the outer rings of where the values exceed one half; a frame of water closes them at the edge."""
     from contourpy import FillType, contour_generator
 
+    # One more line on each side, as far apart as the last two.
     lon, lat = (np.concatenate([[2 * a[0] - a[1]], a, [2 * a[-1] - a[-2]]]) for a in (mask.lon, mask.lat))
     framed = np.pad(values, 1)
     contours = contour_generator(lon, lat, framed, name="serial", fill_type=FillType.OuterOffset)
@@ -290,6 +295,7 @@ def group_fragments(
         groups[k] = [numbers[column]]
         del free[numbers[column]]
     for number, shape in free.items():
+        # How much better each piece would be covered with the fragment than without it.
         gains = [
             aligned_overlap(union([shapes[n] for n in (*group, number)]), piece)
             - aligned_overlap(union([shapes[n] for n in group]), piece)
@@ -363,7 +369,7 @@ def polygon_moments(ring: Floats) -> tuple[float, float, float]:
     xx = ((x * x + x * xn + xn * xn) * cross).sum() / (12.0 * area) - cx * cx
     yy = ((y * y + y * yn + yn * yn) * cross).sum() / (12.0 * area) - cy * cy
     xy = ((x * yn + 2.0 * x * y + 2.0 * xn * yn + xn * y) * cross).sum() / (24.0 * area) - cx * cy
-    return float(cx + ring[0, 0]), float(cy + ring[0, 1]), principal_azimuth(float(xx), float(yy), float(xy))
+    return float(cx + ring[0, 0]), float(cy + ring[0, 1]), float(principal_azimuth(xx, yy, xy))
 
 
 def polygon_on(plane: ConformalPlane, ring: Floats) -> BaseGeometry:

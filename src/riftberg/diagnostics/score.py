@@ -43,7 +43,7 @@ from riftberg.errors import InputError
 from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Scene
-from riftberg.runs.track import Position, berg_position
+from riftberg.runs.tracks import Position, berg_position
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_json
 
@@ -186,6 +186,7 @@ def score_run(
                 where=observed.source, remedy="Give the rows of one berg, or one of an hour",
             )  # fmt: skip
     names = judge.name_fragments(fixes)
+    # A berg of the table that a fragment is known as stays in, however far away it is.
     strangers = judge.strangers(fixes) - set(names)
     groups: dict[tuple[datetime, int], list[Outline | Fix]] = {}
     for when, record, item in found:
@@ -240,6 +241,7 @@ class _Judge:
             return self._fragments[record]
         number, index = np.unique(self.scene.berg[record], return_inverse=True)
         area = np.bincount(index, weights=np.where(self.scene.there[record], self.scene.area_at(record), 0.0))
+        # The largest is matched however small it is.
         order = np.argsort(-area, kind="stable")
         large = [int(number[k]) for k in order if k == order[0] or area[k] >= SMALLEST * self.scene.area.sum()]
         return self._fragments.setdefault(record, large)
@@ -258,6 +260,8 @@ class _Judge:
     # --- outlines --------------------------------------------------------------------------------------------------
 
     def _outlines(self, record: int, outlines: list[Outline]) -> tuple[list[Match], list[int]]:
+        # All shapes of a moment on one plane, which touches at the largest fragment: areas and overlaps are true
+        # there.
         here = self.position(record, self.fragments(record)[:1])
         plane = ConformalPlane(here.lon, here.lat, self.scene.radius)
         pieces = without_twins([(o.name, polygon_on(plane, o.ring)) for o in outlines])
@@ -323,6 +327,7 @@ class _Judge:
             seen.setdefault(fix.name, []).append((record, fix))
         if not seen:
             return {}
+        # By the fragments at the end: those that broke off late have names too.
         largest, *others = self.fragments(len(self.scene.times) - 1)
         earliest = min(record for rows in seen.values() for record, _ in rows)
         first = [name for name in sorted(seen) if any(record == earliest for record, _ in seen[name])]
@@ -334,6 +339,7 @@ class _Judge:
             reach = max(FIX_REACH, REACH * 2.0 * math.sqrt(self.scene.area_of(number) / math.pi))
             if apart <= reach:
                 cost[k, i] = apart + DRIFT * self._wait(number, seen[name][0][0])
+        # To leave a name alone costs as much as the worst match, so that every name that can be matched is.
         alone = float(cost[np.isfinite(cost)].max(initial=FIX_REACH))
         return {main: largest} | {rest[k]: others[i] for k, i in best_pairs(cost, alone)}
 

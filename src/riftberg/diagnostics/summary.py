@@ -47,7 +47,7 @@ from riftberg.config.places import area_text
 from riftberg.life.ledger import PROCESSES, melt_of
 from riftberg.runs.layout import forcing_text
 from riftberg.runs.restart import contact_rows, fragment_rows
-from riftberg.runs.track import Position, track_table
+from riftberg.runs.tracks import Position, track_table
 from riftberg.system.atomic_files import write_json
 from riftberg.version import __version__
 
@@ -196,6 +196,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     numbers, index = np.unique(e.berg, return_inverse=True)
     pieces: dict[int, list[float]] = {}
     for number, area in zip(numbers.tolist(), np.bincount(index, weights=e.length * e.width), strict=True):
+        # Up the family tree to the berg that it comes from.
         origin = number
         while origin in rows and rows[origin]["parent"] > 0:
             origin = int(rows[origin]["parent"])

@@ -43,6 +43,7 @@ def connected(scheduler: Any = None, workers: int | None = None) -> Iterator[Any
         with _reached(distributed, str(scheduler)) as client:
             yield client
         return
+    # A process that is being spawned reads the script anew; without the guard each would start a cluster.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise InputError(
             "a worker read the script that starts the sweep, and would start another", where="sweep",
@@ -130,6 +131,7 @@ def _distributed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outco
         client.submit(run_member, job, pure=False, key=f"member-{job.number:05d}-{id(jobs)}"): job for job in jobs
     }
     coming = as_completed(list(futures), loop=client.loop)
+    # Looked at now and then instead of waited for, so that a signal is not missed.
     while coming.count() or coming.has_ready():
         for future in coming.next_batch(block=False) if coming.has_ready() else ():
             job = futures.pop(future)

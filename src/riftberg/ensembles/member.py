@@ -144,6 +144,7 @@ def _begun(job: Job) -> Model:
         model = type(fresh).resume(job.state_file, fresh.forcing)
     except RiftbergError:  # a damaged file costs no more than the work that it stands for
         return fresh
+    # A state of a sweep with other parameters in the same folder is none of this member.
     same = model.start == fresh.start and model.parameters == fresh.parameters
     if not same or model.time > job.days * SECONDS_PER_DAY + _TOLERANCE:
         return fresh
@@ -194,6 +195,7 @@ class Tracks:
 
     def record(self, model: BareModel) -> None:
         """Note where the fragments are when an interval is over."""
+        # Steps need not divide the interval: the step nearest to the time that is due is recorded.
         due = self.every * round(model.time / self.every)
         last = self.rows[-1][0] if self.rows else -np.inf
         if due <= last + _TOLERANCE or abs(model.time - due) > 0.5 * model.parameters.stepping.time_step + _TOLERANCE:

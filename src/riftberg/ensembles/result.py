@@ -85,6 +85,7 @@ def _listed(outcome: Outcome) -> list[int]:
     rows = range(len(table.get("number", ())))
     if len(rows) <= MOST_LISTED:
         return list(rows)
+    # Bergs of the start come first, then the largest.
     by_size = sorted(rows, key=lambda k: (table["parent"][k] != 0.0, -table["area"][k]))
     return sorted(by_size[:MOST_LISTED])
 

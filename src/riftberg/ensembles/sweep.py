@@ -203,6 +203,7 @@ def planned(
 
         first, info = build(named, _first_options(options, members[0]))
         length = info.days if length is None else length
+        # All combinations by their parameters alone, which is quick; only the first and the last are built.
         _check_members(first, members)
         try:
             last, _ = build(named, _first_options(options, members[-1]))
@@ -272,6 +273,7 @@ class Store:
         self.folder, self.plan = folder, plan
         self.members = folder / MEMBERS
         self.done: dict[int, Outcome] = {}
+        # Through JSON, as the plan that is read back: a tuple would differ from the list that it became.
         described = json.loads(json.dumps(plan.described(), default=str))
         where = str(folder)
         if (folder / PLAN).exists():
@@ -363,6 +365,7 @@ def run_sweep(
     numbers = store.waiting()
     jobs = [store.plan.job(k, store.members, save_seconds) for k in numbers]
     _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))
+    # Without a job no cluster is started, which takes seconds.
     alone = (workers == 0 and scheduler is None) or not jobs
     result = xr.Dataset()
     with held() as hold, nullcontext() if alone else connected(scheduler, workers) as client, store.taken():
@@ -380,6 +383,7 @@ def run_sweep(
 def _collect(store: Store, jobs: list[Job], client: Any, hold: Hold, bar: SweepBar | None) -> None:
     if bar is not None:
         bar.show(store.done)
+    # A signal asks the members to stop; the loop goes on until all of them have saved their states.
     hold.then(store.stop)
     for outcome in computed(jobs, client, hold):
         if outcome.status == "stopped":

@@ -132,6 +132,7 @@ def _with_unit_of_last(parts: Sequence[str]) -> list[str]:
     unit = last[1].strip() if last else ""
     if not unit:
         return list(parts)
+    # Only bare numbers take the unit of the last one; a part with a unit of its own keeps it.
     plain = [looks_like_quantity(part) and not (_UNIT.match(part) or ["", "x"])[1] for part in parts]
     return [f"{part} {unit}" if bare else part for part, bare in zip(parts, plain, strict=True)]
 
@@ -141,6 +142,7 @@ def _distinct(values: Sequence[Any], where: str) -> tuple[Any, ...]:
     if not len(values):
         raise InputError("no values", where=where, remedy=EXAMPLE)
     for k, value in enumerate(values):
+        # True and 1 are equal in Python, and no such pair.
         if any(type(value) is type(other) and value == other for other in values[:k]):
             raise InputError(f"{value_shown(value)} stands twice", where=where, remedy="Give each value once")
     return tuple(values)

@@ -8,10 +8,12 @@ melt of the base of up to 7.2 +- 2.3 m a month (Braakmann-Folgmann et al. 2022, 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import shapely
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.experiments.a68a_observed import a68a_berg
@@ -126,8 +128,13 @@ def melting_a68a(options: Options, *, radius: float = 1500.0, sea: TrackSea | No
     lon, lat = here.place(0.0)
     e = berg.elements
     scale = math.cos(float(e.lat.mean()) * DEGREE) / math.cos(lat * DEGREE)
-    e.lon[:] = lon + (e.lon - e.lon.mean()) * scale
-    e.lat[:] += lat - e.lat.mean()
+    middle, north = float(e.lon.mean()), lat - float(e.lat.mean())
+
+    def moved(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        return lon + (x - middle) * scale, y + north
+
+    e.lon[:], e.lat[:] = moved(e.lon, e.lat)
+    berg = replace(berg, outlines=tuple(shapely.transform(ice, moved, interleaved=False) for ice in berg.outlines))
     e.lon_pair[:], e.lat_pair[:] = e.lon, e.lat
     parameters = A68A_2022.changed(
         melt={"enabled": True, "tide": 0.1}, fracture={"enabled": False}, stepping={"substeps": None}

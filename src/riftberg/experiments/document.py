@@ -62,6 +62,7 @@ class Document:
 
     def _load(self, text: str) -> dict[str, Any]:
         try:
+            # Depth and tags are judged from the events alone, before nodes are built: nothing can explode yet.
             depth = 0
             for event in yaml.parse(text, Loader=yaml.SafeLoader):
                 if isinstance(event, yaml.CollectionStartEvent):

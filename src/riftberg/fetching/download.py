@@ -102,6 +102,7 @@ class Resuming:
         else:  # an earlier run has followed the pointer already, and noted its checksum
             part.sha256 = part.version.sha256
         self.fetch(part)
+        # The server has sent the pointer instead of the file that it stands for.
         if part.url != large and is_pointer(path):
             part = PartFile(path, large, _checksum_in(path))
             part.drop()
@@ -183,12 +184,14 @@ class Resuming:
             if known is not None and have and code in (206, 416):
                 first, total = content_range(answer.headers)
                 other = Version.told(part.url, answer.headers, total).contradicts(known)
+                # The range asked for begins behind the end: all bytes are there.
                 if code == 416 and (total or known.total) == have and not other:
                     return True  # nothing is left to fetch
                 if code == 416 or first != have or other:
                     part.drop()
                     return self._continue(part)
             _check_status(answer, part.url)
+            # A server that does not know ranges answers 200 with the whole file.
             start = have if code == 206 else 0
             length = _length(answer)
             total = start + length if length else 0

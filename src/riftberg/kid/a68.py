@@ -335,6 +335,7 @@ def hourly_records(
             hour.update(file.record(start - 1 + k))
         return assemble(hour)
 
+    # A single record is constant in time and limits nothing.
     varying = [file.count for file in files if file.count > 1]
     if not varying:
         return load(0), None
@@ -364,6 +365,7 @@ def a68_records(
     if varying and dt != HALF_HOUR:
         remedy = f"The driver's rule of half hours needs ibdt = {HALF_HOUR}"
         raise driver.error(f"ibdt = {dt} with hourly A68 data", remedy)
+    # Two steps an hour; the last half hour takes the mean with the hour after it.
     last = start + steps // 2
     for file in varying:
         if last > file.count:

@@ -131,6 +131,7 @@ class IdentifierCounter:
             counts[:] = read_counter(path, grid)
         counter, cell = split_id(identifiers)
         inside = (cell >= 1) & (cell <= counts.size)
+        # A file of counters may be older than the elements beside it; an identifier must not come twice.
         np.maximum.at(counts.ravel(), cell[inside] - 1, counter[inside])
         return cls(grid, counts)
 
@@ -139,4 +140,5 @@ class IdentifierCounter:
         g = self._grid.arrays
         i, j = cell_i - g.halo, cell_j - g.halo
         self.counts[j, i] += 1
+        # Cells of the reference are counted from 1, row by row.
         return int(join_id(self.counts[j : j + 1, i], np.array([i + 1 + g.ni * j]))[0])

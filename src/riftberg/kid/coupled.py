@@ -214,6 +214,7 @@ class CoupledRun:
         calving.stores = random if stores is None else stores
         counter = getattr(getattr(model.life, "names", None), "__self__", None)
         if counter is not None:
+            # Births by calving and by the footloose mechanism draw from one counter in each cell.
             np.maximum(counter.counts, calving.stores.counter, out=counter.counts)
             calving.stores.counter = counter.counts
         self.namelist, self.parameters, self.clock, self.grid, self.model = namelist, parameters, clock, grid, model

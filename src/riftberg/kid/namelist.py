@@ -241,6 +241,7 @@ def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> Namelis
         )
     _check_names(name, bodies[0], where)
     raw = _parse(name, bodies[0], where)
+    # Where lists begin that the file gives number by number, ``name(3) = 1.0``.
     starts = raw.pop("_start_index", {})
     values: dict[str, Value] = {entry.name: entry.default for entry in GROUPS[name]}
     names = set()
@@ -258,6 +259,7 @@ MOST_ASSIGNMENTS: Final = 1000
 
 def _check_names(name: str, body: str, where: str) -> None:
     """Refuse an unknown entry, or the same ones again and again, before the parser, which takes minutes over many."""
+    # Without texts and comments, in which anything may look like an assignment.
     code = "\n".join(_mask_texts(name, line[: _comment_start(line)]) for line in body.split("\n"))
     names = _ASSIGNED.findall(code)
     for entry in dict.fromkeys(names):
@@ -323,6 +325,7 @@ def split_groups(text: str, path: Path) -> list[tuple[str, str]]:
             name, body = start[1].lower(), ""
             code = code[start.end() :]
         bare = _mask_texts(name, code)
+        # A slash within a text ends nothing, so texts are masked first.
         end = re.search(r"(?i)/|[&$]end\b", bare)
         part, closed = (code[: end.start()], True) if end else (code, False)
         body += part + "\n"

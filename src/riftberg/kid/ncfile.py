@@ -204,6 +204,7 @@ def _sized(values: NDArray[Any], path: Path, name: str, size: int) -> NDArray[An
 
 def checksum(values: NDArray[Any]) -> str:
     """Return KID's checksum of a variable: 64-bit wrapped sum of bit patterns (reals) or of values (whole numbers)."""
+    # The bits of reals, the values of whole numbers; unsigned sums wrap as Fortran's do.
     bits = values.astype(np.float64).view(np.uint64) if values.dtype.kind == "f" else values.astype(np.int64)
     total = int(bits.astype(np.uint64).sum(dtype=np.uint64)) if bits.size else 0
     return f"{total:>16X}".ljust(32)
@@ -316,6 +317,7 @@ class BlockWriter:
             self._written, self._waiting, self._waiting_size = self._written + self._waiting_size, [], 0
         self._last = time.monotonic()
         took = self._last - began
+        # A slow disk or a large file: hold records back, so that copying stays a small part of the run.
         dear = took > QUICK or self.path.stat().st_size > SMALL
         self._pause = PATIENCE * took if dear else 0.0
 

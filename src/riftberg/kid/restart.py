@@ -21,6 +21,7 @@ from riftberg.kid.ncfile import Column, column, dimension, opened_dataset, whole
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters, element_radius
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
+from riftberg.state.variables import GONE
 from riftberg.system.limits import MEANT, extreme_allowed
 
 _LOW = 0xFFFFFFFF
@@ -59,6 +60,7 @@ def new_identifiers(elements: Elements, grid: Grid, seam: bool = False) -> Ints:
     starts = np.flatnonzero(np.diff(cell[order], prepend=-1))
     counter = np.empty(len(cell), dtype=np.int64)
     sizes = np.diff(np.append(starts, len(cell)))
+    # Elements of one cell count from 1 in the order of the file.
     counter[order] = np.arange(len(cell)) - np.repeat(starts, sizes) + 1
     return join_id(counter, cell)
 
@@ -173,6 +175,7 @@ def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
         for copy in (f"{field}_sync", f"{field}_pair"):
             getattr(elements, copy)[:] = getattr(elements, field)
     elements.lon_pair[:], elements.lat_pair[:] = elements.lon, elements.lat
+    # One variable holds two things: 1 a fixed element, 0.1 one of the contact iteration (quirk Q2).
     static = column(dataset, path, "static_berg", size, default=0.0)
     elements.static[:] = static >= 0.5
     elements.in_contact[:] = static == CONTACT_FLAG
@@ -180,6 +183,7 @@ def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
 
 
 def _read_identifiers(dataset: netCDF4.Dataset, path: Path, elements: Elements, grid: Grid, seam: bool) -> Ints:
+    # Before identifiers had two parts; KID numbers such elements anew too.
     if "iceberg_num" in dataset.variables:
         return new_identifiers(elements, grid, seam)
     size = len(elements.id)
@@ -228,6 +232,7 @@ def _check_values(elements: Elements, path: Path, *, degrees: bool) -> None:
     if degrees:
         refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", "a latitude from -90 to 90")
         refuse(np.abs(elements.lon) > 720.0, elements.lon, "lon", "a longitude in degrees")
+    # A flipped bit in one of four numbers leaves it finite, but rarely a density of ice.
     density = elements.mass / (elements.thickness * elements.length * elements.width)
     wrong = (density < DENSITIES[0]) | (density > DENSITIES[1])
     if wrong.any():
@@ -333,9 +338,6 @@ def write_restart(path: Path, elements: Elements, grid: Grid, parameters: Parame
     write_restart_file(Path(path), [(c, values[c.name]) for c in layout], len(elements.id), counter=True)
 
 
-GONE: Final = 2
-"""Status of a bond that is no longer listed."""
-
 DEM_FIELDS: Final = {
     "tangd1": "shear_x",
     "tangd2": "shear_y",
@@ -368,10 +370,12 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
         status = whole_column(dataset, path, "broken", size, default=0)
         _check_status(status, first, second, path)
         bonds.status[:] = status[keep]
+    # KID keeps no date of breaking: these broke before the run.
     bonds.break_time[bonds.status != 0] = 0.0
     a, b = bonds.first, bonds.second
     dx, dy = separations(metric, elements.lon[a], elements.lat[a], elements.lon[b], elements.lat[b])
     bonds.bond_length[:] = np.sqrt(dx * dx + dy * dy)
+    # Elements of another moment have moved; their bonds would be stretched over many sides.
     side = np.maximum(elements.length, elements.width)
     far = bonds.bond_length > LONGEST * 0.5 * (side[bonds.first] + side[bonds.second])
     if far.any():
@@ -428,6 +432,7 @@ def _check_mirrors(first: Ints, second: Ints, elements: Elements, path: Path) ->
                 where=str(path),
                 remedy="The file must hold each bond once in each direction",
             )
+    # One record of each pair, in the order of its first element, as `form_bonds` would list them.
     keep = np.flatnonzero(first < second)
     return keep[np.lexsort((second[keep], first[keep]))]
 
@@ -436,6 +441,7 @@ def _check_status(status: Ints, first: Ints, second: Ints, path: Path) -> None:
     """Refuse a mark of breaking that means nothing, or differs between the two directions of a bond."""
     bad = ~np.isin(status, (0, 1))
     if not bad.any():
+        # Sorted by (first, second) and by (second, first), a bond and its mirror stand at the same place.
         forward, backward = np.lexsort((second, first)), np.lexsort((first, second))
         differs = status[forward] != status[backward]
         bad = np.isin(np.arange(len(status)), forward[differs])

@@ -143,6 +143,7 @@ def apply_beam_test(elements: Elements, kind: int) -> None:
     west, east = elements.lon.min(), elements.lon.max()
     if kind == 1:
         elements.free_y[(elements.lon == west) | (elements.lon == east)] = 0.0
+        # Loads in N, as section 10.3 gives them.
         elements.load_y[elements.lon == 0.5 * (west + east)] = -1.5e5
     elif kind == 2:
         elements.load_y[elements.lon == east] = -1.5e10 / 3.0
@@ -214,6 +215,7 @@ def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], w
         say(f"Stopped after {done}; {_rescued(case, paths)}")
         raise
     except Exception as error:
+        # Elements of KID are known by two numbers and a run of it may allow what the model refuses.
         if isinstance(error, SpeedError):
             error = RunError(f"{error} or --allow-extreme; by KID's names it is {id_text(error.element)}")
         if case.model.step_number == 0:

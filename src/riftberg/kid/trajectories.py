@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.kid.namelist import Clock, Date, NamelistGroup, is_sampled
 from riftberg.kid.ncfile import BlockWriter, Column
-from riftberg.kid.restart import DEM_COLUMNS, GONE, LIFE, OPTIONAL, REQUIRED, directed, split_id
+from riftberg.kid.restart import DEM_COLUMNS, LIFE, OPTIONAL, REQUIRED, directed, split_id
 from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
 from riftberg.state.numbering import by_identifier
+from riftberg.state.variables import GONE
 
 KM2: Final = 1e6
 """Square metres in the unit of the area thresholds."""
@@ -198,6 +199,7 @@ class TrajectoryRecorder(_Sampler):
         return trajectory_columns(self.group, model.parameters)
 
     def _records(self, model: BareModel, date: Date) -> dict[str, NDArray[Any]]:
+        # The multiple-time-step scheme of KID writes what its step has seen; the others sample again after the move.
         if model.parameters.stepping.scheme != "mts":
             resample_environment(model, (model.step_number - 1) * self.clock.dt, self.group)
         e = model.elements
@@ -261,6 +263,7 @@ class BondRecorder(_Sampler):
         e, p = model.elements, model.parameters
         columns = directed(model.bonds, self.group.flag("dem"))
         length = model.bonds.bond_length
+        # Bonds that have broken since are gone from the state, so initial lengths are found by identifier.
         if p.bonds.law != "dem":
             length = by_identifier(self._first_bonds, self._first_length, model.bonds.id)
         columns["length"] = np.tile(length[model.bonds.status != GONE], 2)

@@ -79,6 +79,7 @@ class Stores:
         stores = cls.empty(south.mass.size, grid)
         stores.begun = False
         draws = np.empty_like(stores.ice)
+        # Streams are seeded by cell or by column, so that the draws do not depend on the processes of the reference.
         for i in range(g.ni):
             if by_column:
                 stream = FmsStream(i + 1)
@@ -152,6 +153,7 @@ class FluxCalving:
         if self.parameters.calving.smoothing_time > 0.0:
             flux, heat_flux = self._smoothed(flux, heat_flux, dt)
             flux, heat_flux = flux * self._mask, heat_flux * self._mask
+        # The heat of stores that were filled at random is that of the first flux, in proportion to their ice.
         if not s.begun:
             rate = flux * self._area
             some = rate != 0.0
@@ -224,6 +226,7 @@ class FluxCalving:
             e.lon[n], e.lat[n] = g.lon_centre[row, column], g.lat_centre[row, column]
             e.xi[n], e.eta[n], _ = position_in_cell(e.lon[n], e.lat[n], column, row, g)
             return
+        # Births follow a sequence that fills the cell evenly: near in number, far in place.
         count = float(self.stores.counter[j, i])
         xi, eta = (0.5 + WITHIN * ((0.5 + step * count) % 1.0 - 0.5) for step in _GOLDEN)
         for at, corner in ((e.lon, g.lon), (e.lat, g.lat)):

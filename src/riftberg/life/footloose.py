@@ -106,6 +106,7 @@ class _Calving:
         alone = self._alone()
         body, foot = self.el.body, self.el.life.fl_k
         able = alone & self._eligible() & (foot > 0.0)
+        # All pieces of a step are counted before the first breaks: what one berg loses cannot set another free.
         ready = _ready(foot, able, body.thickness, body.width, body.length, self.values)
         for e in self._order(np.flatnonzero(alone & ((ready > 0.0) | self._may_spawn()))):
             if ready[e] > 0.0:
@@ -114,6 +115,7 @@ class _Calving:
         if not self.reference:
             for rows in self._bonded_bergs(alone):
                 self._calve_bonded(rows)
+        # Only now: elements that are added in between would shift the rows that the loops go by.
         for child, parent in self.born:
             self._add(child, parent)
         cell_i, cell_j, bits = (list(q) for q in zip(*self.changes, strict=True)) if self.changes else ([], [], [])
@@ -135,6 +137,7 @@ class _Calving:
                     "reference stops there too; switch footloose off, or run it with Riftberg's own numerics"
                 )
             return np.ones(self.el.size, bool)
+        # Number 0 is that of elements that no berg has taken in; each of them is a berg by itself.
         members = np.bincount(self.el.body.berg)[self.el.body.berg] if self.el.size else count
         return np.asarray((members == 1) | (self.el.body.berg == 0))
 
@@ -177,10 +180,13 @@ class _Calving:
         thickness, width, length = body.thickness[e], body.width[e], body.length[e]
         wide = piece_width(thickness, v.youngs)
         life.fl_k[e] -= pieces * (foot_length(thickness, v.youngs, v.strength, v.rho_ice) * (ASPECT * wide))
+        # The foot of the pieces goes before the sides are cut: their width follows from the thickness alone.
         narrow, short = sides_without(pieces, thickness, width, length, v.youngs)
         if narrow <= 0.0 or short <= 0.0:
             raise RunError(f"footloose calving leaves nothing of element {int(body.id[e])}")
         area = length * width - short * narrow
+        # Bergs that were made with another density keep it; the reference gives them that of the parameters (quirk
+        # T45).
         density = v.rho_ice if self.reference else body.mass[e] / (thickness * width * length)
         if self.p.footloose.style == "bits":
             self._keep_bits(e, density * thickness * area)
@@ -188,6 +194,7 @@ class _Calving:
             place = self._rim(e, width, length)
             self._bear(e, place, self._piece(e, thickness, wide, density), pieces * life.mass_scaling[e])
         before, lost = body.mass[e], density * thickness * area
+        # A berg that has lost pieces is narrower, and may roll over at once.
         if v.rolls:
             thickness, narrow, short = roll(thickness, narrow, short, v.rolling_scheme, v.tip, v.rho_ice)
         body.thickness[e], body.width[e], body.length[e] = thickness, narrow, short
@@ -214,6 +221,7 @@ class _Calving:
         shape = bit_shape(body.thickness[e], self.values)
         mass = shape[0] * shape[2] * shape[1] * self.values.rho_ice
         scaling = count * least / mass
+        # Bergy bits go with the bits of which they came, in proportion.
         part = mass * scaling / held
         bergy = part * life.mass_of_fl_bergy_bits[e] * life.mass_scaling[e] / scaling
         self._bear(e, place, (mass, *shape, bergy), scaling)
@@ -233,10 +241,12 @@ class _Calving:
         feet = np.where(self._eligible()[rows], life.fl_k[rows], 0.0)
         area = body.length[rows] * body.width[rows]
         if feet.sum() > 0.0:
+            # Pieces break where the feet are, so their thickness is weighted by these and not by area.
             thickness = float((feet * body.thickness[rows]).sum() / feet.sum())
             wide = piece_width(thickness, v.youngs)
             each = foot_length(thickness, v.youngs, v.strength, v.rho_ice) * (ASPECT * wide)
             pieces = float(np.floor(feet.sum() / each))
+            # A berg no longer than a piece is itself one, as in `pieces_ready`.
             if pieces > 0.0 and np.sqrt(area.sum()) > ASPECT * wide:
                 self._cut_edges(rows, feet / feet.sum(), pieces, (wide, each), area)
         self._spawn_together(rows)
@@ -247,11 +257,16 @@ class _Calving:
         wide, each = piece
         wanted = share * pieces * ASPECT * wide * wide
         taken = np.minimum(wanted, LARGEST_CUT * area)
+        # An element that could not give all keeps that part of its foot for the next step.
         got = np.divide(taken, wanted, out=np.zeros_like(taken), where=wanted > 0.0)
         life.fl_k[rows] -= share * pieces * each * got
+        front = np.maximum(life.front[rows], 0.0)
+        if front.sum() > 0.0:  # the outline retreats by what breaks off it
+            life.retreat[rows] += taken.sum() / front.sum()
         part = taken / area
         mass = body.mass[rows] * part
         body.mass[rows] -= mass
+        # Alike in both directions: the lattice does not know which side of an element lies at the edge.
         for side in (body.width, body.length):
             side[rows] *= np.sqrt(1.0 - part)
         total = float((mass * life.mass_scaling[rows]).sum())
@@ -306,6 +321,7 @@ class _Calving:
         body.mass[0], body.thickness[0], body.width[0], body.length[0], life.mass_of_bits[0] = piece
         life.mass_scaling[0], life.fl_k[0] = scaling, CHILD
         life.mass_of_fl_bits[0] = life.mass_of_fl_bergy_bits[0] = 0.0
+        # A child is a copy of its parent's row; what belongs to the lattice of the parent does not go with it.
         for array in (body.bond_count, body.bond_area, body.substeps, body.load_x, body.load_y, body.in_contact):
             array[0] = 0
         body.free_y[0] = 1.0
@@ -322,6 +338,7 @@ class _Calving:
             return
         lon, lat = float(at.lon[0]), float(at.lat[0])
         half = 0.5 * float(self.el.length[e]), 0.5 * float(self.el.width[e])
+        # The place that was drawn, then the four corners of the parent, in the order of the reference.
         tried = [place, *((sx * half[0], sy * half[1]) for sx, sy in ((-1, -1), (-1, 1), (1, 1), (1, -1)))]
         in_metres = self.p.compatibility.unplaced_child_in_metres
         for k, (dx, dy) in enumerate(tried):
@@ -331,6 +348,7 @@ class _Calving:
                 x, y = move(lon, lat, dx, dy, 1.0, earth.latlon, earth.radius)
             if self._holds(child, x, y, e):
                 return
+            # Without a grid there is no land to avoid; the first place has been taken already.
             if k == 0 and self.when.grid is None:
                 return
         at.lon[0], at.lat[0] = lon, lat
@@ -348,6 +366,7 @@ class _Calving:
             return False
         if self._rank(int(i[0]), int(j[0])) != self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e])):
             return False
+        # On the branch of longitude of its cell: contact takes differences of positions as they stand.
         if g.period > 0.0:
             x = wrap_around(x, float(g.lon_centre[j[0], i[0]]), g.period)
         at.lon[0], at.lat[0], at.cell_i[0], at.cell_j[0], at.xi[0], at.eta[0] = x, y, i[0], j[0], xi[0], eta[0]

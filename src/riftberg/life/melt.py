@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.life.ice_fronts import hand_on_feet
 from riftberg.parameters import Parameters
 from riftberg.physics.basal_melt import ExchangeValues, basal_melt_rate
 from riftberg.physics.coriolis import coriolis_parameter
@@ -21,6 +22,7 @@ from riftberg.physics.melting import (
     base_melt_rate,
     melt_bits,
     melt_block,
+    melt_edge,
     side_melt_rate,
     wave_erosion_rate,
 )
@@ -53,6 +55,7 @@ class LifeValues(NamedTuple):
     bits_melt_at_zero_rates: bool
     keep_shape: bool
     least_gap: float
+    by_front: bool
     most_bonds: int
     bonds_on: bool
     rolls: bool
@@ -97,6 +100,7 @@ def life_values(p: Parameters) -> LifeValues:
         bits_melt_at_zero_rates=quirks.bits_melt_at_zero_rates and melt.enabled,
         keep_shape=quirks.keep_shape,
         least_gap=_number(melt.least_gap),
+        by_front=melt.mode == "exposed" and not quirks.forces_by_element,
         most_bonds=6 if p.bonds.packing == "hexagonal" else 4,
         bonds_on=p.bonds.law != "none",
         rolls=p.rolling.enabled,
@@ -145,6 +149,7 @@ class Melted(NamedTuple):
     fl_width: Floats  # Of one footloose bit after it, m; 0 where there are none
     fl_length: Floats  # Of one footloose bit after it, m; 0 where there are none
     dropped: Floats  # Bits that vanish without melt water (quirk T44), kg
+    retreat: Floats  # How far each side melted back, m
 
     @property
     def water(self) -> Floats:
@@ -182,6 +187,7 @@ def _shelf_rate(sea: _Sea, lat: float, thickness: float, depth: float, values: L
     salinity = sea.salinity if values.salinity_from_ocean else 35.0
     rate = basal_melt_rate(sea.speed, f, salinity, sea.temperature, thickness, values.rho_ice, values.exchange)
     gap = depth - draft_of(thickness, values.rho_ice)
+    # Where the keel all but touches the floor, no water passes under it.
     if values.least_gap >= 0.0 and gap < values.least_gap:
         return 0.0
     return max(rate, 0.0)
@@ -189,25 +195,30 @@ def _shelf_rate(sea: _Sea, lat: float, thickness: float, depth: float, values: L
 
 @kernel
 def melt_rates(
-    sea: _Sea, lat: float, thickness: float, span: float, depth: float, covered: int, values: LifeValues
+    sea: _Sea, lat: float, thickness: float, span: float, depth: float, covered: int, front: float, values: LifeValues
 ) -> tuple[float, float, float]:
     """Rates (m s-1) at which base, sides and waves take from an element (files, 1.2 to 1.4).
 
-    ``span``: length that the law of the base takes, m.
+    ``span``: length that the law of the base takes, m; ``front``: length along which its sides melt, m, not negative where
+    that is known.
     """
     if values.zero_rates:
         return 0.0, 0.0, 0.0
     sides = side_melt_rate(sea.temperature)
     waves = wave_erosion_rate(sea.wind, sea.surface, min(1.0, sea.ice + values.sea_ice_shift))
+    # Sides with a bond face other ice and not the sea.
     open_part = (values.most_bonds - covered) / values.most_bonds
     if values.mode == BERG:
         return base_melt_rate(sea.speed, sea.temperature, span), sides, waves
     if values.mode == EXPOSED:
+        # The law of bergs has no tide of its own; it is added to the speed as in the law of shelves.
         if values.turbulent:
             speed = math.sqrt(sea.speed * sea.speed + values.exchange.tide * values.exchange.tide)
             base = base_melt_rate(speed, sea.temperature, span)
         else:
             base = _shelf_rate(sea, lat, thickness, depth, values)
+        if front >= 0.0:
+            return base, sides, waves
         return base, open_part * sides, open_part * waves
     shelf = _shelf_rate(sea, lat, thickness, depth, values)
     if values.mode == MIXED:
@@ -244,18 +255,25 @@ def _foot_after(
 @kernel
 def melt_one(
     row: Floats, mass: float, shape: tuple[float, float, float], bits: float, foot: float, rates: tuple[float, float, float],
-    span: float, sea: _Sea, covered: int, values: LifeValues,
+    span: float, front: float, sea: _Sea, covered: int, values: LifeValues,
 ) -> None:  # fmt: skip
     """Melt the berg of one element and its bergy bits into a row of `Melted` (files, 1.6 to 1.9, 1.11).
 
     ``span`` (m) is the size of the berg that the element belongs to: by it, pieces are small enough to break from an edge.
+    ``front`` (m) is the length of the outline of that berg along which the element melts; negative: it melts as a block.
     """
     thickness, width, length = shape
     base, sides, waves = rates
-    left, thin, wide, long, by_base, by_sides, by_waves, wide_between, long_between = melt_block(
-        mass, thickness, width, length, base, sides, waves, values.dt, values.split
-    )
+    if front >= 0.0:
+        left, thin, wide, long, by_base, by_sides, by_waves, wide_between, long_between = melt_edge(
+            mass, thickness, width, length, front, base, sides, waves, values.dt, values.split
+        )
+    else:
+        left, thin, wide, long, by_base, by_sides, by_waves, wide_between, long_between = melt_block(
+            mass, thickness, width, length, base, sides, waves, values.dt, values.split
+        )
     row[0], row[1], row[2], row[3] = by_base, by_sides, by_waves, mass - left
+    row[24] = 0.5 * (sides + waves) * values.dt
     before = (max(width, span), max(length, span)) if span > length else (width, length)
     between, after = (wide_between, long_between), (wide, long)
     row[19] = _foot_after(foot, thin, before, between, after, by_sides, by_waves, values)
@@ -302,22 +320,6 @@ def melt_footloose_bits(
 
 
 @kernel
-def _sea_at(
-    u: float, v: float, uo: float, vo: float, ua: float, va: float, surface: float, salinity: float, keel: float,
-    keel_salinity: float, ice: float, values: LifeValues,
-) -> _Sea:  # fmt: skip
-    """What the sea is like at an element; numbers of the parameters stand for fields of the forcing."""
-    salinity = keel_salinity if not math.isnan(keel_salinity) else salinity
-    keel = keel if not math.isnan(keel) else surface
-    if not math.isnan(values.temperature):
-        surface = keel = values.temperature
-    if not math.isnan(values.salinity):
-        salinity = values.salinity
-    du, dv, wx, wy = u - uo, v - vo, ua - uo, va - vo
-    return _Sea(math.sqrt(du * du + dv * dv), math.sqrt(wx * wx + wy * wy), surface, keel, salinity, ice)
-
-
-@kernel
 def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
     """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references."""
     body, life, around, u, v, lat = el.body, el.life, el.environment, el.motion.u, el.motion.v, el.place.lat
@@ -326,16 +328,25 @@ def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
     uo, vo, ua, va, sst, sss = around.uo, around.vo, around.ua, around.va, around.sst, around.sss
     keel, keel_salinity = around.keel_temperature, around.keel_salinity
     bits, foot, fl_bits, bergy = life.mass_of_bits, life.fl_k, life.mass_of_fl_bits, life.mass_of_fl_bergy_bits
+    front = life.front
     out, row = np.zeros((COLUMNS, mass.size)), np.zeros(COLUMNS)
     for e in range(mass.size):
-        sea = _sea_at(
-            u[e], v[e], uo[e], vo[e], ua[e], va[e], sst[e], sss[e], keel[e], keel_salinity[e], ice[e], values
-        )  # fmt: skip
+        # Numbers of the parameters stand for fields of the forcing; without values at the keel those of the surface hold.
+        surface, salinity = sst[e], keel_salinity[e] if not math.isnan(keel_salinity[e]) else sss[e]
+        below = keel[e] if not math.isnan(keel[e]) else surface
+        if not math.isnan(values.temperature):
+            surface = below = values.temperature
+        if not math.isnan(values.salinity):
+            salinity = values.salinity
+        du, dv, wx, wy = u[e] - uo[e], v[e] - vo[e], ua[e] - uo[e], va[e] - vo[e]
+        current, wind = math.sqrt(du * du + dv * dv), math.sqrt(wx * wx + wy * wy)
+        sea = _Sea(current, wind, surface, below, salinity, ice[e])
         shape = thickness[e], width[e], length[e]
         covered = covered_sides(bond_count[e], static[e], values)
-        rates = melt_rates(sea, lat[e], shape[0], span[e], depth[e], covered, values)
+        bears = front[e] if values.by_front else -1.0
+        rates = melt_rates(sea, lat[e], shape[0], span[e], depth[e], covered, bears, values)
         row[:] = 0.0
-        melt_one(row, mass[e], shape, bits[e], foot[e], rates, span[e], sea, covered, values)
+        melt_one(row, mass[e], shape, bits[e], foot[e], rates, span[e], bears, sea, covered, values)
         melt_footloose_bits(row, shape[0], fl_bits[e], bergy[e], sea, values)
         for k in range(COLUMNS):
             out[k, e] = row[k]
@@ -387,11 +398,13 @@ def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float]) -
         elements.motion.u.copy(), elements.motion.v.copy(), result, np.zeros(body.id.size, bool),
     )  # fmt: skip
     life.fl_k[:] = result.foot
+    life.retreat[:] += np.where(life.front >= 0.0, result.retreat, 0.0)
     if values.keep_shape:
         return step
     _store(elements, result)
     empty = result.mass <= 0.0
-    replaced = empty & (result.fl_bits > 0.0)
+    hand_on_feet(elements, empty)
+    replaced = empty & (life.mass_of_fl_bits > 0.0)
     if replaced.any():
         _let_bits_replace(elements, result, replaced, values.rho_ice, born)
     step.gone[:] = empty & ~replaced

@@ -104,17 +104,43 @@ class MotionBalance(NamedTuple):
         ]
 
 
+class _Ice(NamedTuple):
+    """What momentum and energy need of the ice of elements."""
+
+    mass: Floats
+    scaling: Floats  # Bergs that each stands for
+    sides: Ints
+    length: Floats
+    width: Floats
+
+
+class _Moving(NamedTuple):
+    """Velocities of elements, and the explicit accelerations that have still half of their step to give."""
+
+    u: Floats
+    v: Floats
+    ax: Floats
+    ay: Floats
+    spin: Floats
+
+
+def _ice(el: Elements) -> _Ice:
+    return _Ice(el.body.mass, el.life.mass_scaling, el.body.sides, el.body.length, el.body.width)
+
+
+def _moving(el: Elements) -> _Moving:
+    return _Moving(el.motion.u, el.motion.v, el.kicks.ax, el.kicks.ay, el.motion.spin)
+
+
 def stock(elements: Elements, p: Parameters) -> Floats:
     """Return momentum east and north (N s) and kinetic energy (J), each the sum over all bergs."""
-    body, motion, kicks = elements.body, elements.motion, elements.kicks
-    mass, scaling = body.mass, elements.life.mass_scaling
-    u, v, dt = motion.u, motion.v, p.stepping.time_step
-    out, shape = np.zeros(3), (body.sides, body.length, body.width)
+    motion, kicks, dt, out = elements.motion, elements.kicks, p.stepping.time_step, np.zeros(3)
     if p.stepping.scheme == "mts":
-        fast = kicks.ax_fast, kicks.ay_fast, kicks.bx_fast, kicks.by_fast
-        _vibrating(mass, scaling, u, v, *fast, motion.spin, kicks.spin_rate, *shape, body.substeps, dt, out)
+        fast = _Moving(motion.u, motion.v, kicks.ax_fast, kicks.ay_fast, motion.spin)
+        implicit = kicks.bx_fast, kicks.by_fast, kicks.spin_rate
+        _vibrating(_ice(elements), fast, *implicit, elements.body.substeps, dt, out)
     else:
-        _gliding(mass, scaling, u, v, kicks.ax, kicks.ay, motion.spin, *shape, dt, out)
+        _gliding(_ice(elements), _moving(elements), dt, out)
     return out
 
 
@@ -124,33 +150,30 @@ def _radius_squared(sides: int, length: float, width: float) -> float:
     return (1.0 / (2.0 * math.sqrt(3.0)) if sides == 6 else 0.25) * length * width
 
 
-@kernel
+@borrower
 def _vibrating(
-    mass: Floats, scaling: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, bx: Floats, by: Floats, spin: Floats,
-    spin_rate: Floats, sides: Ints, length: Floats, width: Floats, substeps: Ints, dt: float, out: Floats,
-) -> None:  # fmt: skip
+    ice: _Ice, now: _Moving, bx: Floats, by: Floats, spin_rate: Floats, substeps: Ints, dt: float, out: Floats
+) -> None:
     """Add momentum and kinetic energy of elements in sub-steps; spins of the state are half a sub-step ahead of the positions."""
-    for e in range(mass.size):
-        m, half = mass[e] * scaling[e], 0.5 * dt / max(substeps[e], 1)
-        turning = spin[e] - half * spin_rate[e]
-        out[0] += m * (u[e] + half * (ax[e] + bx[e]))
-        out[1] += m * (v[e] + half * (ay[e] + by[e]))
-        square = _radius_squared(sides[e], length[e], width[e])
-        out[2] += 0.5 * m * (u[e] * u[e] + v[e] * v[e] + 0.5 * square * turning * turning)
+    for e in range(ice.mass.size):
+        m, half, u, v = ice.mass[e] * ice.scaling[e], 0.5 * dt / max(substeps[e], 1), now.u[e], now.v[e]
+        turning = now.spin[e] - half * spin_rate[e]
+        out[0] += m * (u + half * (now.ax[e] + bx[e]))
+        out[1] += m * (v + half * (now.ay[e] + by[e]))
+        square = _radius_squared(ice.sides[e], ice.length[e], ice.width[e])
+        out[2] += 0.5 * m * (u * u + v * v + 0.5 * square * turning * turning)
 
 
-@kernel
-def _gliding(
-    mass: Floats, scaling: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, spin: Floats, sides: Ints, length: Floats,
-    width: Floats, dt: float, out: Floats,
-) -> None:  # fmt: skip
+@borrower
+def _gliding(ice: _Ice, now: _Moving, dt: float, out: Floats) -> None:
     """Add momentum and kinetic energy of elements in single steps, whose explicit accelerations have still half to give."""
-    for e in range(mass.size):
-        m, uu, vv = mass[e] * scaling[e], u[e] + 0.5 * dt * ax[e], v[e] + 0.5 * dt * ay[e]
+    for e in range(ice.mass.size):
+        m = ice.mass[e] * ice.scaling[e]
+        uu, vv = now.u[e] + 0.5 * dt * now.ax[e], now.v[e] + 0.5 * dt * now.ay[e]
         out[0] += m * uu
         out[1] += m * vv
-        square = _radius_squared(sides[e], length[e], width[e])
-        out[2] += 0.5 * m * (uu * uu + vv * vv + 0.5 * square * spin[e] * spin[e])
+        square = _radius_squared(ice.sides[e], ice.length[e], ice.width[e])
+        out[2] += 0.5 * m * (uu * uu + vv * vv + 0.5 * square * now.spin[e] * now.spin[e])
 
 
 @kernel
@@ -196,30 +219,23 @@ def _entries_in_substeps(
 
 def _entries_in_steps(before: Elements, now: Elements, applied: Floats, run: RunState) -> tuple[Floats, Floats, Floats]:
     """Return the stock before and after a single step, and what each force gave, shape (forces, 3)."""
-    entries, count = np.zeros((2 + len(FORCES), 3)), now.size
-    body, motion, kicks = now.body, now.motion, now.kicks
-    old, old_kicks = before.motion, before.kicks
-    _add_entries(
-        body.mass, now.life.mass_scaling, body.sides, body.length, body.width, old.u, old.v, old_kicks.ax, old_kicks.ay,
-        old.spin, motion.u, motion.v, kicks.ax, kicks.ay, motion.spin, applied, np.zeros(len(FORCES), np.bool_),
-        run.parameters.stepping.time_step, np.empty((4, count)), entries,
-    )  # fmt: skip
+    entries, kicks = np.zeros((2 + len(FORCES), 3)), np.zeros(len(FORCES), np.bool_)
+    dt, room = run.parameters.stepping.time_step, np.empty((4, now.size))
+    _add_entries(_ice(now), _moving(before), _moving(now), applied, kicks, dt, room, entries)
     return entries[0], entries[1], entries[2:]
 
 
 @borrower
 def _add_entries(
-    mass: Floats, scaling: Floats, sides: Ints, length: Floats, width: Floats, u_before: Floats, v_before: Floats,
-    ax_before: Floats, ay_before: Floats, spin_before: Floats, u: Floats, v: Floats, ax: Floats, ay: Floats, spin: Floats,
-    applied: Floats, kicks: Booleans, dt: float, room: Floats, entries: Floats,
-) -> None:  # fmt: skip
+    ice: _Ice, before: _Moving, now: _Moving, applied: Floats, kicks: Booleans, dt: float, room: Floats, entries: Floats
+) -> None:
     """Add the rows of `_entries_in_steps`; ``room`` takes the velocities that belong to the positions, after and before."""
-    _gliding(mass, scaling, u_before, v_before, ax_before, ay_before, spin_before, sides, length, width, dt, entries[0])
-    _gliding(mass, scaling, u, v, ax, ay, spin, sides, length, width, dt, entries[1])
-    for e in range(mass.size):
-        room[0, e], room[1, e] = u[e] + 0.5 * dt * ax[e], v[e] + 0.5 * dt * ay[e]
-        room[2, e], room[3, e] = u_before[e] + 0.5 * dt * ax_before[e], v_before[e] + 0.5 * dt * ay_before[e]
-    _add_given(mass, scaling, room[0], room[1], room[2], room[3], applied, kicks, dt, entries[2:])
+    _gliding(ice, before, dt, entries[0])
+    _gliding(ice, now, dt, entries[1])
+    for e in range(ice.mass.size):
+        room[0, e], room[1, e] = now.u[e] + 0.5 * dt * now.ax[e], now.v[e] + 0.5 * dt * now.ay[e]
+        room[2, e], room[3, e] = before.u[e] + 0.5 * dt * before.ax[e], before.v[e] + 0.5 * dt * before.ay[e]
+    _add_given(ice.mass, ice.scaling, room[0], room[1], room[2], room[3], applied, kicks, dt, entries[2:])
 
 
 class MotionLedger:
@@ -326,13 +342,18 @@ def _enter(kept: Floats, who: str, now: Floats) -> None:
     kept[NOW] = now
 
 
+def bonds_vibrate(run: RunState) -> bool:
+    """Return whether bonds store elastic energy of which the motion of the elements knows."""
+    return run.parameters.stepping.scheme == "mts" and bool(run.constants.dem and run.constants.bonds_on)
+
+
 def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | None:
     """Return the elastic energy (J) in unbroken bonds, None where their law is not that of a vibrating lattice.
 
     Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``.
     """
     p, c = run.parameters, run.constants
-    if p.stepping.scheme != "mts" or not c.dem or not c.bonds_on:
+    if not bonds_vibrate(run):
         return None
     some = bonds.taken(bonds.status == 0) if (bonds.status != 0).any() else bonds
     i, j = some.first, some.second

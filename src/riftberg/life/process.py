@@ -8,17 +8,18 @@ from __future__ import annotations
 import calendar
 from collections.abc import Callable
 from datetime import datetime
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
 from riftberg.errors import InputError
 from riftberg.life.draws import Draws, OwnDraws
 from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose, let_children_go
+from riftberg.life.ice_fronts import follow_outlines
 from riftberg.life.ledger import Balance, Ledger, add_melt, latent_deficit, stocks, water_by_process
 from riftberg.life.melt import MeltStep, life_values, melt_step
 from riftberg.ocean.forcing import Forcing
-from riftberg.parameters import Parameters
+from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Floats
 
 
@@ -66,7 +67,9 @@ class LifeModel(Living, Protocol):
     """What the life of bergs asks of a model."""
 
     parameters: Parameters
+    constants: KernelParameters
     forcing: Forcing
+    outlines: tuple[Any, ...]
     start: datetime
     time: float
     step_number: int
@@ -103,6 +106,7 @@ class LifeProcess:
         calved = self._calve(model, born, ledger) if self.parameters.footloose.enabled else None
         if self.look_around is not None:
             self.look_around(model)
+        self.follow_outlines(model)
         fragment = model.elements.body.berg.copy()
         step = melt_step(model.elements, self.values, born)
         water = water_by_process(step)
@@ -119,6 +123,11 @@ class LifeProcess:
             ledger.gain("dropped_bits", -float(dropped.sum()), -float((dropped * per_mass).sum()))
         self.last = LifeStep(step, calved, water)
         self._keep(model, ledger)
+
+    def follow_outlines(self, model: LifeModel) -> None:
+        """Find the fronts along which sides melt; to be called once where the bergs lie at the start, too."""
+        if self.values.by_front and not self.values.zero_rates:
+            follow_outlines(model.elements, model.bonds, model.outlines, model.constants, model.remembered)
 
     def enter(self, model: LifeModel, source: str, mass: float, heat: float) -> None:
         """Enter ice (kg) that another process has just added, and its heat (J), under a name of `ledger.SOURCES`."""

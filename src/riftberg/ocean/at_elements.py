@@ -73,6 +73,7 @@ def blend_known(sw: float, se: float, nw: float, ne: float, xi: float, eta: floa
     """Return the bilinear value of those corners that are known (not NaN), weights brought to a sum of 1; else NaN."""
     total, share = 0.0, 0.0
     for k in range(4):
+        # A loop over four numbers, not four blocks: south-west, south-east, north-west, north-east.
         value = sw if k == 0 else (se if k == 1 else (nw if k == 2 else ne))
         weight = (xi if k % 2 == 1 else 1.0 - xi) * (eta if k >= 2 else 1.0 - eta)
         if value == value:
@@ -87,6 +88,7 @@ def in_time(before: float, after: float, weight: float, absent: float) -> float:
     """Return the value between two records; where only one of them knows a value that one counts."""
     before = before if before == before else absent
     after = after if after == after else absent
+    # At the very time of a record that one counts alone, gaps included.
     if weight <= 0.0 or after != after:
         return before if before == before or weight <= 0.0 else after
     return after if before != before else (1.0 - weight) * before + weight * after
@@ -128,6 +130,7 @@ def _record_at(
     )  # fmt: skip
     if value == value:
         return value
+    # No corner is known: from the corner nearest to the place outward.
     return _nearest_known(levels, limits, draft, j1 if eta > 0.5 else j, i1 if xi > 0.5 else i, around, near)
 
 
@@ -206,6 +209,7 @@ def _faces(position: float, first: int, last: int, around: int) -> tuple[int, in
 
     Face ``k`` lies half-way between the points ``k`` and ``k + 1``; beyond the outermost the outermost counts.
     """
+    # Up to the middle of the cell the place lies behind face ``first``, from there on before it.
     lower = first if position >= 0.5 else first - 1
     weight = position - 0.5 if position >= 0.5 else position + 0.5
     if around > 0:
@@ -253,6 +257,7 @@ def fill_slopes(
             row, column = north if second else south, i1 if k >= 2 else i
             q, e, m = _change(level, points, row, column, row + 1, column, lon[n], lat[n])
             q_eta, e_eta, n_eta = q_eta + side * q, e_eta + side * e, n_eta + side * m
+        # Positions are in rad, so the slope is per rad until it is divided by the radius.
         slope = gradient(q_xi, q_eta, (e_xi, n_xi), (e_eta, n_eta))
         out_x[n], out_y[n] = slope[0] / EARTH_RADIUS_A68, slope[1] / EARTH_RADIUS_A68
 

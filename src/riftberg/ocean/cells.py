@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.physics.quadrilaterals import (
@@ -20,21 +22,11 @@ from riftberg.physics.quadrilaterals import (
     polar_plane,
     wrap_around,
 )
-from riftberg.state import Elements, Floats
+from riftberg.state import Elements, Floats, Ints
 
 if TYPE_CHECKING:
     from riftberg.ocean.grid_arrays import GridArrays
     from riftberg.parameters import KernelParameters
-
-
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from riftberg.state import Ints
-
-if TYPE_CHECKING:
-    from riftberg.ocean.grid_arrays import GridArrays
 
 POLAR_LATITUDE = 89.999
 """Corners at or beyond this latitude (degrees) make a cell polar (equations 2.5)."""
@@ -184,6 +176,7 @@ def _step_index(position: float, index: int, last: int, behind: float, ahead: fl
     """Next index along one axis, and whether land is in the way; ``behind`` and ``ahead`` are masks."""
     if position < 0.0 and index > 0:
         if behind > 0.0:
+            # Row and column 0 hold corners only, so the first cell has index 1.
             return max(index - 1, 1), False
         return index, True
     if position >= 1.0 and index < last:
@@ -225,6 +218,8 @@ def adjust_cell(
         j, hit_y = _step_index(eta, j, last_j, _neighbour(mask, i, j - 1), _neighbour(mask, i, j + 1))
         bounced = bounced or hit_x or hit_y
         if bounced:
+            # After land was met the point goes back into the cell before the next one is looked for, as in the
+            # reference.
             xi, eta = _pulled_in(xi), _pulled_in(eta)
             x, y = position_from_cell(xi, eta, i, j, grid)
         xi, eta, inside = position_in_cell(x, y, i, j, grid)
@@ -233,6 +228,7 @@ def adjust_cell(
     if inside and not bounced and mask[j, i] > 0.0:
         return x, y, i, j, xi, eta, False
     xi = _pulled_in(xi)
+    # The reference compares eta otherwise than xi: exactly 1 stays, exactly 0 does not.
     eta = 0.95 if eta > 1.0 else (0.05 if eta <= 0.0 else eta)
     x, y = position_from_cell(xi, eta, i, j, grid)
     xi, eta, inside = position_in_cell(x, y, i, j, grid)
@@ -265,6 +261,7 @@ def settle_elements(elements: Elements, grid: GridArrays, params: KernelParamete
             shift = grid.period if i < first else -grid.period
             i += grid.ni if i < first else -grid.ni
             x += shift
+            # What other elements see of it moves by the same period, or the pair would be a world apart for one step.
             shown_x[n] += shift
         px[n], py[n], cell_i[n], cell_j[n], along[n], across[n] = x, y, i, j, xi, eta
     return stopped
@@ -308,6 +305,7 @@ def _guess_cell(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
     west, south = grid.lon[h - 1, h - 1], grid.lat[h - 1, h - 1]
     width = (grid.lon[h - 1, h + ni - 1] - west) / ni
     height = (grid.lat[h + nj - 1, h - 1] - south) / nj
+    # Limited, for a point far outside would overflow the whole numbers.
     column = min(max((wrap_around(x, west + 0.5 * width * ni, grid.period) - west) / width, -1e6), 1e6)
     row = min(max((y - south) / height, -1e6), 1e6)
     return _into_domain(h + math.floor(column), grid), min(max(h + math.floor(row), h), h + nj - 1)
@@ -354,6 +352,7 @@ def search_nearby(x: float, y: float, grid: GridArrays) -> tuple[int, int]:
     Starts from the cell of an evenly spaced grid, then from the nearest of a coarse choice of cells.
     """
     i, j = _guess_cell(x, y, grid)
+    # First in one stride, which is exact on a regular grid; on a bent one from a place that is near, in small ones.
     i, j, cell = _walk(x, y, i, j, 1e6, grid)
     if not cell:
         i, j = _nearest_of_some(x, y, grid)
@@ -384,6 +383,7 @@ def locate_points(
 ) -> None:
     """Fill cell and coordinates in the cell of many points; ``cell_i`` = -1 for points outside the domain."""
     h = grid.halo
+    # Most points outside are seen by the box of the domain, which spares the search of all cells.
     domain = grid.lat[h - 1 : h + grid.nj, h - 1 : h + grid.ni]
     south, north = domain.min(), domain.max()
     columns = grid.lon[h - 1 : h + grid.nj, h - 1 : h + grid.ni]

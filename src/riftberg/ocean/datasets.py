@@ -241,6 +241,7 @@ class DatasetForcing(DescribedForcing):
             return
         for name in self._missing:
             getattr(elements, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
+        # The depth is that of the floor below mean sea level; the sea level is added once all parts are there.
         level = np.zeros(elements.lon.size)
         for part, places in self._placed(elements):
             for name in part.serves:
@@ -265,6 +266,7 @@ class DatasetForcing(DescribedForcing):
                 known = variable in part.records.names
                 getattr(e, variable)[:] = np.nan_to_num(_values(part, variable, places, time, None)) if known else 0.0
             return
+        # Only currents push over the whole draft; temperature at the keel has variables of its own.
         draft = draft_of(e.body.thickness, self._density) if name == "uo" and part.records.has_levels else None
         components = (name, VECTORS[name]) if name in VECTORS else (name,)
         for component, variable in zip(components, FILLS[name], strict=False):

@@ -138,6 +138,7 @@ class ModelGrid(NamedTuple):
             for low, high in (_box(settings.longitude), settings.latitude)
         )
         hours = (run.end - run.start) / timedelta(hours=1)
+        # Round-off must not add an interval beyond the end, for which no file need have records.
         count = math.ceil(hours / settings.every_hours - 1e-9)
         moments = [run.start + timedelta(hours=settings.every_hours * k) for k in range(count + 1)]
         mask = None

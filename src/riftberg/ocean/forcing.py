@@ -6,6 +6,8 @@ import html
 import threading
 from typing import Final, Protocol
 
+import numpy as np
+
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import shortened
@@ -104,3 +106,12 @@ class DescribedForcing:
 
     def _repr_html_(self) -> str:
         return f'<pre style="white-space:pre-wrap">{html.escape(repr(self)[1:-1])}</pre>'
+
+
+def sea_level(forcing: Forcing, lon: Floats, lat: Floats, time: float) -> Floats:
+    """Return the sea level (m) above that to which the depth belongs, at arrays of points; 0 where the forcing gives none.
+
+    A forcing of one's own may have a method ``sea_level(lon, lat, time)``.
+    """
+    given = getattr(forcing, "sea_level", None)
+    return np.zeros(np.shape(lon)) if given is None else np.asarray(given(lon, lat, time), float)

@@ -31,7 +31,7 @@ from riftberg.config.sections import ICE_UNITS, PLACE, Pair, Position, SeaIce, V
 from riftberg.config.values import UnfitError, explained, fields_of, in_metres, plain_value, says_metres
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, pair_text, said
+from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, pair_text, said, sea_level
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.state import Elements, Floats
@@ -85,6 +85,10 @@ class Formula(DescribedForcing):
         """Return the depth of water (m) at arrays of points."""
         return np.full(np.shape(lon), np.inf)
 
+    def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
+        """Return the sea level (m) that counts in the depth, at arrays of points: that of tides."""
+        return np.zeros(np.shape(lon))
+
     def describe(self) -> str:
         """Return what this part is, in words."""
         return type(self).__name__
@@ -110,6 +114,7 @@ def clear_environment(elements: Elements) -> None:
     environment = elements.environment
     for name in SUMMED:
         getattr(environment, name)[:] = 0.0
+    # Of several floors the shallowest counts, so the search for it begins at no floor at all.
     environment.depth[:] = np.inf
     for name in UNKNOWN:
         getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
@@ -134,6 +139,7 @@ class Sum(Formula):
     """Several forcings as one: formulas, on top of at most one that is none, such as fields from files."""
 
     def __init__(self, parts: Sequence[Any]) -> None:
+        # Forcing from files comes first: it sets the environment, and formulas add to what they find.
         self.parts = tuple(sorted(parts, key=lambda part: isinstance(part, Formula)))
         others = [part for part in parts if not isinstance(part, Formula)]
         if len(others) > 1:
@@ -193,6 +199,11 @@ class Sum(Formula):
         """Return the depth of water (m) at arrays of points: that of the shallowest part."""
         shallowest: Floats = np.min([part.depth(lon, lat) for part in self.parts], axis=0)
         return np.where(np.isinf(shallowest), FIELD_DEFAULTS["depth"], shallowest)
+
+    def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
+        """Return the sea level (m) at arrays of points: the sum of all parts."""
+        levels: Floats = np.sum([sea_level(part, lon, lat, time) for part in self.parts], axis=0)
+        return levels
 
     def describe(self) -> str:
         """Return all parts in words."""
@@ -289,6 +300,7 @@ class Flow(Part):
         """Add current, vorticity and the slope of the sea surface that goes with them."""
         place, e = elements.place, elements.environment
         u, v, vorticity = self.flow(place.lon, place.lat, time)
+        # Slopes that move this water itself: a berg would drift off to the side of water without them.
         f, (du, dv) = self.coriolis(place.lat), self.change(time)
         e.uo[:] += u
         e.vo[:] += v
@@ -336,6 +348,7 @@ class Uniform(Flow):
     @field_validator("water", mode="before")
     @classmethod
     def _no_floor(cls, depth: Any) -> Any:
+        # No floor and a floor endlessly deep are one; files have no number for the second.
         return None if depth == math.inf else depth
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
@@ -524,6 +537,12 @@ class Tide(Flow):
     towards: Annotated[float, about("degree", "direction of the largest speed, clockwise from north")] = 90.0
     period: Annotated[float, about("s", "period; M2 by default", gt=0)] = M2
     phase: Annotated[float, about("degree", "part of the period after the start at which the speed is largest")] = 0.0
+    level: Annotated[float, about("m", "amplitude of the sea level, which lifts bergs off the floor", ge=0, le=20)] = (
+        0.0
+    )
+    level_phase: Annotated[
+        float, about("degree", "part of the period after the start at which the level is highest")
+    ] = 0.0
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current of the moment."""
@@ -536,6 +555,11 @@ class Tide(Flow):
         omega = 2.0 * math.pi / self.period
         c, s = self._cycle(time)
         return self._along(-omega * self.major * s, omega * self.minor * c)
+
+    def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
+        """Return the level of the moment (m), the same everywhere; constituents are tides that are added up."""
+        angle = 2.0 * math.pi * time / self.period - self.level_phase * DEGREE
+        return np.full(np.shape(lon), self.level * math.cos(angle))
 
     def _cycle(self, time: float) -> Pair:
         angle = 2.0 * math.pi * time / self.period - self.phase * DEGREE
@@ -552,7 +576,8 @@ class Tide(Flow):
 
     def describe(self) -> str:
         """Return the values in words."""
-        return f"tide of {self.major:g} m/s every {self.period / 3600.0:.4g} h"
+        level = f" and {self.level:g} m" if self.level else ""
+        return f"tide of {self.major:g} m/s{level} every {self.period / 3600.0:.4g} h"
 
 
 class SeaFloor(Part):

@@ -23,6 +23,7 @@ from riftberg.state import Elements, Floats
 def _put(values: Floats, ni: int, nj: int, halo: int) -> tuple[Floats, slice, slice]:
     """Place given values in an array with halo; return it with the rows and columns that are known."""
     full = np.full((nj + 2 * halo, ni + 2 * halo), np.nan)
+    # Cells alone; with the outermost south and west corners; with one ring; with the whole halo.
     for before, after in ((0, 0), (1, 0), (1, 1), (halo, halo)):
         if values.shape == (nj + before + after, ni + before + after):
             rows = slice(halo - before, halo + nj + after)
@@ -55,6 +56,7 @@ def _halo_corners(
 ) -> None:
     """Fill halo corners: copied in cyclic directions, linear elsewhere; the south keeps its longitudes (equations 2.1)."""
     for j in range(rows.start - 1, -1, -1):
+        # The south before the ends are joined, the north after: the other order gives other corners (equations 2.1).
         lon[j], lat[j] = lon[j + 1], 2.0 * lat[j + 1] - lat[j + 2]
     if wrap is not None:
         wrap(lon, period)
@@ -78,6 +80,8 @@ def _closes(lon: Floats, ni: int, halo: int, period: float) -> bool:
         return False
     row = lon[lon.shape[0] // 2, halo : halo + ni]
     spacing = (row[-1] - row[0]) / (ni - 1)
+    # The last corner and one more spacing make a full circle, or nearly: grids in single precision miss it by
+    # round-off.
     return bool(abs(row[-1] + spacing - row[0] - period) < 0.5 * abs(spacing))
 
 
@@ -139,6 +143,7 @@ class Grid:
 
         _halo_corners(lon, lat, rows, columns, wrap if joined else None, period)
         dx, dy = edge_lengths(lon, lat, radius_for_metrics, latlon)
+        # Row 0 and column 0 hold corners only and have no cell.
         area = np.zeros_like(lon)
         area[1:, 1:] = cell_areas(lon, lat, radius_for_metrics, latlon)
         empty = np.zeros_like(lon)
@@ -286,6 +291,7 @@ def _check_orientation(lon: Floats, lat: Floats, latlon: bool) -> None:
         east, north = np.radians(lon), np.radians(lat)
         x, y, z = np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)
     points = np.stack([x, y, z], axis=-1)
+    # Half the cross product of the diagonals is the area of a quadrilateral, with the sign of its sense.
     a, b = points[1:, 1:] - points[:-1, :-1], points[1:, :-1] - points[:-1, 1:]
     up = points[1:, 1:] if latlon else np.array([0.0, 0.0, 1.0])
     area = (np.cross(a, b) * up).sum(axis=-1)
@@ -323,6 +329,7 @@ def _sphere_edge(lon1: Floats, lat1: Floats, lon2: Floats, lat2: Floats) -> Floa
     """Integral of sin(lat) dlon along an edge that is straight in longitude and latitude, rad."""
     turn = np.radians((lon2 - lon1 + 180.0) % 360.0 - 180.0)
     half = np.radians(0.5 * (lat2 - lat1))
+    # sin(lat) averaged over an edge from lat1 to lat2; sinc keeps edges along a parallel, 0 / 0, exact.
     return np.asarray(turn * np.sin(np.radians(0.5 * (lat1 + lat2))) * np.sinc(half / np.pi))
 
 

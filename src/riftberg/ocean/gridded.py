@@ -22,6 +22,8 @@ from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
     DEPTH_ZONE,
+    DepthAtPoint,
+    Points,
     blend_around,
     fill_depth,
     points_from_corners,
@@ -138,8 +140,8 @@ class GriddedForcing(DescribedForcing):
         self.rules, self.source = rules, source
         self.start = None if start is None else moment(start, where="start")
         self.notices: tuple[str, ...] = ()
-        self._rule = DEPTH_RULES[rules.depth_rule]
-        self._zone_lon, self._zone_lat = (float(z) for z in rules.zone) if rules.zone else (0.0, 0.0)
+        zone_lon, zone_lat = (float(z) for z in rules.zone) if rules.zone else (0.0, 0.0)
+        self._depth_rule = DepthAtPoint(DEPTH_RULES[rules.depth_rule], zone_lon, zone_lat, bool(rules.even_parity))
         self._held = frozenset(Fields._fields if rules.interpolation == "previous" else rules.stepwise)
         self._store = _Records(grid, records, {"ssh"} if rules.sea_level_gaps else set())
         self._times = _checked_times(times, self._store.count)
@@ -206,6 +208,7 @@ class GriddedForcing(DescribedForcing):
         if weight == 0.0:
             return before
         after = self._store[k + 1]
+        # A negative weight tells the kernel to leave a field alone: it is shared with the record before.
         same = [first is last or name in self._held for name, first, last in zip(Fields._fields, before, after)]
         # New arrays in every call: two models in two threads may share this forcing.
         blended = Fields(*(b if held else np.empty_like(b) for b, held in zip(before, same)))
@@ -229,10 +232,7 @@ class GriddedForcing(DescribedForcing):
             return
         fields, grid = self.fields_at(time, elements.cell_i, elements.cell_j), self._grid.arrays
         rules = self.rules
-        sample_gridded(
-            elements, grid, fields, self._rule, self._zone_lon, self._zone_lat,
-            rules.coastal_drift, bool(rules.mirrored), bool(rules.even_parity),
-        )  # fmt: skip
+        sample_gridded(elements, grid, fields, self._depth_rule, rules.coastal_drift, bool(rules.mirrored))
         if tide and rules.tidal_drift > 0.0:
             order = listed(elements) if rules.listed_draws else None
             add_tidal_drift(elements, grid, fields.ssh, rules.tidal_drift, bool(rules.mirrored), order)
@@ -272,13 +272,13 @@ class GriddedForcing(DescribedForcing):
             remedy="Fill the gap, for example with the nearest valid value, or make the cell land in the mask",
         )
 
-    def _located(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats, Ints, Ints, Floats, Floats]:
+    def _located(self, lon: Floats, lat: Floats) -> Points:
         x, y = (np.ascontiguousarray(q, dtype=np.float64).ravel() for q in (lon, lat))
         i, j = np.empty(x.size, dtype=np.int64), np.empty(x.size, dtype=np.int64)
         xi, eta = np.empty(x.size), np.empty(x.size)
         locate_points(x, y, self._grid.arrays, False, i, j, xi, eta)
         i[(i >= 0) & (self._grid.arrays.mask[j, i] < 0.5)] = -1
-        return x, y, i, j, xi, eta
+        return Points(x, y, i, j, xi, eta)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside and on land."""
@@ -290,13 +290,9 @@ class GriddedForcing(DescribedForcing):
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points, by the first record; NaN outside and on land."""
-        x, y, i, j, xi, eta = self._located(lon, lat)
-        fields, g = self._store[0], self._grid.arrays
-        out = np.full(i.size, np.nan)
-        fill_depth(
-            x, y, i, j, xi, eta, g, fields.depth, fields.ssh,
-            self._rule, self._zone_lon, self._zone_lat, bool(self.rules.even_parity), out,
-        )  # fmt: skip
+        points, fields = self._located(lon, lat), self._store[0]
+        out = np.full(points.i.size, np.nan)
+        fill_depth(points, self._grid.arrays, fields.depth, fields.ssh, self._depth_rule, out)
         return out.reshape(np.shape(lon))
 
     def describe(self) -> str:
@@ -397,8 +393,8 @@ class _Records:
         # The dictionary is replaced, never changed: other threads look into it without the lock.
         spared = sorted(self._kept, key=lambda old: (abs(old - k) <= 1, old))[-1:]
         self._kept = {**{old: self._kept[old] for old in spared}, k: prepared}
-        alive = {id(a) for state, _ in self._kept.values() for a in state}
-        self._prepared = {key: v for key, v in self._prepared.items() if id(v[1]) in alive}
+        in_use = {id(a) for state, _ in self._kept.values() for a in state}
+        self._prepared = {key: v for key, v in self._prepared.items() if id(v[1]) in in_use}
         return prepared
 
     def __getitem__(self, k: int) -> Fields:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.physics.quadrilaterals import bilinear, inverse_bilinear, wrap_around
-from riftberg.state import Elements, Floats, Ints
+from riftberg.state import Elements, Floats, Ints, Place
 
 if TYPE_CHECKING:
     from riftberg.ocean.grid_arrays import Fields, GridArrays
@@ -55,6 +55,7 @@ def sea_surface_slope(
 
     Slopes at cell faces, 0 where the face touches land, are interpolated to (xi, eta).
     """
+    # Faces lie at the middles of the sides: the point is between those of its own row of cells and of the next.
     row = j if eta >= 0.5 else j - 1
     north = eta - 0.5 if eta >= 0.5 else eta + 0.5
     east_x = north * _slope_x(ssh, mask, dx, i, row + 1) + (1.0 - north) * _slope_x(ssh, mask, dx, i, row)
@@ -70,6 +71,7 @@ def sea_surface_slope(
 def _stencil_start(index: int, halo: int, position: float, even_parity: bool) -> int:
     """First of three cells of the depth stencil along one axis; anchors are odd cells of the reference (quirk Q20)."""
     parity = 0 if even_parity else 1
+    # Cells of the reference are counted from 1, without halo.
     if (index - halo + 1) % 2 == parity:
         return index if position >= 0.5 else index - 2
     return index - 1
@@ -168,14 +170,16 @@ def _find_turns(
 
 @kernel
 def _fill_vectors(
-    i: Ints, j: Ints, xi: Floats, eta: Floats, u: Floats, v: Floats, c: Floats, s: Floats, mask: Floats,
-    drift: float, mirrored: bool, east: Floats, north: Floats,
+    place: Place, u: Floats, v: Floats, c: Floats, s: Floats, mask: Floats, drift: float, mirrored: bool, east: Floats,
+    north: Floats,
 ) -> None:  # fmt: skip
     """Interpolate a corner field to all elements, add the drift away from land, turn it to east and north."""
+    i, j, xi, eta = place.cell_i, place.cell_j, place.xi, place.eta
     for n in range(i.size):
         column, row = i[n], j[n]
         x, y = (1.0 - xi[n], 1.0 - eta[n]) if mirrored else (xi[n], eta[n])
         along, across = bilinear(u, column, row, x, y), bilinear(v, column, row, x, y)
+        # Land is seen along the rows of the grid, so the drift is added before the vector is turned.
         if drift > 0.0:
             du, dv = coastal_increment(mask, column, row, drift)
             along, across = along + du, across + dv
@@ -184,11 +188,12 @@ def _fill_vectors(
 
 @kernel
 def _fill_slopes(
-    i: Ints, j: Ints, xi: Floats, eta: Floats, ssh: Floats, mask: Floats, dx: Floats, dy: Floats, c: Floats, s: Floats,
-    east: Floats, north: Floats,
-) -> None:  # fmt: skip
+    place: Place, ssh: Floats, mask: Floats, dx: Floats, dy: Floats, c: Floats, s: Floats, east: Floats, north: Floats
+) -> None:
+    i, j, xi, eta = place.cell_i, place.cell_j, place.xi, place.eta
     for n in range(i.size):
         along, across = sea_surface_slope(ssh, mask, dx, dy, i[n], j[n], xi[n], eta[n])
+        # Beside gaps in the sea level the surface counts as flat.
         east[n] = _finite_or_zero(c[n] * along + s[n] * across)
         north[n] = _finite_or_zero(c[n] * across - s[n] * along)
 
@@ -207,12 +212,32 @@ def _fill_from_cells(i: Ints, j: Ints, field: Floats, out: Floats) -> None:
         out[n] = field[j[n], i[n]]
 
 
+class Points(NamedTuple):
+    """Points on a grid."""
+
+    x: Floats  # Degrees or m
+    y: Floats
+    i: Ints  # Array column and row of the cell
+    j: Ints
+    xi: Floats  # Position in the cell
+    eta: Floats
+
+
+class DepthAtPoint(NamedTuple):
+    """How the depth at a point follows from that of cells."""
+
+    rule: int  # `DEPTH_OF_CELL`, `DEPTH_BIQUADRATIC` or `DEPTH_ZONE`
+    zone_lon: float  # South-west point of the dry quadrant, degrees, for `DEPTH_ZONE`
+    zone_lat: float
+    even_parity: bool  # Anchors of the stencil are even cells, for `DEPTH_BIQUADRATIC`
+
+
 @kernel
-def fill_depth(
-    x: Floats, y: Floats, i: Ints, j: Ints, xi: Floats, eta: Floats, grid: GridArrays, depth: Floats, ssh: Floats,
-    rule: int, zone_lon: float, zone_lat: float, even_parity: bool, out: Floats,
-) -> None:  # fmt: skip
+def fill_depth(points: Points, grid: GridArrays, depth: Floats, ssh: Floats, how: DepthAtPoint, out: Floats) -> None:
     """Fill the depth of water (m) at many points by one of the three rules (equations 3.2); ``i`` < 0 is left alone."""
+    # Out of the tuples before the loop, where each access would count references.
+    x, y, i, j, xi, eta = points
+    rule, zone_lon, zone_lat, even_parity = how
     lon, lat, boxes = grid.lon_centre, grid.lat_centre, grid.regular and not grid.latlon
     period, halo, latlon = grid.period, grid.halo, grid.latlon
     for n in range(i.size):
@@ -230,13 +255,11 @@ def fill_depth(
 
 @kernel
 def sample_gridded(
-    elements: Elements, grid: GridArrays, fields: Fields, depth_rule: int, zone_lon: float, zone_lat: float,
-    coastal_drift: float, mirrored: bool, even_parity: bool,
-) -> None:  # fmt: skip
+    elements: Elements, grid: GridArrays, fields: Fields, how: DepthAtPoint, coastal_drift: float, mirrored: bool
+) -> None:
     """Fill the environment of all elements, ``uo`` to ``vorticity`` (equations 3.2).
 
-    ``zone_lon``, ``zone_lat``: south-west point of the dry quadrant, degrees, for `DEPTH_ZONE`; ``coastal_drift``:
-    speed of the drift away from land, m s-1.
+    ``coastal_drift``: speed of the drift away from land, m s-1.
     """
     # Each part is a loop of its own over bare arrays: handing the tuples of arrays to a helper for every element would
     # count references to seventy arrays each time.
@@ -244,31 +267,16 @@ def sample_gridded(
     i, j, xi, eta = place.cell_i, place.cell_j, place.xi, place.eta
     c, s = np.empty(i.size), np.empty(i.size)
     _find_turns(i, j, xi, eta, g.cos_angle, g.sin_angle, mirrored, c, s)
-    _fill_vectors(i, j, xi, eta, f.uo, f.vo, c, s, g.mask, coastal_drift, mirrored, environment.uo, environment.vo)
-    _fill_vectors(i, j, xi, eta, f.ui, f.vi, c, s, g.mask, coastal_drift, mirrored, environment.ui, environment.vi)
-    _fill_vectors(i, j, xi, eta, f.ua, f.va, c, s, g.mask, 0.0, mirrored, environment.ua, environment.va)
-    _fill_slopes(i, j, xi, eta, f.ssh, g.mask, g.dx, g.dy, c, s, environment.slope_x, environment.slope_y)
+    _fill_vectors(place, f.uo, f.vo, c, s, g.mask, coastal_drift, mirrored, environment.uo, environment.vo)
+    _fill_vectors(place, f.ui, f.vi, c, s, g.mask, coastal_drift, mirrored, environment.ui, environment.vi)
+    _fill_vectors(place, f.ua, f.va, c, s, g.mask, 0.0, mirrored, environment.ua, environment.va)
+    _fill_slopes(place, f.ssh, g.mask, g.dx, g.dy, c, s, environment.slope_x, environment.slope_y)
     _fill_vorticity(i, j, xi, eta, f.uo, f.vo, g.dx, g.dy, environment.vorticity)
     _fill_from_cells(i, j, f.sst, environment.sst)
     _fill_from_cells(i, j, f.sss, environment.sss)
     _fill_from_cells(i, j, f.ice_fraction, environment.ice_fraction)
     _fill_from_cells(i, j, f.ice_thickness, environment.ice_thickness)
-    fill_depth(
-        place.lon,
-        place.lat,
-        i,
-        j,
-        xi,
-        eta,
-        g,
-        f.depth,
-        f.ssh,
-        depth_rule,
-        zone_lon,
-        zone_lat,
-        even_parity,
-        environment.depth,
-    )
+    fill_depth(Points(place.lon, place.lat, i, j, xi, eta), g, f.depth, f.ssh, how, environment.depth)
 
 
 @kernel
@@ -283,6 +291,7 @@ def blend_around(
         west, east = max(cell_i.min() - margin, 0), min(cell_i.max() + margin + 1, columns)
     for k in range(len(first)):
         w = weights[k]
+        # Held until the next record, or the same array in both.
         if w < 0.0:
             continue
         before, after, between = first[k], second[k], out[k]

@@ -93,6 +93,7 @@ def friction_velocity(speed: float, drag: float, tide: float, least: float) -> f
 def _layer_depth(friction: float, coriolis: float) -> float:
     """Depth of the mixed layer, m: not deeper than rotation lets it become."""
     f = abs(coriolis)
+    # Also at the equator, where rotation sets no depth and the quotient would be infinite.
     if f == 0.0 or f * MIXED_LAYER <= VON_KARMAN * friction:
         return MIXED_LAYER
     return VON_KARMAN * friction / f
@@ -102,6 +103,7 @@ def _layer_depth(friction: float, coriolis: float) -> float:
 def _resistance(log: float, ratio: float, stability: float) -> float:
     """Turbulent part of the resistance of the layer; ``stability`` 1 without a flux of buoyancy, larger with one."""
     tail = 0.5 * stability / ZETA - 1.0
+    # A strong flux of buoyancy leaves no logarithmic part of the layer.
     if ratio > stability * stability:
         return (1.0 / VON_KARMAN) * ((log - 2.0 * math.log(stability)) + tail)
     return (1.0 / VON_KARMAN) * tail
@@ -174,6 +176,7 @@ def _reference_search(
         if abs(change) < 1e-4 * (0.5 * (salinity + at_ice + 1e-10)):
             return True, melt
         if change < 0.0:
+            # The reference gives up where the salinity leaves the bracket that it has found, and takes the other law.
             if at_ice > high:
                 return False, melt
             high = at_ice
@@ -194,6 +197,7 @@ def _salinity_at_ice(
     salt = friction * gammas[1] * RHO_SEAWATER
     square, line = -melt * FREEZING_BY_SALINITY, salt + melt * (temperature - freezing_point(0.0, pressure))
     root = math.sqrt(line * line + 4.0 * square * (salinity * salt))
+    # Both are the positive root; each form avoids the difference of two nearly equal numbers on its side.
     if line > 0.0:
         return 2.0 * (salinity * salt) / (line + root)
     return (root - line) / (2.0 * square)
@@ -259,6 +263,7 @@ def basal_melt_rate(
     pressure = ATMOSPHERE + GRAVITY * thickness * rho_ice
     density = DENSITY_FRESH_COLD + DENSITY_BY_TEMPERATURE * temperature + DENSITY_BY_SALINITY * salinity
     friction = friction_velocity(speed, exchange.drag, exchange.tide, exchange.least_friction)
+    # Still water without tides: nothing carries heat to the ice.
     if friction <= 0.0:
         return 0.0
     depth = _layer_depth(friction, coriolis)

@@ -112,6 +112,7 @@ def sides_without(pieces: float, thickness: float, width: float, length: float, 
     both = length + width
     retreat = 0.5 * (both - math.sqrt(both * both - 4.0 * long * wide * pieces))
     shorter, narrower, least = length - retreat, width - retreat, width - steps * long
+    # The rest of the area is taken from the length, so that the pieces have what they need.
     if narrower < least:
         return least, shorter * (1.0 - (least - narrower) / least)
     return narrower, shorter

@@ -24,6 +24,7 @@ _PI_LOW = 4.044532497591901e-21
 @kernel
 def fast_sin(angle: float) -> float:
     """Sine of an angle (rad) by range reduction and a Taylor polynomial of degree 21."""
+    # Half turns, and what is left of them in [-pi/2, pi/2]; odd ones change the sign.
     turns = np.floor(angle * _INVERSE_PI + 0.5)
     x = ((angle - turns * _PI_HIGH) - turns * _PI_MIDDLE) - turns * _PI_LOW
     sign = 1.0 - 2.0 * (turns - 2.0 * np.floor(0.5 * turns))
@@ -38,6 +39,8 @@ SMALL_ANGLE: Final = 0.1
 def sin_small(angle: float) -> float:
     """Sine of a small angle (rad, up to `SMALL_ANGLE`) by a Taylor polynomial of degree 9."""
     q = angle * angle
+    # Horner's scheme written out: a loop over coefficients would not be unrolled before the loop over bonds
+    # vectorises.
     s = 1.0 / 362880.0
     s = -1.0 / 5040.0 + q * s
     s = 1.0 / 120.0 + q * s
@@ -48,6 +51,7 @@ def sin_small(angle: float) -> float:
 @kernel
 def _sin_reduced(x: float, q: float) -> float:
     """Sine for abs(x) <= pi/2; ``q`` is x squared."""
+    # Horner's scheme, from 1/21! down, written out as in `sin_small`.
     s = 1.0 / 51090942171709440000.0
     s = -1.0 / 121645100408832000.0 + q * s
     s = 1.0 / 355687428096000.0 + q * s
@@ -66,6 +70,7 @@ def fast_cos_latitude(degrees: float) -> float:
     """Cosine of a latitude in degrees, -90 to 90, by a Taylor polynomial of degree 22."""
     x = degrees * DEGREE
     q = x * x
+    # Horner's scheme, from 1/22! down, written out as in `sin_small`.
     c = -1.0 / 1124000727777607680000.0
     c = 1.0 / 2432902008176640000.0 + q * c
     c = -1.0 / 6402373705728000.0 + q * c
@@ -155,6 +160,7 @@ def from_tangent_plane(x: float, y: float, radius: float) -> tuple[float, float]
     """Longitude in (-180, 180] and latitude (degrees) of a point on the polar plane (equations 2.3)."""
     r = math.sqrt(x * x + y * y)
     lat = 90.0 - r / radius / DEGREE
+    # Round-off may leave the cosine beyond 1, where the arc is no number.
     lon = 0.0 if r == 0.0 else math.acos(min(1.0, max(-1.0, x / r))) / DEGREE
     return (lon if y >= 0.0 else -lon), lat
 

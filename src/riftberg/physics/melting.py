@@ -134,6 +134,42 @@ def melt_block(
 
 
 @kernel
+def melt_edge(
+    mass: float, thickness: float, width: float, length: float, front: float, base: float, sides: float, waves: float,
+    dt: float, split: bool,
+) -> tuple[float, float, float, float, float, float, float, float, float]:  # fmt: skip
+    """Melt an element at the edge of a berg; as `melt_block`, but its sides melt along a given length of the outline.
+
+    A block loses ``(W + L) d`` of its area where its sides melt by d, half of its perimeter; so an element loses ``front d / 2``.
+    Width and length shrink alike.
+
+    Parameters
+    ----------
+    mass, thickness, width, length, base, sides, waves, dt, split : float, bool
+        As in `melt_block`.
+    front : float
+        Length of the outline at which the element melts, m; 0 inside of a berg.
+    """
+    area = width * length
+    volume = thickness * area
+    if volume <= 0.0:
+        return mass, thickness, width, length, 0.0, 0.0, 0.0, width, length
+    thin = max(thickness - base * dt, 0.0)
+    between = max(area - 0.5 * front * sides * dt, 0.0)
+    after = max(between - 0.5 * front * waves * dt, 0.0)
+    first, last = math.sqrt(between / area), math.sqrt(after / area)
+    left = thin * after / volume * mass
+    if split:
+        after_base, after_sides = thin * area / volume * mass, thin * between / volume * mass
+        by_base, by_sides, by_waves = mass - after_base, after_base - after_sides, after_sides - left
+    else:
+        per_volume = mass / volume
+        by_base = per_volume * area * base * dt
+        by_sides, by_waves = per_volume * thickness * (area - between), per_volume * thickness * (between - after)
+    return left, thin, last * width, last * length, by_base, by_sides, by_waves, first * width, first * length
+
+
+@kernel
 def melt_bits(
     bits: float, born: float, shortest: float, speed: float, temperature: float, rho_ice: float, dt: float, gone: bool
 ) -> tuple[float, float]:

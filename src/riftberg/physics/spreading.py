@@ -9,6 +9,7 @@ the reference (files 4.2, 4.3) know a berg by its place in its own cell alone, a
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,35 @@ Ints = NDArray[np.int64]
 POINT = 0
 RECTANGLE = 1
 HEXAGON = 2
+
+
+class Cells(NamedTuple):
+    """Cells of a grid, as footprints need them; `riftberg.ocean.grid_arrays.GridArrays` says more."""
+
+    lon: Floats  # North-east corners with halo, degrees or m
+    lat: Floats
+    mask: Floats  # 1 ocean, 0 land
+    ni: int
+    nj: int
+    halo: int
+    latlon: bool
+    cyclic: bool
+    radius: float  # Of the sphere, m
+    period: float
+
+
+class Footprints(NamedTuple):
+    """Where elements lie, and their shapes."""
+
+    lon: Floats  # Centre, degrees or m
+    lat: Floats
+    i: Ints  # Its cell, array column and row
+    j: Ints
+    shape: int  # `POINT`, `RECTANGLE` or `HEXAGON`, of all
+    length: Floats  # Sides, m
+    width: Floats
+    angle: Floats  # From east to the axis, counter-clockwise, rad
+
 
 POLAR_LATITUDE = 89.0
 """Latitude (degrees) beyond which the plane is that which touches the pole."""
@@ -154,46 +184,33 @@ def _in_plane(
 
 
 @kernel
-def _cell_corners(
-    i: int,
-    j: int,
-    lon: Floats,
-    lat: Floats,
-    lon0: float,
-    lat0: float,
-    latlon: bool,
-    radius: float,
-    period: float,
-    qx: Floats,
-    qy: Floats,
-) -> None:
-    qx[0], qy[0] = _in_plane(lon[j - 1, i - 1], lat[j - 1, i - 1], lon0, lat0, latlon, radius, period)
-    qx[1], qy[1] = _in_plane(lon[j - 1, i], lat[j - 1, i], lon0, lat0, latlon, radius, period)
-    qx[2], qy[2] = _in_plane(lon[j, i], lat[j, i], lon0, lat0, latlon, radius, period)
-    qx[3], qy[3] = _in_plane(lon[j, i - 1], lat[j, i - 1], lon0, lat0, latlon, radius, period)
+def _cell_corners(i: int, j: int, g: Cells, lon0: float, lat0: float, qx: Floats, qy: Floats) -> None:
+    """Write the corners of a cell (m) in the plane that touches the Earth at (lon0, lat0), counter-clockwise."""
+    for k in range(4):
+        row, column = (j - 1 if k < 2 else j), (i if k == 1 or k == 2 else i - 1)
+        qx[k], qy[k] = _in_plane(g.lon[row, column], g.lat[row, column], lon0, lat0, g.latlon, g.radius, g.period)
 
 
 @kernel
-def _lies_within(
-    lon0: float, lat0: float, i: int, j: int, lon: Floats, lat: Floats, reach: float, latlon: bool, radius: float,
-    period: float,
-) -> bool:  # fmt: skip
+def _lies_within(lon0: float, lat0: float, i: int, j: int, g: Cells, reach: float) -> bool:
     """Whether a cell, its corners numbered as usual, surely holds all that is within ``reach`` (m) of a point.
 
     A cheap answer for most bergs, which are small: yes only where the cell is straight along meridians and parallels and the
     berg lies clear of its edges. What is no may be yes to a closer look.
     """
+    lon, lat = g.lon, g.lat
     west, east, south, north = lon[j, i - 1], lon[j, i], lat[j - 1, i], lat[j, i]
     straight = (
         lon[j - 1, i - 1] == west and lon[j - 1, i] == east and lat[j - 1, i - 1] == south and lat[j, i - 1] == north
     )
-    if not straight or (latlon and abs(lat0) > POLAR_LATITUDE):
+    # On a plane that touches the pole meridians are no longer parallel.
+    if not straight or (g.latlon and abs(lat0) > POLAR_LATITUDE):
         return False
-    mx, my = metres_per_unit(lat0, latlon, radius)
-    far = 1.000001 * reach
+    mx, my = metres_per_unit(lat0, g.latlon, g.radius)
+    far = 1.000001 * reach  # clear of the edges by more than round-off
     return (
-        nearest_image(west - lon0, period) * mx < -far
-        and nearest_image(east - lon0, period) * mx > far
+        nearest_image(west - lon0, g.period) * mx < -far
+        and nearest_image(east - lon0, g.period) * mx > far
         and (south - lat0) * my < -far
         and (north - lat0) * my > far
     )
@@ -227,30 +244,7 @@ def _ring(r: int, k: int) -> tuple[int, int]:
 
 
 @kernel
-def cover(
-    lon0: float,
-    lat0: float,
-    i0: int,
-    j0: int,
-    shape: int,
-    length: float,
-    width: float,
-    angle: float,
-    lon: Floats,
-    lat: Floats,
-    mask: Floats,
-    ni: int,
-    nj: int,
-    halo: int,
-    latlon: bool,
-    cyclic: bool,
-    radius: float,
-    period: float,
-    cells: Ints,
-    shares: Floats,
-    start: int,
-    scratch: Floats,
-) -> int:
+def cover(berg: Footprints, e: int, g: Cells, cells: Ints, shares: Floats, start: int, scratch: Floats) -> int:
     """Find the cells under one footprint and its shares of them; return how many there are.
 
     Cells are looked at ring by ring around that of the centre, until a ring has nothing of the footprint. The shares are
@@ -259,20 +253,12 @@ def cover(
 
     Parameters
     ----------
-    lon0, lat0 : float
-        Centre, degrees or m.
-    i0, j0 : int
-        Its cell, array column and row.
-    shape, length, width, angle
-        See `footprint`.
-    lon, lat : ndarray
-        North-east corners of the cells, with halo.
-    mask : ndarray
-        1 ocean, 0 land.
-    ni, nj, halo, latlon, cyclic, period
-        See `riftberg.ocean.grid_arrays.GridArrays`.
-    radius : float
-        Radius of the sphere, m.
+    berg : Footprints
+        All footprints.
+    e : int
+        Number of this one.
+    g : Cells
+        The grid.
     cells, shares : ndarray
         Written from ``start`` on as far as they reach: flat indices into the arrays of the grid, and shares.
     start : int
@@ -280,16 +266,15 @@ def cover(
     scratch : ndarray, shape (8, 16)
         Room for corners.
     """
-    columns = lon.shape[1]
-    if shape == POINT or _lies_within(
-        lon0, lat0, i0, j0, lon, lat, _farthest(shape, length, width), latlon, radius, period
-    ):
+    lon0, lat0, i0, j0, columns = berg.lon[e], berg.lat[e], berg.i[e], berg.j[e], g.lon.shape[1]
+    shape, length, width = berg.shape, berg.length[e], berg.width[e]
+    if shape == POINT or _lies_within(lon0, lat0, i0, j0, g, _farthest(shape, length, width)):
         if start < cells.size:
             cells[start], shares[start] = j0 * columns + i0, 1.0
         return 1
     px, py, qx, qy, room = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4:8]
-    n = footprint(shape, length, width, angle, px, py)
-    _cell_corners(i0, j0, lon, lat, lon0, lat0, latlon, radius, period, qx, qy)
+    n = footprint(shape, length, width, berg.angle[e], px, py)
+    _cell_corners(i0, j0, g, lon0, lat0, qx, qy)
     reach = 0.0
     for k in range(n):
         reach = max(reach, math.sqrt(px[k] * px[k] + py[k] * py[k]))
@@ -298,22 +283,22 @@ def cover(
             cells[start], shares[start] = j0 * columns + i0, 1.0
         return 1
     found, wet, largest, largest_area = 0, 0.0, start, 0.0
-    widest = max(ni, nj)
-    for r in range(widest):
+    for r in range(max(g.ni, g.nj)):
         any_here = 0.0
         for k in range(max(1, 8 * r)):
             di, dj = _ring(r, k)
             i, j = i0 + di, j0 + dj
-            if cyclic:
-                if 2 * abs(di) > ni or (2 * abs(di) == ni and di < 0):
+            if g.cyclic:
+                # A ring wider than the circle would meet cells a second time from the other side.
+                if 2 * abs(di) > g.ni or (2 * abs(di) == g.ni and di < 0):
                     continue
-                i = halo + (i - halo) % ni
-            if j < halo or j >= halo + nj or i < halo or i >= halo + ni:
+                i = g.halo + (i - g.halo) % g.ni
+            if j < g.halo or j >= g.halo + g.nj or i < g.halo or i >= g.halo + g.ni:
                 continue
-            _cell_corners(i, j, lon, lat, lon0, lat0, latlon, radius, period, qx, qy)
+            _cell_corners(i, j, g, lon0, lat0, qx, qy)
             area = overlap_area(qx, qy, px, py, n, room)
             any_here += area
-            if area <= 0.0 or mask[j, i] < 0.5:
+            if area <= 0.0 or g.mask[j, i] < 0.5:
                 continue
             place = start + found
             if place < cells.size:
@@ -338,29 +323,7 @@ def cover(
 
 
 @kernel
-def cover_all(
-    lon0: Floats,
-    lat0: Floats,
-    i0: Ints,
-    j0: Ints,
-    shape: int,
-    length: Floats,
-    width: Floats,
-    angle: Floats,
-    lon: Floats,
-    lat: Floats,
-    mask: Floats,
-    ni: int,
-    nj: int,
-    halo: int,
-    latlon: bool,
-    cyclic: bool,
-    radius: float,
-    period: float,
-    first: Ints,
-    cells: Ints,
-    shares: Floats,
-) -> int:
+def cover_all(bergs: Footprints, grid: Cells, first: Ints, cells: Ints, shares: Floats) -> int:
     """Find cells and shares of many footprints, see `cover`; return how many pairs there are.
 
     ``first`` gets the place of the first pair of each footprint. Where ``cells`` is too short the number is right all
@@ -368,13 +331,10 @@ def cover_all(
     """
     scratch = np.zeros((8, _ROOM))
     total = 0
-    for e in range(lon0.size):
+    for e in range(bergs.lon.size):
         first[e] = total
-        total += cover(
-            lon0[e], lat0[e], i0[e], j0[e], shape, length[e], width[e], angle[e],
-            lon, lat, mask, ni, nj, halo, latlon, cyclic, radius, period, cells, shares, total, scratch,
-        )  # fmt: skip
-    first[lon0.size] = total
+        total += cover(bergs, e, grid, cells, shares, total, scratch)
+    first[bergs.lon.size] = total
     return total
 
 

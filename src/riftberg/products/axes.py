@@ -124,6 +124,7 @@ def tidy_longitude(ds: xr.Dataset) -> xr.Dataset:
         lon = np.roll(turned, -start)
         lon = np.where(lon < lon[0], lon + 360.0, lon)
         ds = ds.isel(lon=np.roll(first, -start)).assign_coords(lon=("lon", lon, attributes))
+    # Columns that repeat a meridian are left out before the branch is chosen.
     return on_branch(ds.isel(lon=slice(0, int((lon < lon[0] + 360.0 - 1e-6).sum()))), -180.0)
 
 

@@ -149,6 +149,7 @@ def _best(ds: xr.Dataset, names: list[str], dim: str) -> str | None:
     def rank(name: str) -> tuple[bool, bool, bool, bool]:
         metadata_name = standard_name(ds[name])
         issued = bool(_NOT_VALID.search(f"{metadata_name} {name.lower()}"))
+        # Dates of validity before dates of issue; then by standard name, and by the name itself.
         return issued, metadata_name != "time", name != dim, name != "time"
 
     return min(names, key=rank, default=None)
@@ -307,6 +308,7 @@ def told_kind(raw: xr.Dataset, path: str) -> str:
     more = ("product_id", "processing_level", "experiment", "summary", "field_type", "name")
     keys = ("title", "id", "source", "product", *more)
     for text in (*(str(raw.attrs.get(key, "")) for key in keys), Path(path).name):
+        # "Reanalysis" holds "analysis", and a title may name both what it is and what it is not.
         match = _NEAR.search(text)
         if match and not _PAST.search(text):
             return f"analysis, forecast or near real time, no reanalysis: the file says {text.strip()[:80]!r}"
@@ -356,11 +358,13 @@ def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
         return ds
     records = ds["time"].values
     shown = usual_interval(records)
+    # The shorter of what the records show and what the file states: gaps make the first too long.
     step = min((s for s in (shown, float(ds.attrs.get("stated_seconds", 0.0))) if s > 0.0), default=0.0)
     of_months = bool(re.fullmatch(r"GRIB_stepType avg\w+", said))  # the hourly kind is plain "avg"
     days = records.astype("datetime64[D]")
     months = records.astype("datetime64[M]")
     first = bool((days == months.astype(days.dtype)).all())
+    # The day after it is the first of a month.
     last = bool((days + 1 == (months + 1).astype(days.dtype)).all())
     stamp = f"on the {'first' if first else 'last'} of the month"
     by_month = MONTH[0] <= step <= MONTH[1] or (of_months and not step)
@@ -379,6 +383,7 @@ def settled(ds: xr.Dataset, *, known: bool = False) -> xr.Dataset:
         return noted(
             in_mid_month(ds), told=f"monthly means ({said}) without bounds, stamped {stamp}, are put in mid-month"
         )
+    # Seconds into the day; a stamp in the middle of its interval needs no change.
     into = np.asarray((records - days.astype(records.dtype)) / np.timedelta64(1, "s"))
     middle = np.full(records.size, 0.5 * step)
     if by_month and step:  # a stamp within two days of the middle is meant as such

@@ -46,6 +46,7 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         field, remarks = _canonical(ds, product, quantity, name, where)
         means = declared_mean(ds, name) if "time" in field.dims and MEAN_OF not in field.coords else ""
         key = _key(field)
+        # Fields of one grid whose levels differ cannot share a dataset.
         depth = field["depth"].values.tobytes() if "depth" in field.dims else b""
         if depth and levels.setdefault(key, depth) != depth:
             key = (*key, depth)
@@ -66,6 +67,7 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
         methods = [
             str(ds[str(field.attrs["original_name"])].attrs.get("cell_methods", "")) for field in fields.values()
         ]
+        # Instants may be days apart in what a file holds: their interval shows nothing of the product's.
         if "hourly" in headings or any("time: point" in method for method in methods):
             attributes["longest_step"] = SECONDS_PER_DAY
         if MEAN_OF in part.coords and part[MEAN_OF].values.any():

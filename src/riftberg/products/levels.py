@@ -44,6 +44,7 @@ def judged(
     _judge_words(field, name, quantity, where)
     levels = [c for c, role, _ in coordinates_of(ds, name) if role == "level" and set(ds[c].dims) <= set(field.dims)]
     remarks: list[str] = []
+    # A dimension is one of levels if a coordinate along it says so, or, without any, by its name.
     dims = [
         dim
         for dim in map(str, field.dims)
@@ -55,6 +56,7 @@ def judged(
             remedy=f"Choose one entry first, in Python: ds.isel({dims[-1]}=0)",
         )  # fmt: skip
     scalars = [c for c in levels if ds[c].ndim == 0]
+    # A level of the air beside a field of the sea belongs to another variable of the same file.
     native = [c for c in levels if not _of_air(ds[c], quantity)]
     for scalar in scalars:
         if scalar not in native and (native or quantity == "ssh"):  # of the other variables of the file
@@ -65,6 +67,7 @@ def judged(
     if not dims:
         return field, remarks
     dim = dims[0]
+    # The coordinate with the name of its dimension is the axis; others along it may count something else.
     axis = next((c for c in sorted(levels, key=lambda c: c != dim) if ds[c].dims == (dim,)), None)
     if axis is None:
         return _unplaced(field, name, dim, quantity, where), remarks
@@ -78,6 +81,7 @@ def judged(
 def kind_of(axis: xr.DataArray) -> Kind:
     """Return what a vertical coordinate counts."""
     units, metadata, name = units_of(axis).strip().lower(), standard_name(axis), str(axis.name).lower()
+    # Units say most, then the standard name, and only then the name.
     if units in _PRESSURES or metadata in ("air_pressure", "pressure"):
         return "pressure"
     if any(word in f"{metadata} {name}" for word in ("sigma", "ocean_s_", "hybrid", "s_rho", "siglay", "eta")):
@@ -176,12 +180,14 @@ def _judge_single(axis: xr.DataArray, edges: Floats | None, name: str, quantity:
     if quantity in _WATER or quantity == "ssh":
         if kind in ("depth", "height"):
             depth = abs(value) * _metres(units)
+            # The middle of a thick layer lies deep although the layer begins at the surface.
             if edges is not None and depth > SURFACE and edges[0] * _metres(units) <= SURFACE:
                 top, bottom = edges * _metres(units)
                 return [f"{name} is the mean from {top:.3g} to {bottom:.3g} m: taken for all depths"]
             if depth <= SURFACE:
                 return [f"{name} holds at {depth:.3g} m: taken as the surface"] if depth > 0.0 else []
             raise _too_deep(name, place, where)
+        # The uppermost of ten layers or more has its middle at -0.05.
         if kind == "sigma" and abs(value) <= 0.06:
             return [f"{name} is of the uppermost layer ({place})"]
         if kind == "number" and not units and str(axis.name).lower().startswith(("lev", "k")) and value in (0.0, 1.0):
@@ -259,6 +265,7 @@ def _several(
 def depths(axis: xr.DataArray, *, where: str) -> Floats:
     """Return the depths (m, positive) of an axis of levels; refuse one that counts something else."""
     kind, values, units = kind_of(axis), np.asarray(axis.values, float), units_of(axis)
+    # 0, 1, 2, ... or 1, 2, 3, ... without units are numbers of rows.
     counted = values.size > 1 and any(np.array_equal(values, np.arange(values.size) + first) for first in (0, 1))
     if not np.isfinite(values).all():
         raise ForcingError(f"the levels {axis.name} are not all numbers", where=where, remedy="Correct the file")

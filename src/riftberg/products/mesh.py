@@ -76,6 +76,7 @@ def mesh_of(ds: xr.Dataset | xr.DataArray) -> Mesh:
     if {"y", "x"} <= set(ds.dims):
         ds = ds.transpose(..., "y", "x")
     at = {name: np.asarray(ds[name].values, np.float64) for name in ("lon", "lat", "x", "y") if name in ds.coords}
+    # Axes first: they are exact and quick. Scattered points come last, since any grid could be read so.
     if {"lat", "lon"} <= set(ds.dims):  # the axis may jump from 180 to -180
         return AxesMesh(np.unwrap(at["lon"], period=360.0), at["lat"])
     if {"y", "x"} <= set(ds.dims) and "crs_wkt" in ds.attrs:
@@ -137,8 +138,10 @@ def brackets(axis: Floats, at: Floats) -> tuple[Ints, Floats]:
     if axis[0] > axis[-1]:
         lower, fraction = brackets(axis[::-1], at)
         return axis.size - 2 - lower, 1.0 - fraction
+    # The last point belongs to the cell before it.
     lower = np.clip(np.searchsorted(axis, at, side="right") - 1, 0, axis.size - 2)
     fraction = (at - axis[lower]) / (axis[lower + 1] - axis[lower])
+    # Half a step beyond the last point lies within the last cell of the product.
     outside = (fraction < -BEYOND) | (fraction > 1.0 + BEYOND)
     return lower, np.where(outside, np.nan, np.clip(fraction, 0.0, 1.0))
 
@@ -155,6 +158,7 @@ class AxesMesh:
     def locate(self, lon: Floats, lat: Floats) -> Places:
         """Return the places of positions."""
         middle = 0.5 * (self._lon[0] + self._lon[-1])
+        # On the branch about the middle of the axis: half a turn either way.
         near = lon - 360.0 * np.floor((lon - middle + 180.0) / 360.0)
         return _placed(brackets(self._lon, near), brackets(self._lat, lat), self.points.columns)
 
@@ -197,6 +201,7 @@ def goes_round_in_x(points: Floats) -> bool:
     seams = np.linalg.norm(points[:, -1] - points[:, 0], axis=-1)
     if np.isnan(steps).all() or np.isnan(seams).all():
         return False
+    # Medians: rows at a fold or a pole have seams of any width.
     step, seam = np.nanmedian(steps), np.nanmedian(seams)
     return bool(0.2 * step < seam < 1.5 * step)
 
@@ -239,6 +244,7 @@ class NodeMesh:
 
         self.points = Points(lon[None, :], lat[None, :], 0)
         self._tree = cKDTree(unit_vectors(lon, lat))
+        # Five hundred nodes tell the usual distance as well as millions.
         some = np.linspace(0, lon.size - 1, min(lon.size, 500)).astype(int)
         apart = self._tree.query(unit_vectors(lon[some], lat[some]), k=min(2, lon.size))[0]
         self._usual = float(np.median(apart[:, -1])) if lon.size > 1 else np.inf
@@ -279,6 +285,7 @@ class NodeMesh:
         north = EARTH_RADIUS_A68 * np.deg2rad(self.points.lat[0][near] - lat[:, None])
         sides = np.stack([q - q.mean(axis=1, keepdims=True) for q in (east, north)], axis=-1)
         level = values[near] - values[near].mean(axis=1, keepdims=True)
+        # The pseudo-inverse also serves nodes on one line: across it the slope is 0.
         slope = np.linalg.pinv(sides) @ np.nan_to_num(level)[..., None]
         return slope[:, 0, 0], slope[:, 1, 0]
 
@@ -310,7 +317,9 @@ def find_quadrilaterals(
     rows, columns = x.shape
     for n in range(lon.size):
         near_row, near_column = row[n], column[n]
+        # Of several quadrilaterals that hold the place, or nearly, the one in which it lies deepest.
         row[n], best = -1, BEYOND + 1e-9
+        # The nearest point is a corner of the cell in question, or of one beside it in a skewed grid.
         first = near_column - 2 if around > 0 else max(near_column - 2, 0)
         behind = near_column + 2 if around > 0 else min(near_column + 2, columns - 1)
         for j in range(max(near_row - 2, 0), min(near_row + 2, rows - 1)):
@@ -321,6 +330,7 @@ def find_quadrilaterals(
                 x2, y2 = beside(x[j, right], y[j, right], lon[n], lat[n])
                 x3, y3 = beside(x[j + 1, right], y[j + 1, right], lon[n], lat[n])
                 x4, y4 = beside(x[j + 1, i], y[j + 1, i], lon[n], lat[n])
+                # In units of the cell, so that the tolerances of the inversion hold for cells of any size.
                 across = abs(x1 - x3) + abs(y1 - y3)
                 if not (across > 0.0 and across < np.inf):
                     continue

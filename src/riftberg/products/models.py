@@ -64,6 +64,7 @@ def _staggered(ds: xr.Dataset) -> xr.Dataset:
             continue
         dims = [str(dim) for dim in ds[name].dims if str(dim).startswith(("eta_", "xi_"))]
         lat, lon = f"lat_{name}", f"lon_{name}"
+        # Some versions write positions of u and v that are 0 throughout: these are none.
         if len(dims) != 2 or (lat in ds.variables and lon in ds.variables and np.ptp(ds[lat].values) > 0.0):
             continue
         shift = next(k for k, dim in enumerate(dims) if dim.startswith(axis))
@@ -74,6 +75,7 @@ def _staggered(ds: xr.Dataset) -> xr.Dataset:
             for own, rho in ((lat, "lat_rho"), (lon, "lon_rho")):
                 values = np.asarray(ds[rho].values, float)
                 halves = [np.take(values, range(k, k + expected[shift]), axis=shift) for k in (0, 1)]
+                # The short way round, for the two may stand on either side of the seam.
                 step = (halves[1] - halves[0] + 180.0) % 360.0 - 180.0
                 made[own] = (tuple(dims), halves[0] + 0.5 * step, ds[rho].attrs)
             ds = ds.drop_vars([lat, lon], errors="ignore").assign_coords(made)
@@ -200,6 +202,7 @@ def _fixed_grid(ds: xr.Dataset) -> xr.Dataset:
     for name in ("XLAT", "XLONG", "COSALPHA", "SINALPHA"):
         if name in ds.variables and ds[name].ndim == 3:
             moving = ds[name]
+            # Positions are single precision: this is their rounding, some ten metres.
             if np.ptp(moving.values, axis=0).max() > 1e-4:
                 raise ForcingError(
                     "the grid moves", where=str(ds.encoding.get("source", "")), remedy="Give a fixed domain"
@@ -279,6 +282,7 @@ def grid_of(
             others.append(path.name)
             continue
         (proven if shared or stated else alike)[path.name] = held
+    # Grids that share a field with the file go before those of the same size only.
     fitting = proven or alike
     names, remedy = ", ".join(fitting or others), "Put its own grid file, and no other, into the same folder"
     if not fitting and not others:
@@ -286,6 +290,7 @@ def grid_of(
     if not fitting:
         what = f"the grid files beside it are those of another grid, or cannot be read: {names}"
         raise ForcingError(what, where=where, remedy=remedy)
+    # Of the same size is no proof where the file names a grid that is not there.
     if own and not proven:
         what = f"its positions are in its grid file {own}, which is not beside it; {names} may be that of another"
         raise ForcingError(what, where=where, remedy=remedy)

@@ -70,6 +70,7 @@ def _without_origin(
 ) -> tuple[xr.DataArray, xr.DataArray]:
     """Return two-dimensional positions without repeated (0, 0), which stand for none; refuse such as do not spread."""
     nowhere = (north == 0.0) & (east == 0.0)
+    # One point may well lie at (0, 0); several cannot.
     if int(nowhere.sum()) > 1:
         north, east = north.where(~nowhere), east.where(~nowhere)
     known = np.isfinite(north.values) & np.isfinite(east.values)
@@ -125,6 +126,8 @@ def _pair(
         and ds[lat].size > 0
     ]  # fmt: skip
     if fitting:
+        # First pairs that the variable names itself, then those declared as coordinates, then axes before
+        # two-dimensional positions.
         return min(fitting)[3:]
     lacking = [f"{dim} ({ds[name].sizes.get(dim, 0)})" for dim in rest]
     if not rest:
@@ -148,6 +151,7 @@ def _checked_degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
         values = np.rad2deg(values)
     if _SOUTH_OR_WEST.fullmatch(units.strip()):
         values = -values
+    # Fill values of grids are larger than any number of turns.
     values = np.where(np.abs(values) > 1e4, np.nan, values)
     if not np.isfinite(values).any():
         raise ForcingError(f"{variable.name} holds no position at all", where=where, remedy="Fetch the file again")
@@ -191,10 +195,12 @@ def _straight(lat: Floats, lon: Floats) -> tuple[Floats, Floats] | None:
     """Return axes where latitudes vary along rows only and longitudes along columns only; else None."""
     if lat.shape[0] < 2 or lat.shape[1] < 2 or not (np.isfinite(lat).all() and np.isfinite(lon).all()):
         return None
+    # Rows may stand on different branches of longitude.
     turned = (lon - lon[:1] + 180.0) % 360.0 - 180.0
     if np.ptp(lat, axis=1).max() > STRAIGHT or np.abs(turned).max() > STRAIGHT:
         return None
     axis, steps = lat[:, 0], np.diff(lat[:, 0])
+    # Columns that repeat a meridian make no axis.
     distinct = np.unique(np.round(lon[0] % 360.0, 6)).size == lon.shape[1]
     return (axis, lon[0]) if distinct and ((steps > 0.0).all() or (steps < 0.0).all()) else None
 
@@ -252,6 +258,7 @@ def _projected(
     off = _distance(ds, crs, x, y, pair, (y_dim, x_dim)) if pair else 0.0
     spacing = max((float(abs(axis[1] - axis[0])) for axis in (x, y) if axis.size > 1), default=0.0)
     spacing *= METRES_PER_DEGREE if degrees else 1.0
+    # Half a cell is more than any rounding of positions: one of the two is wrong, and nothing says which.
     if off > max(0.5 * spacing, 0.0 if radius else LOST_RADIUS) + CLOSE:
         raise ForcingError(
             f"projection and positions of the file differ by {off / 1000.0:.1f} km",

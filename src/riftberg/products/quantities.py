@@ -172,8 +172,8 @@ _NAMED: Final[dict[str, tuple[tuple[tuple[str, ...], tuple[float, float]], ...]]
 """Units that are no powers of others, or are written as none, with the factor and offset into the canonical one."""
 
 _SPELLED: Final = {
-    "n": "N", "pa": "Pa", "pascal": "Pa", "ms": "m s", "kt": "kn", "kts": "kn", "kph": "km/h", "mph": "mile/h",
-    "radian": "rad", "radians": "rad",
+    "n": "N", "pa": "Pa", "pascal": "Pa", "ms": "m s", "kt": "kn", "kts": "kn", "kph": "km/h",
+    "mph": "mile/h", "radian": "rad", "radians": "rad",
     "centimeter": "cm", "centimeters": "cm", "centimetre": "cm", "centimetres": "cm",
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
 }  # fmt: skip
@@ -192,10 +192,12 @@ _READ_TOO: Final = {
 }  # fmt: skip
 
 
-def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, float]:
-    """Return factor and offset that turn ``units``, however a file writes them, into the units of ``quantity``."""
+def unit_change(units: str, wanted: str) -> tuple[float, float] | None:
+    """Return factor and offset that turn units, however a file writes them, into those that are wanted; None for others."""
     key = " ".join(units.split()).lower()
-    for names, way in _NAMED.get(quantity.units, ()):
+    if key == wanted.lower():
+        return _SAME
+    for names, way in _NAMED.get(wanted, ()):
         if key in names:
             return way
     scale = 1.0
@@ -210,17 +212,23 @@ def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, fl
     try:
         # "m.s-1" and "meters per second" are those of "m s-1", and a full stop at the end is none of a number.
         parts = re.sub(r"(?<=[a-z])\.(?=[a-z])", " ", key.rstrip(".").replace(" per ", "/"))
-        given, wanted = parse_unit(re.sub(r"[a-z]+", word, parts)), parse_unit(quantity.units)
-        if key and given.powers == wanted.powers:
-            return scale * given.factor / wanted.factor, 0.0
+        given, ours = parse_unit(re.sub(r"[a-z]+", word, parts)), parse_unit(wanted)
     except ValueError:
-        pass
-    raise ForcingError(
-        f"units {units!r} are not known for {quantity.name} ({quantity.long_name})"
-        + ("" if key else ": the file gives none"),
-        where=where,
-        remedy=f"Convert it to {quantity.units} and write that into the file (read too: {_READ_TOO[quantity.units]})",
-    )
+        return None
+    return (scale * given.factor / ours.factor, 0.0) if key and given.powers == ours.powers else None
+
+
+def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, float]:
+    """Return factor and offset that turn ``units`` into the units of ``quantity``; refuse units that are none of its."""
+    change = unit_change(units, quantity.units)
+    if change is None:
+        raise ForcingError(
+            f"units {units!r} are not known for {quantity.name} ({quantity.long_name})"
+            + ("" if units.strip() else ": the file gives none"),
+            where=where,
+            remedy=f"Convert it to {quantity.units} and write that into the file (read too: {_READ_TOO[quantity.units]})",
+        )
+    return change
 
 
 def canonicalise(data: xr.DataArray, quantity: Quantity, units: str, *, where: str) -> xr.DataArray:

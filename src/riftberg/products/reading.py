@@ -19,7 +19,7 @@ from riftberg.products.fields import gathered
 from riftberg.products.product import Product, noted
 from riftberg.products.records import REMARKS
 from riftberg.products.repair import REPAIRS, with_text_dates, within_valid_range
-from riftberg.system.input_files import check_file, is_folder
+from riftberg.system.input_files import check_file, is_folder, reading
 from riftberg.system.netcdf_headers import whole_size
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily
 from riftberg.system.process import SETTINGS, own_filters
@@ -123,51 +123,37 @@ def _open(path: str, **options: Any) -> xr.Dataset:
         return _open_store(path, options)
     if not remote:
         check_readable(path)
-    try:
+    remedy = "The file may be no forcing file, or be cut short or damaged: then fetch it again and compare its size"
+    with reading(path, "cannot be opened", remedy, ForcingError):
         return open_lazily(path, decode_cf=False, **options)
-    except (OSError, ValueError, RuntimeError, IndexError, KeyError, TypeError, AttributeError) as error:
-        remedy = "The file may be no forcing file, or be cut short or damaged: then fetch it again and compare its size"
-        raise ForcingError(f"cannot be opened ({error})", where=path, remedy=remedy) from error
 
 
 def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
-    with own_filters():
+    if "://" in path:
+        remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
+    elif Path(path).exists():
+        remedy = "The folder is not a Zarr store, or an incomplete one: fetch or write it again"
+    else:
+        remedy = "Check the name and the folder"
+    with own_filters(), reading(path, "the store cannot be opened", remedy, ForcingError):
         # A store without consolidated metadata opens more slowly, which is no fault of the reader.
         warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
         # Listing a store of the second format, zarr-python stumbles over that format's own marks.
         warnings.filterwarnings("ignore", message=r"Object at \.z\w+ is not recognized")
-        try:
-            place: Any = path
-            if "://" not in path and Path(path).is_file():
-                from zarr.storage import ZipStore
+        place: Any = path
+        if "://" not in path and Path(path).is_file():
+            from zarr.storage import ZipStore
 
-                place, options = (
-                    ZipStore(path, mode="r"),
-                    {"group": _zipped(path) or None, "consolidated": False, **options},
-                )
-            store = noted_as_open(xr.open_zarr(place, decode_cf=False, **{"chunks": None, **options}))
-        except (OSError, ValueError, ImportError, KeyError, TypeError) as error:
-            remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
-            if "://" not in path:
-                there = "The folder is not a Zarr store, or an incomplete one: fetch or write it again"
-                remedy = there if Path(path).exists() else "Check the name and the folder"
-            raise ForcingError(f"the store cannot be opened ({error})", where=path, remedy=remedy) from error
-    return store
+            place = ZipStore(path, mode="r")
+            options = {"group": _zipped(path) or None, "consolidated": False, **options}
+        return noted_as_open(xr.open_zarr(place, decode_cf=False, **{"chunks": None, **options}))
 
 
 def read(path: str, product: Product) -> list[xr.Dataset]:
     """Read one file of ``product`` into canonical datasets, lazily: one for each grid and set of dates in it."""
-    try:
+    remedy = "The file may be damaged, or of a layout that is not known: look at it with ncdump -h"
+    with reading(path, f"cannot be read as {product.name}", remedy, ForcingError):
         return canonical_parts(open_raw(path), product, path)
-    except ForcingError:
-        raise
-    except Exception as error:  # whatever libraries make of a damaged or strange file, it becomes a sentence
-        message = " ".join(str(error).split())[:200] or type(error).__name__
-        raise ForcingError(
-            f"cannot be read as {product.name} ({message})",
-            where=path,
-            remedy="The file may be damaged, or of a layout that is not known: look at it with ncdump -h",
-        ) from error
 
 
 def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dataset]:

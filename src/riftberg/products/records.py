@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.products.quantities import QUANTITIES, doubtful_below, small_unit
+from riftberg.system.input_files import reading
 
 Dates = NDArray[np.datetime64]
 
@@ -254,15 +255,9 @@ def named_remarks(datasets: Sequence[xr.Dataset]) -> list[str]:
 
 def values_of(field: xr.DataArray, where: str) -> NDArray[Any]:
     """Return the values of a field; `ForcingError` where a damaged file (``where``) does not give them up."""
-    try:
+    what = f"values of {field.attrs.get('original_name', field.name)} cannot be read"
+    with reading(where or "forcing", what, "The file is damaged: fetch it again", ForcingError):
         return np.asarray(field.values)
-    except Exception as error:  # whatever libraries make of a damaged or strange file, it becomes a sentence
-        name = field.attrs.get("original_name", field.name)
-        raise ForcingError(
-            f"values of {name} cannot be read ({' '.join(str(error).split())[:120]})",
-            where=where or "forcing",
-            remedy="The file is damaged: fetch it again",
-        ) from error
 
 
 def empty_records(field: xr.DataArray, where: str = "") -> NDArray[np.bool_]:

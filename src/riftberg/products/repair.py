@@ -88,10 +88,12 @@ def _limits(field: xr.DataArray) -> tuple[float, float] | None:
             limit * float(field.encoding.get("scale_factor", 1.0)) + float(field.encoding.get("add_offset", 0.0))
             for limit in (low, high)
         ]
+        # A negative scale factor turns the limits round.
         low, high = (ends[1], ends[0]) if ends[0] > ends[1] else (ends[0], ends[1])
     elif stored == "f" and "scale_factor" in field.encoding:
         return None  # whether the limits are packed is not told
     low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
+    # Limits in single precision, or packed, do not survive decoding to the last digit.
     slack = 1e-5 * max(abs(limit) for limit in (low, high) if np.isfinite(limit))
     return (low - slack, high + slack) if low < high else None
 
@@ -131,6 +133,7 @@ def with_text_dates(ds: xr.Dataset, where: str = "") -> xr.Dataset:
     """
     written: dict[str, tuple[tuple[Any, ...], Any, dict[str, Any]]] = {}
     noted: dict[str, str] = dict(ds.encoding.get("texts", {}))
+    # The list of coordinates may stand at a variable, at the file, or, decoded already, in an encoding.
     places = [ds.attrs, ds.encoding, *(kept for v in ds.variables.values() for kept in (v.attrs, v.encoding))]
     listed = {name for place in places for name in str(place.get("coordinates", "")).split()}
     for name in map(str, ds.variables):
@@ -173,6 +176,7 @@ def _texts(variable: xr.Variable) -> tuple[tuple[Any, ...], list[str]] | None:
         values, dims = np.ascontiguousarray(values).view(f"S{values.shape[-1]}")[..., 0], dims[:-1]
     if values.ndim > 1 or not all(isinstance(value, (str, bytes)) for value in values.ravel().tolist()):
         return None
+    # Latin-1 reads any byte; dates have ASCII alone.
     plain = [v.decode("latin-1") if isinstance(v, bytes) else v for v in values.ravel().tolist()]
     return dims, [text.strip(" \0") for text in plain]
 
@@ -212,6 +216,7 @@ def with_plain_time_units(ds: xr.Dataset, where: str) -> xr.Dataset:
             plain = f"{match[1].lower()} since {match[2]}"
             if plain != units:
                 variable.attrs["units"] = plain
+            # "Gregorian", "gregorian_proleptic" and "365 days" name calendars of CF too.
             written = re.sub(r"[^a-z0-9]", "", str(variable.attrs.get("calendar", "")).lower()).removesuffix("s")
             if written in _CALENDARS:
                 variable.attrs["calendar"] = _CALENDARS[written]

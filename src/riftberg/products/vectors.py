@@ -49,6 +49,7 @@ _OVERLAP = 0.8
 def is_true(field: xr.DataArray, name: str) -> bool:
     """Tell whether a component points east or north, by its grid, standard name, description or name."""
     metadata_name = standard_name(field)
+    # What the standard name says comes before the names of dimensions and variables, which many models share.
     if metadata_name.startswith("grid_"):
         return False
     if set(field.dims) >= {"lat", "lon"} or "eastward" in metadata_name or "northward" in metadata_name:
@@ -79,6 +80,7 @@ def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, wh
         of_file = _of_file(ds, lon, lat, place)
         angle = _of_positions(lon, lat, name, where, any_hand=of_file is not None)
         if of_file is not None:
+            # The median, for a few cells at a pole or a seam may point anywhere.
             off = np.nanmedian(np.abs((of_file - angle + np.pi) % (2.0 * np.pi) - np.pi))
             if off > _TOLERANCE:
                 raise ForcingError(
@@ -92,6 +94,7 @@ def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, wh
 def _direction(points: Floats, step: Floats) -> Floats:
     """Return the angle from east of steps (rows, columns, 3) at points."""
     east = np.stack([-points[..., 1], points[..., 0], np.zeros(points.shape[:-1])], axis=-1)
+    # At a pole there is no east: its length is kept above 0, for it is divided by.
     east /= np.maximum(np.linalg.norm(east, axis=-1, keepdims=True), 1e-12)
     north = np.cross(points, east)
     return np.asarray(np.arctan2((step * north).sum(-1), (step * east).sum(-1)))
@@ -101,6 +104,7 @@ def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: 
     """Return the angle of the rows of a grid; refuse a grid whose second axis lies to the right of the first."""
     points = unit_vectors(lon, lat)
     along, across = np.gradient(points, axis=1), np.gradient(points, axis=0)
+    # The two axes and the way up: positive where the second axis lies to the left of the first.
     handed = np.nanmedian((np.cross(along, across) * points).sum(-1))
     if not handed > 0.0 and not any_hand:
         raise ForcingError(
@@ -116,6 +120,7 @@ def _of_file(ds: xr.Dataset, lon: Floats, lat: Floats, place: Any) -> Floats | N
         if name in ds.variables and ds[name].ndim >= 2:
             angle = place(name)
             values = np.asarray(angle.values, float)
+            # Many files leave the unit out; radians never come near these numbers.
             if units_of(ds[name]).lower().startswith("deg") or np.nanmax(np.abs(values)) > 2.0 * np.pi + 0.1:
                 values = np.deg2rad(values)
             return _angle_at(angle, np.cos(values), np.sin(values), lon, lat)
@@ -135,6 +140,7 @@ def _angle_at(placed: xr.DataArray, cosine: Floats, sine: Floats, lon: Floats, l
         and np.allclose(placed["lon"], lon, equal_nan=True)
     ):
         return np.arctan2(sine, cosine)
+    # Cosine and sine are brought there apart, for an angle itself jumps by a whole turn somewhere.
     there = Located(mesh_of(placed), lon, lat)
     return np.asarray(np.arctan2(there.take(sine), there.take(cosine)))
 
@@ -152,6 +158,7 @@ def on_points_of(field: xr.DataArray, like: xr.DataArray | xr.Dataset) -> xr.Dat
         raise ForcingError("the components lie on different points of a map", remedy="Give both on the same points")
     lon, lat = np.asarray(like["lon"].values, float), np.asarray(like["lat"].values, float)
     there = Located(mesh_of(field), *(np.meshgrid(lon, lat) if "lat" in like.dims else (lon, lat)))
+    # A staggered grid sticks out by half a cell on one side; grids of two places hardly meet.
     if there.outside.mean() > 1.0 - _OVERLAP:
         raise ForcingError(
             f"the grids of {like.name or 'one field'} and {field.name} lie apart: {there.outside.mean():.0%} of the points "
@@ -168,9 +175,11 @@ def regridded(field: xr.DataArray, there: Located, dims: tuple[str, ...]) -> xr.
     def apply(values: Floats) -> Floats:
         return there.take(values if len(plane) == 2 else values[..., None, :])
 
+    # Coordinates of the old plane do not belong to the new one, and apply_ufunc would refuse them.
     bare = field.drop_vars([name for name, c in field.coords.items() if set(c.dims) & set(plane)])
     temporary = [f"_{dim}" for dim in dims]
     if bare.chunks is not None:
+        # Points around may stand in any chunk: the plane is one, time and depth stay in parts.
         bare = bare.chunk({dim: -1 for dim in plane})
     result: xr.DataArray = xr.apply_ufunc(
         apply, bare, input_core_dims=[list(plane)], output_core_dims=[temporary], dask="parallelized",
@@ -238,6 +247,7 @@ def _fits(field: xr.DataArray, other: xr.Dataset, name: str) -> bool:
         if mine.size != yours.size:
             return False
         dates = mine.dtype.kind == "M"
+        # Two files of one run may round the same date or depth in their own way.
         slack: Any = np.timedelta64(1, "s") if dates else 1e-3 * max(1.0, float(np.abs(mine).max(initial=0.0)))
         if mine.size and not np.all(np.abs(mine - yours) <= slack):
             return False

@@ -45,6 +45,7 @@ def window(
     west, east = lon[0] - margin, (lon[1] if lon[1] >= lon[0] else lon[1] + 360.0) + margin
     south, north = lat[0] - margin, lat[1] + margin
     if "crs_wkt" in ds.attrs:  # the rectangle of the map that holds the box
+        # The sides of a box are bent on a map; 73 points a side miss less than a cell of any product.
         box = np.meshgrid(np.linspace(west, east, 73), np.linspace(max(south, -90.0), min(north, 90.0), 73))
         x, y = to_projection(ds.attrs["crs_wkt"], *box)
         columns = slice_around(ds["x"].values, np.nanmin(x), np.nanmax(x))
@@ -79,6 +80,7 @@ def slice_around(axis: Floats, low: float, high: float) -> slice:
 def longitudes_near(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
     """Return the dataset with its longitudes on the branch where they meet ``west..east`` best."""
     if goes_round(ds["lon"].values):
+        # The seam goes where nothing is needed: half of what is left on either side of the box.
         spare = max(0.0, 360.0 - (east - west))
         return on_branch(ds, west - 0.5 * spare)
     axis = ds["lon"].values
@@ -101,6 +103,7 @@ def _scattered(ds: xr.Dataset, west: float, east: float, south: float, north: fl
     middle = 0.5 * (west + east)
     lon, lat = (ds["lon"].values - middle + 180.0) % 360.0 - 180.0 + middle, ds["lat"].values
     spacing = REACH * NodeMesh(lon, lat).spacing()
+    # Towards the pole a degree of longitude is short; 0.02 keeps it finite there.
     beyond = spacing / np.maximum(np.cos(np.deg2rad(lat)), 0.02)
     near = (lat >= south - spacing) & (lat <= north + spacing) & (lon >= west - beyond) & (lon <= east + beyond)
     part = ds.assign_coords(lon=("node", lon, ds["lon"].attrs))

@@ -88,6 +88,7 @@ _JRA55_NORTH = ("VGRD_GDS4_HTGL", "VGRD_GDS0_HTGL", "vas", "vas_10m")
 
 def _is_jra55(heading: Heading) -> bool:
     names = heading.names
+    # NCL makes these names from the tables of GRIB; no other converter does.
     if any(str(name).startswith(("UGRD_GDS", "VGRD_GDS")) for name in names):
         return True
     return bool(names & {*_JRA55_EAST, *_JRA55_NORTH}) and "jra" in heading.says(
@@ -162,9 +163,11 @@ def _one_version(ds: xr.Dataset) -> xr.Dataset:
     if "expver" in ds.dims:
         versions = [ds.isel(expver=k, drop=True) for k in range(ds.sizes["expver"])]
         ds = versions[0]
+        # The first version is the final one; the preliminary one fills the months that it does not have yet.
         for later in versions[1:]:
             ds = ds.fillna(later)
     if "valid_time" in ds.dims:
+        # With both names, ``time`` is the start of the forecast and not the date of the values.
         ds = ds.drop_vars("time", errors="ignore").rename({"valid_time": "time"})
     if ds.sizes.get("number", 1) > 1:
         ds = without_single(ds, "number", what="This is an ensemble: ask for the product type 'reanalysis'")

@@ -60,6 +60,7 @@ def append_background(path: str | Path, model: BareModel) -> bool:
         names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
         x, y = (np.ma.filled(run[name][:].astype(np.float64), np.nan).T for name in names)
         units = {axis: str(run[name].units) for axis, name in zip(("time", "x", "y"), ("time", *names))}
+    # A track that crosses the seam must not make a box around the whole Earth.
     x = on_one_branch(filled_forward(x), np.isfinite(y), zonal_period(model.parameters))
     axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
     times = _times(seconds)
@@ -84,6 +85,7 @@ def _axes(x: Floats, y: Floats, latlon: bool, points: int) -> tuple[Floats, Floa
     The box holds a square around the berg at each record, for the maps of single dates are squares.
     """
     south, north, west, east = (float(f(a)) for a in (y, x) for f in (np.nanmin, np.nanmax))
+    # Degrees of longitude per degree of latitude on the ground; limited near the pole.
     stretch = 1.0 / max(0.05, float(np.cos(np.radians(0.5 * (south + north))))) if latlon else 1.0
     smallest = 20e3 / (constants.DEGREE * constants.EARTH_RADIUS_KID) if latlon else 20e3
     margin = _MARGIN * max(north - south, (east - west) / stretch, smallest)
@@ -155,6 +157,7 @@ class StoredWater:
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at points, ``time`` seconds after the start; NaN outside the stored box."""
+        # Before the first and after the last record the nearest one holds.
         upper = int(np.clip(np.searchsorted(self.times, time), 1, max(1, len(self.times) - 1)))
         lower = upper - 1
         if len(self.times) == 1:
@@ -184,6 +187,7 @@ def on_even_grid(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Fl
     """
     fx = (x - x_axis[0]) / (x_axis[1] - x_axis[0])
     fy = (y - y_axis[0]) / (y_axis[1] - y_axis[0])
+    # The last point of an even axis may be missed by round-off.
     small = 1e-9
     inside = (fx >= -small) & (fx <= len(x_axis) - 1 + small) & (fy >= -small) & (fy <= len(y_axis) - 1 + small)
     i = np.clip(np.floor(np.where(inside, fx, 0.0)).astype(int), 0, len(x_axis) - 2)

@@ -23,7 +23,8 @@ from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.life.motion import GIVERS
 from riftberg.parameters import Parameters
 from riftberg.runs.layout import SHAPE, dimensions_of_variables, forcing_text
-from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats
+from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements
+from riftberg.state.variables import ABOVE_0, LARGEST, LARGEST_WHOLE
 from riftberg.stepping.forces.media import FORCES
 from riftberg.system.input_files import check_file, reading, shown, value_shown
 from riftberg.system.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
@@ -49,10 +50,7 @@ _DATES_OF_MEETINGS: Final = ("contact_time", "contact_end")
 _TEXTS: Final = ("fragment_name",)
 _SHAPE_IN_FILE: Final = ("char_dim_name", "original_shape")
 """What xarray notes of a text in a file, and warns of where a part of the run is written to another file."""
-_POSITIVE: Final = ("length", "width", "mass", "thickness")
-_FINITE: Final = ("rotation", "u_sync", "v_sync", "spin", *_POSITIVE)
-_LARGEST: Final = 1e30
-"""Numbers at least this large are fill values."""
+_FINITE: Final = ("rotation", "u_sync", "v_sync", "spin", "length", "width", "mass", "thickness")
 
 
 def open_checked(file: Path) -> xr.Dataset:
@@ -95,6 +93,7 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
         if name not in run.variables:
             continue
         variable = run[name]
+        # Sizes have a time only in runs in which they change.
         moving = name in SHAPE and set(variable.dims) == {"trajectory", "time"}
         if not moving and (set(variable.dims) != set(dims) or len(variable.dims) != len(dims)):
             raise _error(f"dimensions {variable.dims} instead of {dims}", file, f"variable {name}")
@@ -106,6 +105,9 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
             variable.size, MOST_VALUES, f"values of {name}", size=variable.dtype.itemsize, where=shown(file),
             remedy="Write fewer records (--every)", kind=InputError,
         )  # fmt: skip
+    ids = run["trajectory"]
+    if ids.dtype.kind not in "iu" or len(np.unique(ids.values)) < ids.size:
+        raise _error("identifiers are whole numbers, and each stands once", file, "variable trajectory")
     for dimension, word in (("trajectory", "elements"), ("time", "records")):
         if run.sizes[dimension] == 0:
             raise _error(f"no {word}", file, remedy="The run stopped before its first record: make it again")
@@ -176,6 +178,7 @@ def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
     for name in dates:
         if decoded[name].dtype.kind != "M":
             raise _error("dates outside the years 1678 to 2261", file, f"variable {name}")
+    # As whole numbers: a difference of dates that are none would be no number and pass.
     steps = np.diff(decoded["time"].values.astype("datetime64[ns]").astype(np.int64))
     if (steps <= 0).any():
         raise _error(f"times do not rise after record {int(np.argmax(steps <= 0)) + 1}", file, "variable time")
@@ -187,9 +190,11 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
     if latlon != ("lon" in run.variables):
         raise _error("positions and the parameter earth.latlon do not agree", file)
     for name in ("lon", "lat") if latlon else ("x", "y"):
-        _check_finite(run, name, file, 90.0 if name == "lat" else 1e4 if name == "lon" else 1e12)
+        most = 90.0 if name == "lat" else 1e4 if name == "lon" else 1e12
+        _check_finite(run, name, file, (-most, most))
+    limits = {v.name: v.limits for v in ELEMENT_VARIABLES}
     for name in _FINITE:
-        _check_finite(run, name, file, _LARGEST, positive=name in _POSITIVE)
+        _check_finite(run, name, file, limits[name])
     if not (run["berg"].min() >= 1):
         raise _error("numbers of fragments begin with 1", file, "variable berg")
     check_bond_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
@@ -199,16 +204,17 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
     _check_meetings(run, file)
 
 
-def _check_finite(run: xr.Dataset, name: str, file: Path, most: float, *, positive: bool = False) -> None:
+def _check_finite(run: xr.Dataset, name: str, file: Path, limits: tuple[float, Any] = (-LARGEST, LARGEST)) -> None:
     """Refuse NaN, infinite and impossible values; names element and record."""
     values = run[name].values
-    good = np.isfinite(values) & (np.abs(values) <= most)
-    good |= _absent(run, name, values.shape)
-    demand = "a finite number"
-    if positive:
-        good, demand = good & ~(values <= 0.0), "a number above 0"
-    elif most < _LARGEST:
-        demand = f"a number from {-most:g} to {most:g}"
+    least, most = limits
+    good = (values >= least) & (values <= most)
+    # Elements that are not there yet, or no more, have no values, but none of theirs is impossible.
+    good |= np.isnan(values) & _absent(run, name, values.shape)
+    if least == ABOVE_0:
+        demand = f"a number above 0 and up to {most:g}"
+    else:
+        demand = "a finite number" if most == LARGEST else f"a number from {least:g} to {most:g}"
     if good.all():
         return
     index = tuple(int(k) for k in np.argwhere(~good)[0])
@@ -304,7 +310,7 @@ def check_recorded(run: xr.Dataset, names: tuple[str, ...]) -> None:
     for name in names:
         if name not in run.variables:
             raise _error(f"variable {name} is missing", file)
-        _check_finite(run, name, file, _LARGEST)
+        _check_finite(run, name, file)
 
 
 # --- restarts ----------------------------------------------------------------------------------------------------------
@@ -380,25 +386,6 @@ class Bound(NamedTuple):
     once: bool = False  # None of the numbers stands twice
 
 
-LARGEST_WHOLE: Final = 2**62
-"""Identifiers and counters stay below it, so that no sum of two of them wraps."""
-
-MOST_COLUMNS: Final = 1_000_000
-"""Rows or columns of a model grid: 40 m around the equator."""
-
-WHOLE_NUMBERS: Final[Mapping[str, tuple[int, int | str]]] = {
-    "element_id": (0, LARGEST_WHOLE), "element_cell_i": (-1, MOST_COLUMNS), "element_cell_j": (-1, MOST_COLUMNS),
-    "element_entered": (-1, LARGEST_WHOLE),
-    "element_berg": (0, "fragments"), "element_bond_count": (0, "bonds"), "element_sides": (0, 6),
-    "element_substeps": (0, MOST_SUBSTEPS), "element_start_year": (-10**6, 10**6),
-    "bond_first": (0, "elements - 1"), "bond_second": (0, "elements - 1"), "bond_status": (0, 2),
-    "bond_break_grounded": (0, 1), "bond_id": (0, LARGEST_WHOLE),
-    "bond_crack": (0, LARGEST_WHOLE), "bond_crack_order": (-LARGEST_WHOLE, LARGEST_WHOLE),
-}  # fmt: skip
-"""Least and largest value of every whole number of an element and a bond: many of them index other arrays.
-
-Cells are held against the grid of the forcing when the run goes on (`riftberg.ocean.grid.Grid.check_cells`)."""
-
 EXTRAS: Final[Mapping[str, Bound]] = {
     "next_element": Bound((), "beyond element_id", LARGEST_WHOLE),
     "next_bond": Bound((), "beyond bond_id", LARGEST_WHOLE),
@@ -412,6 +399,10 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
     "motion_ledger": Bound((len(GIVERS) + 3, 3)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
+    "front_shapes": Bound((None,), 0, 255),
+    "front_bergs": Bound(("outlines",), 0, LARGEST_WHOLE),
+    "front_elements": Bound(("fronts", 2), 0, "next_element - 1"),
+    "front_sizes": Bound(("fronts", 2)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
     "record_impulse_.+": Bound((None, len(FORCES), 2)),  # what the sums of forces were called before 0.1.0
@@ -443,6 +434,7 @@ def check_extra(state: State, path: Path) -> None:
         place = f"variable extra/{name}"
         if values.dtype.kind not in "iuf":
             raise _damaged(f"numbers are needed, not values of type {values.dtype}", path, place)
+    # Sizes by which others are bounded; those that arrays say themselves are added as they are met.
     sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
     following = {name: np.asarray(state.extra.get(name)) for name in ("next_element", "next_bond")}
     sizes |= {name: int(value) for name, value in following.items() if value.dtype.kind in "iu" and value.ndim == 0}
@@ -461,7 +453,7 @@ def check_extra(state: State, path: Path) -> None:
             )
             raise _damaged(f"shape {values.shape} instead of {wanted}", path, place)
         if bound.least is None:
-            _refuse(values, ~(np.abs(values.astype(np.float64)) < _LARGEST), "a finite number", path, place)
+            _refuse(values, ~(np.abs(values.astype(np.float64)) < LARGEST), "a finite number", path, place)
         else:
             least, most = (_resolved(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
             _refuse_outside(values, least, most, path, place)
@@ -479,7 +471,7 @@ def _bounds_of(extra: Mapping[str, Any]) -> list[tuple[str, Bound]]:
     return sorted(found.items(), key=lambda item: item[1].least is not None)
 
 
-def _resolved(limit: int | str | None, sizes: Mapping[str, int]) -> int:
+def _resolved(limit: float | str | None, sizes: Mapping[str, int]) -> int:
     """Return a limit as a number: itself, a size, or a size less one."""
     if not isinstance(limit, str):
         return int(limit or 0)
@@ -521,27 +513,29 @@ def check_fragment_rows(rows: Sequence[Any], path: Path, place: str) -> None:
 
 
 def _check_tables(state: State, path: Path) -> None:
-    """Refuse numbers that are none, except the times of bonds that hold."""
+    """Refuse numbers outside their limits in the registry.
+
+    Cells are held against the grid of the forcing when the run goes on (`riftberg.ocean.grid.Grid.check_cells`).
+    """
     sizes = {
         "elements": state.elements.size, "bonds": 2 * len(state.bonds.first),
         # Numbers of fragments rise by one from 1; runs of the reference's numerics keep no tree.
         "fragments": max((row["number"] for row in state.fragments), default=LARGEST_WHOLE),
     }  # fmt: skip
-    for name, (least, most) in WHOLE_NUMBERS.items():
-        table, _, variable = name.partition("_")
-        whole = getattr(state.elements if table == "element" else state.bonds, variable)
-        _refuse_outside(whole, least, _resolved(most, sizes), path, f"variable {name}")
     tables = (("element", ELEMENT_VARIABLES, state.elements), ("bond", BOND_VARIABLES, state.bonds))
     for table, variables, arrays in tables:
-        for name in (v.name for v in variables if v.restart and v.dtype == "f8" and v.name != "break_time"):
-            values: Floats = getattr(arrays, name)
-            bad = ~(np.abs(values) < _LARGEST)
-            # A missing value at the keel means that the one at the surface holds there too.
-            bad &= ~(np.isnan(values) & (name in ("keel_temperature", "keel_salinity")))
-            bad |= (values <= 0.0) if name in _POSITIVE or name == "bond_length" else False
-            if bad.any():
-                k = int(np.argmax(bad))
-                raise _damaged(f"{table} {k + 1} has {name} = {values[k]:g}", path, f"variable {table}_{name}")
+        for variable in variables:
+            name, (least, most) = variable.name, variable.limits
+            values, place = getattr(arrays, name), f"variable {table}_{name}"
+            if variable.dtype == "i8":
+                _refuse_outside(values, int(least), _resolved(most, sizes), path, place)
+            elif name != "break_time":  # NaN while the bond holds
+                bad = ~((values >= least) & (values <= float(most)))
+                # A missing value at the keel means that the one at the surface holds there too.
+                bad &= ~(np.isnan(values) & (name in ("keel_temperature", "keel_salinity")))
+                if bad.any():
+                    k = int(np.argmax(bad))
+                    raise _damaged(f"{table} {k + 1} has {name} = {values[k]:g}", path, place)
     lat = state.elements.lat
     if state.parameters.earth.latlon and (np.abs(lat) > 90.0).any():
         raise _damaged(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat")
@@ -643,4 +637,4 @@ def _check_keys(content: dict[str, Any], wanted: Mapping[str, Any], path: Path, 
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _LARGEST
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST

@@ -14,7 +14,7 @@ import numpy as np
 from riftberg.errors import RunError
 from riftberg.life.ledger import PROCESSES, SOURCES, melt_of
 from riftberg.life.melt import mass_in_bits
-from riftberg.life.motion import GIVERS
+from riftberg.life.motion import GIVERS, bonds_vibrate
 from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.numbering import by_identifier
@@ -90,8 +90,12 @@ def _motion_by_force(model: BareModel) -> Sequence[Any]:
 
 def _motion_totals(model: BareModel) -> Sequence[Any]:
     b = model.motion.balance(model, model.remembered)
-    elastic, dissipated = (np.nan if value is None else value for value in (b.elastic_now, b.dissipated))
-    return *b.momentum_now, b.kinetic_now, elastic, dissipated, b.released
+    return *b.momentum_now, b.kinetic_now, b.released
+
+
+def _energy_in_bonds(model: BareModel) -> Sequence[Any]:
+    b = model.motion.balance(model, model.remembered)
+    return b.elastic_now, b.dissipated
 
 
 def _melt_by_process(model: BareModel) -> Sequence[Any]:
@@ -117,12 +121,16 @@ MOTION: Final = (
         Variable("momentum_x", "N s", "eastward momentum of all bergs"),
         Variable("momentum_y", "N s", "northward momentum of all bergs"),
         Variable("kinetic_energy", "J", "kinetic energy of all bergs, with that of spin"),
-        Variable("elastic_energy", "J", "elastic energy in bonds; no value where their law does not vibrate"),
-        Variable("dissipated_energy", "J", "energy lost in dampers and contacts since the start; no value as above"),
         Variable("cracks_energy", "J", "elastic energy that broken bonds have released since the start"),
     ), _motion_totals, "total"),
 )  # fmt: skip
 """The ledger of momentum and energy."""
+
+IN_BONDS: Final = Derived((
+    Variable("elastic_energy", "J", "elastic energy in bonds"),
+    Variable("dissipated_energy", "J", "energy lost in dampers and contacts since the start"),
+), _energy_in_bonds, "total")  # fmt: skip
+"""What that ledger has besides where bonds vibrate."""
 
 ICE: Final = (
     Derived((
@@ -148,7 +156,9 @@ FRAGMENT_MELT: Final = "fragment_melt_water"
 
 def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
     """Return the ledgers that a model keeps; not all models that may be written keep any."""
-    motion = MOTION if getattr(model, "motion", None) is not None else ()
+    motion: tuple[Derived, ...] = MOTION if getattr(model, "motion", None) is not None else ()
+    if motion and bonds_vibrate(model):
+        motion = (*motion, IN_BONDS)
     return motion if getattr(model, "life", None) is None else (*motion, *ICE)
 
 

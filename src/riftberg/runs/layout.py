@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
+from riftberg.state.variables import GONE
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -91,9 +92,6 @@ CONTACT_VARIABLES: Final = (
     Variable("speed", "m s-1", "relative speed before they touched"),
 )
 """Meetings of bergs, each written as ``contact_<name>``."""
-
-GONE: Final = 2
-"""Status of a bond that is no more."""
 
 
 def element_history() -> list[Variable]:

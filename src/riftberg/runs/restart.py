@@ -127,6 +127,7 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
                 where=str(path),
                 remedy=f"Use Riftberg {getattr(file, 'riftberg_version', '?')}{later}, or make the run again",
             )
+        # Only the number of bonds counts here: their ends are read with the rest of the table.
         ends = np.zeros(file.dimensions["bond"].size, np.int64)
         state = RestartState(
             elements=_filled(file, "element", ELEMENT_VARIABLES, new_elements(file.dimensions["element"].size), path),
@@ -182,6 +183,7 @@ def _write_meetings(file: netCDF4.Dataset, model: BareModel) -> None:
     """Write the names of the bergs, and which of them met."""
     bergs = getattr(getattr(model, "fragments", None), "bergs", ())
     file.setncattr("bergs_json", json.dumps([list(berg) for berg in bergs]))
+    # Pairs that are in contact since they parted from each other: no meetings of their own.
     quiet = [[*pair, time] for pair, time in getattr(getattr(model, "contacts", None), "suppressed", {}).items()]
     file.setncattr("contacts_json", json.dumps({"rows": contact_rows(model), "quiet": quiet}, default=_plain))
 
@@ -196,6 +198,7 @@ def _write_extra(file: netCDF4.Dataset, extra: Mapping[str, Any]) -> None:
     file.setncattr("extra_variables", " ".join(extra))  # by these a reader finds what was lost
     for name, value in extra.items():
         array = np.asarray(value)
+        # NetCDF has no booleans.
         if array.dtype == bool:
             array = array.astype("i1")
         dims = tuple(f"{name}_{axis}" for axis in range(array.ndim))

@@ -7,6 +7,9 @@ time axis, the layout that OpenDrift writes and TrajAn calls orthogonal.
 Bonds have their own dimension: what never changes ``(bond)``, stresses ``(bond, time)``. The family tree of the
 fragments lies along ``fragment``.
 
+The group ``tracks`` holds the bergs and fragments, one after the other, as CF contiguous ragged arrays: made of each block of
+records as it is written, and added at the end of the run (`riftberg.runs.tracks`).
+
 Elements that are born in the run get trajectories behind those of the start, in order of birth, without values before
 their birth; those that are removed have none after their end. Then, and only then, the variables have a fill value.
 ``length``, ``width`` and ``mass`` are tables ``(trajectory)`` unless they change in the run. ``first`` and ``second`` of
@@ -54,6 +57,7 @@ from riftberg.runs.layout import (
     texts,
 )
 from riftberg.runs.restart import contact_rows, fragment_rows
+from riftberg.runs.tracks import ELEMENT_COLUMNS, berg_rows, blocks_of, ragged, write_tracks
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
 from riftberg.system.input_files import is_folder
@@ -138,6 +142,8 @@ class RunWriter:
         self._peak: Floats = np.zeros(0)
         self._peak_ids: Ints = np.zeros(0, np.int64)
         self._layout = Layout()
+        self._tracks: list[dict[str, NDArray[Any]]] = []  # rows of the bergs of what has been written, by block
+        self._add_tracks = True
         self._names: dict[str, str] = {}
         self._attributes: dict[str, Any] = {}
         self._taken = OneWriter(self.path)
@@ -148,7 +154,7 @@ class RunWriter:
         self._taken.take()
         self._names = position_names(model.parameters.earth.latlon)
         self._layout = Layout()
-        self.records, self._held = 0, []
+        self.records, self._held, self._tracks = 0, [], []
         self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed)
         self._means = Means(model, self._derived)
         try:
@@ -186,7 +192,7 @@ class RunWriter:
         try:
             if model.time > self._latest + _ROUND:
                 self._take(model)
-            self._flush(model)
+            self._flush(model, last=True)
             if self.background:
                 append_background(self.path, model)
         finally:
@@ -294,9 +300,17 @@ class RunWriter:
             )  # fmt: skip
             self.records = int(np.searchsorted(old["time"][:], model.time - _ROUND))
             self._latest = self._flushed = float(old["time"][self.records - 1])
+            rows = {"trajectory": slice(elements), "bond": slice(bonds)}
+            for block in blocks_of(self.records, elements):
+                columns = {
+                    name: variable[tuple(rows.get(dim, block) for dim in variable.dimensions)]
+                    for name in (*ELEMENT_COLUMNS, *bond_history(model))
+                    for variable in [old[self._names.get(name, name)]]
+                }
+                self._tracks.append(berg_rows(old["time"][block], layout.latest | columns, model.parameters))
         self._lay_out_anew(model)
 
-    def _flush(self, model: BareModel) -> None:
+    def _flush(self, model: BareModel, *, last: bool = False) -> None:
         before = clock.monotonic()
         try:
             if self._layout.outgrown:
@@ -304,6 +318,9 @@ class RunWriter:
             with replacing(self.path, copy=True) as copy, open_netcdf(copy, "a") as file:
                 file.set_auto_mask(False)
                 self._write(file, model)
+                if last and self._tracks and self._add_tracks:  # a berg lies in one piece, and cannot be appended to
+                    fragments = {int(row["number"]): row for row in fragment_rows(model)}
+                    write_tracks(file, ragged(self._tracks, fragments, _since(model), not self._names))
         except (OSError, RuntimeError) as error:  # HDF5 says the latter where a file may not grow
             raise RunError(f"cannot write {self.path} ({refusal(error)}); {self._good(model)}") from error
         self.records += len(self._held)
@@ -343,20 +360,26 @@ class RunWriter:
             self._write_records(file, model, slice(self.records, self.records + len(self._held)))
 
     def _write_records(self, file: netCDF4.Dataset, model: BareModel, block: slice) -> None:
-        layout = self._layout
-        for v in [*element_history(), *(_REGISTRY[name] for name in layout.moving)]:
+        layout, held = self._layout, self._held
+        columns: dict[str, NDArray[Any]] = {}
+        for v in [*element_history(), *(_REGISTRY[name] for name in SHAPE)]:
             missing = MISSING if v.dtype == "i8" else np.nan
-            columns = [placed(r.ids, r.elements[v.name], layout.ids, missing) for r in self._held]
-            file[self._names.get(v.name, v.name)][:, block] = np.stack(columns, axis=1)
-        for name in self._held[0].ledger:
-            file[name][:, block] = np.stack([r.ledger[name] for r in self._held], axis=1)
-        for name in self._held[0].derived:
-            columns = [placed(r.ids, r.derived[name], layout.ids, np.nan) for r in self._held]
-            file[name][:, block] = np.stack(columns, axis=1)
+            values = np.stack([placed(r.ids, r.elements[v.name], layout.ids, missing) for r in held], axis=1)
+            # As the file has them, so that the tracks are those that a reader finds from it.
+            columns[v.name] = values if v.name in SHAPE else values.astype(_stored_kind(v))
         for name in bond_history(model):
-            columns = [placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in self._held]
-            file[name][:, block] = np.stack(columns, axis=1)
-        file["time"][block] = [r.time for r in self._held]
+            columns[name] = np.stack([placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in held], axis=1)
+        for name, values in columns.items():
+            if name not in SHAPE or name in layout.moving:
+                file[self._names.get(name, name)][:, block] = values
+        for name in held[0].ledger:
+            file[name][:, block] = np.stack([r.ledger[name] for r in held], axis=1)
+        for name in held[0].derived:
+            derived = [placed(r.ids, r.derived[name], layout.ids, np.nan) for r in held]
+            file[name][:, block] = np.stack(derived, axis=1)
+        times = np.array([r.time for r in held])
+        file["time"][block] = times
+        self._tracks.append(berg_rows(times, layout.latest | columns, model.parameters))
 
 
 def missing_records(times: Floats, kept: Mapping[str, Any], interval: float) -> str:
@@ -423,13 +446,16 @@ def open_run(path: str | Path) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        With dimensions ``trajectory`` (elements), ``time``, ``bond`` and ``fragment``.
+        With dimensions ``trajectory`` (elements), ``time``, ``bond`` and ``fragment``; ``run.riftberg`` has its bergs,
+        fragments and elements (`riftberg.runs.accessor.RunAccessor`).
 
     Raises
     ------
     InputError
         If it is no run file, or a damaged one: see `riftberg.runs.checks`.
     """
+    import riftberg.runs.accessor  # noqa: F401  (run.riftberg)
+
     required(path, (str, Path), "the path of a run.nc, or of its folder", where="open_run")
     path = Path(path)
     file = path / "run.nc" if is_folder(path) else path
@@ -442,7 +468,7 @@ class _RunWithDataset(RunWriter):
     def __init__(self, path: Path, every_hours: float, in_memory: bool, forces: bool) -> None:
         # The background is read from a file; a run in memory can do without.
         super().__init__(path, every_hours=every_hours, background=not in_memory, forces=forces)
-        self._in_memory = in_memory
+        self._in_memory, self._add_tracks = in_memory, not in_memory
 
     def dataset(self) -> xr.Dataset:
         """Return what has been written."""

@@ -79,6 +79,7 @@ def filled_forward(values: Floats) -> Floats:
     if known.all():
         return values
     records = np.arange(len(values))[:, None]
+    # Number of the last known record up to each record; -1 before the first.
     last = np.maximum.accumulate(np.where(known, records, -1), axis=0)
     first = np.argmax(known, axis=0)[None, :]
     filled: Floats = np.take_along_axis(values, np.where(last < 0, first, last), axis=0)
@@ -102,6 +103,7 @@ def on_one_branch(x: Floats, there: NDArray[np.bool_], period: float) -> Floats:
     path: Floats = np.unwrap(x, period=period, axis=0)
     born = np.argmax(there, axis=0)
     path[:, born == 0] -= period * np.round((path[0, born == 0] - path[0, 0]) / period)
+    # In order of birth: each newborn is put beside those that are there already.
     for record in np.unique(born[born > 0]):
         new = born == record
         others = path[record, there[record] & (born < record)]
@@ -167,6 +169,7 @@ class Scene:
         Files without ``peak_stress`` give the stress at the records, of the bonds that hold then.
         """
         if "peak_stress" in self.run:
+            # A bond that broke since the record before had its largest stress in that interval: it still counts.
             held = self._holding(np.r_[self.times[:1], self.times[:-1]])
             stress = self.run["peak_stress"].transpose("time", "bond").values
         else:
@@ -237,7 +240,9 @@ class Scene:
         dy = self.y[0, second] - self.y[0, first]
         turned = 0.5 * (self.rotation(0)[first] + self.rotation(0)[second])
         folds = self.sides[first]
+        # Neighbours of hexagons lie at 30, 90, ... degrees, those of squares at 0, 90, ...
         rest = np.where(folds == 6, math.pi / 6.0, 0.0)
+        # The mean of an angle that comes again after a turn by 2 pi / folds.
         phase = np.exp(1j * folds * (np.arctan2(dy, dx) - turned - rest))
         for number in np.unique(self.berg[0]):
             rows = self.berg[0, first] == number
@@ -276,6 +281,7 @@ class Scene:
     def numbers(self) -> list[int]:
         """Numbers of the fragments that are large enough to be named, largest first at the end of the run; at least one."""
         sizes: dict[int, float] = {}
+        # Three moments are enough to find what was ever large, and cheap in long runs.
         for record in sorted({0, len(self.times) // 2, len(self.times) - 1}):
             for number, area in self._areas(record).items():
                 sizes[number] = area
@@ -301,6 +307,7 @@ class Scene:
     def origin(self, number: int) -> int:
         """Return the number of the berg that a fragment comes from; itself for a berg."""
         seen = {number}
+        # A damaged file may hold a circle of parents.
         while (parent := self._parents.get(number, 0)) > 0 and parent not in seen:
             seen.add(parent)
             number = parent

@@ -240,6 +240,7 @@ def near_pairs(
                                 first, second = _longer(first), _longer(second)
                             first[total], second[total] = min(e, f), max(e, f)
                             total += 1
+    # Sorted by both ends: the order must not depend on how the bins were gone through.
     order = np.argsort(first[:total] * count + second[:total])
     return first[:total][order], second[:total][order]
 
@@ -256,6 +257,7 @@ def _longer(values: Ints) -> Ints:
 @kernel
 def _sort(values: Ints, first: int, behind: int) -> None:
     """Sort a few of the values in place, by Shell's method: NumPy's own sort takes seconds to compile."""
+    # The gaps 1, 4, 13, 40, ... of Knuth.
     gap = 1
     while gap < (behind - first) // 3:
         gap = 3 * gap + 1

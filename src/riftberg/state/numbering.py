@@ -76,5 +76,6 @@ def rows_of(ids: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
     if ids.size == 0:
         return np.zeros(wanted.size, np.int64), np.zeros(wanted.size, np.bool_)
     order = np.argsort(ids, kind="stable")
+    # Beyond the last identifier the last row is taken, and found to be another one.
     row = order[np.minimum(np.searchsorted(ids[order], wanted), ids.size - 1)]
     return row, ids[row] == wanted

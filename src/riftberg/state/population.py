@@ -90,6 +90,7 @@ class Population:
         """Take elements out, with all bonds that end in them."""
         stays = np.ones(self._elements.size, bool)
         stays[self.rows(ids)] = False
+        # New row of each element that stays.
         row = np.cumsum(stays) - 1
         bonds = self._bonds.taken(stays[self._bonds.first] & stays[self._bonds.second])
         bonds.first[:], bonds.second[:] = row[bonds.first], row[bonds.second]
@@ -110,6 +111,7 @@ class Population:
 
     def restore(self, saved: Saved) -> None:
         """Go back to a saved population; in place where no row has come or gone since."""
+        # Rows have come or gone: the views of that moment are taken up again, with their numbers.
         if self.version != saved.version:
             self._hold(saved.elements, saved.bonds)
             self.next_element, self.next_bond = saved.next_element, saved.next_bond
@@ -146,6 +148,7 @@ def _extended(room: dict[str, NDArray[Any]], used: int, new: dict[str, NDArray[A
     needed = used + next(iter(new.values())).size
     capacity = next(iter(room.values())).size
     if needed > capacity:
+        # Twice as much each time, so that many births cost no more than one copy of each row.
         bigger = {name: np.zeros(max(needed, 2 * capacity), array.dtype) for name, array in room.items()}
         for name, array in room.items():
             bigger[name][:used] = array[:used]

@@ -16,8 +16,34 @@ from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.system.limits import MOST_SUBSTEPS
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+GONE = 2
+"""Status of a bond that is no more: neither intact nor a contact pair."""
+
+LARGEST = 1e30
+"""Numbers at least this large are fill values."""
+
+LARGEST_WHOLE = 2**62
+"""Identifiers and counters stay below it, so that no sum of two of them wraps."""
+
+MOST_COLUMNS = 1_000_000
+"""Rows or columns of a model grid: 40 m around the equator."""
+
+ABOVE_0 = 5e-324
+"""The least number above 0."""
+
+THICKEST = 5000.0
+"""Thickness (m) that no ice on Earth has; what is above it is a fill value or a slip of units."""
+
+LONGEST = 1e6
+"""Metres of an element or a bond; the longest berg ever seen had 300 km."""
+
+HEAVIEST = 1e18
+"""Kilograms of an element: a twentieth of all ice of Antarctica (2.4e19 kg)."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +60,8 @@ class Variable:
     default: float = 0.0  # Value in a new state
     group: str = ""  # Field of `Elements` that holds it; empty for a variable of a bond
     stepped: bool = True  # Whether a long step may change it; others change by melt, calving and births alone
+    # No state of a run lies outside these. Many whole numbers index other arrays: a name is the size of a table.
+    limits: tuple[float, float | str] = (-LARGEST, LARGEST)
 
 
 def _is(units: str, long_name: str, **extra: Any) -> Variable:
@@ -50,11 +78,13 @@ class Place(NamedTuple):
     lat: Annotated[
         Floats, _is("degrees_north", "latitude (y in m on a Cartesian grid)", standard_name="latitude", output=True)
     ]
-    cell_i: Annotated[Ints, _is("1", "array column of the grid cell")]
-    cell_j: Annotated[Ints, _is("1", "array row of the grid cell")]
+    cell_i: Annotated[Ints, _is("1", "array column of the grid cell", limits=(-1, MOST_COLUMNS))]
+    cell_j: Annotated[Ints, _is("1", "array row of the grid cell", limits=(-1, MOST_COLUMNS))]
     xi: Annotated[Floats, _is("1", "position in the cell, west to east")]
     eta: Annotated[Floats, _is("1", "position in the cell, south to north")]
-    entered: Annotated[Ints, _is("1", "how late the element came into its cell, among all elements")]
+    entered: Annotated[
+        Ints, _is("1", "how late the element came into its cell, among all elements", limits=(-1, LARGEST_WHOLE))
+    ]
 
 
 class Shown(NamedTuple):
@@ -98,13 +128,21 @@ class Kicks(NamedTuple):
 class Body(NamedTuple):
     """What the elements are: identity, ice, supports and loads, and what they hang together with."""
 
-    id: Annotated[Ints, _is("1", "identifier of the element", output=True, stepped=False)]
-    mass: Annotated[Floats, _is("kg", "mass of the element", stepped=False)]
+    id: Annotated[Ints, _is("1", "identifier of the element", output=True, stepped=False, limits=(0, LARGEST_WHOLE))]
+    mass: Annotated[Floats, _is("kg", "mass of the element", stepped=False, limits=(ABOVE_0, HEAVIEST))]
     thickness: Annotated[
-        Floats, _is("m", "ice thickness", standard_name="land_ice_thickness", output=True, stepped=False)
+        Floats,
+        _is(
+            "m",
+            "ice thickness",
+            standard_name="land_ice_thickness",
+            output=True,
+            stepped=False,
+            limits=(ABOVE_0, THICKEST),
+        ),
     ]
-    length: Annotated[Floats, _is("m", "length of the element", stepped=False)]
-    width: Annotated[Floats, _is("m", "width of the element", stepped=False)]
+    length: Annotated[Floats, _is("m", "length of the element", stepped=False, limits=(ABOVE_0, LONGEST))]
+    width: Annotated[Floats, _is("m", "width of the element", stepped=False, limits=(ABOVE_0, LONGEST))]
     static: Annotated[Floats, _is("1", "1 where the element never moves", stepped=False)]
     in_contact: Annotated[Floats, _is("1", "1 where the element takes part in the contact iteration (quirk Q2)")]
     load_x: Annotated[Floats, _is("N", "steady eastward load added to the bond forces", stepped=False)]
@@ -112,8 +150,16 @@ class Body(NamedTuple):
     free_y: Annotated[
         Floats, _is("1", "0 where a roller support takes the northward bond force, else 1", default=1.0, stepped=False)
     ]
-    berg: Annotated[Ints, _is("1", "number of the conglomerate (fragment) that the element belongs to", output=True)]
-    bond_count: Annotated[Ints, _is("1", "unbroken bonds of the element", output=True)]
+    berg: Annotated[
+        Ints,
+        _is(
+            "1",
+            "number of the conglomerate (fragment) that the element belongs to",
+            output=True,
+            limits=(0, "fragments"),
+        ),
+    ]
+    bond_count: Annotated[Ints, _is("1", "unbroken bonds of the element", output=True, limits=(0, "bonds"))]
     side_share: Annotated[Floats, _is("1", "part of the sides of its berg that the element bears")]
     berg_length: Annotated[Floats, _is("m", "length of the rectangle with the area and second moments of the berg")]
     berg_width: Annotated[Floats, _is("m", "width of that rectangle")]
@@ -121,10 +167,17 @@ class Body(NamedTuple):
         Floats, _is("m2", "constant plan area by which bonds know the element; 0 while not yet known", stepped=False)
     ]
     sides: Annotated[
-        Ints, _is("1", "sides of the element: 4 square, 6 hexagonal; 0 while not yet known", stepped=False)
+        Ints,
+        _is("1", "sides of the element: 4 square, 6 hexagonal; 0 while not yet known", stepped=False, limits=(0, 6)),
     ]
     substeps: Annotated[
-        Ints, _is("1", "sub-steps in a long step of the berg of the element; 0 while not yet known", stepped=False)
+        Ints,
+        _is(
+            "1",
+            "sub-steps in a long step of the berg of the element; 0 while not yet known",
+            stepped=False,
+            limits=(0, MOST_SUBSTEPS),
+        ),
     ]
 
 
@@ -134,21 +187,33 @@ class Life(NamedTuple):
     mass_scaling: Annotated[
         Floats, _is("1", "number of equal bergs that the element stands for", default=1.0, stepped=False)
     ]
-    mass_of_bits: Annotated[Floats, _is("kg", "mass of bergy bits", stepped=False)]
-    mass_of_fl_bits: Annotated[Floats, _is("kg", "mass of footloose bits", stepped=False)]
-    mass_of_fl_bergy_bits: Annotated[Floats, _is("kg", "mass of bergy bits of the footloose bits", stepped=False)]
+    mass_of_bits: Annotated[Floats, _is("kg", "mass of bergy bits", stepped=False, limits=(0.0, HEAVIEST))]
+    mass_of_fl_bits: Annotated[Floats, _is("kg", "mass of footloose bits", stepped=False, limits=(0.0, HEAVIEST))]
+    mass_of_fl_bergy_bits: Annotated[
+        Floats, _is("kg", "mass of bergy bits of the footloose bits", stepped=False, limits=(0.0, HEAVIEST))
+    ]
     fl_k: Annotated[
         Floats,
         _is(
             "m2", "area of the submerged foot; -1 child of footloose calving, -2 child that may collide", stepped=False
         ),
     ]
+    front: Annotated[
+        Floats,
+        _is(
+            "m", "length of the outline of the berg along which the element melts; -1 where it melts on all its own sides",
+            default=-1.0, stepped=False,
+        ),
+    ]  # fmt: skip
+    retreat: Annotated[
+        Floats, _is("m", "how far sides have melted back here since the outline was drawn", stepped=False)
+    ]
     heat_density: Annotated[Floats, _is("J kg-1", "heat that the ice brings with it", stepped=False)]
     start_lon: Annotated[Floats, _is("degrees_east", "longitude of calving", stepped=False)]
     start_lat: Annotated[Floats, _is("degrees_north", "latitude of calving", stepped=False)]
-    start_year: Annotated[Ints, _is("1", "year of calving", stepped=False)]
+    start_year: Annotated[Ints, _is("1", "year of calving", stepped=False, limits=(-(10**6), 10**6))]
     start_day: Annotated[Floats, _is("d", "day of the year of calving", stepped=False)]
-    start_mass: Annotated[Floats, _is("kg", "mass at calving", stepped=False)]
+    start_mass: Annotated[Floats, _is("kg", "mass at calving", stepped=False, limits=(0.0, HEAVIEST))]
 
 
 class Environment(NamedTuple):
@@ -201,6 +266,20 @@ class Environment(NamedTuple):
     wave_y: Annotated[Floats, _is("1", "northward part of the direction in which given waves travel")]
 
 
+class Keel(NamedTuple):
+    """What a bed of sediment does to the keels of the elements (``grounding.law: seabed``); 0 afloat."""
+
+    floor_load: Annotated[Floats, _is("N", "weight of the element that the sea floor carries")]
+    floor_x: Annotated[Floats, _is("N", "eastward force of the sea floor: friction and slope")]
+    floor_y: Annotated[Floats, _is("N", "northward force of the sea floor: friction and slope")]
+    floor_torque: Annotated[Floats, _is("N m", "torque of that force about the centre of the element")]
+    anchor_x: Annotated[Floats, _is("N", "eastward friction that anchors the keel")]
+    anchor_y: Annotated[Floats, _is("N", "northward friction that anchors the keel")]
+    anchor_capacity: Annotated[
+        Floats, _is("N", "largest friction that could hold the keel since it touched the floor last")
+    ]
+
+
 class Elements(NamedTuple):
     """The elements: groups of arrays of shape (number of elements,).
 
@@ -214,6 +293,7 @@ class Elements(NamedTuple):
     body: Body
     life: Life
     environment: Environment
+    keel: Keel
 
     def __getattr__(self, name: str) -> NDArray[Any]:
         """Refuse a name that is no variable; those of the registry are properties, set below it."""
@@ -259,8 +339,8 @@ class Elements(NamedTuple):
 class Bonds(NamedTuple):
     """The bonds: arrays of shape (number of bonds,); each physical bond is stored once."""
 
-    first: Annotated[Ints, _is("1", "row of the first element", stepped=False)]
-    second: Annotated[Ints, _is("1", "row of the second element", stepped=False)]
+    first: Annotated[Ints, _is("1", "row of the first element", stepped=False, limits=(0, "elements - 1"))]
+    second: Annotated[Ints, _is("1", "row of the second element", stepped=False, limits=(0, "elements - 1"))]
     shear_x: Annotated[Floats, _is("m", "accumulated eastward tangential displacement of the first element")]
     shear_y: Annotated[Floats, _is("m", "accumulated northward tangential displacement of the first element")]
     normal_stress: Annotated[
@@ -268,9 +348,9 @@ class Bonds(NamedTuple):
     ]
     shear_stress: Annotated[Floats, _is("Pa", "shear stress across the bond", output=True)]
     peak_stress: Annotated[Floats, _is("Pa", "largest normal_stress of the last long step", output=True)]
-    bond_length: Annotated[Floats, _is("m", "distance between the centres")]
+    bond_length: Annotated[Floats, _is("m", "distance between the centres", limits=(ABOVE_0, LONGEST))]
     relative_rotation: Annotated[Floats, _is("rad", "accumulated relative rotation")]
-    status: Annotated[Ints, _is("1", "0 unbroken, 1 broken but still a contact pair, 2 gone")]
+    status: Annotated[Ints, _is("1", "0 unbroken, 1 broken but still a contact pair, 2 gone", limits=(0, 2))]
     strength: Annotated[
         Floats, _is("1", "strength of the bond relative to the fracture thresholds", default=1.0, stepped=False)
     ]
@@ -281,11 +361,17 @@ class Bonds(NamedTuple):
     break_time: Annotated[
         Floats, _is("s", "time of breaking since the start, NaN while unbroken", output=True, default=np.nan)
     ]
-    break_grounded: Annotated[Ints, _is("1", "1 where an end was aground when the bond broke")]
-    id: Annotated[Ints, _is("1", "identifier of the bond", stepped=False)]
+    break_grounded: Annotated[Ints, _is("1", "1 where an end was aground when the bond broke", limits=(0, 1))]
+    id: Annotated[Ints, _is("1", "identifier of the bond", stepped=False, limits=(0, LARGEST_WHOLE))]
     rest_length: Annotated[
         Floats,
-        _is("m", "distance of the centres without strain; NaN while not yet known", default=np.nan, stepped=False),
+        _is(
+            "m",
+            "distance of the centres without strain; NaN while not yet known",
+            default=np.nan,
+            stepped=False,
+            limits=(ABOVE_0, LONGEST),
+        ),
     ]
     released_energy: Annotated[
         Floats,

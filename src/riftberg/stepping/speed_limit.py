@@ -61,13 +61,16 @@ def check_speed(run: RunState, before: Elements, applied: Floats) -> None:
     u, v = el.motion.u, el.motion.v
     # A product is finite where all numbers are: infinity times nothing is no number.
     if math.isfinite(_product(el.place.lon, el.place.lat)):
+        # If the sum over all is below the limit, so is each; small bergs end here.
         if _product(u, u) + _product(v, v) <= limit * limit:
             return
+        # Large bergs may exceed it in the sum alone: then the extremes of each component decide.
         if max(u.max(), -u.min(), v.max(), -v.min()) <= limit / math.sqrt(2.0):
             return
     with np.errstate(all="ignore"):
         speed = np.hypot(u, v)
         nowhere = ~np.isfinite(el.lon + el.lat + speed)
+        # Static elements may keep any velocity; it moves nothing.
         fast = nowhere | ((speed > limit) & (el.static < 0.5))
         if fast.any() and run.parameters.compatibility.flung_debris:
             fast &= nowhere | (speed > max(limit, DEBRIS_SPEED)) | ~_by_neighbours(run, before, applied)
@@ -155,5 +158,6 @@ def _largest(run: RunState, before: Elements, applied: Floats, k: int) -> str:
         if row != CORIOLIS
     }
     forces["the push of its neighbours (bonds, contact, loads)"] = math.hypot(*_by_partners(run, before, applied)[k])
+    # A force that is no number explains more than any that is.
     name = max(forces, key=lambda n: math.inf if math.isnan(forces[n]) else forces[n])
     return f"The largest force on it is {name}, {mass * forces[name]:.3g} N"

@@ -91,6 +91,8 @@ def reading(where: object, what: str, remedy: str, kind: type[InputError] = Inpu
         raise
     except MemoryError as error:
         raise kind("asks for more memory than there is", where=shown(where), remedy=remedy) from error
+    except (TypeError, AttributeError, IndexError) as error:  # their texts speak of Python
+        raise kind(what, where=shown(where), remedy=remedy) from error
     except Exception as error:  # libraries raise what they like: struct.error, KeyError, zlib.error, UnicodeError ...
         raise kind(f"{what} ({_reason(error)})", where=shown(where), remedy=remedy) from error
 

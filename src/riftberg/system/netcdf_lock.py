@@ -55,6 +55,7 @@ class NetcdfLock:
         """Take the lock; return whether it was had."""
         if not self._ours.acquire(blocking, timeout):
             return False
+        # Ours before theirs, always: two threads that took them in different orders would wait for each other.
         if self._depth == 0:
             self._theirs = _lock_of_xarray()
             if self._theirs is not None and not self._theirs.acquire(blocking):

@@ -46,6 +46,7 @@ def own_filters() -> Iterator[None]:
         try:
             yield
         finally:
+            # By identity: two filters may be equal, and one of them belong to somebody else.
             own = [entry for entry in begun if all(entry is not kept for kept in before)]
             if warnings.filters is begun:
                 begun[:] = before
@@ -93,6 +94,7 @@ class Stream:
         """Let the file go nowhere where its listener has gone; else the error counts for results alone."""
         if error.errno in _GONE:
             nowhere = os.open(os.devnull, os.O_WRONLY)
+            # In place of the stream's own file, so that writers that know only its number lose their listener too.
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
             self._stream.flush()

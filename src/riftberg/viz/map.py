@@ -21,6 +21,7 @@ from riftberg.viz.panels import (
     Water,
     arrow_key,
     common_boxes,
+    depth_bar,
     fragment_colours,
     fragment_name,
     fragment_patches,
@@ -124,6 +125,44 @@ def draw_map(
     return figure if path is None else style.save_figure(figure, path)
 
 
+@overload
+def draw_tracks(run: xr.Dataset, path: str | Path, *, title: str = "", dpi: int = 150) -> Path: ...
+@overload
+def draw_tracks(run: xr.Dataset, path: None = None, *, title: str = "", dpi: int = 150) -> Figure: ...
+def draw_tracks(run: xr.Dataset, path: str | Path | None = None, *, title: str = "", dpi: int = 150) -> Path | Figure:
+    """Draw the tracks of bergs and fragments on one map, with the ice at the first and the last date.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.open_run`, or what `Model.run` returns.
+    path : path, optional
+        Picture to write; the ending decides on the format.
+    title : str, optional
+        First line of the title; by default the experiment.
+    dpi : int, optional
+        Resolution.
+
+    Returns
+    -------
+    pathlib.Path or matplotlib.figure.Figure
+        The picture if ``path`` is given, else the figure.
+    """
+    required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_tracks")
+    scene = Scene(run)
+    if path is not None:
+        style.check_format(path)
+    figure = style.new_figure(7.0, 8.4, dpi)
+    overview = Overview(figure.subplots(), scene, water_of(run), OVERVIEW)
+    depth_bar(overview.panel)
+    handles = overview.handles(marks="track and dates")
+    figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=2, frameon=False)
+    style.put_title(figure, _title(run, scene, title))
+    style.lay_out(figure)
+    overview.draw(scene.telling_records(6))
+    return figure if path is None else style.save_figure(figure, path)
+
+
 def _title(run: xr.Dataset, scene: Scene, title: str) -> str:
     """Return a title that names the run, its dates, its forcing and what melted."""
     first = title or str(run.attrs.get("experiment") or "Iceberg drift")
@@ -139,13 +178,16 @@ def _draw_figure(
     shown, columns = fragment_colours(scene), (len(records) + 1) // 2
     left, right = style.parts(figure, 1, 2, width_ratios=(0.4, 0.6))
     overview = Overview(left.subplots(), scene, water, OVERVIEW, observed)
+    depth_bar(overview.panel)
     style.letter(overview.ax, 0)
     left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)
     places = list(right.subplots(2, columns, squeeze=False).flat)
+    # With an odd number of dates the grid has one place too many.
     for unused in places[len(records) :]:
         unused.remove()
     boxes = common_boxes(scene, records, margin=0.08)
     panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(places, boxes, strict=False)]
+    # One scale of speed for all dates, so that they can be compared.
     top, flows = speed_scale(panels, records)
     for k, (panel, text) in enumerate(zip(panels, style.moment_texts(scene.times, records), strict=True)):
         panel.ax.set_title(text, fontsize=10, pad=4)
@@ -155,6 +197,7 @@ def _draw_figure(
         speed_bar(places[: len(records)], top)
     style.put_title(figure, title, size=13.0)
     style.lay_out(figure)
+    # Only now, for labels find their places by where the axes came to lie.
     overview.draw(records)
     for k, (panel, record) in enumerate(zip(panels, records, strict=True)):
         rings = observed.get(str(scene.times[record])[:10], ())
@@ -177,6 +220,7 @@ def _draw_into(ax: Axes, scene: Scene, water: Water | None, observed: Outlines, 
             where="draw_map",
             remedy="Give plain axes; x and y are those of the run",
         )
+    # As the user laid them out, before an equal aspect shrank them.
     place = ax.get_position(original=True)
     shape = float(ax.figure.bbox.width * place.width / (ax.figure.bbox.height * place.height))
     if date is None:
@@ -210,6 +254,7 @@ class Overview:
 
     def draw(self, records: list[int]) -> None:
         """Draw ice, tracks and labels, once the axes have their place; the records are marked on the track."""
+        # The first position lies pale below the last, for both may overlap.
         self.panel.draw_ice(records[0], self.colours, alpha=0.35, zorder=2.6)
         self.panel.draw_ice(records[-1], self.colours, zorder=2.8)
         labels = style.Labels(self.ax)
@@ -219,6 +264,7 @@ class Overview:
                 colour = self.colours.get(number, colours.SMALL)
                 self.ax.plot(x[0], y[0], "*", ms=15, mfc=colour, mec="black", zorder=9)
                 labels.avoid(x[0], y[0], 8.0)
+        # Smaller pieces first, so that the track of the largest lies on top.
         for number in reversed(list(self.colours)):
             self._draw_track(number, labels)
         self._draw_dates(labels, records)
@@ -239,6 +285,7 @@ class Overview:
         places = []
         for record in records:
             x, y, there = self.scene.track(self.scene.ancestor(largest, record))
+            # A track may miss this very record: the nearest one stands for it.
             row = int(np.argmin(np.abs(there - record)))
             places.append((float(x[row]), float(y[row])))
         self.ax.plot(*zip(*places, strict=True), "o", ms=6.5, mfc="white", mec="black", mew=1.3, zorder=8)
@@ -253,22 +300,19 @@ class Overview:
                 labels.put(texts[k], *places[k], fontsize=9, fontweight="bold")
                 labelled.append(places[k])
 
-    def handles(self) -> list[Any]:
+    def handles(self, marks: str = "track and dates of the panels") -> list[Any]:
         """Return what explains fragments and signs in a legend."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
         handles: list[Any] = list(fragment_patches(self.scene))
-        handles.append(
-            Line2D([], [], color="black", marker="o", mfc="white", lw=2, label="track and dates of the panels")
-        )
+        handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=marks))
         if any(self.scene.birth(n) for n in self.scene.numbers):
             handles.append(
                 Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="place of a break-up")
             )
-        if self.panel.shaded:
-            shade = colours.depth_map()(0.75)
-            handles.append(Patch(fc=shade, ec=colours.ISOBATH, lw=0.6, label="sea floor, darker is deeper"))
+        if self.panel.land:
+            handles.append(Patch(fc=colours.LAND, ec=colours.SHORE, lw=0.8, label="land; ice shelves are white"))
         if self.grounded:
             handles.append(Patch(fc="white", ec=colours.GROUND, hatch="////",
                                  label=f"shallower than the keel ({self.scene.draft():.0f} m)"))  # fmt: skip

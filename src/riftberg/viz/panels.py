@@ -1,17 +1,9 @@
-"""One map panel and what can be drawn on it: extent and coast, water, sea floor, ice, bonds, observed outlines, scale bar.
-
-Coastlines are those of Natural Earth, where cartopy is installed and has them on this machine; nothing is downloaded. Cartopy
-keeps the shapefiles in its data folder (``cartopy.config["data_dir"]``) once a program or its own download script
-(``cartopy_feature_download``) has fetched them. The maps stay plain longitude-latitude maps; cartopy finds and reads the
-shapes.
-"""
+"""One map panel and what can be drawn on it: extent and coast, water, sea floor, ice, bonds, observed outlines, scale bar."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
@@ -24,7 +16,7 @@ from riftberg.runs.background import KeptWater, StoredWater
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
-from riftberg.viz.colours import LAND, SHELF, SHORE
+from riftberg.viz.coast import draw_coast
 from riftberg.viz.style import is_short, moment_text
 
 if TYPE_CHECKING:
@@ -32,20 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.patches import Patch
     from matplotlib.quiver import Quiver
-
-
-RESOLUTIONS: Final = (("10m", 0.0), ("50m", 2.0), ("110m", 10.0))
-"""Scales of Natural Earth (1:10 million and so on), finest first, and the least height of a map (degrees) for each: a
-coarse coastline on a close map, kilometres off, is worse than none."""
-
-FILLED: Final = (("land", LAND), ("minor_islands", LAND), ("antarctic_ice_shelves_polys", SHELF))
-"""Layers of areas."""
-
-COAST: Final = 3.6
-"""Height of the coast among what is drawn: above currents and shoals, below ice and tracks."""
-
-SHORES: Final = ("coastline", "minor_islands_coastline")
-"""Layers of lines; unlike the edges of the areas, they have no seam along the date line."""
 
 
 ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
@@ -107,7 +85,7 @@ class Map:
         style.geographic_axes(ax, latlon=latlon, ticks=ticks, labels=labels)
         ax.set_facecolor(colours.SEA)
         self.shaded = False
-        draw_coast(ax, box, latlon=latlon)
+        self.land = draw_coast(ax, box, latlon=latlon)
 
     def mesh(self, points: int) -> tuple[Floats, Floats]:
         """Return points on an even mesh over the map."""
@@ -157,107 +135,6 @@ class Map:
         unit = self.units_per_km * stretch(y, self.latlon)
         km = style.round_length(0.25 * (self.box.east - self.box.west) / unit)
         style.scale_bar(self.ax, km=km, units_per_km=unit)
-
-
-def draw_coast(ax: Axes, box: Box, *, latlon: bool = True) -> bool:
-    """Draw land and coastlines; leave the map as it is where they are not to be had.
-
-    ``ax``: longitude (on any branch) and latitude, degrees; ``latlon``: false for runs in metres, which have no coast.
-    """
-    from matplotlib.collections import LineCollection, PathCollection
-
-    if not latlon:
-        return False
-    areas, lines = coast_in(box)
-    for colour in (LAND, SHELF):
-        paths = [_polygon_path(polygon) for polygon, shown in areas if shown == colour]
-        # The extent of the map is that of the run, not of the continent.
-        ax.add_collection(PathCollection(paths, facecolors=colour, edgecolors="none", zorder=COAST), autolim=False)
-    shore = LineCollection(
-        [np.asarray(line.coords)[:, :2] for line in lines], colors=SHORE, linewidths=0.8, zorder=COAST
-    )
-    ax.add_collection(shore, autolim=False)
-    return bool(areas or lines)
-
-
-@lru_cache(maxsize=64)
-def coast_in(box: Box) -> tuple[list[tuple[Any, str]], list[Any]]:
-    """Return areas with their colours, and lines, within and just around an extent."""
-    resolution = _resolution(box.north - box.south)
-    if resolution is None:
-        return [], []
-    areas = [
-        (part, colour)
-        for name, colour in FILLED
-        for part in _clipped(natural_earth(resolution, name), box)
-        if part.geom_type == "Polygon"
-    ]
-    lines = [part for name in SHORES for part in _clipped(natural_earth(resolution, name), box)]
-    lines = [part for part in lines if part.geom_type == "LineString"]
-    if not lines:
-        lines = [ring for polygon, _ in areas for ring in (polygon.exterior, *polygon.interiors)]
-    return areas, lines
-
-
-def _resolution(height: float) -> str | None:
-    """Return the finest scale that is there and fine enough for a map of ``height`` degrees."""
-    for resolution, least in RESOLUTIONS:
-        if height >= least and any(natural_earth(resolution, name) for name in ("land", "coastline")):
-            return resolution
-    return None
-
-
-def natural_earth(resolution: str, name: str) -> Path | None:
-    """Return the shapefile of a layer of Natural Earth if cartopy has it on this machine."""
-    try:
-        from cartopy import config
-        from cartopy.io import Downloader
-    except ImportError:
-        return None
-    # Cartopy's own path() downloads what it does not find; these two only tell where it would be.
-    finder = Downloader.from_config(("shapefiles", "natural_earth", resolution, "physical", name))
-    request = {"config": config, "category": "physical", "name": name, "resolution": resolution}
-    places = (finder.pre_downloaded_path(request), finder.target_path(request))
-    return next((Path(place) for place in places if place is not None and Path(place).is_file()), None)
-
-
-@lru_cache(maxsize=16)
-def _shapes(path: Path) -> list[Any]:
-    from cartopy.io.shapereader import Reader
-
-    return list(Reader(str(path)).geometries())
-
-
-def _clipped(path: Path | None, box: Box) -> list[Any]:
-    """Return the parts of the shapes of a file around a box, on the branch of its longitudes."""
-    if path is None:
-        return []
-    import shapely
-
-    # Cut a little outside of the map, so that the cuts are not seen on it.
-    wide, high = 0.05 * (box.east - box.west), 0.05 * (box.north - box.south)
-    pieces: list[Any] = []
-    for turn in (-360.0, 0.0, 360.0):
-        bounds = box.west - wide - turn, box.south - high, box.east + wide - turn, box.north + high
-        for shape in _shapes(path):
-            west, south, east, north = shape.bounds
-            if east < bounds[0] or west > bounds[2] or north < bounds[1] or south > bounds[3]:
-                continue
-            # Shapes of the coarse layers may cross themselves; buffering by nothing mends areas.
-            sound = shape if shape.is_valid or "Polygon" not in shape.geom_type else shape.buffer(0.0)
-            moved = shapely.transform(
-                shapely.clip_by_rect(sound, *bounds), lambda xy, turn=turn: xy + np.array([turn, 0.0])
-            )
-            pieces += [part for part in getattr(moved, "geoms", [moved]) if not part.is_empty]
-    return pieces
-
-
-def _polygon_path(polygon: Any) -> Any:
-    """Return a polygon with its holes as a path of matplotlib."""
-    from matplotlib.path import Path as Curve
-
-    rings = [np.asarray(ring.coords)[:, :2] for ring in (polygon.exterior, *polygon.interiors)]
-    return Curve.make_compound_path(*(Curve(ring, closed=True) for ring in rings))
 
 
 Water = Forcing | StoredWater | KeptWater
@@ -318,6 +195,7 @@ class Panel(Map):
             np.ma.masked_invalid(speed), cmap=colours.speed_map(steps), vmin=0.0, vmax=top, interpolation="bilinear",
             extent=(b.west, b.east, b.south, b.north), origin="lower", aspect=self.ax.get_aspect(), zorder=0,
         )  # fmt: skip
+        # Arrows in the middle of equal boxes, none on the frame.
         margin_x, margin_y = (b.east - b.west) / arrows / 2, (b.north - b.south) / arrows / 2
         ax, ay = np.meshgrid(
             np.linspace(b.west + margin_x, b.east - margin_x, arrows),
@@ -454,6 +332,20 @@ def speed_bar(axes: Sequence[Axes], top: float) -> None:
     bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
     bar.ax.tick_params(labelsize=8, length=2)
     bar.ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+
+
+def depth_bar(panel: Map) -> None:
+    """Draw the scale of depth below a map whose sea floor is shaded."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm
+
+    if not panel.shaded:
+        return
+    shades = colours.depth_map()
+    scale = ScalarMappable(BoundaryNorm(DEPTHS, shades.N), shades)
+    bar = panel.ax.figure.colorbar(scale, ax=panel.ax, location="bottom", shrink=0.7, aspect=40, pad=0.02)
+    bar.set_label("depth of the sea floor (m)", fontsize=8)
+    bar.ax.tick_params(labelsize=8, length=2)
 
 
 def arrow_key(quiver: Quiver, top: float) -> None:

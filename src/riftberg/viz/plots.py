@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import xarray as xr
@@ -34,6 +34,7 @@ from riftberg.viz.style import date_axis, day_text, is_short, moment_texts, new_
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
 
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO day to rings of shape (n, 2), longitude and latitude."""
@@ -148,15 +149,34 @@ def _observed_panel(
     ax.set_title(f"Observed; currents of {day_text(scene.times[middle], hour=False)}", fontsize=10, pad=4)
 
 
+@overload
 def draw_stress(
     run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path:
+) -> Path: ...
+@overload
+def draw_stress(
+    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Figure: ...
+def draw_stress(
+    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Path | Figure:
     """Draw the bonds in the colour of their tensile stress; by default just before the large break-ups.
 
     Parameters
     ----------
-    run, path, dates, dpi
-        As in `draw_dates`.
+    run : xarray.Dataset
+        From `riftberg.open_run`, or what `Model.run` returns.
+    path : path, optional
+        Picture to write; the ending decides on the format.
+    dates : sequence of numpy.datetime64, optional
+        Dates of the panels.
+    dpi : int, optional
+        Resolution.
+
+    Returns
+    -------
+    pathlib.Path or matplotlib.figure.Figure
+        The picture if ``path`` is given, else the figure.
     """
     scene = Scene(run)
     if not run.sizes["bond"]:
@@ -176,9 +196,17 @@ def draw_stress(
     )  # fmt: skip
 
 
+@overload
 def draw_damage(
     run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path:
+) -> Path: ...
+@overload
+def draw_damage(
+    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Figure: ...
+def draw_damage(
+    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
+) -> Path | Figure:
     """Draw the bonds in the colour of their damage; by default just before the large break-ups and at the end.
 
     Parameters
@@ -200,9 +228,9 @@ def draw_damage(
 
 
 def _bond_maps(
-    scene: Scene, values: Mapping[int, Floats], path: str | Path, *, shades: Colormap, top: float, label: str,
+    scene: Scene, values: Mapping[int, Floats], path: str | Path | None, *, shades: Colormap, top: float, label: str,
     what: str, dpi: int, beyond: bool = False,
-) -> Path:  # fmt: skip
+) -> Path | Figure:  # fmt: skip
     """Draw the bonds at each record in the colour of their values, with a scale up to ``top`` below, open if ``beyond``."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import PowerNorm
@@ -212,7 +240,7 @@ def _bond_maps(
     axes = list(figure.subplots(1, len(values), squeeze=False).flat)
     boxes = common_boxes(scene, records, margin=0.05)
     panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(axes, boxes, strict=True)]
-    for k, (ax, text) in enumerate(zip(axes, moment_texts(scene.times, records), strict=True)):
+    for k, (ax, text) in enumerate(zip(axes, _spans(scene, records), strict=True)):
         ax.set_title(text, fontsize=10, pad=4)
         if len(axes) > 1:
             style.letter(ax, k)
@@ -228,14 +256,25 @@ def _bond_maps(
     bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.3g}" if v < 1e3 else f"{v:,.0f}"))
     bar.ax.xaxis.set_minor_locator(FixedLocator([]))
     bar.ax.tick_params(labelsize=8)
-    bar.set_label(label, fontsize=9)
+    bar.set_label(f"{label}; square-root scale", fontsize=9)
     style.put_title(figure, figure_title(scene.run, what))
     style.lay_out(figure)
     for panel, record in zip(panels, records, strict=True):
         panel.draw_ground(shaded=True)
         panel.draw_bonds(record, values[record], shades, scale)
         panel.draw_scale()
-    return style.save_figure(figure, path)
+    return figure if path is None else style.save_figure(figure, path)
+
+
+def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
+    """Return the dates of records; of one that follows a break-up, when that was, for its values are of the hour before."""
+    births = [birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None]
+    texts = moment_texts(scene.times, records)
+    for k, record in enumerate(records):
+        broke = [birth for birth in births if record > 0 and scene.times[record - 1] < birth <= scene.times[record]]
+        if broke:
+            texts[k] += f" (break-up at {moment_texts(np.array([broke[0], *scene.times]), [0])[0]})"
+    return texts
 
 
 def stress_unit(top: float) -> tuple[str, float]:
@@ -259,16 +298,30 @@ def _before_breakups(scene: Scene) -> list[int]:
     return sorted({r + 1 if r < last and stress[r] < calm <= stress[r + 1] else r for r in records})
 
 
-def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
+@overload
+def draw_fragments(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path: ...
+@overload
+def draw_fragments(run: xr.Dataset, path: None = None, *, dpi: int = 150) -> Figure: ...
+def draw_fragments(run: xr.Dataset, path: str | Path | None = None, *, dpi: int = 150) -> Path | Figure:
     """Draw areas and births of the fragments, the largest tensile stress and what is aground, over time.
 
     Parameters
     ----------
-    run, path, dpi
-        As in `draw_dates`.
+    run : xarray.Dataset
+        From `riftberg.open_run`, or what `Model.run` returns.
+    path : path, optional
+        Picture to write; the ending decides on the format.
+    dpi : int, optional
+        Resolution.
+
+    Returns
+    -------
+    pathlib.Path or matplotlib.figure.Figure
+        The picture if ``path`` is given, else the figure.
     """
     scene = Scene(run)
-    style.check_format(path)
+    if path is not None:
+        style.check_format(path)
     figure = new_figure(11.0, 7.4, dpi)
     ground = scene.aground().sum(axis=1) if knows_floor(scene) else np.zeros(len(scene.times))
     bonded = run.sizes["bond"] > 0
@@ -296,7 +349,7 @@ def draw_timeline(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     if len(times) > 1:
         lower.set_xlim(times[0], times[-1])
     style.put_title(figure, figure_title(run, "fragments"))
-    return style.save_figure(figure, path)
+    return figure if path is None else style.save_figure(figure, path)
 
 
 def knows_floor(scene: Scene) -> bool:

@@ -40,6 +40,7 @@ def pack(values: NDArray[Any], kind: str = "int16", *, step: float | None = None
     low, high = _LIMITS[kind]
     values = np.asarray(values, np.float64)
     there = np.isfinite(values)
+    # Whole numbers must come back as they were; others use the whole range of the integers.
     if step is not None:
         scale, offset = step, 0.0
     else:

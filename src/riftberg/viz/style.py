@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -79,7 +80,15 @@ def new_figure(width: float, height: float, dpi: int) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+    class Shown(Figure):
+        """Figure that a notebook shows, also where pyplot, which usually sees to that, was never imported."""
+
+        def _repr_png_(self) -> bytes:
+            content = BytesIO()
+            self.savefig(content, format="png")
+            return content.getvalue()
+
+    figure = Shown(figsize=(width, height), dpi=dpi, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -116,6 +125,7 @@ def geographic_axes(ax: Axes, *, latlon: bool, ticks: int = 6, labels: bool = Tr
         axis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
         if latlon:
             places = axis.get_major_locator().tick_values(*axis.get_view_interval())
+            # As many decimals as the ticks are apart, so that no two read alike.
             decimals = max(0, -math.floor(math.log10(float(np.diff(places).min())) + 1e-9))
             axis.set_major_formatter(FuncFormatter(lambda v, _, n=names, d=decimals: degree_label(v, n[0], n[1], d)))
         else:
@@ -238,6 +248,7 @@ class Labels:
             path_effects=[withStroke(linewidth=2.5, foreground="white")], **{"fontsize": 8, **style},
         )  # fmt: skip
         frame, free = self.ax.bbox, []
+        # All places are tried: one off the lines may come after one on them.
         for place in PLACES:
             label.set(position=place[:2], ha=place[2], va=place[3])
             box = label.get_window_extent().padded(0.03 * self.ax.figure.dpi)
@@ -327,6 +338,7 @@ def moment_text(times: Times, moment: np.datetime64, *, year: bool = False) -> s
     name, size, _ = next(unit for unit in UNITS if length_of(times) <= unit[2])
     steps = np.diff(times) / np.timedelta64(1, "ms") / 1e3 / size
     least = float(steps.min()) if len(steps) else 1.0
+    # As many decimals as tell neighbouring records apart.
     decimals = min(3, max(0, math.ceil(-math.log10(max(least, 1e-9)) - 1e-9)))
     since = float((moment - times[0]) / np.timedelta64(1, "ms")) / 1e3 / size
     return f"{since:.{decimals}f} {name}"

@@ -111,6 +111,7 @@ def _draw_tracks(ax: Axes, done: xr.Dataset, shades: Array) -> None:
     around = Box(*(float(f(part)) for part in (x, y) for f in (np.nanmin, np.nanmax)))
     chart = Map(ax, widened(around, latlon, 1.0, margin=0.06, least=1e-9), latlon=latlon, ticks=5)
     for k, colour in enumerate(shades):
+        # The largest at any time: at the end it may have melted away or broken up.
         largest = int(np.argmax(np.nanmax(np.nan_to_num(area[k]), axis=1)))
         for piece in range(x.shape[1]):
             main = piece == largest
@@ -128,6 +129,7 @@ def _draw_tracks(ax: Axes, done: xr.Dataset, shades: Array) -> None:
 
 def _draw_breakups(ax: Axes, done: xr.Dataset, x: Array, shades: Array) -> None:
     """Draw the dates of the break-ups of each member, larger for larger pieces."""
+    # One without a parent is a whole berg, and broke off nothing.
     births, broke = done["fragment_birth_time"].values, done["fragment_parent"].values > 0
     sizes = done["fragment_area"].values / 1e6
     most = float(sizes[broke].max(initial=0.0)) or 1.0

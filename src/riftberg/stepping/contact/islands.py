@@ -113,7 +113,7 @@ def resolve_contacts(
     bonded = np.bincount(op.body, minlength=count)[i.members] > 1
     shown = el.shown
     touched, path, after, applied, force, axes, spin, shortest = integrate_islands(
-        i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows], _of_rows(i.rows, op.forcing),
+        i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows], forcing_of_rows(i.rows, op.forcing),
         BodyMatrices(*(matrix[i.members] for matrix in op.matrices)), twist[i.members], bonded,
         shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second],
         sizes.radius[first] + sizes.radius[second], np.minimum(sizes.mass[first], sizes.mass[second]), dt,
@@ -155,14 +155,14 @@ def trapezoidal_correction(
         """Accelerations of the elements by each force, and net forces on the bodies, at the twists ``new``."""
         accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(new.shape)
         force = np.empty((rows.size, 3))
-        add_forces(body_of, op.levers[rows], new, _of_rows(rows, op.forcing), accelerations, force, net_force)
+        add_forces(body_of, op.levers[rows], new, forcing_of_rows(rows, op.forcing), accelerations, force, net_force)
         return accelerations, net_force
 
     (old_accelerations, old_force), (accelerations, net_force) = forces(start), forces(end)
     for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
         jacobian, everyone = np.zeros((*new.shape, 3)), np.ones(bodies.size, np.bool_)
         assemble_force_and_jacobian(
-            body_of, end.levers[rows], new, _of_rows(rows, end.forcing), everyone, np.zeros(new.shape), jacobian
+            body_of, end.levers[rows], new, forcing_of_rows(rows, end.forcing), everyone, np.zeros(new.shape), jacobian
         )
         matrix = np.eye(3) + half_dt * mobility @ jacobian
         change = half_dt * mobility @ (net_force - old_force)[:, :, None]
@@ -172,7 +172,7 @@ def trapezoidal_correction(
     return twist, contact._replace(twist=new, applied=contact.applied + half_dt * (accelerations - old_accelerations))
 
 
-def _of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:
+def forcing_of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:
     """Return the forcing of some elements."""
     return forcing._replace(
         **{name: part[rows] for name, part in forcing._asdict().items() if not isinstance(part, bool)}

@@ -122,6 +122,7 @@ def take_substeps_in_threads(
                 team.submit(_apply_bonds_alone, bonds, tiles, x.in_use, x.scratch, work.fields.aground, flags, p)
                 for x in shares
             ]
+            # All forces before any kick: a kick moves ends that other threads may still read.
             newly_broken = sum(done.result() for done in forces)
             if newly_broken > 0:
                 record_breaks(tiles, bonds, el.body.bond_count, work.pairs, flags.time, p.broken_as_contact)
@@ -146,6 +147,7 @@ def _step_context(
     near_pole = p.latlon and reaches_pole(el.place.lat)
     count = pack_bonds(tiles, el, bonds, sizes, rank, p)
     pack_elements(tiles, el, fields)
+    # Without a period the law looks for no nearest images: most bergs lie far from any seam.
     period = p.period if may_cross_seam(el.shown.lon_pair, p.period) else 0.0
     if _first_substep(plan, p) == 0:
         for b in range(tile.tile_count(el.place.lon.size)):
@@ -365,6 +367,7 @@ class Share(NamedTuple):
 def partition(tiles: BondTiles, count: int, elements: int, threads: int) -> list[Share]:
     """Share out the tiles of a lattice."""
     width = tile.tile_count(elements)
+    # Each thread has the tiles of its own elements, so that no two write to the same sums.
     limits = np.linspace(0, width, threads + 1).astype(np.int64).tolist()
     in_use = tiles.in_use[:count]
     place = in_use % width

@@ -211,30 +211,42 @@ def add_contacts(
                 full_first, full_second = bond_count[i] == max_bonds, bond_count[j] == max_bonds
                 on_first = not (skip_full and full_first) and bond_count[j] < max_bonds
                 on_second = not (skip_full and full_second) and bond_count[i] < max_bonds
-        add_contact(
-            kind, i, j, rx, ry, radii, u, v, u_shown, v_shown, m1, m2, law, dt * max_bonds, on_first, on_second, ax, ay
-        )
+        pair = Touch(kind, i, j, rx, ry, radii, m1, m2, on_first, on_second)
+        add_contact(pair, u, v, u_shown, v_shown, law, dt * max_bonds, ax, ay)
+
+
+class Touch(NamedTuple):
+    """Two elements that touch."""
+
+    kind: int  # `COLLISION` or `SAME_BERG_CONTACT`
+    i: int
+    j: int
+    rx: float  # Vector from j to i, m
+    ry: float
+    radii: float  # Sum of the radii, m
+    m1: float  # Mass of i, kg
+    m2: float  # Mass of j, kg
+    on_first: bool  # Whether i is pushed
+    on_second: bool  # Whether j is
 
 
 @stage
 def add_contact(
-    kind: int, i: int, j: int, rx: float, ry: float, radii: float, u: Floats, v: Floats, u_shown: Floats,
-    v_shown: Floats, m1: float, m2: float, law: PairLaw, span: float, on_first: bool, on_second: bool, ax: Floats,
-    ay: Floats,
-) -> None:  # fmt: skip
-    """Add the accelerations (m s-2) by spring and damper of elements i and j, which touch: on i, on j, or on both.
+    t: Touch, u: Floats, v: Floats, u_shown: Floats, v_shown: Floats, law: PairLaw, span: float, ax: Floats, ay: Floats
+) -> None:
+    """Add the accelerations (m s-2) by spring and damper of two elements that touch.
 
     Critical damping of stiff contacts is too fast for the sub-steps that the bonds allow, and would drive pieces apart.
     Divided by ``1 + 2 span c``, with ``span`` the sub-step times the contacts that an element can have, it is stable with
     its spring up to ``0.57 / sqrt(k)``, equal on both sides, and tends to the law for short sub-steps.
     """
     for end in range(2):  # one loop and not two calls, each of which would be compiled for itself
-        if not (on_first if end == 0 else on_second):
+        if not (t.on_first if end == 0 else t.on_second):
             continue
-        e, c, sign, m_e, m_c = (i, j, 1.0, m1, m2) if end == 0 else (j, i, -1.0, m2, m1)
+        e, c, sign, m_e, m_c = (t.i, t.j, 1.0, t.m1, t.m2) if end == 0 else (t.j, t.i, -1.0, t.m2, t.m1)
         du, dv = u_shown[c] - u[e], v_shown[c] - v[e]
         least = min(m_e, m_c)
-        ix, iy, p11, p12, p22 = pair_terms(kind, sign * rx, sign * ry, radii, least / m_e, du, dv, du, dv, law)
+        ix, iy, p11, p12, p22 = pair_terms(t.kind, sign * t.rx, sign * t.ry, t.radii, least / m_e, du, dv, du, dv, law)
         wu, wv = u_shown[c] - u_shown[e], v_shown[c] - v_shown[e]
         soft = 1.0 / (1.0 + 2.0 * span * (p11 + p22) * (m_e / least))
         ax[e] += ix + soft * (p11 * wu + p12 * wv)

@@ -22,7 +22,7 @@ from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
 from riftberg.stepping.contact.groups import contact_substeps
-from riftberg.stepping.explicit.breaking import add_contact
+from riftberg.stepping.explicit.breaking import Touch, add_contact
 from riftberg.stepping.explicit.substeps import POLAR_LATITUDE, drifted, floor_rate_at, kicked, mid_step_velocity
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, SPIN_LINEAR, Surroundings
 from riftberg.stepping.forces.pair_law import COLLISION, PairLaw, pair_law
@@ -179,6 +179,7 @@ def _take_substeps(
     while left > 0:
         taken = 1
         if not (forced or b[AX].any() or b[AY].any()):
+            # Without forces all go straight, so many sub-steps can be one until two nearly touch.
             taken = _free_substeps(b, first, second, h, left, p)
         _drift(b, h * taken, p)
         _accelerate(b, first, second, touched, 0.0 if p.explicit_contact_damping and p.dem else h, law, p.max_bonds)
@@ -234,10 +235,8 @@ def _accelerate(
         if rx * rx + ry * ry >= reach * reach:
             continue
         touched[k] = True
-        add_contact(
-            COLLISION, i, j, rx, ry, radii, b[U], b[V], b[U_PAIR], b[V_PAIR], b[MASS, i], b[MASS, j], law,
-            soft_step * max_bonds, True, True, b[NEW_AX], b[NEW_AY],
-        )  # fmt: skip
+        pair = Touch(COLLISION, i, j, rx, ry, radii, b[MASS, i], b[MASS, j], True, True)
+        add_contact(pair, b[U], b[V], b[U_PAIR], b[V_PAIR], law, soft_step * max_bonds, b[NEW_AX], b[NEW_AY])
     for e in range(b.shape[1]):
         b[NEW_AX, e] += b[LOAD_X, e]
         b[NEW_AY, e] += b[LOAD_Y, e]

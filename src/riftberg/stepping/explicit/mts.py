@@ -66,6 +66,7 @@ class MultipleStepper(Stateless):
         sizes = interaction_sizes(el, c)
         # Two quirks make the bonds of the reference depend on which end it processes first.
         rank = _processing_rank(run) if self._needs_rank and not _uniform(run) else np.arange(el.size)
+        # Partners of the outer kicks by the positions now; the sub-steps look for theirs farther ahead.
         outer = self._collisions(run, sizes)
 
         # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
@@ -75,6 +76,7 @@ class MultipleStepper(Stateless):
         subcycled = np.zeros(el.size)
         if islands is not None:
             subcycled[islands.rows] = 1.0
+        # Bergs that may meet take the same number of sub-steps, the largest of them.
         substeps = group_substeps(run, sizes, *candidates)
         batches = self._split_into_batches(run, substeps)
         for batch in batches:
@@ -83,6 +85,7 @@ class MultipleStepper(Stateless):
             batch.work.fields.subcycled[:] = batch.of_all(subcycled)
         inner = [self._inner_partners(batch, batch.of_all(outer.group), run) for batch in batches]
         plan = self._plan(run)
+        # Elements were born or have gone since the last step.
         if self._around.coriolis.size != el.size:
             self._around = allocate_surroundings(el.size)
 
@@ -242,6 +245,8 @@ class MultipleStepper(Stateless):
         if not c.dem:
             pairs.used[0] = 0
             return
+        # In the reference only ends of broken bonds touch within a berg, and these are listed by the bonds
+        # themselves.
         if self._contact_by_bonds:
             broken = np.flatnonzero(bonds.status == 1)
             pairs.first[: broken.size] = bonds.first[broken]
@@ -251,6 +256,8 @@ class MultipleStepper(Stateless):
             return
         cells = None if self._cells is None else self._cells.within(1)
         candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c, cells)
+        # Twice as many as needed: candidates become more as pieces part, and each new table is compiled code's to
+        # check.
         if candidates.partner.size > pairs.first.size:
             pairs = allocate_pairs(2 * candidates.partner.size)
             batch.work = batch.work._replace(pairs=pairs)
@@ -282,6 +289,7 @@ def _inner_reach(el: Elements, sizes: Sizes, dt: float) -> float:
     Twice the contact distance, or as far as the present relative speeds would carry them in two long steps.
     """
     touching = 2.0 * float(sizes.bond_radius.max())
+    # An upper bound of the relative speed of any two elements, without looking at pairs.
     spread = float(np.ptp(el.u) + np.ptp(el.v)) * dt
     return touching + max(touching, 2.0 * spread)
 
@@ -305,8 +313,8 @@ def take_long_step(
     """
     outer_work = allocate_outer_workspace(el.size, outer)
     if not p.dem:
-        inner_work = allocate_outer_workspace(el.size, inner)
-        report = _step_of_springs(el, bonds, work, outer, outer_work, inner, inner_work, sizes, around, plan, p)
+        within, without = Solved(inner, allocate_outer_workspace(el.size, inner)), Solved(outer, outer_work)
+        report = _step_of_springs(el, bonds, work, without, within, sizes, around, plan, p)
         return StepReport(*report)
     if plan.apply_inner and plan.threads > 1 and el.size >= WORTH_THREADS:
         outer_only = plan._replace(apply_inner=False)
@@ -335,18 +343,24 @@ def _step_of_beams(
     return broken, iterations
 
 
+class Solved(NamedTuple):
+    """Partners of the elements in an implicit solve, and its workspace."""
+
+    partners: NeighbourLists
+    work: OuterWorkspace
+
+
 @borrower
 def _step_of_springs(
-    el: Elements, bonds: Bonds, work: Workspace, outer: NeighbourLists, outer_work: OuterWorkspace,
-    inner: NeighbourLists, inner_work: OuterWorkspace, sizes: Sizes, around: Surroundings, plan: StepPlan,
-    p: KernelParameters,
+    el: Elements, bonds: Bonds, work: Workspace, outer: Solved, inner: Solved, sizes: Sizes, around: Surroundings,
+    plan: StepPlan, p: KernelParameters,
 ) -> tuple[int, int]:  # fmt: skip
-    """As `_step_of_beams`."""
+    """As `_step_of_beams`; ``inner`` are the partners in the sub-steps."""
     broken, iterations = 0, 1
     if plan.apply_outer:
-        broken, iterations = _outer_kick(el, bonds, outer, outer_work, sizes, around, plan, p)
+        broken, iterations = _outer_kick(el, bonds, outer.partners, outer.work, sizes, around, plan, p)
     if plan.apply_inner and iterations >= 0:
-        iterations = take_substeps_of_springs(el, bonds, work, inner, inner_work, sizes, around, plan, p)
+        iterations = take_substeps_of_springs(el, bonds, work, inner.partners, inner.work, sizes, around, plan, p)
     return broken, iterations
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel, stage
+from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.explicit.substeps import publish_all_velocities
@@ -21,6 +21,8 @@ from riftberg.stepping.forces.implicit_velocity import (
     OUTER_KICK,
     OUTER_KICK_UNCENTRED,
     WITH_SURROUNDINGS,
+    ElementState,
+    Solve,
     find_isolated,
     solve_in_contact,
 )
@@ -67,6 +69,7 @@ def second_half_kick(
     """
     u, v, u_sync, v_sync, static = el.motion.u, el.motion.v, el.motion.u_sync, el.motion.v_sync, el.body.static
     fill_contact_table(el, partners.collision, sizes, law, work.table)
+    # At the start of a run there is no step before: the solve finds the accelerations and leaves the velocity.
     kick = 0.0 if starting else 1.0
     find_isolated(partners, work.isolated)
     group, unconverged, norm_before = partners.group, work.unconverged, work.norm_before
@@ -75,7 +78,7 @@ def second_half_kick(
     iterations, sums = 0, norm_before
     while True:
         first = iterations == 0  # not the words True and False, each of which would be compiled for itself
-        _solve_pass(el, dt, around, work.isolated, work.table, group, unconverged, sums, law.by_speed, kick, first, p)
+        _solve_pass(el, dt, around, work, group, sums, law.by_speed, kick, first, p)
         iterations += 1
         if not p.iterate:
             for e in range(u.size):
@@ -92,10 +95,10 @@ def second_half_kick(
         sums = work.sums
 
 
-@kernel
+@borrower
 def _solve_pass(
-    el: Elements, dt: float, around: Surroundings, isolated: NDArray[np.bool_], table: ContactTable, group: Ints,
-    unconverged: NDArray[np.bool_], norm: Floats, by_speed: bool, kick: float, first: bool, p: KernelParameters,
+    el: Elements, dt: float, around: Surroundings, work: OuterWorkspace, group: Ints, norm: Floats, by_speed: bool,
+    kick: float, first: bool, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Solve for the outer accelerations of all moving elements, or in later passes of those in contact.
 
@@ -103,11 +106,11 @@ def _solve_pass(
     converged. ``norm`` takes the sum of the squared velocities of those solved for, per group.
     """
     motion, kicks, body = el.motion, el.kicks, el.body
-    u, v, u_sync, v_sync, mass = motion.u, motion.v, motion.u_sync, motion.v_sync, body.mass
+    u, v, u_sync, v_sync, lon, lat = motion.u, motion.v, motion.u_sync, motion.v_sync, el.place.lon, el.place.lat
     ax, ay, bx, by, static, in_contact = kicks.ax, kicks.ay, kicks.bx, kicks.by, body.static, body.in_contact
-    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
-    mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
+    isolated, unconverged, table = work.isolated, work.unconverged, work.table
     scheme = OUTER_KICK_UNCENTRED if p.uncentred_half_kicks else OUTER_KICK
+    how = Solve(scheme, INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS, dt)
     u_shown, v_shown, one_group = el.shown.u_pair, el.shown.v_pair, group.size == 0
     norm[:] = 0.0
     for e in range(u.size):
@@ -116,9 +119,8 @@ def _solve_pass(
             in_contact[e] = 0.0
         if static[e] >= 0.5 or not (first or (in_contact[e] != 0.0 and unconverged[g])):
             continue
-        s = solve_in_contact(
-            e, u[e], v[e], media, rates, acts, coriolis, applied, scheme, mode, dt, mass[e], table, u_shown, v_shown, by_speed
-        )  # fmt: skip
+        w = ElementState(lon[e], lat[e], u[e], v[e], u[e], v[e], u[e], v[e])
+        s = solve_in_contact(e, w, around, how, table, u_shown, v_shown, by_speed)
         ax[e], ay[e], bx[e], by[e] = s.a_x, s.a_y, s.b_x, s.b_y
         # An isolated element cannot collide; without that test, a velocity that is not a number would count as contact.
         if first and not isolated[e] and (s.damping_x != 0.0 or (s.damping_y != 0.0 and p.iterate)):

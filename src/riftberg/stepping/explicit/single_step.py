@@ -18,7 +18,8 @@ from riftberg.stepping.forces.implicit_velocity import (
     INTERACTIONS_ONLY,
     VERLET,
     WITH_SURROUNDINGS,
-    is_isolated,
+    ElementState,
+    Solve,
     runge_kutta_scheme,
     solve_velocity,
 )
@@ -58,6 +59,7 @@ class SingleStepper(Stateless):
         if not c.interactions:
             return NeighbourLists(none, none, none, np.zeros(0), group)
         bonded, rest = none, np.zeros(0)
+        # Rows have come or gone: lists of the search name rows of before.
         if self._version != run.population.version:
             near, self._version = NeighbourSearch(), run.population.version
             self._near = near
@@ -139,11 +141,14 @@ class RungeKuttaStepper(SingleStepper):
         mean_speeds = run.parameters.stepping.predictor_corrector
         sizes = interaction_sizes(el, c)
         partners = self._partners(run, sizes)
+        # Each stage looks for its cell from that of the start: from the one of the stage before, it could be another
+        # beside land.
         cells = el.cell_i.copy(), el.cell_j.copy(), el.xi.copy(), el.eta.copy()
         pair_positions = el.lon_pair.copy(), el.lat_pair.copy()
         if self._stages.x0.size != el.size:
             self._allocate(el.size)
         imposed = run.parameters.stepping.fixed_velocity
+        # The reference imposes it at the end of a step, so that its first one still moves as forces have it.
         if imposed is not None and not run.parameters.compatibility.imposed_velocity_late:
             impose_velocity(el, *imposed)
         begin_stages(el, self._stages)
@@ -197,20 +202,16 @@ def update_velocities(
     """
     place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
     view, law = pair_view(el, sizes), pair_law(p)
-    mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
+    how = Solve(VERLET, INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS, dt)
     find_surroundings(el, sizes, around, p)
-    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
-    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
     for e in range(motion.u.size):
         if body.static[e] >= 0.5:
             continue
         u, v = motion.u[e], motion.v[e]
         motion.u_sync[e], motion.v_sync[e] = u - 0.5 * dt * kicks.bx[e], v - 0.5 * dt * kicks.by[e]
         us, vs = u + 0.5 * dt * kicks.ax[e], v + 0.5 * dt * kicks.ay[e]
-        s = solve_velocity(
-            e, place.lon[e], place.lat[e], us, vs, u, v, u, v, media, rates, acts, coriolis, applied, VERLET, mode, dt,
-            body.mass[e], is_isolated(e, bonded, same, other), partners, p.plain_kid_branch, False, view, law,
-        )  # fmt: skip
+        w = ElementState(place.lon[e], place.lat[e], us, vs, u, v, u, v)
+        s = solve_velocity(e, w, around, how, partners, p.plain_kid_branch, False, view, law)
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax[e], kicks.ay[e], kicks.bx[e], kicks.by[e] = s.a_x, s.a_y, s.b_x, s.b_y
 
@@ -286,22 +287,17 @@ def evaluate_stage(
     """Find the accelerations of a stage; ``el.lon``, ``el.lat`` hold its positions, ``stages.u[stage]`` its velocity."""
     place, shown, kicks, body = el.place, el.shown, el.kicks, el.body
     view, law = pair_view(el, sizes), pair_law(p)
-    mode = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS
-    span, scheme = fraction * dt, runge_kutta_scheme(mean_speeds, p.stages_from_start)
+    mode, span = INTERACTIONS_ONLY if p.only_interactions else WITH_SURROUNDINGS, fraction * dt
+    how = Solve(runge_kutta_scheme(mean_speeds, p.stages_from_start), mode, span)
     find_surroundings(el, sizes, around, p)
-    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
-    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
     for e in range(el.motion.u.size):
         if body.static[e] >= 0.5:
             continue
         u0, v0 = stages.u0[e], stages.v0[e]
         us, vs = stages.u[stage, e], stages.v[stage, e]
         half_u, half_v = u0 + 0.5 * span * kicks.ax[e], v0 + 0.5 * span * kicks.ay[e]
-        s = solve_velocity(
-            e, shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs, media, rates, acts, coriolis,
-            applied, scheme, mode, span, body.mass[e],
-            is_isolated(e, bonded, same, other), partners, p.plain_kid_branch, False, view, law,
-        )  # fmt: skip
+        w = ElementState(shown.lon_pair[e], shown.lat_pair[e], half_u, half_v, u0, v0, us, vs)
+        s = solve_velocity(e, w, around, how, partners, p.plain_kid_branch, False, view, law)
         stages.total_x[stage, e], stages.total_y[stage, e] = s.total_x, s.total_y
         stages.a_x[stage, e], stages.a_y[stage, e] = s.a_x, s.a_y
         mx, my = metres_per_unit(place.lat[e], p.latlon, p.earth_radius)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel, stage
+from riftberg.compiled.kernels import borrower, kernel, stage
 from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, move
@@ -34,11 +34,20 @@ from riftberg.stepping.explicit.substeps import (
 from riftberg.stepping.forces.implicit_velocity import (
     INTERACTIONS_ONLY,
     OUTER_KICK_UNCENTRED,
-    is_isolated,
+    ElementState,
+    Solve,
     solve_velocity,
 )
 from riftberg.stepping.forces.media import Surroundings
-from riftberg.stepping.forces.pair_law import NeighbourLists, PairLaw, PairView, interaction_terms, pair_law, pair_view
+from riftberg.stepping.forces.pair_law import (
+    Mover,
+    NeighbourLists,
+    PairLaw,
+    PairView,
+    interaction_terms,
+    pair_law,
+    pair_view,
+)
 from riftberg.stepping.forces.sizes import Sizes
 
 
@@ -147,7 +156,7 @@ def _accelerations(
     for e in range(place.lon.size):
         lon, lat, u, v = place.lon[e], place.lat[e], motion.u[e], motion.v[e]
         ix, iy, p11, p12, p22, px, py = interaction_terms(
-            e, lon, lat, u, v, u, v, partners, False, bond_size, view, law
+            e, Mover(lon, lat, u, v, u, v), partners, False, bond_size, view, law
         )
         uw, vw = shown.u_pair[e], shown.v_pair[e]
         fields.accel_x[e] = ix + px - p11 * uw - p12 * vw
@@ -235,27 +244,23 @@ def _implicit_kick(
     return iterations
 
 
-@kernel
+@borrower
 def _solve_all(
     el: Elements, dt: float, around: Surroundings, partners: NeighbourLists, unconverged: NDArray[np.bool_],
     view: PairView, law: PairLaw, fields: SubstepFields, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Kick all moving elements of unconverged groups once, with the velocities of the others as they were."""
-    place, motion, kicks, body = el.place, el.motion, el.kicks, el.body
+    place, motion, kicks = el.place, el.motion, el.kicks
     half = 0.5 * dt
-    bonded, same, other = partners.bonded.start, partners.same_berg.start, partners.collision.start
-    media, rates, acts, coriolis, applied = around.media, around.rate, around.acts, around.coriolis, around.applied
-    group, one_group = partners.group, partners.group.size == 0
+    how, group, one_group = Solve(OUTER_KICK_UNCENTRED, INTERACTIONS_ONLY, dt), partners.group, partners.group.size == 0
     for e in range(motion.u.size):
         if fields.active[e] == 0.0 or not unconverged[0 if one_group else group[e]]:
             continue
         u0, v0 = motion.u[e], motion.v[e]
+        # The first half of the kick is that of the sub-step before; the new forces are solved for its second half.
         us, vs = u0 + half * (kicks.ax_fast[e] + kicks.bx_fast[e]), v0 + half * (kicks.ay_fast[e] + kicks.by_fast[e])
-        s = solve_velocity(
-            e, place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0, media, rates, acts, coriolis, applied, OUTER_KICK_UNCENTRED,
-            INTERACTIONS_ONLY, dt, body.mass[e], is_isolated(e, bonded, same, other), partners, False,
-            p.constant_size, view, law,
-        )  # fmt: skip
+        w = ElementState(place.lon[e], place.lat[e], us, vs, u0, v0, u0, v0)
+        s = solve_velocity(e, w, around, how, partners, False, p.constant_size, view, law)
         motion.u[e], motion.v[e] = add_velocity(place.lon[e], place.lat[e], us, vs, s.total_x, s.total_y, dt, p.latlon)
         kicks.ax_fast[e], kicks.ay_fast[e], kicks.bx_fast[e], kicks.by_fast[e] = s.a_x, s.a_y, s.b_x, s.b_y
 
@@ -268,6 +273,7 @@ def _norms(el: Elements, group: Ints, change: Floats, norm: Floats, fields: Subs
     norm[:] = 0.0
     for e in range(motion.u.size):
         if fields.active[e] > 0.0:
+            # Without groups all elements settle as one.
             g = 0 if group.size == 0 else group[e]
             change[g] += (motion.u[e] - shown.u_pair[e]) ** 2 + (motion.v[e] - shown.v_pair[e]) ** 2
             norm[g] += motion.u[e] ** 2 + motion.v[e] ** 2
@@ -282,6 +288,7 @@ def _rewind(el: Elements, dt: float, group: Ints, unconverged: NDArray[np.bool_]
         if fields.active[e] == 0.0 or not unconverged[0 if group.size == 0 else group[e]]:
             continue
         shown.u_pair[e], shown.v_pair[e] = motion.u[e], motion.v[e]
+        # The kick was half by the accelerations of before, half by those just solved for: both are taken back.
         motion.u[e] -= half * (kicks.ax_fast[e] + kicks.bx_fast[e]) + half * (kicks.ax[e] + kicks.bx[e])
         motion.v[e] -= half * (kicks.ay_fast[e] + kicks.by_fast[e]) + half * (kicks.ay[e] + kicks.by[e])
         kicks.ax_fast[e], kicks.ay_fast[e] = kicks.ax[e], kicks.ay[e]

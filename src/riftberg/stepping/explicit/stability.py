@@ -185,6 +185,7 @@ def assign_substeps(run: RunState, chosen: NDArray[np.bool_]) -> None:
         sizes = interaction_sizes(elements, run.constants)
         elements.body.substeps[:] = choose_substeps(p, elements, bonds, sizes)
         return
+    # All of a berg of which an element was chosen: its lattice vibrates as a whole.
     touched = np.isin(part, part[chosen])
     fixed = p.stepping.substeps
     elements.body.substeps[touched] = 1 if fixed is None else fixed
@@ -215,6 +216,7 @@ def bending_period(elements: Elements, parameters: Parameters) -> float:
 
 def _spread(x: Floats, y: Floats, area: Floats) -> tuple[float, float]:
     """Smallest and largest root mean square distance (m) of the ice from its centre, along a line."""
+    # Each element spreads by its own width too: a twelfth of its area, as of a square about its centre.
     square = np.cov(np.vstack([x, y]), bias=True) + np.eye(2) * float(area.mean()) / 12.0
     small, large = np.sqrt(np.linalg.eigvalsh(square))
     return float(small), float(large)
@@ -249,6 +251,7 @@ def with_nonresonant_step(elements: Elements, bonds: Bonds, parameters: Paramete
     if named or not _may_resonate(bonds, p):
         return p
     period = bending_period(elements, p)
+    # From the longest on: the first that fits is taken.
     step = next((step for step in LONG_STEPS if step * NONRESONANT <= period), LONG_STEPS[-1])
     return p.changed(stepping={"time_step": step})
 

@@ -112,6 +112,7 @@ def kicked(
     grows with the speed is taken at the velocity before the sub-step. Near the pole the reference turns velocity and
     acceleration to the tangent plane and back with one longitude, which changes nothing.
     """
+    # A product instead of a branch, which would keep the loop from vectorising.
     explicit, factor = (0.0, decay) if implicit_floor else (1.0, 1.0)
     ax -= explicit * rate * u
     ay -= explicit * rate * v
@@ -137,6 +138,7 @@ def begin_substeps(
     active, subcycled, aground, rate = fields.active, fields.subcycled, fields.aground, fields.floor_rate
     linear, quadratic = fields.floor_linear, fields.floor_quadratic
     decay, spin_decay = fields.floor_decay, fields.floor_spin_decay
+    # A floor that acts in the outer kicks must not act here again.
     in_substeps = not around.acts[SEA_FLOOR]
     acts = varies = False
     fields.floor_impulse_x[:] = 0.0

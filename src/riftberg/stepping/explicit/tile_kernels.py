@@ -55,6 +55,7 @@ def shift_second_ends(scratch: Floats, ends: Floats) -> None:
         scratch[tile.X + k], scratch[tile.Y + k] = ends[tile.X + 1 + k], ends[tile.Y + 1 + k]
         scratch[tile.U + k], scratch[tile.V + k] = ends[tile.U + 1 + k], ends[tile.V + 1 + k]
         scratch[tile.SPIN + k], scratch[tile.ANGLE + k] = ends[tile.SPIN + 1 + k], ends[tile.ANGLE + 1 + k]
+    # The second end of the last bond stands at the head of the next tile.
     last = tile.LANES - 1
     scratch[tile.X + last], scratch[tile.Y + last] = (ends[tile.END_TILE + tile.X], ends[tile.END_TILE + tile.Y])
     scratch[tile.U + last], scratch[tile.V + last] = (ends[tile.END_TILE + tile.U], ends[tile.END_TILE + tile.V])
@@ -81,8 +82,10 @@ def find_sections(bond: Floats, scratch: Floats, ends: Floats, latlon: bool, fla
     for k in range(tile.LANES):
         y1, y2, r1, r2 = (ends[tile.Y + k], scratch[tile.Y + k], bond[tile.RADIUS1 + k], bond[tile.RADIUS2 + k])
         dx, sine = ends[tile.X + k] - scratch[tile.X + k], bond[tile.METRES_SIN + k]
+        # Metres of a degree from those at a latitude near by: a few multiplications, where a cosine would be a call.
         away = to_radians * (0.5 * (y1 + y2) - bond[tile.Y_REFERENCE + k])
         rx, ry = dx * cos_near(bond[tile.METRES_COS + k], sine, away), (y1 - y2) * per_unit
+        # One division serves direction, width and thickness: divisions are the slowest of these instructions.
         length = math.sqrt(rx * rx + ry * ry)
         inverse = 1.0 / length
         half = overlap(bond[tile.REST + k], length)
@@ -114,6 +117,7 @@ def sines(bond: Floats, scratch: Floats, ends: Floats, linear_bending: bool) -> 
     if linear_bending:
         for k in range(tile.LANES):
             scratch[tile.SINE + k] = ends[tile.ANGLE + k] - scratch[tile.ANGLE + k]
+    # Decided for the tile as a whole: a choice lane by lane would take both ways for every bond.
     elif _large_angles(bond, scratch, ends) == 0:
         for k in range(tile.LANES):
             scratch[tile.SINE + k] = sin_small(ends[tile.ANGLE + k] - scratch[tile.ANGLE + k])
@@ -232,6 +236,7 @@ def sum_over_bonds(scratch: Floats, sums: Floats, slots: Indices, bond: Floats) 
     """
     for k in range(slots.shape[0]):
         sum_x, sum_y, sum_torque = sums[tile.SUM_X + k], sums[tile.SUM_Y + k], sums[tile.SUM_TORQUE + k]
+        # The order of addition is that of the slots, whatever the threads: the sums are the same bit for bit.
         for n in range(slots.shape[1]):
             at = slots[k, n]
             sum_x -= bond[at + tile.FX]
@@ -269,6 +274,7 @@ def start_tile(elem: Floats, ends: Floats, scratch: Floats, dt: float, implicit_
     the angle at hand in a sub-step is that which its bonds see; with that of the start the run would be of first order.
     """
     for k in range(tile.LANES):
+        # Factors of 0 or 1 stand for conditions, which would keep the loop from vectorising.
         active, per_mass = elem[tile.ACTIVE + k], elem[tile.PER_MASS + k]
         rate = 0.0 if implicit_floor else active * elem[tile.FLOOR_RATE + k]
         u, v = elem[tile.VELOCITY_X + k], elem[tile.VELOCITY_Y + k]

@@ -143,6 +143,7 @@ def allocate_tiles(bonds: Bonds, element_count: int) -> BondTiles:
     count = width * (1 + int(begin.max(initial=0))) if bonds.first.size else 0
     size = count * LANES
     ends = _aligned((width + 1) * END_TILE)
+    # Numbers that differ, so that lanes without a bond divide by no length of 0.
     ends[:] = np.arange(ends.size)
     return BondTiles(
         bond_ids=np.zeros(size, np.int64),
@@ -170,6 +171,7 @@ def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
         if status[b] == 0:
             i, j = bonds.first[b], bonds.second[b]
             layer = 0
+            # Layer 0 is kept for the bonds to the next element, whose second ends need no gathering.
             if j != i + 1:
                 counter[i] += 1
                 layer = counter[i]
@@ -203,6 +205,7 @@ def _fill_slots(tiles: BondTiles, second: Ints) -> None:
     """List the bonds that end at each element, in order of lane; unused slots point at the tile of zeros."""
     slots, counter, bond_ids = tiles.slots, tiles.counter, tiles.bond_ids
     counter[:] = 0
+    # The last tile holds zeros for good: an unused slot adds nothing, and no branch is needed.
     slots[:, :] = tiles.bond.size - BOND_TILE
     for r in range(bond_ids.size):
         if bond_ids[r] >= 0:
@@ -216,6 +219,7 @@ def _copy_bond(bond: Floats, at: int, b: int, bonds: Bonds, p: KernelParameters)
     """What the state holds of bond ``b``."""
     strength, damage = bonds.strength[b], bonds.damage[b]
     bond[at + INTACT] = 1.0
+    # The step begins where the last one ended.
     bond[at + PEAK_STRESS] = bonds.normal_stress[b]
     bond[at + STRENGTH], bond[at + DAMAGE] = strength, damage
     bond[at + NORMAL_LIMIT], bond[at + SHEAR_LIMIT] = residual_strength(

@@ -28,6 +28,7 @@ from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.forces.media import LINEAR, MEDIA, PUSH_X, PUSH_Y, QUADRATIC, Surroundings, U, V, record_applied
 from riftberg.stepping.forces.pair_law import (
     ContactTable,
+    Mover,
     NeighbourLists,
     PairLaw,
     PairView,
@@ -67,6 +68,39 @@ def runge_kutta_scheme(mean_speeds: bool, from_start: bool) -> SolveScheme:
     return SolveScheme(1.0, 1.0, 0.0, mean_speeds, from_start, False)
 
 
+class Solve(NamedTuple):
+    """How the equation is solved for all elements."""
+
+    scheme: SolveScheme
+    mode: int  # `WITH_SURROUNDINGS` or `INTERACTIONS_ONLY`
+    dt: float  # s
+
+
+class ElementState(NamedTuple):
+    """Position and velocities of one element before the solve; numbers alone, so that no references are counted."""
+
+    x: float  # Degrees or m
+    y: float
+    u_star: float  # Velocity with the explicit half kick, m s-1
+    v_star: float
+    u0: float  # At the start of the step
+    v0: float
+    us: float  # Of the stage (Runge-Kutta); elsewhere that at the start
+    vs: float
+
+
+class ExplicitTerms(NamedTuple):
+    """What acts on one element whatever its new velocity."""
+
+    media_x: float  # Pushes of the media, m s-2
+    media_y: float
+    push_x: float  # With the springs of the partners and the explicit Coriolis force
+    push_y: float
+    cu: float  # Velocity at which that is taken, m s-1
+    cv: float
+    f: float  # Coriolis parameter, s-1
+
+
 class Solution(NamedTuple):
     """Result of the solve for one element."""
 
@@ -76,7 +110,7 @@ class Solution(NamedTuple):
     a_y: float
     b_x: float  # Its implicit remainder b, m s-2
     b_y: float
-    damping_x: float  # Damping force of the partners, N
+    damping_x: float  # Acceleration by the damping of the partners, m s-2
     damping_y: float
 
 
@@ -89,21 +123,23 @@ def _stage_speed(u1: float, v1: float, us: float, vs: float, uk: float, vk: floa
 
 @kernel
 def drags(
-    e: int, u_star: float, v_star: float, media: Floats, rates: Floats, acts: NDArray[np.bool_], mean_speeds: bool,
-    u1: float, v1: float, u0: float, v0: float, us: float, vs: float,
+    e: int, w: ElementState, u1: float, v1: float, media: Floats, rates: Floats, acts: NDArray[np.bool_], mean_speeds: bool
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Sum the drags of the media that act: deceleration at (u_star, v_star), m s-2, and rate, s-1; store each rate."""
+    """Sum the drags of the media that act: deceleration at (u_star, v_star), m s-2, and rate, s-1; store each rate.
+
+    ``u1``, ``v1``: iterate, at which quadratic drags take the speed.
+    """
     drag_x = drag_y = total = 0.0
     for m in range(len(MEDIA)):
         if not acts[m]:
             continue
         uk, vk, rate = media[e, m, U], media[e, m, V], media[e, m, LINEAR]
         if media[e, m, QUADRATIC] != 0.0:
-            speed = mean_speed(u1, v1, u0, v0, uk, vk) if mean_speeds else _stage_speed(u1, v1, us, vs, uk, vk)
+            speed = mean_speed(u1, v1, w.u0, w.v0, uk, vk) if mean_speeds else _stage_speed(u1, v1, w.us, w.vs, uk, vk)
             rate += media[e, m, QUADRATIC] * speed
         rates[e, m] = rate
-        drag_x += rate * (u_star - uk)
-        drag_y += rate * (v_star - vk)
+        drag_x += rate * (w.u_star - uk)
+        drag_y += rate * (w.v_star - vk)
         total += rate
     return drag_x, drag_y, total
 
@@ -121,25 +157,22 @@ def pushes(e: int, media: Floats, acts: NDArray[np.bool_]) -> tuple[float, float
 
 @kernel
 def solve_once(
-    e: int, u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float, u1: float, v1: float,
-    push_x: float, push_y: float, f: float, media: Floats, rates: Floats, acts: NDArray[np.bool_], t: Terms,
-    scheme: SolveScheme, mode: int, dt: float,
+    e: int, w: ElementState, x: ExplicitTerms, t: Terms, u1: float, v1: float, media: Floats, rates: Floats,
+    acts: NDArray[np.bool_], how: Solve,
 ) -> tuple[float, float]:  # fmt: skip
-    """Solve for the acceleration (m s-2) with the drag at the iterate (u1, v1).
-
-    ``push_x``, ``push_y``: explicit accelerations, those of springs and of the Coriolis force included, m s-2.
-    """
-    theta = scheme.theta
-    damp_x = t.p11 * u_star + t.p12 * v_star - t.px
-    damp_y = t.p12 * u_star + t.p22 * v_star - t.py
-    if mode == INTERACTIONS_ONLY:
+    """Solve for the acceleration (m s-2) with the drag at the iterate (u1, v1)."""
+    theta, dt = how.scheme.theta, how.dt
+    damp_x = t.p11 * w.u_star + t.p12 * w.v_star - t.px
+    damp_y = t.p12 * w.u_star + t.p22 * w.v_star - t.py
+    if how.mode == INTERACTIONS_ONLY:
         rx, ry = 0.5 * t.ix - theta * damp_x, 0.5 * t.iy - theta * damp_y
         rate = turn = 0.0
     else:
-        drag_x, drag_y, rate = drags(e, u_star, v_star, media, rates, acts, scheme.mean_speeds, u1, v1, u0, v0, us, vs)
-        rx = scheme.explicit_weight * push_x - theta * (drag_x + damp_x)
-        ry = scheme.explicit_weight * push_y - theta * (drag_y + damp_y)
-        turn = scheme.coriolis_implicitness * f
+        drag_x, drag_y, rate = drags(e, w, u1, v1, media, rates, acts, how.scheme.mean_speeds)
+        rx = how.scheme.explicit_weight * x.push_x - theta * (drag_x + damp_x)
+        ry = how.scheme.explicit_weight * x.push_y - theta * (drag_y + damp_y)
+        turn = how.scheme.coriolis_implicitness * x.f
+    # The matrix is 1 + theta dt (rate + P) with the Coriolis force, which turns: it stands with opposite signs.
     a11 = 1.0 + theta * dt * (rate + t.p11)
     a22 = 1.0 + theta * dt * (rate + t.p22)
     a12 = theta * dt * (t.p12 - turn)
@@ -149,101 +182,83 @@ def solve_once(
 
 @stage
 def solve_velocity(
-    e: int, x: float, y: float, u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float, media: Floats,
-    rates: Floats, acts: NDArray[np.bool_], coriolis: Floats, applied: Floats, scheme: SolveScheme, mode: int,
-    dt: float, mass: float, isolated: bool, partners: NeighbourLists, plain: bool, bond_size: bool, view: PairView,
-    law: PairLaw,
+    e: int, w: ElementState, around: Surroundings, how: Solve, partners: NeighbourLists, plain: bool, bond_size: bool,
+    view: PairView, law: PairLaw,
 ) -> Solution:  # fmt: skip
-    """Solve for the acceleration of element ``e`` over ``dt`` seconds.
-
-    ``x``, ``y``: position, degrees or m; ``u_star``, ``v_star``: velocity with the explicit half kick, ``u0``, ``v0`` that at the
-    start of the step, ``us``, ``vs`` that of the stage (elsewhere that at the start), m s-1.
-    """
+    """Solve for the acceleration of element ``e``."""
+    scheme, dt = how.scheme, how.dt
+    isolated = is_isolated(e, partners.bonded.start, partners.same_berg.start, partners.collision.start)
     t = Terms(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if not isolated:
-        ud, vd = (u0, v0) if scheme.from_start else (us, vs)
-        t = interaction_terms(e, x, y, u0, v0, ud, vd, partners, plain, bond_size, view, law)
+        ud, vd = (w.u0, w.v0) if scheme.from_start else (w.us, w.vs)
+        t = interaction_terms(e, Mover(w.x, w.y, w.u0, w.v0, ud, vd), partners, plain, bond_size, view, law)
     # Runge-Kutta evaluates the explicit Coriolis force at the stage, Verlet at the half-kicked velocity.
-    cu, cv = (u_star, v_star) if scheme.explicit_weight < 1.0 else (us, vs)
-    f = coriolis[e]
-    media_x, media_y = pushes(e, media, acts)
-    push_x = media_x + t.ix + f * cv
-    push_y = media_y + t.iy - f * cu
-    ud, vd = (u0, v0) if scheme.from_start and scheme.mean_speeds else (us, vs)
-    ax, ay = solve_once(
-        e, u_star, v_star, u0, v0, us, vs, ud, vd, push_x, push_y, f, media, rates, acts, t, scheme, mode, dt
-    )
+    cu, cv = (w.u_star, w.v_star) if scheme.explicit_weight < 1.0 else (w.us, w.vs)
+    f = around.coriolis[e]
+    media_x, media_y = pushes(e, around.media, around.acts)
+    x = ExplicitTerms(media_x, media_y, media_x + t.ix + f * cv, media_y + t.iy - f * cu, cu, cv, f)
+    ud, vd = (w.u0, w.v0) if scheme.from_start and scheme.mean_speeds else (w.us, w.vs)
+    ax, ay = solve_once(e, w, x, t, ud, vd, around.media, around.rate, around.acts, how)
     if not isolated:
-        ud, vd = u_star + dt * ax, v_star + dt * ay
+        ud, vd = w.u_star + dt * ax, w.v_star + dt * ay
         if scheme.from_start and not scheme.mean_speeds:
-            ud, vd = 0.5 * (ud + us), 0.5 * (vd + vs)
-        t = interaction_terms(e, x, y, u0, v0, ud, vd, partners, plain, bond_size, view, law)
-    return _second_solve(
-        e, t, ax, ay, u_star, v_star, u0, v0, us, vs, cu, cv, media_x, media_y, push_x, push_y, f, media, rates, acts,
-        applied, scheme, mode, dt, mass,
-    )  # fmt: skip
+            ud, vd = 0.5 * (ud + w.us), 0.5 * (vd + w.vs)
+        t = interaction_terms(e, Mover(w.x, w.y, w.u0, w.v0, ud, vd), partners, plain, bond_size, view, law)
+    return _second_solve(e, w, x, t, ax, ay, around, how)
 
 
 @stage
 def solve_in_contact(
-    e: int, u: float, v: float, media: Floats, rates: Floats, acts: NDArray[np.bool_], coriolis: Floats,
-    applied: Floats, scheme: SolveScheme, mode: int, dt: float, mass: float, table: ContactTable, u_shown: Floats,
-    v_shown: Floats, by_speed: bool,
+    e: int, w: ElementState, around: Surroundings, how: Solve, table: ContactTable, u_shown: Floats, v_shown: Floats,
+    by_speed: bool,
 ) -> Solution:  # fmt: skip
-    """Solve as `solve_velocity` for an outer half kick, with contacts whose geometry has been found (`ContactTable`).
-
-    ``u``, ``v``: velocity of the element, m s-1.
-    """
+    """Solve as `solve_velocity` for an outer half kick, with contacts whose geometry has been found (`ContactTable`)."""
+    u, v = w.u_star, w.v_star
     t = contact_terms(e, u, v, u, v, table, u_shown, v_shown, by_speed)
-    f = coriolis[e]
-    media_x, media_y = pushes(e, media, acts)
-    push_x = media_x + t.ix + f * v
-    push_y = media_y + t.iy - f * u
-    ax, ay = solve_once(e, u, v, u, v, u, v, u, v, push_x, push_y, f, media, rates, acts, t, scheme, mode, dt)
-    t = contact_terms(e, u, v, u + dt * ax, v + dt * ay, table, u_shown, v_shown, by_speed)
-    return _second_solve(
-        e, t, ax, ay, u, v, u, v, u, v, u, v, media_x, media_y, push_x, push_y, f, media, rates, acts, applied, scheme,
-        mode, dt, mass,
-    )  # fmt: skip
+    f = around.coriolis[e]
+    media_x, media_y = pushes(e, around.media, around.acts)
+    x = ExplicitTerms(media_x, media_y, media_x + t.ix + f * v, media_y + t.iy - f * u, u, v, f)
+    ax, ay = solve_once(e, w, x, t, u, v, around.media, around.rate, around.acts, how)
+    t = contact_terms(e, u, v, u + how.dt * ax, v + how.dt * ay, table, u_shown, v_shown, by_speed)
+    return _second_solve(e, w, x, t, ax, ay, around, how)
 
 
 @stage
 def _second_solve(
-    e: int, t: Terms, ax: float, ay: float, u_star: float, v_star: float, u0: float, v0: float, us: float, vs: float,
-    cu: float, cv: float, media_x: float, media_y: float, push_x: float, push_y: float, f: float, media: Floats,
-    rates: Floats, acts: NDArray[np.bool_], applied: Floats, scheme: SolveScheme, mode: int, dt: float, mass: float,
-) -> Solution:  # fmt: skip
+    e: int, w: ElementState, x: ExplicitTerms, t: Terms, ax: float, ay: float, around: Surroundings, how: Solve
+) -> Solution:
     """Solve with what acts at the velocity that the first solution gives, and split the acceleration."""
-    u1, v1 = u_star + dt * ax, v_star + dt * ay
-    du, dv = (u1, v1) if scheme.centred else (u0, v0)
+    scheme, dt = how.scheme, how.dt
+    u1, v1 = w.u_star + dt * ax, w.v_star + dt * ay
+    du, dv = (u1, v1) if scheme.centred else (w.u0, w.v0)
     # Springs stay those of the first solution: only the damping of the partners is taken at the new velocity.
-    ax, ay = solve_once(
-        e, u_star, v_star, du, dv, us, vs, u1, v1, push_x, push_y, f, media, rates, acts, t, scheme, mode, dt
-    )
-    u1, v1 = u_star + dt * ax, v_star + dt * ay
-    if mode == INTERACTIONS_ONLY:
+    there = ElementState(w.x, w.y, w.u_star, w.v_star, du, dv, w.us, w.vs)
+    ax, ay = solve_once(e, there, x, t, u1, v1, around.media, around.rate, around.acts, how)
+    u1, v1 = w.u_star + dt * ax, w.v_star + dt * ay
+    if how.mode == INTERACTIONS_ONLY:
         a_x, a_y = t.ix, t.iy
     elif scheme.explicit_weight < 1.0:
-        a_x, a_y = media_x + t.ix + f * v1, media_y + t.iy - f * u1
+        a_x, a_y = x.media_x + t.ix + x.f * v1, x.media_y + t.iy - x.f * u1
     else:
         a_x, a_y = 0.0, 0.0
-    if mode == WITH_SURROUNDINGS:
+    if how.mode == WITH_SURROUNDINGS:
         # The velocity at which the Coriolis force acted, explicit and implicit part together.
         ahead = 2.0 * scheme.theta * scheme.coriolis_implicitness * dt
-        record_applied(e, u1, v1, cu + ahead * ax, cv + ahead * ay, media, rates, acts, f, applied)
+        turning_u, turning_v = x.cu + ahead * ax, x.cv + ahead * ay
+        record_applied(e, u1, v1, turning_u, turning_v, around.media, around.rate, around.acts, x.f, around.applied)
     b_x, b_y = (ax - 0.5 * a_x) / scheme.theta, (ay - 0.5 * a_y) / scheme.theta
-    damping_x, damping_y = mass * (t.px - t.p11 * u1 - t.p12 * v1), mass * (t.py - t.p12 * u1 - t.p22 * v1)
+    damping_x, damping_y = t.px - t.p11 * u1 - t.p12 * v1, t.py - t.p12 * u1 - t.p22 * v1
     return Solution(ax, ay, a_x, a_y, b_x, b_y, damping_x, damping_y)
 
 
 @kernel
 def apply_at_velocities(el: Elements, around: Surroundings) -> None:
     """Record the forces of a moment: those that act at the velocities of the elements, without a step."""
-    motion, media, rates, acts = el.motion, around.media, around.rate, around.acts
+    place, motion, media, rates, acts = el.place, el.motion, around.media, around.rate, around.acts
     applied, coriolis = around.applied, around.coriolis
     for e in range(motion.u.size):
         u, v = motion.u[e], motion.v[e]
-        drags(e, u, v, media, rates, acts, True, u, v, u, v, u, v)
+        drags(e, ElementState(place.lon[e], place.lat[e], u, v, u, v, u, v), u, v, media, rates, acts, True)
         record_applied(e, u, v, u, v, media, rates, acts, coriolis[e], applied)
 
 

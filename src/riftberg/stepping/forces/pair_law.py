@@ -56,6 +56,17 @@ class PairView(NamedTuple):
     bond_mass: Floats
 
 
+class Mover(NamedTuple):
+    """Position and velocities of the element whose partners act on it."""
+
+    x: float  # Degrees or m
+    y: float
+    u0: float  # Velocity at the start of the step, m s-1
+    v0: float
+    u1: float  # At the current iterate
+    v1: float
+
+
 class Terms(NamedTuple):
     """Sums over the partners of an element."""
 
@@ -146,8 +157,7 @@ def pair_terms(
 
 @kernel
 def _sum_over(
-    e: int, x: float, y: float, u0: float, v0: float, u1: float, v1: float, kind: int, pairs: PairList, rest: Floats,
-    own_size: bool, view: PairView, law: PairLaw,
+    e: int, at: Mover, kind: int, pairs: PairList, rest: Floats, own_size: bool, view: PairView, law: PairLaw
 ) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
     """Sum the terms of one kind of pair; also P u of the partners.
 
@@ -165,10 +175,10 @@ def _sum_over(
         radii, m1, m2 = radius[e] + radius[c], mass[e], mass[c]
         if not by_sizes:
             radii = rest[k]
-        rx, ry = separation(x, y, others_x[c], others_y[c], law.latlon, law.earth_radius, law.period)
+        rx, ry = separation(at.x, at.y, others_x[c], others_y[c], law.latlon, law.earth_radius, law.period)
         uc, vc = others_u[c], others_v[c]
         ix, iy, p11, p12, p22 = pair_terms(
-            kind, rx, ry, radii, min(m1, m2) / m1, uc - u0, vc - v0, uc - u1, vc - v1, law
+            kind, rx, ry, radii, min(m1, m2) / m1, uc - at.u0, vc - at.v0, uc - at.u1, vc - at.v1, law
         )
         sx += ix
         sy += iy
@@ -182,19 +192,14 @@ def _sum_over(
 
 @kernel
 def interaction_terms(
-    e: int, x: float, y: float, u0: float, v0: float, u1: float, v1: float, partners: NeighbourLists, plain: bool,
-    bond_size: bool, view: PairView, law: PairLaw,
-) -> Terms:  # fmt: skip
-    """Sum over all partners of element ``e`` at (x, y): I, P and P u of the partners (equations 5.1).
-
-    ``x``, ``y``: its position, degrees or m; ``u0``, ``v0``, ``u1``, ``v1``: its velocity at the start of the step and
-    at the current iterate, m s-1.
-    """
+    e: int, at: Mover, partners: NeighbourLists, plain: bool, bond_size: bool, view: PairView, law: PairLaw
+) -> Terms:
+    """Sum over all partners of element ``e``: I, P and P u of the partners (equations 5.1)."""
     bond, rest, present = PLAIN_BOND if plain else BONDED, partners.rest, partners.rest[:0]
-    b = _sum_over(e, x, y, u0, v0, u1, v1, bond, partners.bonded, rest, not bond_size, view, law)
-    s = _sum_over(e, x, y, u0, v0, u1, v1, SAME_BERG_CONTACT, partners.same_berg, present, True, view, law)
+    b = _sum_over(e, at, bond, partners.bonded, rest, not bond_size, view, law)
+    s = _sum_over(e, at, SAME_BERG_CONTACT, partners.same_berg, present, True, view, law)
     apart = PLAIN_CONTACT if plain else COLLISION
-    c = _sum_over(e, x, y, u0, v0, u1, v1, apart, partners.collision, present, True, view, law)
+    c = _sum_over(e, at, apart, partners.collision, present, True, view, law)
     return Terms(
         b[0] + s[0] + c[0], b[1] + s[1] + c[1], b[2] + s[2] + c[2], b[3] + s[3] + c[3], b[4] + s[4] + c[4],
         b[5] + s[5] + c[5], b[6] + s[6] + c[6],

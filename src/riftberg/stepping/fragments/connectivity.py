@@ -24,6 +24,7 @@ def connected_parts(count: int, first: Ints, second: Ints, status: Ints) -> Ints
         if part[seed] >= 0:
             continue
         part[seed] = parts
+        # A stack of its own: recursion would go as deep as the berg has elements.
         stack[0] = seed
         depth = 1
         while depth > 0:

@@ -89,6 +89,8 @@ class ContactLog:
         berg = before.body.berg
         one, other = np.minimum(berg[first], berg[second]), np.maximum(berg[first], berg[second])
         apart = np.flatnonzero(one != other)
+        # One row of each pair of bergs, the first in the order of the elements: it gives place and speed of the
+        # event.
         both, each = np.unique((one[apart] << _HALF) | other[apart], return_index=True)
         contact = self._extended(both, began, ended)
         for n in np.flatnonzero(contact < 0).tolist():
@@ -106,6 +108,7 @@ class ContactLog:
         before, contact = self._touching
         if before.size == 0:
             return np.full(both.size, -1)
+        # Most pairs are those of the step before, which stand in the same order.
         at = np.minimum(np.searchsorted(before, both), before.size - 1)
         goes_on = (before[at] == both) & (began - self._last[contact[at]] < SEPARATION_TIME)
         self._last[contact[at[goes_on]]] = ended
@@ -134,6 +137,7 @@ class ContactLog:
 
     def _by_birth(self, key: tuple[int, int], began: float, tree: FragmentTree) -> bool:
         """Whether a pair touches because one of it has just broken off: from the other, or from what touched that."""
+        # Either of the two may be the newborn piece.
         for own, other in (key, key[::-1]):
             row = tree.rows[own - 1] if 0 < own <= len(tree.rows) else None
             if row is None or row.parent <= 0 or began - row.birth_time >= SEPARATION_TIME:

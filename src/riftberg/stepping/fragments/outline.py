@@ -23,6 +23,8 @@ def measure_outlines(elements: Elements, p: KernelParameters) -> None:
 
     Bergs whose area is that of their rectangle stay as they were measured: what happens to others must not change their digits.
     """
+    if p.forces_by_element:  # nothing there reads them
+        return
     place, body = elements.place, elements.body
     numbers, part = np.unique(body.berg, return_inverse=True)
     count = numbers.size

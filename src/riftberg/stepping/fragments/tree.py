@@ -71,7 +71,7 @@ class FragmentTree:
         number = self._inherited(part, mass, elements.berg)
         unnumbered = np.flatnonzero(number == 0)
         cuts = _Cuts(part, elements, bonds)
-        touching = aground(elements.body.thickness, elements.environment.depth, p)
+        touching = aground(elements.body.thickness, elements.environment.depth, p) | (elements.keel.floor_load > 0.0)
         # All rows of a part in turn, in their order.
         order = np.argsort(part, kind="stable")
         ends = np.cumsum(np.bincount(part))
@@ -119,8 +119,8 @@ class FragmentTree:
         some = np.flatnonzero(old > 0)
         # By number, then from the heaviest to the lightest; of equals the first goes first.
         some = some[np.lexsort((-mass[some], old[some]))]
-        heaviest = some[np.unique(old[some], return_index=True)[1]]
-        number[heaviest] = old[heaviest]
+        keeping = some[np.unique(old[some], return_index=True)[1]]
+        number[keeping] = old[keeping]
         return number
 
 
@@ -150,6 +150,7 @@ class _Cuts:
         # Not those to pieces that had left the parent before: they set these free.
         together = el.body.berg[bonds.first] == el.body.berg[bonds.second]
         cut = (bonds.status != 0) & (first != second) & together
+        # A cut counts for the parts on both of its sides.
         ends = np.concatenate([first[cut], second[cut]])
         on_ground = np.tile(_of_grounded_cracks(el, bonds, (bonds.status != 0) & together)[cut], 2)
         self.count = np.bincount(ends, minlength=part.max() + 1)
@@ -182,4 +183,5 @@ def centroid(lon: Floats, lat: Floats, weight: Floats, period: float = 360.0) ->
     x = lon - period * np.round((lon - lon[0]) / period) if period > 0.0 else lon
     total = weight.sum()
     mean_x, mean_y = float((x * weight).sum() / total), float((lat * weight).sum() / total)
+    # Elements without weight have no mean; the place of the first stands for them.
     return (mean_x, mean_y) if math.isfinite(mean_x) else (float(lon[0]), float(lat[0]))

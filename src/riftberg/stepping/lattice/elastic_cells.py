@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
@@ -104,38 +105,63 @@ def with_new_cells(
         raise RunError(
             "new elements are bonded to older ones, which elastic cells cannot follow (bonds.elasticity: bonds can)"
         )
-    new = np.flatnonzero(~known)
     radius = interaction_sizes(el, p).bond_radius
-    # An outline holds its elements, bonded or not; all others hang together by bonds, also by those that have broken.
-    group = connected_parts(el.size, bonds.first, bonds.second, np.zeros(bonds.first.size, np.int64))
-    ring: dict[int, Any] = {}
-    for outline in outlines:
-        inside = new[shapely.contains_xy(outline, el.lon[new], el.lat[new])]
-        if inside.size:
-            joins = np.isin(group, group[inside])
-            group[joins] = group[inside[0]]
-            ring[int(group[inside[0]])] = outline
     meshes = [] if cells is None else [cells.mesh]
     element = [] if cells is None else [cells.element]
     bond = [] if cells is None else [cells.bond]
-    for number in dict.fromkeys(group[new].tolist()):
-        rows = np.flatnonzero(group == number)
-        mesh, ids = _mesh_of(el, bonds, rows, radius[rows], ring.get(number), p)
+    for rows, outline in lattices(el, bonds, ~known, outlines):
+        mesh, ids = _mesh_of(el, bonds, rows, radius[rows], outline, p)
         meshes.append(mesh)
         element.append(el.body.id[rows])
         bond.append(ids)
     return ElasticCells(joined(meshes), np.concatenate(element), np.concatenate(bond))
 
 
-def _mesh_of(
-    el: Elements, bonds: Bonds, rows: Ints, radius: Floats, outline: Any, p: KernelParameters
-) -> tuple[CellMesh, Ints]:
-    """Mesh of some elements on a plane of their own, and the identifiers of its bonds."""
+def lattices(el: Elements, bonds: Bonds, new: NDArray[np.bool_], outlines: Sequence[Any]) -> list[tuple[Ints, Any]]:
+    """Return the rows of each lattice that has ``new`` elements, and the outline that it fills; None where none is known."""
+    # An outline holds its elements, bonded or not; all others hang together by bonds, also by those that have broken.
+    group = connected_parts(el.size, bonds.first, bonds.second, np.zeros(bonds.first.size, np.int64))
+    ring: dict[int, Any] = {}
+    rows = np.flatnonzero(new)
+    for outline in outlines:
+        inside = rows[shapely.contains_xy(outline, el.lon[rows], el.lat[rows])]
+        if inside.size:
+            joins = np.isin(group, group[inside])
+            group[joins] = group[inside[0]]
+            ring[int(group[inside[0]])] = outline
+    return [(np.flatnonzero(group == number), ring.get(number)) for number in dict.fromkeys(group[rows].tolist())]
+
+
+def laid_flat(el: Elements, rows: Ints, p: KernelParameters) -> tuple[ConformalPlane, Floats]:
+    """Return a plane at the first of some elements, and their places (m) on it."""
     lon, lat = el.lon[rows].copy(), el.lat[rows]
     if not p.latlon:
         lon = np.array([lon[0] + nearest_image(x - lon[0], p.period) for x in lon])
     plane = ConformalPlane(float(lon[0]), float(lat[0]), p.earth_radius, p.latlon)
-    xy = np.column_stack(plane.forward(lon, lat))
+    return plane, np.column_stack(plane.forward(lon, lat))
+
+
+def ice_on_plane(
+    plane: ConformalPlane, xy: Floats, radius: Floats, outline: Any, along: Floats, *, hexagonal: bool
+) -> Any:
+    """Return the ice (shapely) of a lattice on its plane: its outline, or the cells themselves where none is known.
+
+    ``along``: from a cell to a neighbour, m.
+    """
+    if outline is None:
+        angle = float(np.arctan2(along[1], along[0]))
+        return outline_of_cells(xy, float(radius.mean()), "hexagonal" if hexagonal else "square", angle)
+    ice = shapely.transform(outline, plane.forward, interleaved=False)
+    discs = shapely.buffer(shapely.points(xy), DISC * radius, quad_segs=2)
+    outside = ~shapely.covers(ice, discs)
+    return shapely.unary_union([ice, *discs[outside]])
+
+
+def _mesh_of(
+    el: Elements, bonds: Bonds, rows: Ints, radius: Floats, outline: Any, p: KernelParameters
+) -> tuple[CellMesh, Ints]:
+    """Mesh of some elements on a plane of their own, and the identifiers of its bonds."""
+    plane, xy = laid_flat(el, rows, p)
     if rows.size == 1:
         return lone_cell(xy), np.zeros(0, np.int64)
 
@@ -152,15 +178,7 @@ def _mesh_of(
     ids = np.concatenate([bonds.id[of_these], np.full(len(unbonded), NEVER)])
 
     hexagonal, spacing = bool(el.body.sides[rows[0]] == 6), 2.0 * float(radius.mean())
-    if outline is None:
-        along = xy[pairs[0, 1]] - xy[pairs[0, 0]]
-        angle = float(np.arctan2(along[1], along[0]))
-        ice = outline_of_cells(xy, 0.5 * spacing, "hexagonal" if hexagonal else "square", angle)
-    else:
-        ice = shapely.transform(outline, plane.forward, interleaved=False)
-        discs = shapely.buffer(shapely.points(xy), DISC * radius, quad_segs=2)
-        outside = ~shapely.covers(ice, discs)
-        ice = shapely.unary_union([ice, *discs[outside]])
+    ice = ice_on_plane(plane, xy, radius, outline, xy[pairs[0, 1]] - xy[pairs[0, 0]], hexagonal=hexagonal)
     if ice.geom_type != "Polygon":
         raise BergError(
             "a berg whose elements do not touch each other has no elastic cells",

@@ -68,6 +68,7 @@ from riftberg.stepping.fracture.strengths import (
     store_stresses,
 )
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
+from riftberg.stepping.ground.landing import GroundPhase, Seabed, joined, without
 from riftberg.stepping.lattice.elastic_cells import (
     CELL_NAMES,
     CellSolver,
@@ -126,6 +127,7 @@ class QuasiStaticStepper:
         self._tips = NO_TIPS
         if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
+        self._seabed = Seabed(model) if model.parameters.grounding.law == "seabed" else None
         self._lattice: FactoredLattice | None = None
         self._state: BodyState | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
@@ -154,7 +156,9 @@ class QuasiStaticStepper:
         bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
         before = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
         tips = dict(zip(TIP_NAMES, self._tips, strict=True)) if self._tips.crack.size else {}
-        return {**bodies, **before, **tips, **({} if self._cells is None else cells_to_arrays(self._cells))}
+        cells = {} if self._cells is None else cells_to_arrays(self._cells)
+        floor = {} if self._seabed is None else self._seabed.state_dict()
+        return {**bodies, **before, **cells, **tips, **floor}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
@@ -167,6 +171,8 @@ class QuasiStaticStepper:
         if all(name in saved for name in CELL_NAMES):
             self._cells = cells_from_arrays(saved)
         self._tips = tips_from_arrays(saved)
+        if self._seabed is not None:
+            self._seabed.load_state_dict(saved)
 
     def sample_forcing(self, model: RunState) -> None:
         """Sample at the present positions."""
@@ -180,10 +186,23 @@ class QuasiStaticStepper:
         """Advance by one time step."""
         if self._last_start[0] == model.time:  # the model has taken the last step back
             (_, self._bodies, self._snapshot, self._cells, self._tips), self._state = self._last_start, None
+            if self._seabed is not None:
+                self._seabed.back_to_start()
+        if self._seabed is not None:
+            self._seabed.begin_step()
         self._last_start = model.time, self._bodies, self._snapshot, self._cells, self._tips
         unknown = self._sync(model)
         step = TimeStep(
-            model, self._bodies, self._lattice, self._state, self._sizes, self._work, unknown, self._cells, self._tips
+            model,
+            self._bodies,
+            self._lattice,
+            self._state,
+            self._sizes,
+            self._work,
+            unknown,
+            self._cells,
+            self._tips,
+            self._seabed,
         )
         self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
@@ -258,8 +277,9 @@ class TimeStep:
         self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
         state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
         unknown: NDArray[np.bool_] | None = None, cells: ElasticCells | None = None, tips: CrackTips = NO_TIPS,
+        seabed: Seabed | None = None,
     ) -> None:  # fmt: skip
-        self.cells = cells
+        self.cells, self.seabed = cells, seabed
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
         self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
@@ -276,6 +296,8 @@ class TimeStep:
         if fresh:
             known = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
             bodies = bodies._replace(twist=np.where(known[:, None], bodies.twist, self._twists_of_elements(bodies)))
+        if seabed is not None and model.step_number == 0:
+            seabed.check_start(model, bodies)
         self.state = state or self._state_at(bodies, model.time)
         if fresh:
             self.state = self._in_equilibrium(self.state)
@@ -319,7 +341,8 @@ class TimeStep:
         A step that ends before a touch-down may still hold a fracture; a fracture always ends the step, as the pieces are
         other bodies. No bond is overloaded at its start: the crack of the step before ran until none was.
         """
-        grounding_dt = self.dt / self.model.parameters.stepping.landing_steps
+        # On a bed of sediment the load of a landing grows from nothing, in sub-steps of its own.
+        grounding_dt = math.inf if self.seabed else self.dt / self.model.parameters.stepping.landing_steps
         start, checkpoint = self.state, self._checkpoint()
         aground, next_dt, touched_down = start.operators.forcing.aground, math.inf, False
 
@@ -386,15 +409,19 @@ class TimeStep:
     def _checkpoint(self) -> list[np.ndarray]:
         """Copy what a trial step changes in the model and the next trial needs as it was; all else is found anew."""
         el = self.el
-        return [array.copy() for array in (*el.place, *el.shown, el.motion.rotation, self.bonds.damage)]
+        if self.seabed is not None:
+            self.seabed.checkpoint()
+        return [array.copy() for array in (*el.place, *el.shown, el.motion.rotation, self.bonds.damage, *el.keel)]
 
     def _rollback(self, checkpoint: list[np.ndarray]) -> None:
         """Return to the start of a trial step."""
         el = self.el
         for array, values in zip(
-            (*el.place, *el.shown, el.motion.rotation, self.bonds.damage), checkpoint, strict=True
+            (*el.place, *el.shown, el.motion.rotation, self.bonds.damage, *el.keel), checkpoint, strict=True
         ):
             array[:] = values
+        if self.seabed is not None:
+            self.seabed.rollback()
 
     def _accept(self, start: BodyState, trial: Trial, cracks: bool = False) -> None:
         """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
@@ -432,10 +459,12 @@ class TimeStep:
 
         # Contact: fragments that may touch each other go through the step in sub-steps, island by island.
         contact = self._resolve_contacts(start, h)
+        ground = self._run_aground(start, h, contact)
+        phase = contact if ground is None else joined(contact, ground.motion, bodies.body)
 
         # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
         new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
-        contact_bodies, contact_mean = (contact.bodies, contact.mean) if contact else (NO_PAIRS[0], bodies.twist[:0])
+        contact_bodies, contact_mean = (phase.bodies, phase.mean) if phase else (NO_PAIRS[0], bodies.twist[:0])
         predict(
             new, bodies, start.operators.matrices, start.operators.levers, start.terms.net_force, self.frozen_displacement,
             h, c.latlon, c.earth_radius, c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation,
@@ -446,13 +475,18 @@ class TimeStep:
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         self.model.forcing.sample(el, start.time + h)
         op, time, twist = self._operators(new), start.time + h, 2.0 * new.twist - bodies.twist
-        if contact is None:
+        if phase is None:
             state = self._corrected(new, op, time, twist, 0.5 * h)
         else:
             work.active[:] = True
-            work.active[contact.bodies] = False
+            work.active[phase.bodies] = False
             check_converged(half_kick_newton(op, new.twist, twist, 0.5 * h, work))
-            twist, contact = trapezoidal_correction(contact, start.operators, op, twist, h)
+            if contact is not None:
+                afloat = contact if ground is None else without(contact, ground.motion.bodies, bodies.body)
+                twist, phase = trapezoidal_correction(afloat, start.operators, op, twist, h)
+            if ground is not None:
+                twist[ground.motion.bodies] = ground.motion.twist
+                phase = joined(phase if contact else None, ground.motion, bodies.body)
             state = self._corrected(new, op, time, twist)
 
         state = self._in_equilibrium(state)
@@ -462,7 +496,16 @@ class TimeStep:
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load), c)
             drive = lattice.criterion.damage_drive(middle, lattice.strengths(self.bonds, c))
             grow_damage(self.bonds, lattice.intact, drive, h, c)
-        return Trial(h, state, contact)
+        return Trial(h, state, phase)
+
+    def _run_aground(self, start: BodyState, h: float, contact: ContactPhase | None) -> GroundPhase | None:
+        """Take the fragments that touch a bed of sediment within ``h`` s through sub-steps, up to what it does at the end."""
+        if self.seabed is None:
+            return None
+        ground = self.seabed.resolve(self.model, start.bodies, start.operators, start.time, h, contact)
+        for n, array in enumerate(self.el.keel):
+            array[:] = 0.0 if ground is None else ground.keel[n]
+        return ground
 
     def _resolve_contacts(self, start: BodyState, h: float) -> ContactPhase | None:
         """Take the fragments that may touch each other within ``h`` s through sub-steps."""
@@ -548,6 +591,15 @@ class TimeStep:
             el.kicks.spin_rate, sums, self._workspace(bodies),
         )  # fmt: skip
         check_converged(iterations)
+        if self.seabed is not None:
+            # The floor loads the lattice, but is no part of the forces by which the next step begins.
+            keel = el.keel
+            force += np.column_stack([keel.floor_x, keel.floor_y, keel.floor_torque])
+            op.forcing.aground[:] = keel.floor_load > 0.0
+            axes, forcing = op.levers[:, 9:11], op.forcing
+            load = balanced_loads(
+                bodies.body, self.lattice.xy, axes, force, forcing.mass, forcing.inertia, twist[:, 2].copy()
+            )
         state = BodyState(time, bodies._replace(twist=twist), op, terms, force, load)
         self._set_supported_loads(state, load, op.levers[:, 9:11], force)
         return state

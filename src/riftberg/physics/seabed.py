@@ -1,0 +1,211 @@
+"""Pressure and friction of a bed of sediment under a keel, integrated exactly over polygons.
+
+Where the keel overlaps the floor by d, the bed presses back with ``p = min(k_v <d>, q_u)``: elastic up to its bearing strength.
+Per unit of area it holds ``min(mu p, alpha s_u)`` against sliding: Coulomb's friction, or the shear strength of clay.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.compiled.kernels import kernel
+from riftberg.constants import GRAVITY, RHO_SEAWATER
+
+Floats = NDArray[np.float64]
+
+WATER_STIFFNESS = RHO_SEAWATER * GRAVITY
+"""Weight of the water that one metre of heave displaces, Pa m-1."""
+
+
+@kernel
+def yield_depth(stiffness: float, strength: float) -> float:
+    """Overlap (m) from which the bed yields: ``q_u / k_v``.
+
+    Parameters
+    ----------
+    stiffness : float
+        ``k_v``, Pa m-1.
+    strength : float
+        Bearing strength ``q_u``, Pa.
+    """
+    return strength / stiffness
+
+
+@kernel
+def friction_depth(stiffness: float, strength: float, friction: float, shear_strength: float) -> float:
+    """Overlap (m) up to which friction grows with pressure: that at which the bed yields, or shears first.
+
+    Parameters
+    ----------
+    stiffness, strength : float
+        ``k_v`` (Pa m-1) and ``q_u`` (Pa).
+    friction : float
+        Coefficient ``mu``.
+    shear_strength : float
+        ``alpha s_u``, Pa; 0 for a bed without.
+    """
+    depth = strength / stiffness
+    if shear_strength > 0.0 and friction > 0.0:
+        return min(depth, shear_strength / (friction * stiffness))
+    return depth
+
+
+@kernel
+def cut(polygon: Floats, count: int, column: int, level: float, sign: float, out: Floats) -> int:
+    """Cut a polygon to where ``sign (value - level) >= 0``; returns the number of corners written to ``out``.
+
+    Corners that are not convex leave edges that run forth and back along the cut: they enclose no area, and integrals by
+    triangles from one corner stay exact.
+
+    Parameters
+    ----------
+    polygon, out : ndarray
+        Corners in rows; all columns are linear along the edges.
+    count : int
+        Corners of the polygon.
+    column : int
+        Column whose value decides.
+    level, sign : float
+        Where to cut, and which side stays (1: above, -1: below).
+    """
+    size = 0
+    if count == 0:
+        return 0
+    before = count - 1
+    a = sign * (polygon[before, column] - level)
+    for n in range(count):
+        b = sign * (polygon[n, column] - level)
+        if (a >= 0.0) != (b >= 0.0):
+            t = a / (a - b)
+            for k in range(polygon.shape[1]):
+                out[size, k] = polygon[before, k] + t * (polygon[n, k] - polygon[before, k])
+            size += 1
+        if b >= 0.0:
+            for k in range(polygon.shape[1]):
+                out[size, k] = polygon[n, k]
+            size += 1
+        before, a = n, b
+    return size
+
+
+@kernel
+def add_moments(p: Floats, count: int, level: float, sign: float, sums: Floats) -> None:
+    """Add the integrals over a polygon (x, y, d in columns 0, 1, 2) of what lies above ``level``, times ``sign``, to ``sums``.
+
+    Parameters
+    ----------
+    p : ndarray
+        Corners, all with ``d >= level`` (`cut`).
+    count : int
+        Corners.
+    level, sign : float
+        Level (m), and 1 or -1.
+    sums : ndarray
+        Takes, in this order: of ``d - level`` the integral (m3) and its moments by x and y (m4); of 1 the integral (m2), the
+        moments by x and y and the second moments xx, xy, yy; and of half the square of ``d - level`` (m4).
+    """
+    for n in range(1, count - 1):
+        x0, y0, d0 = p[0, 0], p[0, 1], p[0, 2] - level
+        x1, y1, d1 = p[n, 0], p[n, 1], p[n, 2] - level
+        x2, y2, d2 = p[n + 1, 0], p[n + 1, 1], p[n + 1, 2] - level
+        area = sign * 0.5 * ((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0))
+        # Over a triangle the integral of f g is area / 12 ((sum f) (sum g) + sum f g), of f area / 3 sum f.
+        sx, sy, sd, twelfth = x0 + x1 + x2, y0 + y1 + y2, d0 + d1 + d2, area / 12.0
+        sums[0] += area / 3.0 * sd
+        sums[1] += twelfth * (sx * sd + x0 * d0 + x1 * d1 + x2 * d2)
+        sums[2] += twelfth * (sy * sd + y0 * d0 + y1 * d1 + y2 * d2)
+        sums[3] += area
+        sums[4] += area / 3.0 * sx
+        sums[5] += area / 3.0 * sy
+        sums[6] += twelfth * (sx * sx + x0 * x0 + x1 * x1 + x2 * x2)
+        sums[7] += twelfth * (sx * sy + x0 * y0 + x1 * y1 + x2 * y2)
+        sums[8] += twelfth * (sy * sy + y0 * y0 + y1 * y1 + y2 * y2)
+        sums[9] += 0.5 * twelfth * (sd * sd + d0 * d0 + d1 * d1 + d2 * d2)
+
+
+@kernel
+def pressed(p: Floats, count: int, top: float, room: Floats, sums: Floats) -> None:
+    """Set ``sums`` to the integrals of ``min(<d>, top)`` over a polygon; the columns are those of `add_moments`.
+
+    The integrals of 1 are over the part that is pressed elastically, ``0 < d < top``: the tangent of the others.
+
+    Parameters
+    ----------
+    p : ndarray
+        Corners: x, y (m) and the overlap d (m) in columns 0, 1, 2.
+    count : int
+        Corners.
+    top : float
+        Overlap from which the pressure grows no more, m.
+    room, sums : ndarray
+        Scratch for two more corners than ``count``, and the result (10,).
+    """
+    sums[:] = 0.0
+    highest = lowest = p[0, 2]
+    for n in range(1, count):
+        highest, lowest = max(highest, p[n, 2]), min(lowest, p[n, 2])
+    if highest <= 0.0:
+        return
+    if lowest >= 0.0:
+        add_moments(p, count, 0.0, 1.0, sums)
+    else:
+        add_moments(room, cut(p, count, 2, 0.0, 1.0, room), 0.0, 1.0, sums)
+    if highest > top:
+        add_moments(room, cut(p, count, 2, top, 1.0, room), top, -1.0, sums)
+
+
+@kernel
+def bending_length(modulus: float, poisson: float, thickness: float) -> float:
+    """Length (m) over which a floating plate spreads a load: ``l = (D / k_w)^(1/4)``, ``D = E H^3 / (12 (1 - nu^2))``.
+
+    Parameters
+    ----------
+    modulus : float
+        Young's modulus of the ice, Pa.
+    poisson : float
+        Its Poisson's ratio.
+    thickness : float
+        Of the ice, m.
+    """
+    rigidity = modulus * thickness**3 / (12.0 * (1.0 - poisson**2))
+    return float((rigidity / WATER_STIFFNESS) ** 0.25)
+
+
+@kernel
+def line_stiffness(length: float, share: float) -> float:
+    """Stiffness (Pa) of floating ice under a load per metre of a long line: ``2 s^2 k_w lambda``, ``lambda = sqrt(2) l``.
+
+    Hetenyi's beam on an elastic bed: ``2 k_w lambda`` inside of the ice, a quarter of it along an edge.
+
+    Parameters
+    ----------
+    length : float
+        `bending_length`, m.
+    share : float
+        Part of the strip of width ``lambda`` on both sides of the line that is ice: 1 inside, 1/2 along an edge.
+    """
+    return 2.0 * share * share * WATER_STIFFNESS * math.sqrt(2.0) * length
+
+
+@kernel
+def point_stiffness(length: float, share: float) -> float:
+    """Stiffness (N m-1) of floating ice under a load at a point: 8, 2.165 and 0.786 times ``k_w l^2``.
+
+    Inside of the ice (exact), at an edge (Westergaard 2.15) and at a right-angled corner (both by finite elements, nu = 0.3);
+    between them linear in ``share``.
+
+    Parameters
+    ----------
+    length : float
+        `bending_length`, m.
+    share : float
+        Part of the disc of radius ``lambda`` about the point that is ice: 1 inside, 1/2 at an edge, 1/4 at a corner.
+    """
+    if share >= 0.5:
+        factor = 2.165 + (8.0 - 2.165) * (min(share, 1.0) - 0.5) / 0.5
+    else:
+        factor = 0.786 + (2.165 - 0.786) * max(share - 0.25, 0.0) / 0.25
+    return factor * WATER_STIFFNESS * length * length

@@ -1,0 +1,321 @@
+"""The sea floor as a raster of cells, with the gouges in it, and footprints cut by the cells.
+
+Cells lie in blocks of `BLOCK` by `BLOCK`: on a plane in rows and columns of the side ``cell``, on the sphere in rows of latitude
+of that height, with as many columns in all rows of a block as make them that wide. Depth is asked once, at the corners; in a
+cell it is the plane that fits them. A block that is one plane to a millimetre, and that nothing has gouged, counts as one cell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.compiled.kernels import kernel
+from riftberg.constants import DEGREE
+from riftberg.physics.seabed import cut
+from riftberg.state import Floats, Ints
+from riftberg.stepping.ground.footprints import BodyFootprint
+
+Booleans = NDArray[np.bool_]
+
+BLOCK: Final = 8
+"""Cells along the side of a block."""
+
+FLAT: Final = 1e-3
+"""Largest distance (m) of the corners of cells from the plane of a block that counts as one cell."""
+
+OPEN_DEPTH: Final = 1e4
+"""Depth (m) where none is known."""
+
+REACH: Final = 2.0
+"""Clearance (m) up to which cells are kept for the search of the balance: a tilt may press on them."""
+
+SHIFT: Final = 1 << 31
+"""Rows of blocks are this far apart in the numbering of blocks."""
+
+CORNERS: Final = 64
+"""Most corners of a polygon between two cuts; those of an outline may have more, before the first cut."""
+
+
+class Patches(NamedTuple):
+    """Polygons of the keels of one fragment above single cells, with a linear overlap each."""
+
+    start: Ints  # Where the corners begin; shape (polygons + 1,)
+    corner: Floats  # x, y of the fragment (m), and overlap without heave (m); shape (corners, 3)
+    owner: Ints  # Element, as a place in the fragment; shape (polygons,)
+    gradient: Floats  # Of the depth, east and north; shape (polygons, 2)
+    cell: Ints  # Block (its place in the store), row and column in it, -1 and -1 for a whole block; shape (polygons, 3)
+
+
+class Floor:
+    """Depths of the blocks that keels have come near to, and gouges by place."""
+
+    def __init__(self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float) -> None:
+        self.cell, self.latlon, self.radius = cell, latlon, radius
+        self._depth = depth
+        self.gouges: dict[int, Floats] = {}  # By the number of the block; shape (BLOCK, BLOCK), m
+        self._key = np.zeros(0, np.int64)  # Sorted
+        self._slot = np.zeros(0, np.int64)
+        self._corner = np.zeros((0, BLOCK + 1, BLOCK + 1))
+        self._gouge = np.zeros((0, BLOCK, BLOCK))
+        self._plane = np.zeros((0, 4))  # Depth in the middle, its change by a cell eastward and northward, least depth
+        self._flat = np.zeros(0, np.bool_)
+        self._room = 1024
+
+    def patches(
+        self, body: BodyFootprint, lon: Floats, lat: Floats, draft: Floats, near: Booleans, level: float
+    ) -> Patches:
+        """Cut the footprints by the cells; ``lon``, ``lat`` are the positions of their corners.
+
+        ``draft`` (m) and ``near`` (whether it is looked at) are those of the elements of the fragment.
+        """
+        scale = DEGREE * self.radius if self.latlon else 1.0
+        corner = np.empty((len(lon), 5))
+        corner[:, :2], corner[:, 2], corner[:, 3], corner[:, 4] = body.corner, 0.0, lon, scale * lat / self.cell
+        while True:
+            room = self._room
+            start, out = np.zeros(room + 1, np.int64), np.empty((8 * room, 3))
+            owner, gradient, cell = np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, 3), np.int64)
+            missing = np.empty(room, np.int64)
+            count, absent = cut_by_cells(
+                body.start, corner, body.owner, draft, near, level, self.cell, self.latlon, self.radius, self._key,
+                self._slot, self._corner, self._gouge, self._plane, self._flat, start, out, owner, gradient, cell, missing,
+            )  # fmt: skip
+            if count < 0:
+                self._room *= 2
+            elif absent:
+                self._add_blocks(np.unique(missing[:absent]))
+            else:
+                return Patches(start[: count + 1], out[: start[count]], owner[:count], gradient[:count], cell[:count])
+
+    def _add_blocks(self, keys: Ints) -> None:
+        """Ask the depth at the corners of the cells of some blocks."""
+        rows, columns = (keys + SHIFT // 2) // SHIFT, (keys + SHIFT // 2) % SHIFT - SHIFT // 2
+        step = np.arange(BLOCK + 1)
+        y = (rows[:, None, None] * BLOCK + step[None, :, None]) * self.cell
+        x = columns[:, None, None] * BLOCK + step[None, None, :]
+        per_degree = np.array([columns_of(row, self.cell, self.latlon, self.radius) for row in rows])
+        lon = np.broadcast_to(x / per_degree[:, None, None], (keys.size, BLOCK + 1, BLOCK + 1))
+        lat = np.broadcast_to(y / (DEGREE * self.radius if self.latlon else 1.0), lon.shape)
+        depth = np.asarray(self._depth(lon.ravel(), lat.ravel()), float).reshape(lon.shape)
+        depth = np.where(np.isfinite(depth), depth, OPEN_DEPTH)
+        # The plane that fits the corners of the block best.
+        away = step - 0.5 * BLOCK
+        weight = (BLOCK + 1) * (away * away).sum()
+        mean, east = depth.mean(axis=(1, 2)), (depth * away).sum(axis=(1, 2)) / weight
+        north = (depth * away[:, None]).sum(axis=(1, 2)) / weight
+        fitted = mean[:, None, None] + east[:, None, None] * away + north[:, None, None] * away[:, None]
+        gouged = np.array([key in self.gouges for key in keys.tolist()], bool)
+        flat = (abs(depth - fitted).max(axis=(1, 2)) < FLAT) & ~gouged
+        gouge = np.stack([self.gouges.get(key, np.zeros((BLOCK, BLOCK))) for key in keys.tolist()])
+        slot = self._key.size + np.arange(keys.size)
+        order = np.argsort(np.concatenate([self._key, keys]), kind="stable")
+        self._key = np.concatenate([self._key, keys])[order]
+        self._slot = np.concatenate([self._slot, slot])[order]
+        self._corner, self._gouge = np.concatenate([self._corner, depth]), np.concatenate([self._gouge, gouge])
+        self._plane = np.concatenate([self._plane, np.column_stack([mean, east, north, depth.min(axis=(1, 2))])])
+        self._flat = np.concatenate([self._flat, flat])
+
+    def keys_of(self, slots: Ints) -> Ints:
+        """Numbers of blocks by their places in the store."""
+        by_slot = np.empty(self._key.size, np.int64)
+        by_slot[self._slot] = self._key
+        return np.asarray(by_slot[slots])
+
+    def plough(self, patches: Patches, excess: Floats) -> bool:
+        """Deepen the gouges by the volume (m3, of each polygon) in which the overlap exceeds what the bed bears.
+
+        A whole block that yields is from then on looked at by cells. Returns whether anything has changed.
+        """
+        gouging = np.flatnonzero(excess > 0.0)
+        if not gouging.size:
+            return False
+        keys, area = self.keys_of(patches.cell[gouging, 0]), self.cell * self.cell
+        for key, (slot, j, i), volume in zip(
+            keys.tolist(), patches.cell[gouging].tolist(), excess[gouging].tolist(), strict=True
+        ):
+            gouge = self._gouge[slot]
+            if j >= 0:
+                gouge[j, i] += volume / area
+            self.gouges[key] = gouge.copy()
+            self._flat[slot] = False
+        return True
+
+    def settle(self, patches: Patches) -> None:
+        """Deepen the gouges to where the keels are, so that nothing presses; whole blocks are looked at by cells from then on."""
+        deepest = np.maximum.reduceat(patches.corner[:, 2], patches.start[:-1])
+        deeper = np.zeros_like(self._gouge)
+        for n in np.flatnonzero(deepest > 0.0).tolist():
+            slot, j, i = patches.cell[n].tolist()
+            self._flat[slot] = False
+            if j >= 0:  # several elements may stand over a cell
+                deeper[slot, j, i] = max(deeper[slot, j, i], deepest[n])
+        self._gouge += deeper
+        for slot in np.unique(patches.cell[deepest > 0.0, 0]).tolist():
+            self.gouges[int(self.keys_of(np.array(slot)))] = self._gouge[slot].copy()
+
+    def checkpoint(self) -> dict[int, Floats]:
+        """Copy the gouges."""
+        return {key: gouge.copy() for key, gouge in self.gouges.items()}
+
+    def rollback(self, gouges: dict[int, Floats]) -> None:
+        """Return to gouges that were copied before."""
+        if not self.gouges:
+            return
+        slots = dict(zip(self._key.tolist(), self._slot.tolist(), strict=True))
+        for key in self.gouges.keys() | gouges.keys():
+            slot, before = slots.get(key, -1), gouges.get(key)
+            if slot >= 0:
+                self._gouge[slot] = 0.0 if before is None else before
+                self._flat[slot] = before is None and self._is_flat(slot)
+        self.gouges = {key: gouge.copy() for key, gouge in gouges.items()}
+
+    def _is_flat(self, slot: int) -> bool:
+        mean, east, north, _ = self._plane[slot]
+        away = np.arange(BLOCK + 1) - 0.5 * BLOCK
+        return bool(abs(self._corner[slot] - (mean + east * away + north * away[:, None])).max() < FLAT)
+
+    def to_arrays(self) -> dict[str, Any]:
+        """Return what a restart file must hold: blocks that have yielded."""
+        keys = sorted(self.gouges)
+        depth = np.stack([self.gouges[key] for key in keys]) if keys else np.zeros((0, BLOCK, BLOCK))
+        return {"gouge_block": np.array(keys, np.int64), "gouge_depth": depth}
+
+    def take_up(self, block: Ints, depth: Floats) -> None:
+        """Go on from what `to_arrays` gave."""
+        self.gouges = {int(key): np.array(gouge, np.float64) for key, gouge in zip(block, depth, strict=True)}
+
+
+@kernel
+def columns_of(row: int, cell: float, latlon: bool, radius: float) -> float:
+    """Columns of cells per degree of longitude (per metre on a plane) in a row of blocks."""
+    if not latlon:
+        return 1.0 / cell
+    lat = (row + 0.5) * BLOCK * cell / radius
+    blocks = max(1.0, math.floor(2.0 * math.pi * radius * max(math.cos(lat), 0.0) / (BLOCK * cell) + 0.5))
+    return blocks * BLOCK / 360.0
+
+
+@kernel
+def cut_by_cells(
+    start: Ints, corner: Floats, owner: Ints, draft: Floats, near: Booleans, level: float, cell: float, latlon: bool,
+    radius: float, keys: Ints, slots: Ints, depths: Floats, gouges: Floats, planes: Floats, flat: Booleans, out_start: Ints,
+    out: Floats, out_owner: Ints, out_gradient: Floats, out_cell: Ints, missing: Ints,
+) -> tuple[int, int]:  # fmt: skip
+    """Write the polygons of `Patches`; returns how many there are (-1 where they do not fit) and how many blocks are missing.
+
+    Columns of ``corner``: x, y, nothing, longitude (x on a plane), latitude (y) in cells.
+    """
+    longest = 0
+    for k in range(start.size - 1):
+        longest = max(longest, start[k + 1] - start[k])
+    most = 2 * longest + CORNERS
+    row, block, line, piece, room = (
+        np.empty((most, 5)), np.empty((most, 5)), np.empty((most, 5)), np.empty((most, 5)), np.empty((most, 5))
+    )  # fmt: skip
+    count, absent = 0, 0
+    for k in range(owner.size):
+        e = owner[k]
+        if not near[e]:
+            continue
+        whole = corner[start[k] : start[k + 1]]
+        low, high = whole[0, 4], whole[0, 4]
+        for n in range(len(whole)):
+            low, high = min(low, whole[n, 4]), max(high, whole[n, 4])
+        for jb in range(math.floor(low / BLOCK), math.floor(high / BLOCK) + 1):
+            size = cut(whole, len(whole), 4, jb * BLOCK, 1.0, room)
+            size = cut(room, size, 4, (jb + 1) * BLOCK, -1.0, row)
+            if size < 3:
+                continue
+            per_degree = columns_of(jb, cell, latlon, radius)
+            around = round(per_degree * 360.0 / BLOCK) if latlon else 0
+            west, east = row[0, 3], row[0, 3]
+            for n in range(size):
+                west, east = min(west, row[n, 3]), max(east, row[n, 3])
+            for ib in range(math.floor(west * per_degree / BLOCK), math.floor(east * per_degree / BLOCK) + 1):
+                c = cut(row, size, 3, ib * BLOCK / per_degree, 1.0, room)
+                c = cut(room, c, 3, (ib + 1) * BLOCK / per_degree, -1.0, block)
+                if c < 3:
+                    continue
+                # Numbers of columns go round the sphere once.
+                key = jb * SHIFT + (ib % around if around > 0 else ib)
+                at = np.searchsorted(keys, key)
+                if at >= keys.size or keys[at] != key:
+                    if absent < missing.size:
+                        missing[absent] = key
+                        absent += 1
+                    continue
+                slot = slots[at]
+                if planes[slot, 3] + level - draft[e] > REACH:
+                    continue
+                across = (
+                    per_degree * 360.0 / (2.0 * math.pi * radius * math.cos((jb + 0.5) * BLOCK * cell / radius))
+                    if latlon
+                    else per_degree
+                )
+                if flat[slot]:
+                    if count + 1 >= out_start.size or out_start[count] + c > len(out):
+                        return -1, 0
+                    x0, y0 = (ib + 0.5) * BLOCK, (jb + 0.5) * BLOCK
+                    count = _write(
+                        block, c, e, draft[e] - level - planes[slot, 0], planes[slot, 1], planes[slot, 2], x0, y0,
+                        per_degree, across, 1.0 / cell, slot, -1, -1, count, out_start, out, out_owner, out_gradient, out_cell,
+                    )  # fmt: skip
+                    continue
+                bottom, top = block[0, 4], block[0, 4]
+                for n in range(c):
+                    bottom, top = min(bottom, block[n, 4]), max(top, block[n, 4])
+                for j in range(max(math.floor(bottom) - jb * BLOCK, 0), min(math.floor(top) - jb * BLOCK + 1, BLOCK)):
+                    s = cut(block, c, 4, jb * BLOCK + j, 1.0, room)
+                    s = cut(room, s, 4, jb * BLOCK + j + 1, -1.0, line)
+                    if s < 3:
+                        continue
+                    left, right = line[0, 3], line[0, 3]
+                    for n in range(s):
+                        left, right = min(left, line[n, 3]), max(right, line[n, 3])
+                    first = max(math.floor(left * per_degree) - ib * BLOCK, 0)
+                    last = min(math.floor(right * per_degree) - ib * BLOCK, BLOCK - 1)
+                    for i in range(first, last + 1):
+                        d00, d01 = depths[slot, j, i], depths[slot, j, i + 1]
+                        d10, d11 = depths[slot, j + 1, i], depths[slot, j + 1, i + 1]
+                        sunk = gouges[slot, j, i]
+                        if min(d00, d01, d10, d11) + sunk + level - draft[e] > REACH:
+                            continue
+                        s2 = cut(line, s, 3, (ib * BLOCK + i) / per_degree, 1.0, room)
+                        s2 = cut(room, s2, 3, (ib * BLOCK + i + 1) / per_degree, -1.0, piece)
+                        if s2 < 3:
+                            continue
+                        if count + 1 >= out_start.size or out_start[count] + s2 > len(out):
+                            return -1, 0
+                        count = _write(
+                            piece, s2, e, draft[e] - level - 0.25 * (d00 + d01 + d10 + d11) - sunk,
+                            0.5 * (d01 + d11 - d00 - d10), 0.5 * (d10 + d11 - d00 - d01), ib * BLOCK + i + 0.5,
+                            jb * BLOCK + j + 0.5, per_degree, across, 1.0 / cell, slot, j, i, count, out_start, out,
+                            out_owner, out_gradient, out_cell,
+                        )  # fmt: skip
+    return count, absent
+
+
+@kernel
+def _write(
+    piece: Floats, size: int, e: int, overlap: float, by_column: float, by_row: float, x0: float, y0: float,
+    per_degree: float, across: float, along: float, slot: int, j: int, i: int, count: int, out_start: Ints, out: Floats,
+    out_owner: Ints, out_gradient: Floats, out_cell: Ints,
+) -> int:  # fmt: skip
+    """Write a polygon above one cell, with ``overlap`` in the middle of the cell; returns how many there are now.
+
+    ``across``, ``along``: cells per metre east and north.
+    """
+    at = out_start[count]
+    for n in range(size):
+        out[at + n, 0], out[at + n, 1] = piece[n, 0], piece[n, 1]
+        out[at + n, 2] = overlap - by_column * (piece[n, 3] * per_degree - x0) - by_row * (piece[n, 4] - y0)
+    out_start[count + 1] = at + size
+    out_owner[count] = e
+    out_gradient[count, 0], out_gradient[count, 1] = by_column * across, by_row * along
+    out_cell[count, 0], out_cell[count, 1], out_cell[count, 2] = slot, j, i
+    return count + 1

@@ -1,0 +1,166 @@
+"""Footprints: the polygon of ice that each element stands for, cut by the outline of the berg.
+
+The ice inside of an outline belongs to the nearest element, so the footprints fill it whatever the lattice, and a straight
+front lands along its whole length. They are made once, on a plane of their own, and known by the identifiers of the elements,
+so that births, melt and cracks leave them alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import nearest_image
+from riftberg.plane import ConformalPlane
+from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.numbering import rows_of
+from riftberg.stepping.forces.sizes import interaction_sizes, sides_of
+from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.lattice.cells import outline_of_cells
+
+
+class Footprints(NamedTuple):
+    """Polygons of the elements, on the plane on which each berg was first laid flat."""
+
+    element: Ints  # Identifiers; shape (elements,)
+    centre: Floats  # m; shape (elements, 2)
+    size: Floats  # Plan area of the element then, m2; shape (elements,)
+    owner: Ints  # Place in ``element`` of the element of each polygon; shape (polygons,)
+    start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
+    corner: Floats  # m; shape (corners, 2)
+
+
+FOOTPRINT_NAMES = tuple(f"footprint_{name}" for name in Footprints._fields)
+"""Names in a restart file."""
+
+
+def footprints_to_arrays(footprints: Footprints) -> dict[str, Any]:
+    """Return what a restart file must hold."""
+    return dict(zip(FOOTPRINT_NAMES, footprints, strict=True))
+
+
+def footprints_from_arrays(saved: Mapping[str, Any]) -> Footprints:
+    """Return the footprints of a restart file."""
+    return Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES))
+
+
+def with_new_footprints(
+    footprints: Footprints | None, el: Elements, bonds: Bonds, outlines: Sequence[Any], p: KernelParameters
+) -> Footprints:
+    """Return the footprints with those of elements that are new.
+
+    ``outlines``: polygons (shapely) in the coordinates of positions, each of which its elements fill. Ice without one ends
+    where its elements do.
+    """
+    known = np.zeros(el.size, bool) if footprints is None else rows_of(footprints.element, el.body.id)[1]
+    if footprints is not None and known.all():
+        return footprints
+    new, radius = np.flatnonzero(~known), interaction_sizes(el, p).radius
+    # An outline holds its elements, bonded or not; all others hang together by bonds, also by those that have broken.
+    group = connected_parts(el.size, bonds.first, bonds.second, np.zeros(bonds.first.size, np.int64))
+    outline_of: dict[int, Any] = {}
+    for outline in outlines:
+        inside = new[shapely.contains_xy(outline, el.lon[new], el.lat[new])]
+        if inside.size:
+            group[np.isin(group, group[inside])] = group[inside[0]]
+            outline_of[int(group[inside[0]])] = outline
+    parts = [] if footprints is None else [footprints]
+    for number in dict.fromkeys(group[new].tolist()):
+        rows = new[group[new] == number]
+        parts.append(_footprints_of(el, bonds, rows, float(radius[rows].mean()), outline_of.get(number), p))
+    return _joined(parts)
+
+
+def _footprints_of(
+    el: Elements, bonds: Bonds, rows: Ints, radius: float, outline: Any, p: KernelParameters
+) -> Footprints:
+    """Footprints of some elements on a plane of their own."""
+    lon, lat = el.lon[rows].copy(), el.lat[rows]
+    if not p.latlon:
+        lon = np.array([lon[0] + nearest_image(x - lon[0], p.period) for x in lon])
+    plane = ConformalPlane(float(lon[0]), float(lat[0]), p.earth_radius, p.latlon)
+    xy = np.column_stack(plane.forward(lon, lat))
+    if outline is None:
+        place = np.full(el.size, -1)
+        place[rows] = np.arange(rows.size)
+        bonded = np.flatnonzero((place[bonds.first] >= 0) & (place[bonds.second] >= 0))
+        along = xy[place[bonds.second[bonded[0]]]] - xy[place[bonds.first[bonded[0]]]] if bonded.size else (1.0, 0.0)
+        hexagonal = sides_of(int(el.body.sides[rows[0]]), p) == 6
+        packing = "hexagonal" if hexagonal else "square"
+        ice = outline_of_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
+    else:
+        ice = shapely.transform(outline, plane.forward, interleaved=False)
+    owner, rings = [], []
+    for k, cell in enumerate(_nearest_regions(xy, ice)):
+        for polygon in shapely.get_parts(shapely.intersection(cell, ice)):
+            if polygon.geom_type != "Polygon" or polygon.area < 1e-9 * radius * radius:
+                continue
+            # A hole is no part of a ring of corners: such a polygon is laid out in triangles.
+            pieces = (
+                shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)) if polygon.interiors else [polygon]
+            )
+            for piece in pieces:
+                rings.append(np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2])
+                owner.append(k)
+    start = np.concatenate([[0], np.cumsum([len(ring) for ring in rings])]).astype(np.int64)
+    corner = np.vstack(rings) if rings else np.zeros((0, 2))
+    size = el.body.length[rows] * el.body.width[rows]
+    return Footprints(el.body.id[rows], xy, size, np.array(owner, np.int64), start, corner)
+
+
+def _nearest_regions(xy: Floats, ice: Any) -> list[Any]:
+    """Return for each centre the region that is nearer to it than to any other."""
+    west, south, east, north = ice.bounds
+    frame = shapely.box(west - 1.0, south - 1.0, east + 1.0, north + 1.0)
+    if len(xy) == 1:
+        return [frame]
+    regions = shapely.voronoi_polygons(shapely.multipoints(xy), extend_to=frame, ordered=True)
+    return list(shapely.get_parts(regions))
+
+
+def _joined(parts: list[Footprints]) -> Footprints:
+    """Return several as one."""
+    elements = np.cumsum([0, *(part.element.size for part in parts)])
+    corners = np.cumsum([0, *(len(part.corner) for part in parts)])
+    start = [part.start[:-1] + n for part, n in zip(parts, corners, strict=False)]
+    return Footprints(
+        np.concatenate([part.element for part in parts]), np.vstack([part.centre for part in parts]),
+        np.concatenate([part.size for part in parts]),
+        np.concatenate([part.owner + n for part, n in zip(parts, elements, strict=False)]),
+        np.concatenate([*start, corners[-1:]]), np.vstack([part.corner for part in parts]),
+    )  # fmt: skip
+
+
+class BodyFootprint(NamedTuple):
+    """The footprints of one fragment, in its own coordinates."""
+
+    rows: Ints  # Elements of the fragment
+    owner: Ints  # Place in ``rows`` of the element of each polygon
+    start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
+    corner: Floats  # m; shape (corners, 2)
+
+
+def body_footprint(footprints: Footprints, el: Elements, rows: Ints, xy: Floats) -> BodyFootprint:
+    """Lay the footprints of a fragment into its frame, in which its elements stand at ``xy`` (all elements, m)."""
+    at, known = rows_of(footprints.element, el.body.id[rows])
+    assert known.all()
+    # The fragment has turned from the plane of its footprints by the angle that fits the centres best.
+    before, now = footprints.centre[at] @ (1.0, 1.0j), xy[rows] @ (1.0, 1.0j)
+    turn = np.vdot(before - before.mean(), now - now.mean())
+    turn = turn / abs(turn) if abs(turn) > 0.0 else 1.0
+    place = np.full(footprints.element.size, -1)
+    place[at] = np.arange(rows.size)
+    mine = np.flatnonzero(place[footprints.owner] >= 0)
+    owner, count = place[footprints.owner[mine]], np.diff(footprints.start)[mine]
+    start = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    index = np.arange(start[-1]) - np.repeat(start[:-1] - footprints.start[mine], count)
+    of = np.repeat(owner, count)
+    # What melts from the sides of an element leaves it smaller about its centre.
+    size = el.body.length[rows] * el.body.width[rows] / footprints.size[at]
+    away = (footprints.corner[index] @ (1.0, 1.0j) - before[of]) * turn * np.sqrt(size)[of]
+    corner = now[of] + away
+    return BodyFootprint(rows, owner, start, np.column_stack([corner.real, corner.imag]))

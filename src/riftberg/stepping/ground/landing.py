@@ -1,0 +1,570 @@
+"""Fragments on a bed of sediment: rigid motion in sub-steps, as long as the floor lets them be.
+
+    M (V1 - V0) = h (G(V) + sum B^T f),    V = (V0 + V1) / 2,    position: by V
+
+with the media G and the forces f of the floor in the middle of the sub-step. Friction is an elastic-plastic anchor at the centre
+of the load of each element: what the keel moves on (at V1: backward Euler, so that a held fragment comes to rest in any step)
+loads it with the stiffness C / anchor way, up to the capacity C. The force is stored, not the way: where a load rises, a
+stored way would push the berg back, and make energy.
+
+A sub-step is halved until the floor changes the velocity by little, or holds the fragment, and until touching and coming free
+are met within a minute.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.errors import InputError, RunError
+from riftberg.ocean.forcing import sea_level
+from riftberg.parameters import Grounding, KernelParameters
+from riftberg.physics.floating import draft_of
+from riftberg.state import Elements, Floats, Ints, Keel
+from riftberg.stepping.bodies.dynamics import BodyOperators, ElementForcing, add_forces, assemble_force_and_jacobian
+from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses, tangent_coordinates
+from riftberg.stepping.contact.groups import NO_PAIRS
+from riftberg.stepping.contact.islands import ContactPhase, PeakContactLoad, forcing_of_rows
+from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
+from riftberg.stepping.ground.balance import Bed, Hull, Pressure, hull_of, press
+from riftberg.stepping.ground.floor import Floor
+from riftberg.stepping.ground.footprints import (
+    FOOTPRINT_NAMES,
+    BodyFootprint,
+    Footprints,
+    body_footprint,
+    footprints_from_arrays,
+    footprints_to_arrays,
+    with_new_footprints,
+)
+from riftberg.stepping.run_state import RunState
+
+POISSON: Final = 0.3
+"""Of the ice that bends, for which the stiffness at edges and corners was found."""
+
+SEDIMENTS: Final[dict[str, dict[str, float]]] = {
+    "rock": {"stiffness": 1e9, "bearing_strength": 1e7, "friction": 0.5},
+    "sand": {"stiffness": 1e7, "bearing_strength": 1e6, "friction": 0.5},
+    "clay": {"stiffness": 1e6, "friction": 0.5, "shear_strength": 2e4},
+    "other": {},
+}
+"""Beds by name; on clay the bearing strength follows from the shear strength."""
+
+BEARING_FACTOR: Final = 6.0
+"""Bearing strength of clay over its shear strength (a long strip 5.14)."""
+
+VELOCITY_CHANGE: Final = 0.05
+"""Largest part of its speed by which the floor changes that of a fragment in a sub-step, unless it holds it."""
+
+SLOW: Final = 1e-3
+"""Speed (m s-1) below which changes are measured by this one."""
+
+TOUCH_STEP: Final = 60.0
+"""Touching and coming free are met within this time, s."""
+
+LEAST_STEP: Final = 0.01
+"""Shortest sub-step, s."""
+
+STEEPEST: Final = 0.5
+"""Slope of the floor up to which an element that is deep enough in its middle is not looked at."""
+
+DEEP_KEEL: Final = 1.0
+"""How far below the floor a keel may start, m."""
+
+PASSES: Final = 50
+"""Of Newton's method for the friction, after which the sub-step is halved."""
+
+
+def bed_of(g: Grounding) -> Bed:
+    """Return the bed that the parameters describe."""
+    values = {**SEDIMENTS[g.sediment]}
+    for name in ("stiffness", "bearing_strength", "friction", "shear_strength"):
+        if (given := getattr(g, name)) is not None:
+            values[name] = given
+    shear = values.get("shear_strength", 0.0)
+    strength = values.get("bearing_strength", BEARING_FACTOR * shear)
+    return Bed(
+        values["stiffness"], strength, values["friction"], g.adhesion * shear, g.anchor_way, g.bending, g.ice_modulus, POISSON
+    )  # fmt: skip
+
+
+class Fragment(NamedTuple):
+    """One fragment as the floor sees it."""
+
+    rows: Ints  # Elements
+    footprint: BodyFootprint
+    xy: Floats  # m; shape (elements, 2)
+    thickness: Floats  # m
+    draft: Floats  # m
+    reach: Floats  # Distance of the corners of an element from its centre, m
+    hull: Hull
+    first: Ints  # Intact bonds
+    second: Ints
+
+
+class GroundPhase(NamedTuple):
+    """What the floor made of a step for the fragments that it touched; the gouges are deepened already."""
+
+    motion: ContactPhase  # As that of contact
+    keel: Keel  # Of all elements, at the end
+
+
+class _Friction(NamedTuple):
+    """Friction in a sub-step."""
+
+    velocity: Floats  # V1; shape (3,)
+    anchor: Floats  # Of each element, N; shape (elements, 2)
+    capacity: Floats  # Largest so far, N
+    force: Floats  # Of the floor on each element with that of its slope, N; shape (elements, 2)
+    torque: Floats  # About the centre of the element, N m
+    net: Floats  # On the fragment; shape (3,)
+    slides: bool
+
+
+class Seabed:
+    """The bed under a run: what lives from one step to the next beside the state."""
+
+    def __init__(self, model: RunState) -> None:
+        p, forcing = model.parameters, model.forcing
+        self.bed = bed_of(p.grounding)
+        self.floor = Floor(p.grounding.cell, forcing.depth, p.earth.latlon, p.earth.radius)
+        self._footprints: Footprints | None = None
+        self._fragments: dict[int, Fragment] = {}
+        self._key: list[bytes] = []
+        self._start_gouges: dict[int, Floats] = {}
+        self._saved_gouges: dict[int, Floats] = {}
+        if model.step_number == 0:
+            self._follow(model)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return what a restart file must hold beside the state."""
+        footprints = {} if self._footprints is None else footprints_to_arrays(self._footprints)
+        return {**self.floor.to_arrays(), **footprints}
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Restore what `state_dict` gave."""
+        if all(name in saved for name in FOOTPRINT_NAMES):
+            self._footprints = footprints_from_arrays(saved)
+        if "gouge_block" in saved:
+            self.floor.take_up(np.asarray(saved["gouge_block"]), np.asarray(saved["gouge_depth"]))
+
+    def _follow(self, model: RunState) -> Footprints:
+        """Make the footprints of elements that are new."""
+        el = model.elements
+        self._footprints = with_new_footprints(self._footprints, el, model.bonds, model.outlines, model.constants)
+        return self._footprints
+
+    def prepare(self, model: RunState, bodies: Bodies) -> None:
+        """Bring the fragments up to date with the state."""
+        el, bonds = model.elements, model.bonds
+        body = el.body
+        key = [
+            a.tobytes()
+            for a in (bodies.body, bodies.reference, body.id, body.thickness, body.length, body.width, bonds.status)
+        ]
+        if key != self._key:
+            self._key, self._fragments = key, {}
+            self._follow(model)
+
+    def fragment(self, model: RunState, bodies: Bodies, b: int) -> Fragment:
+        """Return one fragment."""
+        if b not in self._fragments:
+            el, bonds, c = model.elements, model.bonds, model.constants
+            xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
+            rows = np.flatnonzero(bodies.body == b)
+            assert self._footprints is not None
+            footprint = body_footprint(self._footprints, el, rows, xy)
+            thickness = el.thickness[rows]
+            draft = np.array([draft_of(h, c.rho_ice) for h in thickness])
+            place = np.full(el.size, -1)
+            place[rows] = np.arange(rows.size)
+            first, second = place[bonds.first], place[bonds.second]
+            whole = (bonds.status == 0) & (first >= 0)
+            away = np.hypot(*(footprint.corner - xy[rows][np.repeat(footprint.owner, np.diff(footprint.start))]).T)
+            reach = np.zeros(rows.size)
+            np.maximum.at(reach, np.repeat(footprint.owner, np.diff(footprint.start)), away)
+            hull = hull_of(footprint.corner, footprint.start, footprint.owner, thickness, draft)
+            self._fragments[b] = Fragment(
+                rows, footprint, xy[rows], thickness, draft, reach, hull, first[whole], second[whole]
+            )
+        return self._fragments[b]
+
+    def begin_step(self) -> None:
+        """Remember the gouges for a model that takes a failed step back."""
+        self._start_gouges = self.floor.checkpoint()
+
+    def back_to_start(self) -> None:
+        """Return to the gouges at the start of the last step."""
+        self.floor.rollback(self._start_gouges)
+
+    def checkpoint(self) -> None:
+        """Remember the gouges."""
+        self._saved_gouges = self.floor.checkpoint()
+
+    def rollback(self) -> None:
+        """Return to the gouges that were remembered."""
+        self.floor.rollback(self._saved_gouges)
+
+    def resolve(
+        self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: ContactPhase | None
+    ) -> GroundPhase | None:
+        """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does."""
+        self.prepare(model, bodies)
+        el, c = model.elements, model.constants
+        keel = Keel._make(array.copy() for array in el.keel)
+        phases = []
+        for b in range(bodies.pose.shape[0]):
+            rows = np.flatnonzero(op.body == b)
+            near = self._near(el, rows, bodies.twist[b], h, c)
+            if not near.any():
+                continue
+            fragment = self.fragment(model, bodies, b)
+            push = _impulse_of(contact, op, bodies.twist, b) / h
+            run = _Landing(self, fragment, b, bodies, op, near, time, model, keel, push)
+            if run.touches_within(h):
+                run.integrate(h)
+                phases.append(run)
+        return GroundPhase(_phase_of(phases, h), keel) if phases else None
+
+    def _near(self, el: Elements, rows: Ints, twist: Floats, h: float, p: KernelParameters) -> NDArray[np.bool_]:
+        """Which elements of a fragment may come near the floor in the step, by the depth in their middle."""
+        thickness, depth = el.body.thickness[rows], el.environment.depth[rows]
+        draft = np.array([draft_of(x, p.rho_ice) for x in thickness])
+        size = np.sqrt(el.body.length[rows] * el.body.width[rows])
+        # Half of the diagonal of an element, the way of the step, and a level of some metres.
+        reach = size + h * math.hypot(twist[0], twist[1]) + 20.0
+        return np.asarray((depth < draft + STEEPEST * reach) | (el.keel.floor_load[rows] > 0.0))
+
+    def check_start(self, model: RunState, bodies: Bodies) -> None:
+        """Refuse keels that start deep below the floor, or settle them into gouges."""
+        self.prepare(model, bodies)
+        el, c, g = model.elements, model.constants, model.parameters.grounding
+        for b in range(bodies.pose.shape[0]):
+            rows = np.flatnonzero(bodies.body == b)
+            near = self._near(el, rows, bodies.twist[b], 0.0, c)
+            if not near.any():
+                continue
+            fragment = self.fragment(model, bodies, b)
+            lon, lat = corner_positions(fragment.footprint.corner, bodies.pose[b], c)
+            level = _level(model, bodies.pose[b], model.time)
+            patches = self.floor.patches(fragment.footprint, lon, lat, fragment.draft, near, level)
+            deepest = patches.corner[:, 2].max(initial=0.0)
+            if deepest <= DEEP_KEEL:
+                continue
+            if g.start == "refuse":
+                at = np.searchsorted(patches.start, patches.corner[:, 2].argmax(), side="right") - 1
+                e = int(rows[patches.owner[at]])
+                raise InputError(
+                    f"the keel of element {el.body.id[e]} at ({el.lon[e]:.6g}, {el.lat[e]:.6g}) starts {deepest:.3g} m below the "
+                    "sea floor", where="Model", remedy="Place the berg in deeper water, or set grounding.start to settle",
+                )  # fmt: skip
+            for _ in range(2):  # whole blocks first, then their cells
+                self.floor.settle(self.floor.patches(fragment.footprint, lon, lat, fragment.draft, near, level))
+
+
+def corner_positions(corner: Floats, pose: Floats, p: KernelParameters) -> tuple[Floats, Floats]:
+    """Return the positions (degrees, or m) of points of a fragment, given on its tangent plane (m)."""
+    if not p.latlon:
+        x, y = corner[:, 0], corner[:, 1]
+        return pose[0, 2] + pose[0, 0] * x + pose[0, 1] * y, pose[1, 2] + pose[1, 0] * x + pose[1, 1] * y
+    s = corner / (2.0 * p.earth_radius)
+    square = (s * s).sum(axis=1)
+    unit = np.column_stack([2.0 * s, 1.0 - square]) / (1.0 + square)[:, None] @ pose.T
+    return np.degrees(np.arctan2(unit[:, 1], unit[:, 0])), np.degrees(
+        np.arctan2(unit[:, 2], np.hypot(unit[:, 0], unit[:, 1]))
+    )
+
+
+def _level(model: RunState, pose: Floats, time: float) -> float:
+    """Sea level (m) at the centre of a fragment."""
+    lon, lat = corner_positions(np.zeros((1, 2)), pose, model.constants)
+    return float(sea_level(model.forcing, lon, lat, time)[0])
+
+
+def _impulse_of(contact: ContactPhase | None, op: BodyOperators, twist: Floats, b: int) -> Floats:
+    """Impulse (N s, N s, N m s) that contact gave a fragment in the step."""
+    if contact is None or b not in contact.bodies:
+        return np.zeros(3)
+    at = int(np.flatnonzero(contact.bodies == b)[0])
+    mine = op.body[contact.rows] == b
+    rows, given = contact.rows[mine], contact.applied[mine].sum(axis=1)
+    mass, m = op.forcing.mass[rows], op.levers[rows]
+    of_media = (mass[:, None] * (m[:, 0:3] * given[:, :1] + m[:, 3:6] * given[:, 1:])).sum(axis=0)
+    return np.asarray(op.matrices.inertia[b] @ (contact.twist[at] - twist[b]) - of_media)
+
+
+class _Landing:
+    """One fragment on its way through a step."""
+
+    def __init__(
+        self, seabed: Seabed, fragment: Fragment, b: int, bodies: Bodies, op: BodyOperators, near: NDArray[np.bool_],
+        time: float, model: RunState, keel: Keel, push: Floats,
+    ) -> None:  # fmt: skip
+        self.seabed, self.fragment, self.b, self.near, self.time, self.model = seabed, fragment, b, near, time, model
+        self.bed, self.c, rows = seabed.bed, model.constants, fragment.rows
+        self.rows, self.keel, self.push = rows, keel, push
+        self.forcing: ElementForcing = forcing_of_rows(rows, op.forcing)
+        self.mobility, inertia = op.matrices.mobility[b], op.matrices.inertia[b]
+        self.arm = math.sqrt(inertia[2, 2] / inertia[0, 0])
+        self.reference, self.pose = bodies.reference[rows], bodies.pose[b : b + 1]
+        self.body_of, self.static = np.zeros(rows.size, np.int64), not self.mobility.any()
+        self.path, self.velocity, self.elapsed = np.zeros(3), bodies.twist[b].copy(), 0.0
+        self.anchor = np.column_stack([keel.anchor_x[rows], keel.anchor_y[rows]])
+        self.capacity = keel.anchor_capacity[rows].copy()
+        self.applied = np.zeros((rows.size, len(FORCES), 2))
+        self.shortest, self.acceleration, self.rise = math.inf, np.zeros(3), np.zeros(3)
+        self.peak, self.peak_force, self.peak_axes, self.peak_spin = (
+            -1.0,
+            np.zeros((rows.size, 3)),
+            np.zeros((rows.size, 2)),
+            0.0,
+        )
+        self.load, self.force, self.torque = np.zeros(rows.size), np.zeros((rows.size, 2)), np.zeros(rows.size)
+
+    def touches_within(self, h: float) -> bool:
+        """Whether the floor touches the fragment at the start, or would in the middle or at the end without it."""
+        if self.keel.floor_load[self.rows].any() or self.anchor.any():
+            return True
+        return any(
+            self._overlaps(self._pose_after(t * self.velocity, t), t).any() for t in (0.0, 0.5 * h, h)
+        )  # fmt: skip
+
+    def _pose_after(self, path: Floats, t: float) -> Floats:
+        if t == 0.0:
+            return self.pose
+        new = np.empty_like(self.pose)
+        move_poses(self.pose, (path / t)[None], t, self.c.latlon, self.c.earth_radius, new, np.empty((3, 3)))
+        return new
+
+    def _patches(self, pose: Floats, t: float) -> Any:
+        lon, lat = corner_positions(self.fragment.footprint.corner, pose[0], self.c)
+        level = _level(self.model, pose[0], self.time + t)
+        return self.seabed.floor.patches(
+            self.fragment.footprint, lon, lat, self.fragment.draft, self.near, level
+        )  # fmt: skip
+
+    def _overlaps(self, pose: Floats, t: float) -> NDArray[np.bool_]:
+        return np.asarray(self._patches(pose, t).corner[:, 2] > 0.0)
+
+    def _press(self, path: Floats, t: float) -> tuple[Floats, Pressure]:
+        """Pose and pressure after a path (m, m, rad), ``t`` s from the start."""
+        f, pose = self.fragment, self._pose_after(path, t)
+        try:
+            found = press(
+                self._patches(pose, t), f.rows.size, f.hull, self.bed, f.thickness, f.first, f.second, self.rise
+            )
+        except FloatingPointError:
+            raise RunError(f"the heave of a berg aground did not settle at {self.model.date:%Y-%m-%d %H:%M}") from None
+        return pose, found
+
+    def integrate(self, h: float) -> None:
+        """Take the fragment through ``h`` s."""
+        _, found = self._press(self.path, 0.0)
+        touches, dt, stop = found.touches, h, 0.0
+        while (left := h - self.elapsed) > 1e-12 * h:
+            dt = min(dt, left)
+            middle, friction, end, accepted = self._substep(dt, touches)
+            if not accepted:
+                dt *= 0.5
+                if dt < LEAST_STEP:
+                    raise RunError(
+                        f"a berg that runs aground at {self.model.date:%Y-%m-%d %H:%M} needs sub-steps of less than "
+                        f"{LEAST_STEP:g} s"
+                    )
+                continue
+            self._accept(dt, middle, friction, end)
+            touches, dt = end.touches, 2.0 * dt
+            if not friction.slides and end.touches:
+                dt = h
+            elif (slowing := -self.acceleration[:2] @ self.velocity[:2]) > 0.0:
+                # Just before it stops: over a way shorter than that of the anchor the floor stops the fragment at once.
+                speed = math.hypot(*self.velocity[:2])
+                stop = speed * speed / slowing
+                if 0.5 * speed * stop < 0.9 * self.bed.anchor_way and friction.slides:
+                    dt = max(dt, 1.2 * stop)
+        self._finish()
+
+    def _substep(self, dt: float, touches: bool) -> tuple[tuple[Floats, Pressure], _Friction, Pressure, bool]:
+        """Try a sub-step: middle, friction, end, and whether it is short enough."""
+        t, v0 = self.elapsed, self.velocity
+        half = self.path + 0.5 * dt * v0 + 0.125 * dt * dt * self.acceleration
+        pose, found = self._press(half, t + 0.5 * dt)
+        friction = self._friction(dt, pose, found)
+        if friction is None:
+            return (pose, found), self._no_friction(), found, False
+        way = 0.5 * dt * (v0 + friction.velocity)
+        _, end = self._press(self.path + way, t + dt)
+        if not (touches == found.touches == end.touches) and dt > TOUCH_STEP:
+            return (pose, found), friction, end, False
+        moved = math.hypot(way[0], way[1]) + self.arm * abs(way[2])
+        if not friction.slides and moved <= self.bed.anchor_way:
+            return (pose, found), friction, end, True
+        # By the greater of the forces in the middle and at the end.
+        if found.touches or not end.touches:
+            grows = max(0.0, end.capacity.sum() / max(found.capacity.sum(), 1e-30) - 1.0) if found.touches else 0.0
+            more = grows * friction.net
+        else:
+            more = -end.capacity.sum() / max(math.hypot(v0[0], v0[1]), 1e-12) * np.array([v0[0], v0[1], 0.0])
+        change = friction.velocity - v0 + dt * (self.mobility @ more) if found.touches or end.touches else np.zeros(3)
+        size = math.hypot(change[0], change[1]) + self.arm * abs(change[2])
+        speed = math.hypot(v0[0], v0[1]) + self.arm * abs(v0[2])
+        return (pose, found), friction, end, size <= VELOCITY_CHANGE * max(speed, SLOW)
+
+    def _levers(self, pose: Floats) -> Floats:
+        n = self.rows.size
+        levers = np.empty((n, 11))
+        fill_levers(
+            Bodies(self.body_of, self.reference, pose, self.velocity[None], np.zeros((n, 3))), self.c.latlon,
+            self.c.earth_radius, levers,
+        )  # fmt: skip
+        return levers
+
+    def _no_friction(self) -> _Friction:
+        n = self.rows.size
+        return _Friction(self.velocity, self.anchor, self.capacity, np.zeros((n, 2)), np.zeros(n), np.zeros(3), True)
+
+    def _friction(self, dt: float, pose: Floats, found: Pressure) -> _Friction | None:
+        """Solve for the velocity at the end of a sub-step, with the anchors; None where it does not settle."""
+        m, v0, loaded = self._levers(pose), self.velocity, found.load > 0.0
+        # From the centre of an element to that of its load, east and north.
+        dx, dy = (
+            np.where(loaded, found.x - self.fragment.xy[:, 0], 0.0),
+            np.where(loaded, found.y - self.fragment.xy[:, 1], 0.0),
+        )
+        ox, oy = m[:, 9] * dx - m[:, 10] * dy, m[:, 10] * dx + m[:, 9] * dy
+        lever = np.stack([m[:, 0:3] - oy[:, None] * m[:, 6:9], m[:, 3:6] + ox[:, None] * m[:, 6:9]], axis=1)
+        anchor = np.where(loaded[:, None], self.anchor, 0.0)
+        largest = np.where(loaded, np.maximum(self.capacity, found.capacity), 0.0)
+        spring = dt * largest / self.bed.anchor_way
+        net_media, jacobian = np.zeros((1, 3)), np.zeros((1, 3, 3))
+        assemble_force_and_jacobian(
+            self.body_of, m, v0[None].copy(), self.forcing, np.ones(1, np.bool_), net_media, jacobian
+        )
+        constant = net_media[0] + np.einsum("eak,ea->k", lever, found.slope) + self.push
+        limit = found.capacity
+
+        def forces(v: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+            trial = anchor - spring[:, None] * (lever @ v)
+            size = np.hypot(trial[:, 0], trial[:, 1])
+            slides = loaded & (size > limit)
+            part = np.where(slides, limit / np.where(size > 0.0, size, 1.0), 1.0)
+            return (
+                trial * part[:, None],
+                np.where(size[:, None] > 0.0, trial / np.where(size > 0.0, size, 1.0)[:, None], 0.0),
+                slides,
+            )
+
+        def residual(v: Floats, f: Floats) -> Floats:
+            net = constant - 0.5 * jacobian[0] @ (v - v0) + np.einsum("eak,ea->k", lever, f)
+            return np.asarray(v - v0 - dt * (self.mobility @ net))
+
+        def size_of(r: Floats) -> float:
+            return float(math.hypot(r[0], r[1]) + self.arm * abs(r[2]))
+
+        v = v0.copy()
+        f, direction, slides = forces(v)
+        r = residual(v, f)
+        for _ in range(PASSES):
+            # Slope of the force by the velocity: of a sliding anchor that of its direction alone.
+            part = np.where(
+                slides, limit / np.maximum(np.hypot(*(anchor - spring[:, None] * (lever @ v)).T), 1e-30), 1.0
+            )
+            normal = np.where(slides, 1.0, 0.0)[:, None, None] * direction[:, :, None] * direction[:, None, :]
+            tangent = (spring * part)[:, None, None] * (np.eye(2) - normal)
+            slope = 0.5 * jacobian[0] + np.einsum("eak,eab,ebl->kl", lever, tangent, lever)
+            step = np.linalg.solve(np.eye(3) + dt * (self.mobility @ slope), -r)
+            scale, before = 1.0, size_of(r)
+            while True:
+                new = v + scale * step
+                f, direction, slides = forces(new)
+                r = residual(new, f)
+                if size_of(r) < before or scale < 1e-3:
+                    break
+                scale *= 0.5
+            v = new
+            if size_of(scale * step) <= 1e-12 * max(size_of(v), 1e-6):
+                break
+        else:
+            return None
+        force = f + found.slope
+        net = np.einsum("eak,ea->k", lever, force)
+        return _Friction(v, f, largest, force, ox * force[:, 1] - oy * force[:, 0], net, bool(slides.any()))
+
+    def _accept(self, dt: float, middle: tuple[Floats, Pressure], friction: _Friction, end: Pressure) -> None:
+        """Make a sub-step the state of the fragment."""
+        pose, n = middle[0], self.rows.size
+        levers, mean = self._levers(pose), 0.5 * (self.velocity + friction.velocity)
+        accelerations, force, net = np.zeros((1, n, len(FORCES), 2))[0], np.empty((n, 3)), np.zeros((1, 3))
+        add_forces(self.body_of, levers, mean[None].copy(), self.forcing, accelerations, force, net)
+        accelerations[:, SEA_FLOOR] += friction.force / self.forcing.mass[:, None]
+        self.applied += dt * accelerations
+        self.path = self.path + dt * mean
+        self.acceleration = (friction.velocity - self.velocity) / dt
+        self.elapsed += dt
+        self.velocity, self.anchor, self.capacity = friction.velocity, friction.anchor, friction.capacity
+        self.load, self.force, self.torque, self.rise = end.load, friction.force, friction.torque, end.rise
+        self.shortest = min(self.shortest, dt)
+        if (size := float(np.hypot(*friction.force.T).sum())) > self.peak:
+            self.peak, self.peak_axes, self.peak_spin = size, levers[:, 9:11], float(friction.velocity[2])
+            self.peak_force = force + np.column_stack([friction.force, friction.torque])
+        self.seabed.floor.plough(end.patches, end.excess)
+
+    def _finish(self) -> None:
+        """Write what the floor does at the end to the keels."""
+        rows, keel, loaded = self.rows, self.keel, self.load > 0.0
+        for array, values in zip(
+            keel,
+            (self.load, *self.force.T, self.torque, *self.anchor.T, self.capacity),
+            strict=True,
+        ):
+            array[rows] = np.where(loaded, values, 0.0)
+
+
+def _phase_of(phases: list[_Landing], h: float) -> ContactPhase:
+    """Return the fragments that touched the floor as a phase of contact."""
+    rows = np.concatenate([run.rows for run in phases])
+    bonded = [run for run in phases if run.rows.size > 1]
+    peak = PeakContactLoad(
+        np.concatenate([np.zeros(0, np.int64), *(run.rows for run in bonded)]),
+        np.concatenate([np.zeros((0, 3)), *(run.peak_force for run in bonded)]),
+        np.concatenate([np.zeros((0, 2)), *(run.peak_axes for run in bonded)]),
+        np.array([run.b for run in bonded], np.int64), np.array([run.peak_spin for run in bonded], np.float64),
+    )  # fmt: skip
+    return ContactPhase(
+        np.array([run.b for run in phases], np.int64), rows, np.array([run.path for run in phases]) / h,
+        np.array([run.velocity for run in phases]), np.concatenate([run.applied for run in phases]), *NO_PAIRS,
+        min(run.shortest for run in phases), peak,
+    )  # fmt: skip
+
+
+def joined(contact: ContactPhase | None, ground: ContactPhase, body: Ints) -> ContactPhase:
+    """Return both as one: fragments on the floor go as their sub-steps say, in which contact has acted, too."""
+    if contact is None:
+        return ground
+    loaded = ~np.isin(contact.peak_load.bodies, ground.bodies)
+    some = contact.peak_load
+    rows = ~np.isin(body[some.rows], ground.bodies)
+    rest = without(contact, ground.bodies, body)
+    kept = PeakContactLoad(some.rows[rows], some.force[rows], some.axes[rows], some.bodies[loaded], some.spin[loaded])
+    peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(kept, ground.peak_load, strict=True)))
+
+    def both(name: str) -> Any:
+        return np.concatenate([getattr(rest, name), getattr(ground, name)])
+
+    return ContactPhase(
+        both("bodies"), both("rows"), both("mean"), both("twist"), both("applied"), contact.first, contact.second,
+        min(contact.shortest_substep, ground.shortest_substep), peak,
+    )  # fmt: skip
+
+
+def without(contact: ContactPhase, bodies: Ints, body: Ints) -> ContactPhase:
+    """Return what contact did to the other fragments; ``body``: fragment of each element."""
+    stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
+    return contact._replace(
+        bodies=contact.bodies[stay], rows=contact.rows[rows], mean=contact.mean[stay], twist=contact.twist[stay],
+        applied=contact.applied[rows],
+    )  # fmt: skip

@@ -1,0 +1,165 @@
+"""Land, ice shelves and coastlines of Natural Earth (public domain) on any map, without a network.
+
+``coast.npz`` beside this module holds the coast of the polar oceans to 0.02 degrees (``docs/coast.py`` makes it). Where cartopy
+is installed and has the layers at 1:10 million in its data folder, these are drawn instead; nothing is downloaded.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from riftberg.runs.scene import Box
+from riftberg.state import Floats
+from riftberg.viz.colours import LAND, SHELF, SHORE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FILLED: Final = (("land", LAND), ("minor_islands", LAND), ("antarctic_ice_shelves_polys", SHELF))
+"""Layers of areas of Natural Earth."""
+
+COAST: Final = 3.6
+"""Height of the coast among what is drawn: above currents and shoals, below ice and tracks."""
+
+SHORES: Final = ("coastline", "minor_islands_coastline")
+"""Layers of lines; unlike the edges of the areas, they have no seam along the date line."""
+
+CUTS: Final = (-35.0, 40.0, -89.99)
+"""Parallels at which the areas of the package are cut, and the pole: no coasts."""
+
+UNITS: Final = 1000.0
+"""Stored units in a degree."""
+
+
+def draw_coast(ax: Axes, box: Box, *, latlon: bool = True) -> bool:
+    """Draw land, ice shelves and coastlines; return whether there are any on the map.
+
+    ``ax``: longitude (on any branch) and latitude, degrees; ``latlon``: false for runs in metres, which have no coast.
+    """
+    from matplotlib.collections import LineCollection, PathCollection
+
+    if not latlon:
+        return False
+    areas, lines = coast_in(box)
+    for colour in (LAND, SHELF):
+        paths = [_polygon_path(polygon) for polygon, shown in areas if shown == colour]
+        # The extent of the map is that of the run, not of the continent.
+        ax.add_collection(PathCollection(paths, facecolors=colour, edgecolors="none", zorder=COAST), autolim=False)
+    shore = LineCollection(
+        [np.asarray(line.coords)[:, :2] for line in lines], colors=SHORE, linewidths=0.8, zorder=COAST
+    )
+    ax.add_collection(shore, autolim=False)
+    shown = [part.bounds for part in (*(area for area, _ in areas), *lines)]  # a little outside of the map is cut too
+    return any(w < box.east and e > box.west and s < box.north and n > box.south for w, s, e, n in shown)
+
+
+@lru_cache(maxsize=64)
+def coast_in(box: Box) -> tuple[list[tuple[Any, str]], list[Any]]:
+    """Return areas with their colours, and lines, within and just around an extent."""
+    finer = any(natural_earth(name) for name in ("land", "coastline"))
+    layers = [(_shapes(natural_earth(name)), colour) for name, colour in FILLED] if finer else packaged()
+    areas = [
+        (part, colour) for shapes, colour in layers for part in _clipped(shapes, box) if part.geom_type == "Polygon"
+    ]
+    lines = [part for name in SHORES for part in _clipped(_shapes(natural_earth(name)), box)] if finer else []
+    if not finer:
+        lines = [part for shapes, _ in layers for part in _clipped(shapes, box, edges=True)]
+    lines = [part for part in lines if part.geom_type == "LineString"]
+    if finer and not lines:
+        lines = [ring for polygon, _ in areas for ring in (polygon.exterior, *polygon.interiors)]
+    return areas, lines
+
+
+@lru_cache(maxsize=1)
+def packaged() -> list[tuple[list[Any], str]]:
+    """Return the land and the ice shelves that come with the package."""
+    import shapely
+
+    layers = []
+    with np.load(Path(__file__).with_name("coast.npz")) as file:
+        for name, colour in (("land", LAND), ("shelf", SHELF)):
+            sizes, rings = file[f"{name}_sizes"], file[f"{name}_rings"]
+            change = np.stack([file[f"{name}_x"], file[f"{name}_y"]], axis=-1).astype(np.int64)
+            begins = np.cumsum(sizes) - sizes
+            whole = np.cumsum(change, axis=0)
+            # Each ring begins with its own first point, and goes on with differences.
+            offset = whole[begins] - change[begins]
+            points = (whole - np.repeat(offset, sizes, axis=0)) / UNITS
+            shores = shapely.linearrings(points, indices=np.repeat(np.arange(sizes.size), sizes))
+            layers.append((list(shapely.polygons(shores, indices=np.repeat(np.arange(rings.size), rings))), colour))
+    return layers
+
+
+def natural_earth(name: str) -> Path | None:
+    """Return the shapefile of a layer of Natural Earth at 1:10 million if cartopy has it on this machine."""
+    try:
+        from cartopy import config
+        from cartopy.io import Downloader
+    except ImportError:
+        return None
+    # Cartopy's own path() downloads what it does not find; these two only tell where it would be.
+    finder = Downloader.from_config(("shapefiles", "natural_earth", "10m", "physical", name))
+    request = {"config": config, "category": "physical", "name": name, "resolution": "10m"}
+    places = (finder.pre_downloaded_path(request), finder.target_path(request))
+    return next((Path(place) for place in places if place is not None and Path(place).is_file()), None)
+
+
+@lru_cache(maxsize=16)
+def _shapes(path: Path | None) -> list[Any]:
+    if path is None:
+        return []
+    from cartopy.io.shapereader import Reader
+
+    return list(Reader(str(path)).geometries())
+
+
+def _clipped(shapes: list[Any], box: Box, *, edges: bool = False) -> list[Any]:
+    """Return the parts of shapes around a box, or of their ``edges`` without cuts, on the branch of its longitudes."""
+    import shapely
+
+    # Cut a little outside of the map, so that the cuts are not seen on it.
+    wide, high = 0.05 * (box.east - box.west), 0.05 * (box.north - box.south)
+    pieces: list[Any] = []
+    for turn in (-360.0, 0.0, 360.0):
+        bounds = box.west - wide - turn, box.south - high, box.east + wide - turn, box.north + high
+        for shape in shapes:
+            west, south, east, north = shape.bounds
+            if east < bounds[0] or west > bounds[2] or north < bounds[1] or south > bounds[3]:
+                continue
+            # Shapes of coarse layers may cross themselves; buffering by nothing mends areas.
+            sound = shape if shape.is_valid or "Polygon" not in shape.geom_type else shape.buffer(0.0)
+            moved = shapely.transform(
+                shapely.clip_by_rect(_edges(shape) if edges else sound, *bounds),
+                lambda xy, turn=turn: xy + np.array([turn, 0.0]),
+            )
+            pieces += [part for part in getattr(moved, "geoms", [moved]) if not part.is_empty]
+    return pieces
+
+
+def _edges(polygon: Any) -> Any:
+    """Return the edges of a polygon of the package that are coasts, not cuts along parallels, the date line or the pole."""
+    import shapely
+
+    segments = []
+    for ring in (polygon.exterior, *polygon.interiors):
+        points: Floats = np.asarray(ring.coords)
+        begin, end = points[:-1], points[1:]
+        seam = (np.abs(begin[:, 0]) > 179.99) & (np.abs(end[:, 0]) > 179.99)
+        for cut in CUTS:
+            beside = (np.abs(a[:, 1] - cut) < 0.02 for a in (begin, end))
+            seam |= np.logical_and(*beside)
+        kept = np.split(np.arange(len(seam)), np.flatnonzero(np.diff(seam)) + 1)
+        segments += [points[k[0] : k[-1] + 2] for k in kept if len(k) and not seam[k[0]]]
+    return shapely.MultiLineString(segments)
+
+
+def _polygon_path(polygon: Any) -> Any:
+    """Return a polygon with its holes as a path of matplotlib."""
+    from matplotlib.path import Path as Curve
+
+    rings = [np.asarray(ring.coords)[:, :2] for ring in (polygon.exterior, *polygon.interiors)]
+    return Curve.make_compound_path(*(Curve(ring, closed=True) for ring in rings))

@@ -1,0 +1,95 @@
+"""Pressure, friction and bending stiffness of a bed of sediment, against slow sums."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from riftberg.physics import seabed
+
+TRIANGLE = np.array([[0.0, 0.0, -0.4], [10.0, 0.0, 0.6], [2.0, 8.0, 0.2]])
+DART = np.array([[0.0, 0.0, 0.3], [10.0, 0.0, -0.2], [3.0, 3.0, 0.1], [0.0, 10.0, 0.4]])
+"""Not convex; its overlap is made linear below."""
+
+
+def linear(corners: np.ndarray, a: float, b: float, c: float) -> np.ndarray:
+    """Give the corners the overlap a + b x + c y."""
+    return np.column_stack([corners[:, :2], a + b * corners[:, 0] + c * corners[:, 1]])
+
+
+def slow(corners: np.ndarray, top: float, parts: int = 200) -> np.ndarray:
+    """Sums over small triangles of a fan: the integrals of min(<d>, top), by x, by y, and the elastic area."""
+    total = np.zeros(4)
+    for n in range(1, len(corners) - 1):
+        a, b, c = corners[0], corners[n], corners[n + 1]
+        area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])) / parts**2
+        for shift in (1.0 / 3.0, 2.0 / 3.0):  # triangles of both directions
+            i, j = np.meshgrid(np.arange(parts) + shift, np.arange(parts) + shift, indexing="ij")
+            inside = i + j < parts
+            s, t = (i[inside] / parts)[:, None], (j[inside] / parts)[:, None]
+            x, y, d = (a + s * (b - a) + t * (c - a)).T
+            pressed = np.clip(d, 0.0, top)
+            elastic = (d > 0.0) & (d < top)
+            total += area * np.array([pressed.sum(), (pressed * x).sum(), (pressed * y).sum(), elastic.sum()])
+    return total
+
+
+@pytest.mark.parametrize("corners", [TRIANGLE, linear(DART, 0.3, -0.05, 0.02), linear(DART, -1.0, 0.05, 0.03)])
+@pytest.mark.parametrize("top", [0.05, 0.3, 5.0])
+def test_integrals_are_those_of_a_slow_sum(corners: np.ndarray, top: float) -> None:
+    sums, room = np.zeros(10), np.zeros((20, 3))
+    seabed.pressed(corners, len(corners), top, room, sums)
+    expected = slow(corners, top)
+    assert sums[:4] == pytest.approx(expected, rel=5e-3, abs=2e-3 * max(abs(expected).max(), 1.0))
+
+
+def test_tangent_is_the_derivative_of_the_load() -> None:
+    room, step = np.zeros((20, 3)), 1e-6
+    at = [np.zeros(10) for _ in range(3)]
+    for sums, rise in zip(at, (-step, 0.0, step), strict=True):
+        seabed.pressed(TRIANGLE - np.array([0.0, 0.0, rise]), 3, 0.3, room, sums)
+    low, here, high = at
+    assert (low[0] - high[0]) / (2.0 * step) == pytest.approx(here[3], rel=1e-6)  # by heave
+    assert (low[1] - high[1]) / (2.0 * step) == pytest.approx(here[4], rel=1e-6)
+    assert (low[9] - high[9]) / (2.0 * step) == pytest.approx(here[0], rel=1e-6)  # energy by heave
+
+
+def test_a_keel_clear_of_the_floor_bears_nothing() -> None:
+    sums, room = np.ones(10), np.zeros((20, 3))
+    seabed.pressed(TRIANGLE - np.array([0.0, 0.0, 1.0]), 3, 0.3, room, sums)
+    assert not sums.any()
+
+
+def test_cut_parts_add_up() -> None:
+    out, areas = np.zeros((20, 3)), []
+    for sign in (1.0, -1.0):
+        count = seabed.cut(DART, len(DART), 0, 2.5, sign, out)
+        sums = np.zeros(10)
+        seabed.add_moments(out, count, 0.0, 1.0, sums)
+        areas.append(sums[3])
+    sums = np.zeros(10)
+    seabed.add_moments(DART, len(DART), 0.0, 1.0, sums)
+    assert sum(areas) == pytest.approx(sums[3], rel=1e-12)
+    assert min(areas) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("modulus", "corner", "edge", "inside"), [(9e9, 6.4e9, 17.6e9, 65e9), (1e9, 2.1e9, 5.9e9, 22e9)]
+)
+def test_stiffness_of_ice_200_m_thick(modulus: float, corner: float, edge: float, inside: float) -> None:
+    length = seabed.bending_length(modulus, 0.3, 200.0)
+    for share, expected in ((0.25, corner), (0.5, edge), (1.0, inside)):
+        assert seabed.point_stiffness(length, share) == pytest.approx(expected, rel=0.03)
+
+
+def test_an_edge_is_a_quarter_as_stiff_as_the_inside() -> None:
+    assert seabed.line_stiffness(900.0, 1.0) == pytest.approx(4.0 * seabed.line_stiffness(900.0, 0.5), rel=1e-12)
+    # The deflection of an endless beam on water under a load at one place is P / (2 k lambda).
+    assert seabed.line_stiffness(900.0, 1.0) == pytest.approx(
+        2.0 * seabed.WATER_STIFFNESS * 2.0**0.5 * 900.0, rel=1e-12
+    )
+
+
+def test_clay_shears_before_friction_is_reached() -> None:
+    assert seabed.friction_depth(1e6, 1.2e5, 0.5, 2e4) == pytest.approx(0.04)
+    assert seabed.friction_depth(1e7, 1e6, 0.5, 0.0) == seabed.yield_depth(1e7, 1e6) == pytest.approx(0.1)

@@ -1,0 +1,145 @@
+"""Bergs that run aground on a bed of sediment, against numbers of an independent prototype and of energy.
+
+Berg 18 x 9 km, 250 m, 850 kg m-3, on a plane without rotation; slope of the floor 1e-3, 0.3 m/s. The prototype is a rigid plate
+on water with the exact footprint and, for corners, an elastic plate by finite elements.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.errors import InputError, RiftbergError
+
+pytestmark = pytest.mark.compiled
+
+DRAFT = 250.0 * 850.0 / 1025.0
+PLANE: dict[str, Any] = {"latlon": False, "latitude": 0.0}
+
+
+def berg_model(
+    *, dt: float = 600.0, radius: float = 1500.0, speed: float = 0.3, current: float = 0.0, floor: Any, towards: float = 0.0,
+    tide: Any = None, **grounding: Any,
+) -> Model:  # fmt: skip
+    """The berg at the origin, under way ``towards`` (degrees from its long axis)."""
+    a = math.radians(towards)
+    berg = Iceberg.rectangle(
+        18e3, 9e3, thickness=250.0, radius=radius, placement=(0.0, 0.0), density=850.0, latlon=False,
+        velocity=(speed * math.cos(a), speed * math.sin(a)),
+    )  # fmt: skip
+    sea = Forcing.uniform((current, 0.0), **PLANE) + floor
+    parameters = Parameters(
+        ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+        grounding={"law": "seabed", **grounding}, fracture={"enabled": False}, stepping={"time_step": dt},
+    )  # fmt: skip
+    return Model(berg, sea if tide is None else sea + tide, parameters)
+
+
+def rising(towards: float = 0.0, gradient: float = 1e-3, ahead: float = 20.0) -> Any:
+    """A floor that rises in a direction and touches the foremost point of the keel after some metres."""
+    a = math.radians(towards)
+    reach = 9e3 * abs(math.cos(a)) + 4.5e3 * abs(math.sin(a)) + ahead
+    return Forcing.slope(
+        (reach * math.cos(a), reach * math.sin(a)), 90.0 - towards, -gradient, DRAFT, (1.0, 5000.0), latlon=False
+    )
+
+
+def way(model: Model, towards: float = 0.0, ahead: float = 20.0, steps: int = 60) -> float:
+    """Way (m) from touching until the berg turns round or stands."""
+    el, a = model.elements, math.radians(towards)
+    x, y, before = el.lon.mean(), el.lat.mean(), -math.inf
+    for _ in range(steps):
+        model.step()
+        el = model.elements
+        now = (el.lon.mean() - x) * math.cos(a) + (el.lat.mean() - y) * math.sin(a) - ahead
+        if now > 0.0 and now - before < 1.0:
+            return float(now)
+        before = now
+    raise AssertionError("the berg did not come to rest")
+
+
+@pytest.mark.parametrize(
+    ("sediment", "bending", "modulus", "metres"),
+    [
+        ("rock", False, 9e9, 125.8), ("rock", True, 9e9, 303.0), ("rock", True, 1e9, 398.0), ("sand", False, 9e9, 145.0),
+        ("sand", True, 9e9, 316.0), ("sand", True, 1e9, 410.0), ("clay", False, 9e9, 212.0), ("clay", True, 9e9, 358.0),
+        ("clay", True, 1e9, 443.0),
+    ],
+)  # fmt: skip
+def test_way_to_rest_on_a_slope(sediment: str, bending: bool, modulus: float, metres: float) -> None:
+    model = berg_model(floor=rising(), sediment=sediment, bending=bending, ice_modulus=modulus)
+    assert way(model) == pytest.approx(metres, rel=0.03)
+
+
+@pytest.mark.parametrize(("radius", "dt"), [(750.0, 600.0), (375.0, 600.0), (1500.0, 60.0), (1500.0, 3600.0)])
+def test_way_depends_on_neither_elements_nor_step(radius: float, dt: float) -> None:
+    usual = way(berg_model(floor=rising(), sediment="rock"))
+    assert way(berg_model(floor=rising(), sediment="rock", radius=radius, dt=dt)) == pytest.approx(usual, rel=0.01)
+
+
+def test_corner_lands_as_an_elastic_plate() -> None:
+    model = berg_model(floor=rising(30.0, ahead=5.0), sediment="rock", speed=0.2, towards=30.0)
+    assert way(model, 30.0, 5.0) == pytest.approx(554.0, rel=0.05)
+    assert model.elements.keel.floor_load.sum() == pytest.approx(5.0e9, rel=0.05)
+
+
+def flat(depth: float) -> Any:
+    return Forcing.uniform((0.0, 0.0), depth=depth, **PLANE)
+
+
+def test_currents_up_to_friction_are_held() -> None:
+    for current, held in ((0.72, True), (0.75, False)):
+        model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=current, dt=3600.0, sediment="rock", cell=200.0)
+        x = model.elements.lon.mean()
+        model.advance(steps=6)
+        assert (abs(model.elements.lon.mean() - x) < 0.1) == held
+
+
+def test_a_berg_aground_stays_for_a_year() -> None:
+    model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=0.3, dt=10800.0, sediment="rock", cell=200.0)
+    x = model.elements.lon.mean()
+    model.advance(days=365)
+    assert abs(model.elements.lon.mean() - x) < 0.02
+
+
+def test_tide_floats_it_off_when_the_level_says() -> None:
+    level = Forcing.tide(0.0, level=0.5, **PLANE) + Forcing.tide(
+        0.0, level=0.3, period="12 h", level_phase=180.0, **PLANE
+    )
+    model = berg_model(
+        floor=flat(DRAFT - 0.6), tide=level, speed=0.0, current=0.1, dt=600.0, sediment="rock", cell=200.0
+    )
+    for _ in range(5 * 144):
+        model.step()
+        t = model.time
+        high = 0.5 * math.cos(2.0 * math.pi * t / (12.4206012 * 3600.0)) - 0.3 * math.cos(2.0 * math.pi * t / 43200.0)
+        afloat = not model.elements.keel.floor_load.any()
+        assert afloat == (high > 0.6) or abs(high - 0.6) < 1e-6
+
+
+def test_restart_goes_on_bit_for_bit() -> None:
+    model = berg_model(floor=rising(30.0), sediment="clay", shear_strength=5e3, speed=0.2, towards=30.0)
+    model.advance(steps=4)
+    assert model.elements.keel.floor_load.any()
+    other = copy.deepcopy(model)
+    for one in (model, other):
+        one.advance(steps=3)
+    for name, values in model.elements.arrays().items():
+        assert np.array_equal(values, other.elements.arrays()[name], equal_nan=True), name
+
+
+def test_bad_beds_are_refused_by_name() -> None:
+    with pytest.raises(RiftbergError, match=r"other.*stiffness, grounding.bearing_strength, grounding.friction"):
+        Parameters(grounding={"law": "seabed", "sediment": "other"})
+    with pytest.raises(RiftbergError, match="friction"):
+        Parameters(grounding={"law": "seabed", "friction": -0.1})
+    with pytest.raises(RiftbergError, match="quasi_static"):
+        Parameters(grounding={"law": "seabed"}, stepping={"scheme": "mts"})
+    model = berg_model(floor=flat(DRAFT - 3.0), speed=0.0)
+    with pytest.raises(InputError, match="3 m below the sea floor"):
+        model.step()
