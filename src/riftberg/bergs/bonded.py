@@ -131,6 +131,10 @@ class BondedBerg:
         elements, bonds = copy_state(self.elements, self.bonds)
         crossed = strengths.crossed_by(elements, bonds, rift, latlon=self.latlon, crs=crs, threshold=threshold)
         strengths.weaken(elements, bonds, crossed, strength=strength, broken=broken)
+        if broken and not is_map(rift):
+            from riftberg.bergs.outline import line_strings  # which needs shapely
+
+            strengths.mark_cracks(elements, bonds, line_strings(rift, crs), self.latlon, crossed)
         made = {"crossed": int(crossed.sum()), "broken": broken, "strength": 0.0 if broken else strength}
         report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
         return replace(self, elements=elements, bonds=bonds, report=report)

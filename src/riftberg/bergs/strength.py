@@ -28,22 +28,45 @@ def crossed_by_lines(elements: Elements, bonds: Bonds, lines: Iterable[Any], lat
 
     ``lines``: each of shape (n, 2): longitude and latitude (m on a Cartesian grid).
     """
+    return crossings(elements, bonds, lines, latlon)[0] >= 0
+
+
+def crossings(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bool) -> tuple[Ints, Floats, Floats]:
+    """Return the first line that crosses each bond (-1 for none), where along the line, and where along the bond.
+
+    Along a line its points have the places 0, 1, 2, ...; along a bond its ends have 0 and 1.
+    """
     lon0, lat0 = (float(a.mean()) for a in (elements.lon, elements.lat))
     # In plane coordinates about the middle of the berg: whether lines cross does not depend on the scale, but on the
     # shape.
     squeeze = math.cos(lat0 * DEGREE) if latlon else 1.0
     x, y = (elements.lon - lon0) * squeeze, elements.lat - lat0
     ax, ay, bx, by = x[bonds.first], y[bonds.first], x[bonds.second], y[bonds.second]
-    crossed = np.zeros(len(ax), dtype=bool)
-    for line in lines:
+    number, along, part = np.full(len(ax), -1), np.zeros(len(ax)), np.zeros(len(ax))
+    for n, line in enumerate(lines):
         east = line[:, 0] - lon0
         px, py = (np.mod(east + 180, 360) - 180 if latlon else east) * squeeze, line[:, 1] - lat0
         for k in range(len(line) - 1):
             c, d = (px[k], py[k]), (px[k + 1], py[k + 1])
             # Two segments cross where each has its ends on different sides of the other.
             ends_apart = _left(*c, *d, ax, ay) != _left(*c, *d, bx, by)
-            crossed |= ends_apart & (_left(ax, ay, bx, by, *c) != _left(ax, ay, bx, by, *d))
-    return crossed
+            crossed = ends_apart & (_left(ax, ay, bx, by, *c) != _left(ax, ay, bx, by, *d)) & (number < 0)
+            dx, dy, ex, ey = d[0] - c[0], d[1] - c[1], (bx - ax)[crossed], (by - ay)[crossed]
+            fx, fy, turn = ax[crossed] - c[0], ay[crossed] - c[1], dx * ey - dy * ex
+            along[crossed], part[crossed] = k + (fx * ey - fy * ex) / turn, (fx * dy - fy * dx) / turn
+            number[crossed] = n
+    return number, along, np.clip(part, 0.0, 1.0)
+
+
+def mark_cracks(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bool, chosen: Booleans) -> None:
+    """Note the lines that have parted the ice as cracks: their numbers, and which bonds they cross, where and in which order."""
+    number, along, part = crossings(elements, bonds, lines, latlon)
+    before = int(bonds.crack.max(initial=0))
+    for n in np.unique(number[chosen & (number >= 0)]):
+        before += 1
+        rows = np.flatnonzero(chosen & (number == n))
+        rows = rows[np.argsort(along[rows], kind="stable")]
+        bonds.crack[rows], bonds.crack_order[rows], bonds.crack_part[rows] = before, np.arange(rows.size), part[rows]
 
 
 def _left(ax: Any, ay: Any, bx: Any, by: Any, px: Any, py: Any) -> Any:

@@ -380,13 +380,23 @@ class Bonds(NamedTuple):
     cracked_area: Annotated[
         Floats, _is("m2", "area of the crack that began with this bond; of the quasi-static scheme")
     ]
-    crack: Annotated[Ints, _is("1", "number of the crack line that crosses this bond; 0 for none")]
+    crack: Annotated[
+        Ints, _is("1", "number of the crack line that crosses this bond; 0 for none", limits=(0, LARGEST_WHOLE))
+    ]
     crack_order: Annotated[
-        Ints, _is("1", "place of this bond along its crack line, which began at the bond of place 0")
-    ]
+        Ints,
+        _is(
+            "1", "place of this bond along its crack line, which began at the bond of place 0",
+            limits=(-LARGEST_WHOLE, LARGEST_WHOLE),
+        ),
+    ]  # fmt: skip
     crack_part: Annotated[
-        Floats, _is("1", "where the crack line crosses the bond: part of the way from its first end to its second")
-    ]
+        Floats,
+        _is(
+            "1", "where the crack line crosses the bond: part of the way from its first end to its second",
+            limits=(0.0, 1.0),
+        ),
+    ]  # fmt: skip
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays by name, in the order of the registry."""

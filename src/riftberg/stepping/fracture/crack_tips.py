@@ -16,7 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from riftberg.state import Bonds, Floats, Ints
+from riftberg.parameters import KernelParameters
+from riftberg.plane import ConformalPlane
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import rows_of
 from riftberg.stepping.lattice.cells import Booleans
 from riftberg.stepping.lattice.elastic_cells import CellStiffness
@@ -31,9 +33,9 @@ direction within 3 degrees."""
 LONGEST_STEP = 3.0
 """Way (in distances of elements) within which the ray of a tip must cross a bond; else the tip has run out of the ice."""
 
-LEAST_COSINE = math.cos(math.radians(70.5))
-"""No load turns a crack farther than in pure mode II (Erdogan and Sih 1963, J. Basic Eng. 85). A mean that says more is that of a
-last ligament in bending, which a crack crosses straight on."""
+LEAST_FILLED = 0.98
+"""Part of the disc around a tip that must be ice for it to turn. With less the outline is nearer than three elements: the ice
+between bends like a hinge, its mean stress says nothing of the way, and the crack crosses it straight on."""
 
 BEYOND = 1e-3
 """Part of the distance of elements by which a tip stands beyond the bond that it has crossed."""
@@ -68,6 +70,39 @@ def tips_from_arrays(saved: Mapping[str, Any]) -> CrackTips:
     if not all(name in saved for name in TIP_NAMES):
         return NO_TIPS
     return CrackTips._make([np.asarray(saved[name], now.dtype) for name, now in zip(TIP_NAMES, NO_TIPS, strict=True)])
+
+
+def tips_of_rifts(el: Elements, bonds: Bonds, p: KernelParameters) -> CrackTips:
+    """Return the tips of the rifts that are there from the start, at both ends of each line of crossed bonds.
+
+    A tip at the outline finds no ice ahead of it and ends with the first bond that fails near it. A line of one crossing has
+    no direction, and no tips.
+    """
+    found = []
+    for number in np.unique(bonds.crack[bonds.crack > 0]):
+        rows = np.flatnonzero(bonds.crack == number)
+        rows = rows[np.argsort(bonds.crack_order[rows])]
+        if rows.size < 2:
+            continue
+        first, second, part = bonds.first[rows], bonds.second[rows], bonds.crack_part[rows]
+        # On a plane about the first crossing; a rift is short beside the Earth.
+        plane = ConformalPlane(float(el.lon[first[0]]), float(el.lat[first[0]]), p.earth_radius, p.latlon)
+        a, b = (np.column_stack(plane.forward(el.lon[e], el.lat[e])) for e in (first, second))
+        way = a + part[:, None] * (b - a)
+        length = float(np.hypot(*np.diff(way, axis=0).T).sum())
+        for end, before, order in ((0, 1, -1), (-1, -2, rows.size)):
+            direction = (way[end] - way[before]) / np.hypot(*(way[end] - way[before]))
+            along = b[end] - a[end]
+            spacing = float(np.hypot(*along))
+            axes = np.array([along, [-along[1], along[0]]]) / spacing
+            place = axes @ (way[end] + BEYOND * spacing * direction - a[end])
+            beside = [el.body.id[first[end]], el.body.id[second[end]]]
+            found.append((beside, place, axes @ direction, number, order, length))
+    if not found:
+        return NO_TIPS
+    return CrackTips._make([
+        np.array(values, old.dtype) for old, values in zip(NO_TIPS, zip(*found, strict=True), strict=True)
+    ])  # fmt: skip
 
 
 class Tip(NamedTuple):
@@ -152,35 +187,28 @@ class CrackPaths:
 
     def ahead(self, tip: Tip, stress: Floats) -> Crossing | None:
         """Return the unbroken bond that a tip crosses next, normal to the larger principal stress ahead; None where it ends."""
-        xx, yy, xy = self._cells.mean_ahead(stress, tip.body, tip.place, tip.direction, AHEAD * tip.spacing)
+        (xx, yy, xy), filled = self._cells.mean_ahead(stress, tip.body, tip.place, tip.direction, AHEAD * tip.spacing)
         direction = tip.direction
-        if xx != yy or xy != 0.0:
+        if filled >= LEAST_FILLED and (xx != yy or xy != 0.0):
             angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
             direction = np.array([math.cos(angle), math.sin(angle)])
             direction *= 1.0 if direction @ tip.direction >= 0.0 else -1.0
-            if direction @ tip.direction < LEAST_COSINE:
-                direction = tip.direction
         bond, part = self._crossed(tip._replace(direction=direction), int(self.tips.crack[tip.row]))
         return None if bond < 0 else Crossing(bond, part, tip._replace(direction=direction))
 
     def _crossed(self, tip: Tip, crack: int) -> tuple[int, float]:
-        """First bond on the ray of a tip, and where on the bond; -1 where there is none or where it has broken already."""
-        first, second = self._bonds.first, self._bonds.second
-        # Bonds that its own crack has cut lie behind it.
-        own = (self._bonds.crack == crack) & (self._bonds.status != 0)
-        within = np.flatnonzero((self._body[first] == tip.body) & (self._body[second] == tip.body) & ~own)
-        a, along = self._xy[first[within]] - tip.place, self._xy[second[within]] - self._xy[first[within]]
-        x, y = tip.direction
-        turn = x * along[:, 1] - y * along[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            way = (a[:, 0] * along[:, 1] - a[:, 1] * along[:, 0]) / turn
-            part = (a[:, 0] * y - a[:, 1] * x) / turn
-        crossed = (way > 0.0) & (way <= LONGEST_STEP * tip.spacing) & (part >= -1e-9) & (part <= 1.0 + 1e-9)
-        if not crossed.any():
-            return -1, 0.0
-        nearest = int(np.argmin(np.where(crossed, way, np.inf)))
-        bond = int(within[nearest])
-        return (bond if self._bonds.status[bond] == 0 else -1), float(np.clip(part[nearest], 0.0, 1.0))
+        """First unbroken bond on the ray of a tip, and where on the bond; -1 where there is none before another crack."""
+        first, second, status = self._bonds.first, self._bonds.second, self._bonds.status
+        inside = (self._body[first] == tip.body) & (self._body[second] == tip.body)
+        # Facets of broken bonds are open, but for those of its own crack, which lie behind it.
+        open_ones = np.flatnonzero(inside & (status != 0) & (self._bonds.crack != crack))
+        a, along = self._xy[first[open_ones]], self._xy[second[open_ones]] - self._xy[first[open_ones]]
+        facet = np.column_stack([-along[:, 1], along[:, 0]]) * self._cells.facet[first[open_ones], None]
+        limit, _, _ = _nearest_on_ray(tip, a + 0.5 * (along - facet), facet, LONGEST_STEP * tip.spacing)
+        intact = np.flatnonzero(inside & (status == 0))
+        a, along = self._xy[first[intact]], self._xy[second[intact]] - self._xy[first[intact]]
+        _, nearest, part = _nearest_on_ray(tip, a, along, limit)
+        return (int(intact[nearest]) if nearest >= 0 else -1), part
 
     def _start(self, bond: int, middle: Floats, spacing: float, tensor: Floats) -> None:
         """Start a crack in the middle of a bond, with two tips."""
@@ -223,3 +251,18 @@ class CrackPaths:
         if rows:
             kept = np.setdiff1d(np.arange(self.tips.crack.size), rows)
             self.tips = CrackTips._make([array[kept] for array in self.tips])
+
+
+def _nearest_on_ray(tip: Tip, begin: Floats, along: Floats, limit: float) -> tuple[float, int, float]:
+    """First segment on the ray of a tip within ``limit`` (m): the way to it, its row (-1 for none), and where on it (0 to 1)."""
+    x, y = tip.direction
+    away, turn = begin - tip.place, x * along[:, 1] - y * along[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = (away[:, 0] * along[:, 1] - away[:, 1] * along[:, 0]) / turn
+        part = (away[:, 0] * y - away[:, 1] * x) / turn
+    # A ray through an element crosses one of its bonds at least, whatever round-off says.
+    crossed = (way > 0.0) & (way <= limit) & (part >= -1e-9) & (part <= 1.0 + 1e-9)
+    if not crossed.any():
+        return limit, -1, 0.0
+    row = int(np.argmin(np.where(crossed, way, np.inf)))
+    return float(way[row]), row, float(np.clip(part[row], 0.0, 1.0))

@@ -10,6 +10,7 @@ loads. They are unknowns of the stiffness matrix, and their displacements follow
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -234,7 +235,7 @@ class CellStiffness:
         self._at = freedoms(number[vertex], number[mesh.owner[vertex]])
         self._areas_of(row, living, bonds)
         # The side along which two cells meet: hexagons touch along less than their width.
-        self._facet = np.where(el.body.sides == 6, 1.0 / np.sqrt(3.0), 1.0)
+        self.facet = np.where(el.body.sides == 6, 1.0 / np.sqrt(3.0), 1.0)
         self._held = (el.static >= 0.5) | (el.free_y < 0.5)
         self._outline: tuple[Ints, csr_matrix, Any] | None = None
 
@@ -353,7 +354,7 @@ class CellStiffness:
         6 M / (H w^2) at the end of the facet, as in a beam as high as the facet is long (w): the mean stress of a bond
         knows nothing of the moment M that it bears.
         """
-        width = lattice.width[rows] * self._facet[lattice.first[rows]]
+        width = lattice.width[rows] * self.facet[lattice.first[rows]]
         moment = bridge_moments(lattice.first, lattice.second, rows, self._xy, load, self._held)
         return np.asarray(6.0 * abs(moment) / (lattice.thickness[rows] * width**2))
 
@@ -374,23 +375,27 @@ class CellStiffness:
 
     def row_distance(self, element: int, spacing: float) -> float:
         """Distance (m) of the rows of a lattice: of the elements in squares, sqrt(3) / 2 of it in hexagons."""
-        return spacing if self._facet[element] == 1.0 else 0.5 * np.sqrt(3.0) * spacing
+        return spacing if self.facet[element] == 1.0 else 0.5 * np.sqrt(3.0) * spacing
 
     def facet_area(self, lattice: ElasticLattice, bond: int) -> float:
         """Area (m2) along which the cells of a bond meet."""
-        return float(lattice.width[bond] * self._facet[lattice.first[bond]] * lattice.thickness[bond])
+        return float(lattice.width[bond] * self.facet[lattice.first[bond]] * lattice.thickness[bond])
 
-    def mean_ahead(self, stress: Floats, body: int, place: Floats, direction: Floats, radius: float) -> Floats:
-        """Stress (Pa; xx, yy, xy) of the ice ahead of a place in a fragment; zero where there is none.
+    def mean_ahead(
+        self, stress: Floats, body: int, place: Floats, direction: Floats, radius: float
+    ) -> tuple[Floats, float]:
+        """Stress (Pa; xx, yy, xy) of the ice ahead of a place in a fragment, and how much of the disc around it is ice.
 
         Weighted by area and by exp(-d^2 / 2 r^2), up to 3 r (after Wells and Sluys 2001, Int. J. Numer. Methods Eng. 50).
         """
         away = self._middle - place
         square = (away**2).sum(axis=1)
         weight = self._mesh.weight * self._mesh.area * np.exp(-0.5 * square / radius**2)
-        weight *= (self._of_body == body) & (square <= 9.0 * radius**2) & (away @ direction > 0.0)
-        total = weight.sum()
-        return np.asarray(weight @ stress / total) if total > 0.0 else np.zeros(3)
+        weight *= (self._of_body == body) & (square <= 9.0 * radius**2)
+        filled = float(weight.sum()) / (2.0 * math.pi * radius**2 * (1.0 - math.exp(-4.5)))
+        weight *= away @ direction > 0.0
+        total = float(weight.sum())
+        return (np.asarray(weight @ stress / total) if total > 0.0 else np.zeros(3)), filled
 
 
 @kernel

@@ -57,7 +57,14 @@ from riftberg.stepping.contact.land import corrected_poses, land_corrections, le
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
-from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackPaths, CrackTips, tips_from_arrays
+from riftberg.stepping.fracture.crack_tips import (
+    NO_TIPS,
+    TIP_NAMES,
+    CrackPaths,
+    CrackTips,
+    tips_from_arrays,
+    tips_of_rifts,
+)
 from riftberg.stepping.fracture.criteria import Criterion, Equilibrium, criterion_for
 from riftberg.stepping.fracture.strengths import (
     Strengths,
@@ -127,6 +134,7 @@ class QuasiStaticStepper:
         self._tips = NO_TIPS
         if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
+            self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
         self._seabed = Seabed(model) if model.parameters.grounding.law == "seabed" else None
         self._lattice: FactoredLattice | None = None
         self._state: BodyState | None = None

@@ -1,0 +1,323 @@
+"""What breaks, and where the crack goes, whatever the lattice: criteria of the ice and crack lines in elastic cells.
+
+Plates are pulled apart from their middle, by forces that grow as sin(pi x / L): the tension is largest on the middle line, and
+1.025 of the mean there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+from riftberg.state import Floats
+from riftberg.stepping.bodies.pose import bodies_from_elements, tangent_coordinates
+from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackPaths, CrackTips, tips_of_rifts
+from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Toughness
+from riftberg.stepping.fracture.strengths import Strengths, overloads
+from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.lattice.bridges import bridge_moments
+from riftberg.stepping.lattice.elastic_cells import CellSolver, CellStiffness, ElasticCells, with_new_cells
+from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
+
+RADIUS, THICKNESS, SPACING = 750.0, 200.0, 1500.0
+STRENGTH = 18e3
+ANGLES = (0.0, 15.0, 22.5, 30.0, 45.0)
+LATTICES = [(packing, angle) for packing in ("square", "hexagonal") for angle in ANGLES]
+SOME = [("square", 22.5), ("hexagonal", 15.0)]
+QUICK = [pytest.param(*one, marks=() if one in SOME else pytest.mark.slow) for one in LATTICES]
+
+
+class Factored(NamedTuple):
+    """A lattice with its factors, as it is bonded now."""
+
+    body: Floats
+    xy: Floats
+    lattice: object
+    intact: Floats
+    cells: CellStiffness
+    solver: CellSolver
+
+
+class Plate:
+    """A berg of a turned lattice that is loaded by hand, with strengths alike."""
+
+    def __init__(self, packing: str, angle: float, length: float, width: float, berg: Iceberg | None = None) -> None:
+        made = berg or Iceberg.rectangle(
+            length, width, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, lattice_angle=angle
+        )
+        bonds = {"elasticity": "cells", "packing": packing}
+        earth = {"latlon": False, "period": 0.0}
+        self.p = Parameters(earth=earth, bonds=bonds, fracture={"enabled": False}).kernel_values()
+        self.el, self.bonds = made.elements, made.bonds
+        self.x, self.y = self.el.lon.copy(), self.el.lat.copy()
+        self.mesh: ElasticCells = with_new_cells(None, self.el, self.bonds, made.outlines, self.p)
+        self.tips: CrackTips = NO_TIPS
+        self.now = self._factored()
+
+    def _factored(self) -> Factored:
+        el, bonds = self.el, self.bonds
+        body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
+        bodies = bodies_from_elements(el.lon, el.lat, body, el.mass, False, 1.0, 0.0)
+        xy = tangent_coordinates(bodies.reference, False, 1.0)
+        supports, intact = Supports(el.static, el.free_y), np.flatnonzero(bonds.status == 0)
+        with np.errstate(all="ignore"):  # ends of broken bonds lie in frames of their own
+            lattice = find_lattice(bonds, xy, el.thickness, interaction_sizes(el, self.p), self.p)
+        cells = CellStiffness(self.mesh, el, bonds, body, xy, self.p)
+        solver = CellSolver(cells, lattice, intact, supports, supports.gauge_springs(body, xy))
+        return Factored(body, xy, lattice, intact, cells, solver)
+
+    def paths(self) -> CrackPaths:
+        return CrackPaths(self.tips, self.bonds, self.el.body.id, self.now.body, self.now.xy, self.now.cells)
+
+    def under(self, east: Floats, north: Floats | float = 0.0) -> Equilibrium:
+        """Equilibrium under forces (N) on the elements."""
+        el, now = self.el, self.now
+        force = np.column_stack([east, np.broadcast_to(north, east.shape), np.zeros(el.size)])
+        turn, spin = np.tile([1.0, 0.0], (el.size, 1)), np.zeros(int(now.body.max()) + 1)
+        load = balanced_loads(now.body, now.xy, turn, force, el.mass, 0.5 * el.mass * RADIUS**2, spin)
+        displacement = now.solver.solve(load)
+        return Equilibrium(now.lattice, now.intact, displacement, load, self.p, now.cells, self.paths())
+
+    def strengths(self) -> Strengths:
+        return Strengths(np.full(self.now.intact.size, STRENGTH), np.full(self.now.intact.size, 1e9))
+
+    def break_next(self, moment: Equilibrium, row: int) -> int:
+        """Break the bond on the way of the crack where one fails."""
+        paths, strengths = self.paths(), self.strengths()
+        ratio, strength = np.zeros(self.bonds.first.size), np.zeros(self.bonds.first.size)
+        ratio[self.now.intact], strength[self.now.intact] = overloads(moment.stress, strengths), strengths.normal
+        last = bool(moment.bending[row] > 0.0)
+        bond = paths.next_bond(
+            int(self.now.intact[row]), last, moment.tensor[row], moment.triangle_stress, ratio, strength
+        )
+        self.tips = paths.tips
+        self.without(bond)
+        return bond
+
+    def without(self, bond: int) -> None:
+        self.bonds.status[bond] = 1
+        self.now = self._factored()
+
+    def line(self, crack: int) -> Floats:
+        """Points of a crack, from one end to the other."""
+        b = self.bonds
+        rows = np.flatnonzero((b.crack == crack) & (b.status != 0))
+        rows = rows[np.argsort(b.crack_order[rows])]
+        part = b.crack_part[rows]
+        x = self.x[b.first[rows]] + part * (self.x[b.second[rows]] - self.x[b.first[rows]])
+        y = self.y[b.first[rows]] + part * (self.y[b.second[rows]] - self.y[b.first[rows]])
+        return np.column_stack([x, y])
+
+
+def pulled_from_the_middle(plate: Plate, length: float) -> Floats:
+    return plate.el.mass * np.sin(np.pi * plate.x / length)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_last_bond_bears_is_the_balance_of_the_part_beyond_it(seed) -> None:
+    """Against taking each bond out and adding up the loads on one side, with supports in some of the graphs."""
+    rng = np.random.default_rng(seed)
+    count = 24
+    first = np.array([int(rng.integers(0, n)) for n in range(1, count)] + [2, 7, 5])
+    second = np.array([*range(1, count), 9, 20, 11])
+    intact = np.flatnonzero(rng.random(first.size) < 0.9)
+    xy, load = rng.normal(size=(count, 2)), rng.normal(size=(count, 3))
+    held = rng.random(count) < (0.1 if seed % 2 else 0.0)
+    whole = np.ones(first.size, np.int64)
+    whole[intact] = 0
+    moments = bridge_moments(first, second, intact, xy, load, held)
+    seen = 0
+    for k, bond in enumerate(intact):
+        parted = whole.copy()
+        parted[bond] = 1
+        part = connected_parts(count, first, second, parted)
+        sides = [part == part[first[bond]], part == part[second[bond]]]
+        free = [side for side in sides if not held[side].any()]
+        if part[first[bond]] == part[second[bond]] or not free:
+            assert moments[k] == 0.0
+            continue
+        arm = xy - 0.5 * (xy[first[bond]] + xy[second[bond]])
+        about = load[:, 2] + arm[:, 0] * load[:, 1] - arm[:, 1] * load[:, 0]
+        assert any(moments[k] == pytest.approx(about[side].sum(), rel=1e-10) for side in free)
+        seen += 1
+    assert seen > 3
+
+
+@pytest.mark.parametrize(("packing", "angle"), QUICK)
+def test_a_strength_is_the_same_on_every_lattice(packing, angle) -> None:
+    """A plate of 48 x 16 cells breaks where its tension reaches the strength, within 3 %, at the middle line."""
+    plate = Plate(packing, angle, 72e3, 24e3)
+    pull = pulled_from_the_middle(plate, 72e3)
+    moment = plate.under(pull)
+    row, ratio = IceStress().most_critical(moment, plate.strengths())
+    mean = pull[plate.x > 0.0].sum() / (24e3 * THICKNESS)
+    assert ratio * STRENGTH / mean == pytest.approx(1.025, rel=0.03)
+    bond = plate.now.intact[row]
+    assert abs(plate.x[[plate.bonds.first[bond], plate.bonds.second[bond]]].mean()) < 4.0 * SPACING
+    # Pushed together it bears any load.
+    assert IceStress().most_critical(plate.under(-pull), plate.strengths())[1] < 0.5 * ratio
+
+
+@pytest.mark.parametrize(("packing", "angle"), QUICK)
+def test_a_plate_that_fails_parts_straight_across(packing, angle) -> None:
+    """At 1.02 of the load of its first break: a line within 8 degrees of the middle line, at most two crumbs."""
+    plate = Plate(packing, angle, 72e3, 24e3)
+    pull = pulled_from_the_middle(plate, 72e3)
+    pull *= 1.02 / IceStress().most_critical(plate.under(pull), plate.strengths())[1]
+    breaks = 0
+    while breaks < 50:
+        moment = plate.under(pull)
+        row, ratio = IceStress().most_critical(moment, plate.strengths())
+        if ratio <= 1.0:
+            break
+        plate.break_next(moment, row)
+        breaks += 1
+    sizes = np.sort(np.bincount(plate.now.body))[::-1]
+    assert sizes[1] > 0.45 * plate.el.size
+    assert sizes[2:].sum() <= 2
+    # A straight cut takes 16 bonds of squares in line, and up to 31 of hexagons.
+    assert breaks <= (30 if packing == "square" else 46)
+    ends = plate.line(1)[[0, -1]]
+    along = (ends[1] - ends[0]) * np.sign((ends[1] - ends[0])[1])
+    assert np.degrees(np.arctan2(*along)) == pytest.approx(0.0, abs=8.0)
+
+
+def cracked_plate(packing: str, angle: float, inclined: float, *, rift: bool = True) -> Plate:
+    """A plate of 48 x 48 cells with a crack of 8 cells in its middle, ``inclined`` (degrees) to the normal of the pull."""
+    berg = Iceberg.rectangle(
+        72e3, 72e3, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, lattice_angle=angle
+    )
+    t = np.radians(inclined)
+    half = 4.0 * SPACING * np.array([np.sin(t), np.cos(t)])
+    # Beside the middle, where a row of elements may lie.
+    line = np.array([half, -half]) + np.array([0.21 * SPACING, 0.13 * SPACING])
+    cut = berg.with_rifts([line], broken=True)
+    plate = Plate(packing, angle, 72e3, 72e3, cut)
+    plate.tips = tips_of_rifts(plate.el, plate.bonds, plate.p)
+    return plate
+
+
+@pytest.mark.parametrize(
+    "inclined", [0.0, pytest.param(30.0, marks=pytest.mark.slow), pytest.param(45.0, marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize(("packing", "angle"), QUICK)
+def test_a_crack_goes_on_normal_to_the_tension(packing, angle, inclined) -> None:
+    """Both tips advance in turn, 8 cells each: the chord is within 3 degrees of the normal, inclined cracks within 5."""
+    plate = cracked_plate(packing, angle, inclined)
+    assert plate.tips.crack.size == 2
+    began = [tip.place.copy() for tip in plate.paths().standing()]
+    pull = plate.el.mass * np.sign(plate.x) * (abs(plate.x) > 33e3)
+    while True:
+        moment, paths = plate.under(pull), plate.paths()
+        standing = paths.standing()
+        ways = [float(np.hypot(*(tip.place - start))) for tip, start in zip(standing, began, strict=True)]
+        if min(ways) >= 8.0 * SPACING:
+            break
+        tip = standing[int(np.argmin(ways))]
+        crossing = paths.ahead(tip, moment.triangle_stress)
+        assert crossing is not None
+        paths._step(crossing.tip, crossing.bond, crossing.part)
+        plate.tips = paths.tips
+        plate.without(crossing.bond)
+    for tip, start in zip(standing, began, strict=True):
+        along = (tip.place - start) * np.sign((tip.place - start)[1])
+        assert np.degrees(np.arctan2(along[0], along[1])) == pytest.approx(0.0, abs=3.0 if inclined == 0.0 else 5.0)
+
+
+@pytest.mark.parametrize(("packing", "angle"), QUICK)
+def test_a_long_crack_runs_at_its_toughness(packing, angle) -> None:
+    """K = s sqrt(pi a) in a wide plate, with the factor of its width: within 16 % for a crack of 8 cells in the middle."""
+    plate = cracked_plate(packing, angle, 0.0)
+    pull = plate.el.mass * np.sign(plate.x) * (abs(plate.x) > 33e3)
+    remote = pull[plate.x > 0.0].sum() / (72e3 * THICKNESS)
+    half = 0.5 * float(plate.tips.length[0]) + 0.5 * SPACING
+    share = 2.0 * half / 72e3
+    intensity = remote * np.sqrt(np.pi * half) * np.sqrt(1.0 / np.cos(0.5 * np.pi * share))
+    strong = Strengths(*(np.full(plate.now.intact.size, 1e30) for _ in range(2)))
+    ratio = Toughness(intensity).most_critical(plate.under(pull), strong)[1]
+    assert 1.0 / ratio == pytest.approx(1.0, abs=0.16)
+    # Twice the toughness bears twice the load; the strength has no part in it.
+    assert Toughness(2.0 * intensity).most_critical(plate.under(2.0 * pull), strong)[1] == pytest.approx(ratio)
+
+
+def test_a_tip_at_a_crack_or_at_the_outline_has_run_out() -> None:
+    plate = Plate("square", 0.0, 15e3, 15e3)
+    first, second = plate.bonds.first, plate.bonds.second
+    # A crack along x = 0.3 from edge to edge but for its last bond, and a tip that comes upon it.
+    crossed = (plate.x[first] - 0.3) * (plate.x[second] - 0.3) < 0.0
+    rows = np.flatnonzero(crossed & (plate.y[first] < plate.y.max()))
+    plate.bonds.crack[rows] = 7
+    for bond in rows:
+        plate.bonds.status[bond] = 1
+    plate.now = plate._factored()
+    start = int(np.flatnonzero((plate.y[first] == plate.y[second]) & (plate.x[first] < -2e3))[0])
+    tip_rows = (
+        np.array([[plate.el.body.id[first[start]], plate.el.body.id[second[start]]]]),
+        np.array([[750.0, 10.0]]),
+    )
+    along = np.array([plate.x[second[start]] - plate.x[first[start]], 0.0])
+    direction = np.array([[np.sign(along[0]), 0.0]])
+    plate.tips = CrackTips(*tip_rows, direction, np.array([1]), np.array([1]), np.array([3e3]))
+    paths = plate.paths()
+    (tip,) = paths.standing()
+    flat = tip._replace(place=tip.place + np.array([100.0, 100.0]), direction=np.array([1.0, 0.0]))
+    calm = np.zeros((len(plate.now.cells._middle), 3))
+    seen = 0
+    while (crossing := paths.ahead(flat, calm)) is not None:
+        assert plate.bonds.status[crossing.bond] == 0
+        flat = flat._replace(place=flat.place + np.array([0.5 * SPACING, 0.0]))
+        seen += 1
+        assert seen < 12
+    # Upright bonds do not lie in the way of a level ray, and the level ones end at the crack.
+    assert flat.place[0] < 0.3
+    away = tip._replace(direction=np.array([-1.0, 0.0]), place=np.array([-7.4e3, 0.1]))
+    assert paths.ahead(away, calm) is None
+
+
+def test_tips_go_on_from_a_restart_bit_for_bit(tmp_path) -> None:
+    """A rift that is there from the start, toughness, and a run that is cut while its tips stand in the ice."""
+    berg = Iceberg.rectangle(
+        30e3, 30e3, thickness=THICKNESS, radius=RADIUS, latlon=False, lattice_angle=10.0
+    ).with_rifts([[(100.0, -9e3), (100.0, 9e3)]], broken=True)
+    assert berg.bonds.crack.max() == 1
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0},
+        fracture={"criterion": "toughness", "toughness": 1e8},
+        stepping={"time_step": 600.0},
+    )
+    assert parameters.elastic_cells
+    run = Model(berg, Steady(), parameters)
+    run.advance(days=600.0 / 86400.0)
+    again = Model.resume(run.save(tmp_path / "tips.nc"), Steady())
+    before, after = run._stepper.state_dict(), again._stepper.state_dict()
+    assert before["crack_tip_crack"].size == 2
+    for name in TIP_NAMES:
+        np.testing.assert_array_equal(before[name], after[name])
+    for name in ("crack", "crack_order", "crack_part"):
+        np.testing.assert_array_equal(getattr(run.bonds, name), getattr(again.bonds, name))
+
+
+def test_a_tip_keeps_its_place_in_ice_that_drifts_and_turns() -> None:
+    plate = cracked_plate("hexagonal", 15.0, 30.0)
+    there, was = [tip.place for tip in plate.paths().standing()], plate.now.xy.mean(axis=0)
+    x, y, (c, s) = plate.el.lon.copy(), plate.el.lat.copy(), (np.cos(0.7), np.sin(0.7))
+    plate.el.lon[:], plate.el.lat[:] = 1e5 + c * x - s * y, 3e4 + s * x + c * y
+    plate.now = plate._factored()
+    moved = [tip.place for tip in plate.paths().standing()]
+    middle = plate.now.xy.mean(axis=0)
+    for before, after in zip(there, moved, strict=True):
+        assert np.hypot(*(after - middle)) == pytest.approx(np.hypot(*(before - was)), rel=1e-9)
+    # Pieces that part take their tips with them; a tip between two of them has nowhere to go.
+    between = plate.tips.beside[0]
+    of_tip = np.isin(plate.el.body.id, between)
+    ends = of_tip[plate.bonds.first] | of_tip[plate.bonds.second]
+    plate.bonds.status[ends] = 1
+    plate.now = plate._factored()
+    assert [tip.row for tip in plate.paths().standing()] == [1]
