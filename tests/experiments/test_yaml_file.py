@@ -126,7 +126,7 @@ MISTAKES = [
     ("rotation: 20", "rotation: 20\n  rotation: 30", 9, "berg.rotation", "stands twice, first in line 8"),
     ("wind: [5, -2]", "wind: [5, -2", 13, "", "not valid YAML"),
     ("parameters:", "parameters:\n  preset: a68a-2021", 14, "parameters.preset", "Did you mean 'a68a-2022'"),
-    ("5e6", "-1", 16, "parameters.bonds.youngs_modulus", "Allowed: a number >= 0, in Pa"),
+    ("5e6", "-1", 16, "parameters.bonds.youngs_modulus", "Allowed: a number >= 0 and <= 1e+12, in Pa"),
 ]
 
 

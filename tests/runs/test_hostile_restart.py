@@ -27,6 +27,8 @@ HARMLESS = {
     ("element_entered", 2**31), ("extra/exchange_counter", 2**31),
     # A value at the keel that is missing, and a bond that holds.
     ("element_start_year", -5),
+    # A byte in the middle of the coordinates of an outline: another coordinate.
+    *(("extra/front_shapes", value) for value in WHOLE),
     *(((f"element_keel_{name}"), "nan") for name in ("temperature", "salinity")), ("bond_break_time", "nan"),
 }  # fmt: skip
 
@@ -75,7 +77,7 @@ def spoil(path: Path, name: str, value: float) -> None:
         variable = ds[name]
         variable.set_auto_mask(False)
         values = np.array(variable[...])
-        values.flat[values.size // 2] = value
+        values.flat[values.size // 2] = np.asarray(value).astype(values.dtype)  # what the type can hold of it
         variable[...] = values
 
 

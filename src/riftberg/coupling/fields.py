@@ -12,7 +12,6 @@ from riftberg.errors import InputError, nearest
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import GriddedForcing
-from riftberg.products.quantities import unit_change
 from riftberg.state import Floats
 
 
@@ -101,6 +100,8 @@ def taken(
                 where="exchange",
                 remedy=f"{nearest(name, TAKEN)}Fields are {', '.join(TAKEN)}",
             )
+        from riftberg.products.quantities import unit_change  # with xarray, half a second; KID runs exchange nothing
+
         quantity = TAKEN[name]
         values, units = _split(value, quantity.units)
         change = unit_change(units, quantity.units)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.life.ice_fronts import hand_on_feet
 from riftberg.parameters import Parameters
 from riftberg.physics.basal_melt import ExchangeValues, basal_melt_rate
 from riftberg.physics.coriolis import coriolis_parameter
@@ -403,7 +402,10 @@ def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float]) -
         return step
     _store(elements, result)
     empty = result.mass <= 0.0
-    hand_on_feet(elements, empty)
+    if empty.any():
+        from riftberg.life.ice_fronts import hand_on_feet  # with shapely and scipy.spatial, half a second
+
+        hand_on_feet(elements, empty)
     replaced = empty & (life.mass_of_fl_bits > 0.0)
     if replaced.any():
         _let_bits_replace(elements, result, replaced, values.rho_ice, born)

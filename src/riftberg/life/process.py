@@ -15,7 +15,6 @@ import numpy as np
 from riftberg.errors import InputError
 from riftberg.life.draws import Draws, OwnDraws
 from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose, let_children_go
-from riftberg.life.ice_fronts import follow_outlines
 from riftberg.life.ledger import Balance, Ledger, add_melt, latent_deficit, stocks, water_by_process
 from riftberg.life.melt import MeltStep, life_values, melt_step
 from riftberg.ocean.forcing import Forcing
@@ -127,6 +126,8 @@ class LifeProcess:
     def follow_outlines(self, model: LifeModel) -> None:
         """Find the fronts along which sides melt; to be called once where the bergs lie at the start, too."""
         if self.values.by_front and not self.values.zero_rates:
+            from riftberg.life.ice_fronts import follow_outlines  # with shapely and scipy.spatial, half a second
+
             follow_outlines(model.elements, model.bonds, model.outlines, model.constants, model.remembered)
 
     def enter(self, model: LifeModel, source: str, mass: float, heat: float) -> None:

@@ -335,9 +335,11 @@ def _stresses(
     first, second, breaks = columns["first"], columns["second"], columns["break_time"]
     berg = part[first]
     holds = (np.isnan(breaks)[:, None] | (breaks[:, None] > time)) & (berg >= 0) & (berg == part[second])
-    ratio = np.nan_to_num(columns["peak_stress"] / (p.fracture.normal_strength * columns["strength"])[:, None])
+    left = (p.fracture.normal_strength * columns["strength"])[:, None]
     if "damage" in columns:
-        ratio /= 1.0 - np.nan_to_num(columns["damage"])
+        left = left * (1.0 - np.nan_to_num(columns["damage"]))
+    with np.errstate(divide="ignore", invalid="ignore"):  # bonds without any strength
+        ratio = np.nan_to_num(columns["peak_stress"] / left)
     largest = np.zeros(count)
     np.maximum.at(largest, berg[holds], ratio[holds])
     # While a crack runs, its neighbours bear more than their strength for a moment, and hold.
