@@ -400,7 +400,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "motion_ledger": Bound((len(GIVERS) + 3, 3)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
     "front_shapes": Bound((None,), 0, 255),
-    "front_bergs": Bound(("outlines",), 0, LARGEST_WHOLE),
+    "front_bergs": Bound(("outlines",), 0, "fragments"),
     "front_elements": Bound(("fronts", 2), 0, "next_element - 1"),
     "front_sizes": Bound(("fronts", 2)),
     "record_peak_stress_.+": Bound((None,)),
