@@ -303,7 +303,10 @@ TRIALS: Final[dict[str, Trial]] = {
     "fracture.distance": Trial(
         2000.0, with_(WEAK_QUASI, fracture={"criterion": "averaged", "distance": 700.0, "normal_strength": 100.0})
     ),
-    "fracture.toughness": Trial(1e6, with_(WEAK_QUASI, fracture={"criterion": "toughness", "toughness": 10.0})),
+    "fracture.toughness": Trial(
+        1e6,
+        with_(WEAK_QUASI, fracture={"criterion": "toughness", "toughness": 10.0}, bonds={"elasticity": "bonds"}),
+    ),
     "fracture.on_substeps": Trial(base=WEAK),
     "fracture.broken_as_contact": Trial(base=WEAK),
     "fracture.not_in_first_step": Trial(base=WEAK, more={"steps": 1}),

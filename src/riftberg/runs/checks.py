@@ -403,6 +403,12 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "front_bergs": Bound(("outlines",), 0, "fragments"),
     "front_elements": Bound(("fronts", 2), 0, "next_element - 1"),
     "front_sizes": Bound(("fronts", 2)),
+    # Tips of cracks, each beside two elements.
+    "crack_tip_beside": Bound(("tips", 2), 0, "next_element - 1"),
+    "crack_tip_(place|direction)": Bound(("tips", 2)),
+    "crack_tip_crack": Bound(("tips",), 0, LARGEST_WHOLE),
+    "crack_tip_order": Bound(("tips",), -LARGEST_WHOLE, LARGEST_WHOLE),
+    "crack_tip_length": Bound(("tips",)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
     "record_impulse_.+": Bound((None, len(FORCES), 2)),  # what the sums of forces were called before 0.1.0
@@ -436,6 +442,7 @@ def check_extra(state: State, path: Path) -> None:
             raise _damaged(f"numbers are needed, not values of type {values.dtype}", path, place)
     # Sizes by which others are bounded; those that arrays say themselves are added as they are met.
     sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
+    sizes["fragments"] = max((row["number"] for row in state.fragments), default=LARGEST_WHOLE)
     following = {name: np.asarray(state.extra.get(name)) for name in ("next_element", "next_bond")}
     sizes |= {name: int(value) for name, value in following.items() if value.dtype.kind in "iu" and value.ndim == 0}
     ends = {f"beyond {table}_id": int(ids.max()) + 1 if ids.size else 0

@@ -387,7 +387,7 @@ class Bonds(NamedTuple):
         Ints,
         _is(
             "1", "place of this bond along its crack line, which began at the bond of place 0",
-            limits=(-LARGEST_WHOLE, LARGEST_WHOLE),
+            limits=(-(10**6), 10**6),
         ),
     ]  # fmt: skip
     crack_part: Annotated[
