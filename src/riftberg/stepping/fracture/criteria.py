@@ -28,6 +28,7 @@ from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
 from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
 from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overload
+from riftberg.stepping.lattice.cells import Booleans
 from riftberg.stepping.lattice.elastic_cells import CellStiffness, principal_stresses
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
 
@@ -65,7 +66,7 @@ class Equilibrium:
         deformation, stress = deformations_and_stresses(self.lattice, self.intact, self.displacement, self._p)
         if self._cells is not None:
             stress = self._cells.bond_stresses(self.triangle_stress, self.tensor, self.intact)
-            stress[:, 0] += self.bending
+            stress[:, 0] += self.bridges[1]
         return deformation, stress
 
     @cached_property
@@ -79,9 +80,9 @@ class Equilibrium:
         return self.cells.bond_tensors(self.triangle_stress, self.intact)
 
     @cached_property
-    def bending(self) -> Floats:
-        """Stress (Pa) by bending of the intact bonds that are the last between two parts, 0 for others."""
-        return self.cells.bending_stresses(self.lattice, self.intact, self.load)
+    def bridges(self) -> tuple[Booleans, Floats]:
+        """Which intact bonds are the last between two parts, and their stress (Pa) by bending, 0 for others."""
+        return self.cells.bridges(self.lattice, self.intact, self.load)
 
     @property
     def deformation(self) -> Floats:

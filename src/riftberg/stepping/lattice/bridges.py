@@ -10,8 +10,10 @@ from riftberg.stepping.lattice.cells import Booleans
 
 
 @kernel
-def bridge_moments(first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, held: Booleans) -> Floats:
-    """Moment (N m) that each intact bond alone bears about its middle; 0 where another way joins both parts.
+def bridge_moments(
+    first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, held: Booleans
+) -> tuple[Booleans, Floats]:
+    """Find which intact bonds are bridges, and the moment (N m) that each alone bears about its middle, 0 for other bonds.
 
     From the balance of the part on one side of the bond. Loads of free fragments are in balance, so either side will do; a
     part with supports (``held``: of the elements) bears unknown forces, and the other one counts. Bridges are found by
@@ -75,10 +77,11 @@ def bridge_moments(first: Ints, second: Ints, intact: Ints, xy: Floats, load: Fl
         sums[e, 3] += 1.0 if held[e] else 0.0
         if above[e] >= 0:
             sums[above[e]] += sums[e]
-    moment = np.zeros(intact.size)
+    bridge, moment = np.zeros(intact.size, np.bool_), np.zeros(intact.size)
     for e in range(count):
         if above[e] < 0 or low[e] <= visit[above[e]]:
             continue
+        bridge[reached_by[e]] = True
         part = sums[e]
         if part[3] > 0.0:
             part = sums[root[e]] - part
@@ -87,4 +90,4 @@ def bridge_moments(first: Ints, second: Ints, intact: Ints, xy: Floats, load: Fl
         b = intact[reached_by[e]]
         x, y = 0.5 * (xy[first[b], 0] + xy[second[b], 0]), 0.5 * (xy[first[b], 1] + xy[second[b], 1])
         moment[reached_by[e]] = part[2] - (x * part[1] - y * part[0])
-    return moment
+    return bridge, moment

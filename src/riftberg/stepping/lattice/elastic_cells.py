@@ -237,6 +237,8 @@ class CellStiffness:
         # The side along which two cells meet: hexagons touch along less than their width.
         self.facet = np.where(el.body.sides == 6, 1.0 / np.sqrt(3.0), 1.0)
         self._held = (el.static >= 0.5) | (el.free_y < 0.5)
+        self._whole: Booleans = np.asarray(~self._freed.any(axis=1))  # triangles without a freed edge
+        self._unbridged: Ints | None = None  # intact bonds none of which is the last between two parts
         self._outline: tuple[Ints, csr_matrix, Any] | None = None
 
     def _in_frames(self, row: Ints, body: Ints, xy: Floats) -> Floats:
@@ -280,6 +282,7 @@ class CellStiffness:
         before, old = self._freed, self._triangles.stiffness
         self._broken[self._bond_number[bond]] = True
         self._freed = freed_edges(self._mesh, self._broken) | self._lost
+        self._whole = np.asarray(~self._freed.any(axis=1))
         changed = np.flatnonzero((self._freed != before).any(axis=1))
         new = find_triangles(self._vertex[changed], self._freed[changed], self._p.youngs_modulus, self._p.poisson)
         left = new.stiffness * self._volume[changed, None, None]
@@ -348,15 +351,21 @@ class CellStiffness:
         every = np.ones(len(stress), bool)
         return mean_stresses(*self._in_cell, every, stress, self._elements)
 
-    def bending_stresses(self, lattice: ElasticLattice, rows: Ints, load: Floats) -> Floats:
-        """Stress (Pa) by bending of bonds that are the last between two parts; 0 for all others.
+    def bridges(self, lattice: ElasticLattice, rows: Ints, load: Floats) -> tuple[Booleans, Floats]:
+        """Find which intact bonds are the last between two parts, and their stress (Pa) by bending, 0 for all others.
 
         6 M / (H w^2) at the end of the facet, as in a beam as high as the facet is long (w): the mean stress of a bond
         knows nothing of the moment M that it bears.
         """
+        if (
+            self._unbridged is rows
+        ):  # as nearly always: bonds that are the same have no bridges under other loads either
+            return np.zeros(rows.size, bool), np.zeros(rows.size)
         width = lattice.width[rows] * self.facet[lattice.first[rows]]
-        moment = bridge_moments(lattice.first, lattice.second, rows, self._xy, load, self._held)
-        return np.asarray(6.0 * abs(moment) / (lattice.thickness[rows] * width**2))
+        bridge, moment = bridge_moments(lattice.first, lattice.second, rows, self._xy, load, self._held)
+        if not bridge.any():
+            self._unbridged = rows
+        return bridge, np.asarray(6.0 * abs(moment) / (lattice.thickness[rows] * width**2))
 
     def bond_stresses(self, stress: Floats, tensor: Floats, rows: Ints) -> Floats:
         """Largest tension and shear (Pa) of the ice at intact bonds, shape (bonds, 2); ``tensor``: `bond_tensors`.
@@ -370,8 +379,7 @@ class CellStiffness:
         return np.asarray(largest)
 
     def _mean(self, near: Neighbourhoods, stress: Floats, places: int) -> Floats:
-        whole = np.asarray(~self._freed.any(axis=1))
-        return mean_stresses(*near, whole, stress, places)
+        return mean_stresses(*near, self._whole, stress, places)
 
     def row_distance(self, element: int, spacing: float) -> float:
         """Distance (m) of the rows of a lattice: of the elements in squares, sqrt(3) / 2 of it in hexagons."""
