@@ -20,6 +20,7 @@ from riftberg.diagnostics import why
 from riftberg.diagnostics.cut import FORCES, Breakup
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Scene
 from riftberg.viz.why import draw_reasons
 
 PIECE = slice(18, 24)
@@ -66,6 +67,18 @@ def test_the_break_is_described(run: xr.Dataset) -> None:
     assert sorted(breakup.members) == list(range(19, 25))
     assert breakup.decisive.cut_km == pytest.approx(9.0, rel=1e-3)
     assert breakup.decisive.thickness == 200.0
+
+
+def test_what_a_crack_released_is_told_per_area_and_as_toughness(run: xr.Dataset) -> None:
+    """G = energy / area and K = sqrt(E G); the scheme of this run knows neither, so both are put in by hand."""
+    assert why.explain(run).breakups[0].released_per_area is None
+    (before,) = why.explain(run).breakups
+    energy, area = np.zeros(run.sizes["bond"]), np.zeros(run.sizes["bond"])
+    energy[before.first_bonds[0].bond], area[before.first_bonds[0].bond] = 3e9, 1.5e6
+    (b,) = why.explain(run.assign(released_energy=("bond", energy), cracked_area=("bond", area))).breakups
+    assert b.released_per_area == pytest.approx(2000.0)
+    assert b.released_toughness == pytest.approx(np.sqrt(2000.0 * Scene(run).parameters.bonds.youngs_modulus))
+    assert "2000 J per m2" in " ".join(why.words(why.Reasons("", "", [b], 0, 18e3)))
 
 
 def test_opposite_pulls_are_carried_as_tension(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -222,6 +222,10 @@ class Breakup:
     collision: Collision | None = None
     latlon: bool = True
     scheme: str = "mts"
+    # Elastic energy that the cracks of the cut released per area of crack (J m-2), and the K_Ic (Pa m^1/2) of ice that costs
+    # as much, sqrt(E G); None where the scheme does not know it
+    released_per_area: float | None = None
+    released_toughness: float | None = None
     members: list[int] = field(default_factory=list)
     controls: dict[str, str] = field(default_factory=dict)
 
@@ -296,6 +300,7 @@ class Cut:
         record = int(np.searchsorted(scene.times, np.datetime64(decisive.time)))
         x, y = ("lon", "lat") if scene.latlon else ("x", "y")
         strength = scene.parameters.fracture.normal_strength
+        released = self.released_per_area()
         return Breakup(
             fragment=int(run["fragment_number"].values[row]),
             parent=self.parent,
@@ -319,8 +324,20 @@ class Cut:
             history=loads,
             floor_recorded=forces_recorded(run),
             latlon=scene.latlon,
+            released_per_area=released,
+            released_toughness=None
+            if released is None
+            else math.sqrt(scene.parameters.bonds.youngs_modulus * released),
             members=[int(n) for n in run["trajectory"].values[self.inside]],
         )
+
+    def released_per_area(self) -> float | None:
+        """Return the elastic energy that the cracks of the cut released per area, J m-2: G of Griffith."""
+        if "cracked_area" not in self.run:
+            return None
+        # Both stand with the bond at which a crack began.
+        energy, area = (float(self.run[name].values[self.bonds].sum()) for name in ("released_energy", "cracked_area"))
+        return max(energy, 0.0) / area if area > 0.0 else None
 
     # --- forces ----------------------------------------------------------------------------------------------------
 

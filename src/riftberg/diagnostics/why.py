@@ -191,6 +191,11 @@ def _paragraph(b: Breakup) -> str:
         if b.sudden:
             text.append(_sudden_words(b))
         text.append(_cause_words(b, first.strength))
+    if b.released_per_area is not None and b.released_toughness is not None:
+        text.append(
+            f"The crack released {_short(b.released_per_area)} J per m2 of its area, as much as ice with a toughness of "
+            f"{_short(b.released_toughness / 1e3)} kPa m1/2 takes."
+        )
     if b.hours_since_start < STARTING:
         text.append(
             f"This is {b.hours_since_start:.1f} h after the start: acceleration from rest loads a berg too; see whether it"
@@ -206,6 +211,10 @@ def _paragraph(b: Breakup) -> str:
         still = "still " + re.sub(r"(\d{4}-\d\d-\d\d)T(\d\d:\d\d):\d\d", r"\1 \2", fate)
         text.append(f"{part.capitalize()} it {'does not break off' if fate == 'removed' else still}.")
     return " ".join(part for part in text if part)
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def _sudden_words(b: Breakup) -> str:
