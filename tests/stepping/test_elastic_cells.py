@@ -306,8 +306,26 @@ def test_what_elastic_cells_cannot_do_is_refused_by_name() -> None:
         parameters(stepping={"scheme": "mts"})
     with pytest.raises(InputError, match=r"bonds\.elasticity = 'cells' needs a lattice in equilibrium"):
         parameters(bonds={"law": "none"})
-    with pytest.raises(InputError, match=r"fracture\.criterion = 'toughness' reads the forces of elastic bonds"):
-        parameters(fracture={"criterion": "toughness", "toughness": 1e5})
+    for criterion in ("bond", "averaged"):
+        with pytest.raises(InputError, match=rf"fracture\.criterion = '{criterion}' reads the forces of elastic bonds"):
+            parameters(fracture={"criterion": criterion, "distance": 1e3})
+
+
+def test_criteria_of_the_ice_take_elastic_cells_or_are_refused_by_name() -> None:
+    for criterion in ("ice", "toughness"):
+        fracture = {"criterion": criterion, "toughness": 1e5}
+        assert Parameters(fracture=fracture).elastic_cells
+        with pytest.raises(InputError, match=rf"fracture\.criterion = '{criterion}' needs a lattice in equilibrium"):
+            Parameters(fracture=fracture, stepping={"scheme": "mts"})
+    assert not Parameters().elastic_cells
+    assert not Parameters(
+        fracture={"criterion": "toughness", "toughness": 1e5}, bonds={"elasticity": "bonds"}
+    ).elastic_cells
+    with pytest.raises(InputError, match=r"fracture\.criterion = 'ice' reads the stress of elastic cells"):
+        Parameters(fracture={"criterion": "ice"}, bonds={"elasticity": "bonds"})
+    for toughness in (0.0, -1.0):
+        with pytest.raises(InputError, match="toughness"):
+            Parameters(fracture={"criterion": "toughness", "toughness": toughness})
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0])
