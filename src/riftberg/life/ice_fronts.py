@@ -74,14 +74,14 @@ def follow_outlines(
     ):
         return
     fronts = _with_new(_taken(remembered), el, bonds, many, outlines, p)
-    row, alive = rows_of(el.body.id, fronts.element)
+    row, present = rows_of(el.body.id, fronts.element)
     place, _ = rows_of(fronts.element, ids)
     size = np.sqrt(fronts.area)
 
     ices, kept = [], []
     for source in np.unique(fronts.part[place]).tolist():
         before = np.flatnonzero(fronts.part == source)
-        left = before[alive[before]]
+        left = before[present[before]]
         retreat = el.life.retreat[row[left]]
         ice = fronts.ice[np.flatnonzero(fronts.berg == source)[0]]
         pieces = np.unique(el.body.berg[row[left]]).tolist()
@@ -94,7 +94,7 @@ def follow_outlines(
             own = own[fronts.part[own] == source]
             if own.size == 0:  # an element alone
                 continue
-            rest = ice if stays else _without(ice, fronts, np.setdiff1d(left, own), before[~alive[before]])
+            rest = ice if stays else _without(ice, fronts, np.setdiff1d(left, own), before[~present[before]])
             if not stays:
                 el.life.front[row[own]] = _front(rest, fronts, own, el.body.length[row[own]] * el.body.width[row[own]])
             ices.append((piece, rest))
