@@ -216,10 +216,11 @@ class Toughness(IceStress):
             return super().most_critical(moment, strengths)
         stress, lattice, intact = moment.stress.copy(), moment.lattice, moment.intact
         first, second = lattice.first[intact], lattice.second[intact]
-        cell, at_tips = moment.cells.cell_tensors(moment.triangle_stress), (-1, -np.inf)
+        cell, middles = moment.cells.cell_tensors(moment.triangle_stress), moment.paths.middles(intact)
+        at_tips = (-1, -np.inf)
         for tip in long_ones:
             # Beside a tip stress is a matter of the size of the elements: the toughness alone decides there.
-            away = moment.paths.middles(intact) - tip.place
+            away = middles - tip.place
             stress[(np.hypot(*away.T) <= REACH * tip.spacing) & moment.paths.within(intact, tip.body)] = -np.inf
             crossing = moment.paths.ahead(tip, moment.triangle_stress)
             if crossing is None:

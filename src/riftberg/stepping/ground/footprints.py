@@ -14,13 +14,11 @@ import numpy as np
 import shapely
 
 from riftberg.parameters import KernelParameters
-from riftberg.physics.geometry import nearest_image
-from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes, sides_of
-from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.cells import outline_of_cells
+from riftberg.stepping.lattice.elastic_cells import laid_flat, lattices
 
 
 class Footprints(NamedTuple):
@@ -59,19 +57,11 @@ def with_new_footprints(
     known = np.zeros(el.size, bool) if footprints is None else rows_of(footprints.element, el.body.id)[1]
     if footprints is not None and known.all():
         return footprints
-    new, radius = np.flatnonzero(~known), interaction_sizes(el, p).radius
-    # An outline holds its elements, bonded or not; all others hang together by bonds, also by those that have broken.
-    group = connected_parts(el.size, bonds.first, bonds.second, np.zeros(bonds.first.size, np.int64))
-    outline_of: dict[int, Any] = {}
-    for outline in outlines:
-        inside = new[shapely.contains_xy(outline, el.lon[new], el.lat[new])]
-        if inside.size:
-            group[np.isin(group, group[inside])] = group[inside[0]]
-            outline_of[int(group[inside[0]])] = outline
+    radius = interaction_sizes(el, p).radius
     parts = [] if footprints is None else [footprints]
-    for number in dict.fromkeys(group[new].tolist()):
-        rows = new[group[new] == number]
-        parts.append(_footprints_of(el, bonds, rows, float(radius[rows].mean()), outline_of.get(number), p))
+    for whole, outline in lattices(el, bonds, ~known, outlines):
+        rows = whole[~known[whole]]
+        parts.append(_footprints_of(el, bonds, rows, float(radius[rows].mean()), outline, p))
     return _joined(parts)
 
 
@@ -79,11 +69,7 @@ def _footprints_of(
     el: Elements, bonds: Bonds, rows: Ints, radius: float, outline: Any, p: KernelParameters
 ) -> Footprints:
     """Footprints of some elements on a plane of their own."""
-    lon, lat = el.lon[rows].copy(), el.lat[rows]
-    if not p.latlon:
-        lon = np.array([lon[0] + nearest_image(x - lon[0], p.period) for x in lon])
-    plane = ConformalPlane(float(lon[0]), float(lat[0]), p.earth_radius, p.latlon)
-    xy = np.column_stack(plane.forward(lon, lat))
+    plane, xy = laid_flat(el, rows, p)
     if outline is None:
         place = np.full(el.size, -1)
         place[rows] = np.arange(rows.size)
