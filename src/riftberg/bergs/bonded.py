@@ -129,12 +129,15 @@ class BondedBerg:
         strength = number(strength, "1", where="strength", kind=BergError)
         threshold = number(threshold, "1", where="threshold", kind=BergError)
         elements, bonds = copy_state(self.elements, self.bonds)
-        crossed = strengths.crossed_by(elements, bonds, rift, latlon=self.latlon, crs=crs, threshold=threshold)
-        strengths.weaken(elements, bonds, crossed, strength=strength, broken=broken)
-        if broken and not is_map(rift):
+        lines = None
+        if not is_map(rift):
             from riftberg.bergs.outline import line_strings  # which needs shapely
 
-            strengths.mark_cracks(elements, bonds, line_strings(rift, crs), self.latlon, crossed)
+            lines = line_strings(rift, crs)
+        crossed = strengths.crossed_by(elements, bonds, rift, lines, latlon=self.latlon, threshold=threshold)
+        strengths.weaken(elements, bonds, crossed, strength=strength, broken=broken)
+        if broken and lines is not None:
+            strengths.mark_cracks(elements, bonds, lines, self.latlon, crossed)
         made = {"crossed": int(crossed.sum()), "broken": broken, "strength": 0.0 if broken else strength}
         report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
         return replace(self, elements=elements, bonds=bonds, report=report)

@@ -14,7 +14,7 @@ import numpy as np
 
 from riftberg.bergs.bonding import count_bonds
 from riftberg.bergs.lattice import Booleans
-from riftberg.bergs.raster import Raster, is_map, read_raster
+from riftberg.bergs.raster import Raster, read_raster
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.state import Bonds, Elements, Floats, Ints
@@ -87,16 +87,14 @@ def crossed_by_mask(elements: Elements, bonds: Bonds, mask: Raster, threshold: f
 
 
 def crossed_by(
-    elements: Elements, bonds: Bonds, rift: Any, *, latlon: bool, crs: str | None = None, threshold: float = 0.5
+    elements: Elements, bonds: Bonds, rift: Any, lines: list[Any] | None, *, latlon: bool, threshold: float = 0.5
 ) -> Booleans:
-    """Return which unbroken bonds a rift crosses: a mask, or lines in any form that `line_strings` reads."""
-    if is_map(rift):
+    """Return which unbroken bonds a rift crosses: its ``lines``, or the mask ``rift`` where these are None."""
+    if lines is None:
         mask = rift if isinstance(rift, Raster) else read_raster(rift)
         crossed = crossed_by_mask(elements, bonds, mask, threshold)
     else:
-        from riftberg.bergs.outline import line_strings
-
-        crossed = crossed_by_lines(elements, bonds, line_strings(rift, crs), latlon)
+        crossed = crossed_by_lines(elements, bonds, lines, latlon)
     crossed &= bonds.status == 0
     if not crossed.any():
         raise BergError(
