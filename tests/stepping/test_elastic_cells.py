@@ -17,7 +17,8 @@ from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fracture.criteria import Equilibrium, IceStress
 from riftberg.stepping.fracture.strengths import Strengths
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.elastic_cells import CellSolver, CellStiffness, with_new_cells
+from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
+from riftberg.stepping.lattice.elastic_cells import with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
 
 RADIUS = 750.0

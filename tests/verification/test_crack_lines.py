@@ -23,7 +23,8 @@ from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Toughnes
 from riftberg.stepping.fracture.strengths import Strengths, overloads
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.bridges import bridge_moments
-from riftberg.stepping.lattice.elastic_cells import CellSolver, CellStiffness, ElasticCells, with_new_cells
+from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
+from riftberg.stepping.lattice.elastic_cells import ElasticCells, with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
 
 RADIUS, THICKNESS, SPACING = 750.0, 200.0, 1500.0

@@ -20,8 +20,8 @@ from riftberg.parameters import KernelParameters
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import rows_of
+from riftberg.stepping.lattice.cell_stiffness import CellStiffness
 from riftberg.stepping.lattice.cells import Booleans
-from riftberg.stepping.lattice.elastic_cells import CellStiffness
 
 REACH = 2.5
 """A bond that fails within this distance of a tip (in distances of elements) is the tip's: it goes on, and no crack starts."""

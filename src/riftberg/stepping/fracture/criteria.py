@@ -28,8 +28,8 @@ from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
 from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
 from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overload
+from riftberg.stepping.lattice.cell_stiffness import CellStiffness, principal_stresses
 from riftberg.stepping.lattice.cells import Booleans
-from riftberg.stepping.lattice.elastic_cells import CellStiffness, principal_stresses
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
 
 CHUNK = 512

@@ -76,10 +76,9 @@ from riftberg.stepping.fracture.strengths import (
 )
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.ground.landing import GroundPhase, Seabed, joined, without
+from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
 from riftberg.stepping.lattice.elastic_cells import (
     CELL_NAMES,
-    CellSolver,
-    CellStiffness,
     ElasticCells,
     cells_from_arrays,
     cells_to_arrays,
