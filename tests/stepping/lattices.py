@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
 
 from riftberg.parameters import Parameters
 from riftberg.state import new_bonds, new_elements
@@ -203,3 +204,9 @@ def long_step(
     return StepReport(
         outer.broken + inner.broken, outer.iterations if explicit and inner.iterations > 0 else inner.iterations
     )
+
+
+def stiffness_matrix(at, stiffness, nodes: int) -> csr_matrix:
+    """Stiffness of triangles with the unknowns ``at`` added up number by number; of shape (3 nodes, 3 nodes)."""
+    row, column = np.repeat(at, 9, axis=1), np.tile(at, (1, 9))
+    return coo_matrix((stiffness.ravel(), (row.ravel(), column.ravel())), shape=(3 * nodes, 3 * nodes)).tocsr()

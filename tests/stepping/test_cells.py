@@ -17,10 +17,10 @@ from riftberg.stepping.lattice.triangles import (
     find_triangles,
     freedoms,
     mean_stresses,
-    stiffness_matrix,
     triangle_stresses,
     volumes,
 )
+from stepping.lattices import stiffness_matrix
 
 RADIUS = 0.5
 """Centres are at distance 1, as are modulus and thickness: forces are in parts of E H."""
@@ -159,7 +159,7 @@ def test_uniform_gradients_leave_no_forces_inside_and_store_the_energy_of_the_so
         # Nodes on the outline bear the traction of the ice beyond; all other unknowns are free.
         assert abs(force[: 3 * mesh.cells]).max() < 2e-14
         assert 0.5 * d.ravel() @ force == pytest.approx(energy * 84.0, rel=1e-12, abs=1e-11)
-        got = triangle_stresses(at, triangles, d)
+        got = triangle_stresses(at, triangles.stress, d)
         np.testing.assert_allclose(got, np.tile(stress, (len(got), 1)), rtol=0, atol=1e-13)
         at_bonds = at_bonds_of(mesh, first.size, got)
         np.testing.assert_allclose(at_bonds, np.tile(stress, (first.size, 1)), rtol=0, atol=1e-13)
@@ -268,7 +268,7 @@ def bent(packing: str, angle: float, across: int, poisson: float = 0.3) -> tuple
     columns = np.column_stack([bending + shear, np.ones_like(x), x])
     near = abs(y) < 0.2 * width
     share = (mesh.weight * mesh.area)[:, None] * np.ones(3)
-    weighted = share * triangle_stresses(at, triangles, displacement)[:, :1]
+    weighted = share * triangle_stresses(at, triangles.stress, displacement)[:, :1]
     nodal = np.bincount(mesh.triangle.ravel(), weighted.ravel()) / np.bincount(mesh.triangle.ravel(), share.ravel())
     edge = 12.0 / (k**2 * width)  # 2 q / k^2 over the section modulus, with q = width
     return float(np.linalg.lstsq(columns[near], deflection[near], rcond=None)[0][0]), float(nodal.max() / edge)
@@ -301,7 +301,7 @@ def test_stress_at_bonds_is_alike_on_all_lattices() -> None:
         at, triangles, stiffness = whole(mesh)
         k = np.pi / 30.0
         displacement = solved(mesh, stiffness, np.sin(k * mesh.xy[:, 0]), 0.0)
-        stress = at_bonds_of(mesh, first.size, triangle_stresses(at, triangles, displacement))
+        stress = at_bonds_of(mesh, first.size, triangle_stresses(at, triangles.stress, displacement))
         got.append(principal(stress).max() * k)
     assert np.ptp(got) < 0.002
     assert np.mean(got) == pytest.approx(1.025, abs=0.002)
@@ -316,7 +316,7 @@ def test_a_disc_that_spins_bears_in_its_middle_what_theory_says(packing, angle) 
     at, triangles, stiffness = whole(mesh)
     out = mesh.xy - [0.13, 0.21]
     displacement = solved(mesh, stiffness, *out.T)
-    stress = principal(at_bonds_of(mesh, first.size, triangle_stresses(at, triangles, displacement)))
+    stress = principal(at_bonds_of(mesh, first.size, triangle_stresses(at, triangles.stress, displacement)))
     near = np.hypot(*(0.5 * (out[first] + out[second])).T) < 1.5
     assert stress[near].mean() == pytest.approx(3.3 / 8.0 * radius**2, rel=0.015)
 

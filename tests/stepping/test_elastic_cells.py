@@ -20,6 +20,7 @@ from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
 from riftberg.stepping.lattice.elastic_cells import with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
+from stepping.lattices import stiffness_matrix
 
 RADIUS = 750.0
 THICKNESS = 200.0
@@ -50,6 +51,12 @@ def stiffness_of(el, bonds, cells, p):
         lattice = find_lattice(bonds, xy, el.thickness, sizes, p)
     given = lattice, intact, supports, supports.gauge_springs(body, xy)
     return CellStiffness(cells, el, bonds, body, xy, p), given, body, xy
+
+
+def dense_matrix(stiffness):
+    """Stiffness of all nodes, added up number by number."""
+    of = stiffness.topology
+    return stiffness_matrix(of.at, stiffness._triangles.stiffness, of.nodes).toarray()
 
 
 def loads(el, body, xy, force):
@@ -163,14 +170,14 @@ def test_rifts_that_are_there_from_the_start_part_the_ice() -> None:
     assert (cells.mesh.weight * cells.mesh.area).sum() == pytest.approx(12000.0 * 3000.0, rel=1e-12)
     stiffness, _, body, _ = stiffness_of(cut.elements, cut.bonds, cells, p)
     assert body.max() == 1
-    matrix = stiffness.matrix().toarray()
+    matrix = dense_matrix(stiffness)
     left, right = (3 * np.flatnonzero(body == b)[:, None] + np.arange(3) for b in (0, 1))
     assert abs(matrix[np.ix_(left.ravel(), right.ravel())]).max() == 0.0
     # Bonds that are not even in the list part it too: elements of two pieces of one outline.
     none = cut.bonds.taken(cut.bonds.status == 0)
     again = with_new_cells(None, cut.elements, none, cut.outlines, p)
     other = stiffness_of(cut.elements, none, again, p)[0]
-    np.testing.assert_allclose(other.matrix().toarray(), matrix, rtol=0, atol=1e-12 * abs(matrix).max())
+    np.testing.assert_allclose(dense_matrix(other), matrix, rtol=0, atol=1e-12 * abs(matrix).max())
 
 
 def test_without_an_outline_the_ice_ends_where_its_elements_do() -> None:
@@ -180,8 +187,8 @@ def test_without_an_outline_the_ice_ends_where_its_elements_do() -> None:
         stiffness_of(berg.elements, berg.bonds, with_new_cells(None, berg.elements, berg.bonds, outlines, p), p)[0]
         for outlines in (berg.outlines, ())
     )
-    wanted = with_outline.matrix().toarray()
-    assert np.linalg.norm(without.matrix().toarray()) == pytest.approx(np.linalg.norm(wanted), rel=1e-3)
+    wanted = dense_matrix(with_outline)
+    assert np.linalg.norm(dense_matrix(without)) == pytest.approx(np.linalg.norm(wanted), rel=1e-3)
     scattered = Iceberg.from_points(
         [0.0, 1800.0, 3600.0], [0.0, 0.0, 0.0], thickness=THICKNESS, radius=RADIUS, latlon=False
     )
@@ -356,3 +363,46 @@ def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:
         3e3, 3e3, thickness=200.0, placement=(-30.0, -56.0) if latlon else (0.0, 0.0), latlon=latlon
     )
     assert len(Iceberg.join([berg, far]).outlines) == 2
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_blocks_and_nodes_on_the_outline_are_those_of_the_matrix_added_up_number_by_number(packing) -> None:
+    berg, p = turned_beam(packing, 20.0, 9000.0, 6000.0), parameters(packing).kernel_values()
+    el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(5)
+    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    stiffness, *_ = stiffness_of(el, bonds, cells, p)
+    for bond in (None, 4, 17):
+        if bond is not None:
+            stiffness.break_bond(bond, np.ones(3 * stiffness.topology.nodes))
+        matrix = dense_matrix(stiffness)
+        of, (diagonal, between) = stiffness.topology, stiffness.blocks()
+        found = np.zeros((of.nodes, 3, of.nodes, 3))
+        found[np.arange(of.nodes), :, np.arange(of.nodes)] = diagonal
+        found[of.first, :, of.second] = between
+        found[of.second, :, of.first] = between.transpose(0, 2, 1)
+        np.testing.assert_allclose(found.reshape(matrix.shape), matrix, rtol=0, atol=1e-12 * matrix.max())
+        displacement = rng.normal(size=(el.size, 3)) * [1.0, 1.0, 1e-3]
+        every = stiffness.displacements(displacement)
+        np.testing.assert_array_equal(every[: el.size], displacement)
+        force = (matrix @ every.ravel()).reshape(-1, 3)
+        assert abs(force[el.size :, :2]).max() < 1e-9 * abs(force).max()
+
+
+def test_a_topology_counts_as_long_as_only_the_ice_melts() -> None:
+    berg, p = turned_beam("square", 20.0, 9000.0, 6000.0), parameters().kernel_values()
+    el, bonds = berg.elements, berg.bonds
+    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    stiffness, given, body, xy = stiffness_of(el, bonds, cells, p)
+    load = loads(el, body, xy, np.random.default_rng(0).normal(size=(el.size, 3)) * [1e8, 1e8, 1e10])
+    el.thickness[:] *= np.linspace(0.8, 1.0, el.size)
+    thinner = CellStiffness(cells, el, bonds, body, xy, p, stiffness.topology)
+    assert thinner.topology is stiffness.topology
+    anew = CellStiffness(cells, el, bonds, body, xy, p)
+    np.testing.assert_array_equal(CellSolver(thinner, *given).solve(load), CellSolver(anew, *given).solve(load))
+    assert abs(CellSolver(stiffness, *given).solve(load) - CellSolver(thinner, *given).solve(load)).max() > 0.0
+    for change in (bonds.status, el.static, el.free_y):
+        change[3] = 1 - change[3]
+        assert CellStiffness(cells, el, bonds, body, xy, p, stiffness.topology).topology is not stiffness.topology
+        change[3] = 1 - change[3]
+    other = with_new_cells(None, el, bonds, berg.outlines, p)
+    assert CellStiffness(other, el, bonds, body, xy, p, stiffness.topology).topology is not stiffness.topology

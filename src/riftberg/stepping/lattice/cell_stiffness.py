@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags
-from scipy.sparse.linalg import splu
 
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
@@ -31,7 +28,6 @@ from riftberg.stepping.lattice.triangles import (
     find_triangles,
     freedoms,
     mean_stresses,
-    stiffness_matrix,
     triangle_stresses,
     volumes,
 )
@@ -47,17 +43,16 @@ def _triangles(vertices: bytes, freed: bytes, youngs: float, poisson: float) -> 
     return find_triangles(places, np.frombuffer(freed, bool).reshape(-1, 3), youngs, poisson)
 
 
-class CellStiffness:
-    """Triangles in the frames of the fragments, with the stiffness and the stress that broken bonds have left to them.
+class CellTopology:
+    """Which triangles hang together how: all that stays the same while elements, bonds and fragments do, though the ice melts.
 
     Node ``e`` is the centre of the element in row ``e``; nodes on the outlines follow, and last what has melted away.
     """
 
-    def __init__(
-        self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints, xy: Floats, p: KernelParameters
-    ) -> None:
-        mesh, self._p, self._elements, self._xy = cells.mesh, p, el.size, xy
-        row, living = rows_of(el.body.id, cells.element)
+    def __init__(self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints) -> None:
+        self._made_for = self._key(cells, el, bonds, body)
+        mesh, self.elements = cells.mesh, el.size
+        self.row, self.living = row, living = rows_of(el.body.id, cells.element)
         on_outline = mesh.owner.size - mesh.cells
         number = np.arange(el.size - mesh.cells, el.size + on_outline)
         number[: mesh.cells] = row
@@ -67,31 +62,153 @@ class CellStiffness:
         self.static[number] = living[mesh.owner] & (el.static[row[mesh.owner]] >= 0.5)
 
         # A bond that is gone is broken, and edges at ice that has melted away are free.
-        self._bond_number = rows_of(cells.bond, bonds.id)[0]
-        self._broken = np.ones(mesh.bonds, bool)
-        self._broken[self._bond_number[bonds.status == 0]] = False
+        self.bond_number = rows_of(cells.bond, bonds.id)[0]
+        self.broken = np.ones(mesh.bonds, bool)
+        self.broken[self.bond_number[bonds.status == 0]] = False
         lost = ~living[mesh.owner[mesh.triangle]]
-        self._lost = lost[:, [1, 2, 0]] | lost[:, [2, 0, 1]]
-        kept = ~(freed_edges(mesh, self._broken) | self._lost).all(axis=1)
+        lost = lost[:, [1, 2, 0]] | lost[:, [2, 0, 1]]
+        kept = ~(freed_edges(mesh, self.broken) | lost).all(axis=1)
         of_kept = ("triangle", "weight", "area", "edge_bond", "edge_tie")
-        self._mesh = mesh._replace(**{name: getattr(mesh, name)[kept] for name in of_kept})
-        self._lost = self._lost[kept]
-        self._freed = freed_edges(self._mesh, self._broken) | self._lost
+        self.mesh = mesh._replace(**{name: getattr(mesh, name)[kept] for name in of_kept})
+        self.lost = lost[kept]
+        self.freed = freed_edges(self.mesh, self.broken) | self.lost
+        vertex = self.mesh.triangle
+        self.at = freedoms(number[vertex], number[mesh.owner[vertex]])
+        self._find_blocks()
+        self._find_areas()
+        # The side along which two cells meet: hexagons touch along less than their width.
+        self.facet = np.where(el.body.sides == 6, 1.0 / np.sqrt(3.0), 1.0)
+        self.held: Booleans = np.asarray((el.static >= 0.5) | (el.free_y < 0.5))
 
+    @staticmethod
+    def _key(cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints) -> tuple[ElasticCells, list[bytes]]:
+        arrays = (el.body.id, el.static, el.free_y, bonds.id, bonds.status, body)
+        return cells, [array.tobytes() for array in arrays]
+
+    def holds(self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints) -> bool:
+        """Whether elements, bonds and fragments are those for which this was found."""
+        mesh, key = self._key(cells, el, bonds, body)
+        return mesh is self._made_for[0] and key == self._made_for[1]
+
+    def _find_blocks(self) -> None:
+        """Find the pairs of nodes that the stiffness matrix couples, sorted, and where those of each first node start."""
+        of_triangle = np.concatenate([self.at[:, 0:6:2], self.at[:, 6:9]], axis=1) // 3
+        one, other = np.triu_indices(6, 1)
+        pairs = np.sort(np.stack([of_triangle[:, one], of_triangle[:, other]], axis=2), axis=2).reshape(-1, 2)
+        pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+        self.first, self.second = np.divmod(np.unique(pairs[:, 0] * self.nodes + pairs[:, 1]), self.nodes)
+        self.start = np.searchsorted(self.first, np.arange(self.nodes + 1))
+
+    def _find_areas(self) -> None:
+        """Find over which triangles the stress is averaged at bonds, at nodes on the outline beside them, and in cells."""
+        mesh, numbers = self.mesh, np.arange(len(self.mesh.triangle))
+        at_edge, of_edge = np.tile(numbers, (3, 1)).T.ravel(), mesh.edge_bond.ravel()
+        self.at_bond = Neighbourhoods.of_pairs(mesh, of_edge, at_edge)
+        in_triangle = mesh.triangle.ravel(), np.repeat(numbers, 3)
+        owner = mesh.owner[mesh.triangle].ravel()
+        self.in_cell = Neighbourhoods.of_pairs(mesh, np.where(self.living[owner], self.row[owner], -1), in_triangle[1])
+        outer = mesh.triangle.ravel() >= mesh.cells
+        node, place = np.unique(in_triangle[0][outer], return_inverse=True)
+        self.outer_nodes = node.size
+        self.at_node = Neighbourhoods.of_pairs(mesh, place.ravel(), in_triangle[1][outer])
+        # Each bond has the nodes at both ends of its edges that lie on the outline.
+        end = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+        bond = np.repeat(of_edge, 2)
+        beside = (bond >= 0) & (end.ravel() >= mesh.cells)
+        pairs = np.unique(np.column_stack([bond[beside], np.searchsorted(node, end.ravel()[beside])]), axis=0)
+        self.bond_beside, self.node_beside = pairs.T.copy()
+
+
+class OutlineNodes:
+    """Displacements of the nodes on the outline, which bear no loads: they stand where the ice around them is in equilibrium."""
+
+    def __init__(self, topology: CellTopology, diagonal: Floats, between: Floats) -> None:
+        inner = topology.elements
+        free = (np.einsum("nii->ni", diagonal[inner:]) > 0.0) & ~topology.static[inner:, None]
+        free[:, 2] = False  # they rotate with their cells
+        self._free = free.astype(np.float64)
+        outer = topology.first >= inner
+        first, second = topology.first[outer] - inner, topology.second[outer] - inner
+        own = diagonal[inner:] * self._free[:, :, None] * self._free[:, None, :]
+        own[:, range(3), range(3)] += 1.0 - self._free
+        couple = between[outer] * self._free[first][:, :, None] * self._free[second][:, None, :]
+        self._factors = BlockLDL(first, second, own, couple)
+        mixed = ~outer & (topology.second >= inner)
+        self._element, self._node, self._pull = topology.first[mixed], topology.second[mixed] - inner, between[mixed]
+        self._one, self._every = np.ones(len(own)), np.ones(3 * len(own))
+
+    def displacements(self, of_elements: Floats) -> Floats:
+        """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3)."""
+        every = np.zeros((len(of_elements) + len(self._free), 3))
+        every[: len(of_elements)] = of_elements
+        load = outline_loads(self._element, self._node, self._pull, self._free, of_elements)
+        self._factors.solve_scaled(load, self._one, self._every, every[len(of_elements) :])
+        return every
+
+
+@kernel
+def outline_loads(element: Ints, node: Ints, pull: Floats, free: Floats, of_elements: Floats) -> Floats:
+    """Loads (N) on nodes of the outline by the displacements of the elements; a block of the stiffness matrix for each pair."""
+    load = np.zeros(free.shape)
+    for n in range(element.size):
+        e, k = element[n], node[n]
+        for i in range(2):
+            for j in range(3):
+                load[k, i] -= pull[n, j, i] * of_elements[e, j] * free[k, i]
+    return load
+
+
+@kernel
+def stiffness_blocks(at: Ints, stiffness: Floats, start: Ints, second: Ints) -> tuple[Floats, Floats]:
+    """Add up the stiffness of triangles: blocks of the nodes, and of the pairs of nodes that `CellTopology` lists."""
+    nodes = start.size - 1
+    diagonal, between = np.zeros((nodes, 3, 3)), np.zeros((second.size, 3, 3))
+    node, place = np.empty(9, np.int64), np.empty((9, 9), np.int64)
+    for t in range(at.shape[0]):
+        for a in range(9):
+            node[a] = at[t, a] // 3
+        for a in range(9):
+            for b in range(9):
+                place[a, b] = -1
+                if node[a] < node[b]:
+                    n = start[node[a]]
+                    while second[n] != node[b]:
+                        n += 1
+                    place[a, b] = n
+        for a in range(9):
+            for b in range(9):
+                if node[a] == node[b]:
+                    diagonal[node[a], at[t, a] % 3, at[t, b] % 3] += stiffness[t, a, b]
+                elif place[a, b] >= 0:
+                    between[place[a, b], at[t, a] % 3, at[t, b] % 3] += stiffness[t, a, b]
+    return diagonal, between
+
+
+class CellStiffness:
+    """Triangles in the frames of the fragments, with the stiffness and the stress that broken bonds have left to them.
+
+    ``topology``: that of an earlier moment, which counts as long as it still holds.
+    """
+
+    def __init__(
+        self, cells: ElasticCells, el: Elements, bonds: Bonds, body: Ints, xy: Floats, p: KernelParameters,
+        topology: CellTopology | None = None,
+    ) -> None:  # fmt: skip
+        if topology is None or not topology.holds(cells, el, bonds, body):
+            topology = CellTopology(cells, el, bonds, body)
+        self.topology, self._mesh, self._at = topology, topology.mesh, topology.at
+        self._p, self._xy, self.facet = p, xy, topology.facet
+        self._freed, self._broken = topology.freed, topology.broken.copy()
+        living, row = topology.living, topology.row
         self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
         self._volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
         found = _triangles(self._vertex.tobytes(), self._freed.tobytes(), p.youngs_modulus, p.poisson)
         # Of these triangles as they are: with their volume, and with what breaks free from now on.
         self._triangles = Triangles(found.stiffness * self._volume[:, None, None], found.stress.copy())
-        vertex = self._mesh.triangle
-        self._at = freedoms(number[vertex], number[mesh.owner[vertex]])
-        self._areas_of(row, living, bonds)
-        # The side along which two cells meet: hexagons touch along less than their width.
-        self.facet = np.where(el.body.sides == 6, 1.0 / np.sqrt(3.0), 1.0)
-        self._held = (el.static >= 0.5) | (el.free_y < 0.5)
         self._whole: Booleans = np.asarray(~self._freed.any(axis=1))  # triangles without a freed edge
         self._unbridged: Ints | None = None  # intact bonds none of which is the last between two parts
-        self._outline: tuple[Ints, csr_matrix, Any] | None = None
+        self._blocks: tuple[Floats, Floats] | None = None
+        self._outline: OutlineNodes | None = None
 
     def _in_frames(self, row: Ints, body: Ints, xy: Floats) -> Floats:
         """Places of the vertices of all triangles in the frames of their fragments (m); ``row``: of each cell, -1 for none."""
@@ -122,9 +239,12 @@ class CellStiffness:
         self._middle = vertex.mean(axis=1)
         return vertex
 
-    def matrix(self) -> csr_matrix:
-        """Stiffness of all nodes: displacements (m) and rotation (rad) of each."""
-        return stiffness_matrix(self._at, self._triangles.stiffness, self.nodes)
+    def blocks(self) -> tuple[Floats, Floats]:
+        """Blocks of the stiffness of all nodes, for displacements (m) and rotations (rad): see `stiffness_blocks`."""
+        if self._blocks is None:
+            of = self.topology
+            self._blocks = stiffness_blocks(self._at, self._triangles.stiffness, of.start, of.second)
+        return self._blocks
 
     def break_bond(self, bond: int, scale: Floats) -> Floats:
         """Free the edges of a bond (row of the state); returns w in rows: the stiffness falls by the sum of w w^T.
@@ -132,8 +252,8 @@ class CellStiffness:
         ``scale`` turns all unknowns into lengths, in which the stiffness is taken.
         """
         before, old = self._freed, self._triangles.stiffness
-        self._broken[self._bond_number[bond]] = True
-        self._freed = freed_edges(self._mesh, self._broken) | self._lost
+        self._broken[self.topology.bond_number[bond]] = True
+        self._freed = freed_edges(self._mesh, self._broken) | self.topology.lost
         self._whole = np.asarray(~self._freed.any(axis=1))
         changed = np.flatnonzero((self._freed != before).any(axis=1))
         new = find_triangles(self._vertex[changed], self._freed[changed], self._p.youngs_modulus, self._p.poisson)
@@ -143,65 +263,30 @@ class CellStiffness:
         np.add.at(less, (place[:, :, None], place[:, None, :]), old[changed] - left)
         least = NEGLIGIBLE * float((old[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
         old[changed], self._triangles.stress[changed] = left, new.stress
-        self._outline = None
+        self._blocks = self._outline = None
         value, vector = np.linalg.eigh(less * np.outer(scale[at], scale[at]))
         columns = np.zeros((int((value > least).sum()), scale.size))
         columns[:, at] = (vector[:, value > least] * np.sqrt(value[value > least])).T
         return columns
 
     def displacements(self, of_elements: Floats) -> Floats:
-        """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3).
-
-        Nodes on the outline bear no loads: they stand where the ice around them is in equilibrium.
-        """
-        every = np.zeros((self.nodes, 3))
-        every[: self._elements] = of_elements
+        """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3)."""
         if self._outline is None:
-            beside = (self._at[:, :6] >= 3 * self._elements).any(axis=1)
-            k = stiffness_matrix(self._at[beside], self._triangles.stiffness[beside], self.nodes)
-            outer = 3 * np.arange(self._elements, self.nodes)[~self.static[self._elements :]][:, None] + np.arange(2)
-            free = outer.ravel()[k.diagonal()[outer.ravel()] > 0.0]
-            self._outline = (
-                free,
-                k[free][:, : 3 * self._elements],
-                splu(k[free][:, free].tocsc()) if free.size else None,
-            )
-        free, coupling, factors = self._outline
-        if factors is not None:
-            every.ravel()[free] = factors.solve(-(coupling @ np.ascontiguousarray(of_elements).ravel()))
-        return every
-
-    def _areas_of(self, row: Ints, living: Booleans, bonds: Bonds) -> None:
-        """Find over which triangles the stress is averaged at bonds, at nodes on the outline beside them, and in cells."""
-        mesh, numbers = self._mesh, np.arange(len(self._mesh.triangle))
-        at_edge, of_edge = np.tile(numbers, (3, 1)).T.ravel(), mesh.edge_bond.ravel()
-        self._at_bond = Neighbourhoods.of_pairs(mesh, of_edge, at_edge)
-        in_triangle = mesh.triangle.ravel(), np.repeat(numbers, 3)
-        owner = mesh.owner[mesh.triangle].ravel()
-        self._in_cell = Neighbourhoods.of_pairs(mesh, np.where(living[owner], row[owner], -1), in_triangle[1])
-        outer = mesh.triangle.ravel() >= mesh.cells
-        node, place = np.unique(in_triangle[0][outer], return_inverse=True)
-        self._outer_nodes = node.size
-        self._at_node = Neighbourhoods.of_pairs(mesh, place.ravel(), in_triangle[1][outer])
-        # Each bond has the nodes at both ends of its edges that lie on the outline.
-        end = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-        bond = np.repeat(of_edge, 2)
-        beside = (bond >= 0) & (end.ravel() >= mesh.cells)
-        pairs = np.unique(np.column_stack([bond[beside], np.searchsorted(node, end.ravel()[beside])]), axis=0)
-        self._bond_beside, self._node_beside = pairs.T.copy()
+            self._outline = OutlineNodes(self.topology, *self.blocks())
+        return self._outline.displacements(of_elements)
 
     def triangle_stresses(self, of_elements: Floats) -> Floats:
         """Stress (Pa; xx, yy, xy) of each triangle by the displacements of the elements."""
-        return triangle_stresses(self._at, self._triangles, self.displacements(of_elements))
+        return triangle_stresses(self._at, self._triangles.stress, self.displacements(of_elements))
 
     def bond_tensors(self, stress: Floats, rows: Ints) -> Floats:
         """Stress (Pa; xx, yy, xy) of the ice at intact bonds (rows of the state); ``stress``: of the triangles."""
-        return self._mean(self._at_bond, stress, self._broken.size)[self._bond_number[rows]]
+        return self._mean(self.topology.at_bond, stress, self._broken.size)[self.topology.bond_number[rows]]
 
     def cell_tensors(self, stress: Floats) -> Floats:
         """Stress (Pa; xx, yy, xy) of the ice in the cells of the elements, with all triangles at their nodes."""
         every = np.ones(len(stress), bool)
-        return mean_stresses(*self._in_cell, every, stress, self._elements)
+        return mean_stresses(*self.topology.in_cell, every, stress, self.topology.elements)
 
     def bridges(self, lattice: ElasticLattice, rows: Ints, load: Floats) -> tuple[Booleans, Floats]:
         """Find which intact bonds are the last between two parts, and their stress (Pa) by bending, 0 for all others.
@@ -214,7 +299,7 @@ class CellStiffness:
         ):  # as nearly always: bonds that are the same have no bridges under other loads either
             return np.zeros(rows.size, bool), np.zeros(rows.size)
         width = lattice.width[rows] * self.facet[lattice.first[rows]]
-        bridge, moment = bridge_moments(lattice.first, lattice.second, rows, self._xy, load, self._held)
+        bridge, moment = bridge_moments(lattice.first, lattice.second, rows, self._xy, load, self.topology.held)
         if not bridge.any():
             self._unbridged = rows
         return bridge, np.asarray(6.0 * abs(moment) / (lattice.thickness[rows] * width**2))
@@ -224,10 +309,10 @@ class CellStiffness:
 
         Bonds lie inside the ice, so the stress at nodes of the outline beside them counts where it is larger.
         """
-        strongest = np.full((self._broken.size, 2), -np.inf)
-        of_nodes = principal_stresses(self._mean(self._at_node, stress, self._outer_nodes))
-        np.maximum.at(strongest, self._bond_beside, of_nodes[self._node_beside])
-        largest = np.maximum(principal_stresses(tensor), strongest[self._bond_number[rows]])
+        largest = principal_stresses(tensor)
+        of_nodes = principal_stresses(self._mean(self.topology.at_node, stress, self.topology.outer_nodes))
+        of, number = self.topology, self.topology.bond_number[rows]
+        _raise_to_nodes(largest, of_nodes, of.bond_beside, of.node_beside, number, self._broken.size)
         return np.asarray(largest)
 
     def _mean(self, near: Neighbourhoods, stress: Floats, places: int) -> Floats:
@@ -267,31 +352,41 @@ def principal_stresses(tensor: Floats) -> Floats:
     return extremes
 
 
+@kernel
+def _raise_to_nodes(largest: Floats, of_nodes: Floats, bond: Ints, node: Ints, number: Ints, bonds: int) -> None:
+    """Take the stress at nodes beside bonds where it is larger; ``number``: of the bond in each row of ``largest``."""
+    row = np.full(bonds, -1, np.int64)
+    for k in range(number.size):
+        row[number[k]] = k
+    for n in range(bond.size):
+        k = row[bond[n]]
+        if k >= 0:
+            for c in range(2):
+                largest[k, c] = max(largest[k, c], of_nodes[node[n], c])
+
+
 class CellSolver(StiffnessSolver):
     """Solves for the displacements of the elements, with those of the nodes on the outline as further unknowns."""
 
     def __init__(
         self, cells: CellStiffness, lattice: ElasticLattice, intact: Ints, supports: Supports, gauge_springs: Ints
     ) -> None:
-        self._cells, elements = cells, lattice.radius.size
-        radius, free = np.ones(cells.nodes), np.ones((cells.nodes, 3))
+        self._cells, of, elements = cells, cells.topology, lattice.radius.size
+        radius, free = np.ones(of.nodes), np.ones((of.nodes, 3))
         radius[:elements], free[:elements] = lattice.radius, supports.free.reshape(-1, 3)
-        free[elements:, :2][cells.static[elements:]] = 0.0
-        self._scale = np.column_stack([np.ones((cells.nodes, 2)), 1.0 / radius]).ravel()
+        free[elements:, :2][of.static[elements:]] = 0.0
+        self._scale = np.column_stack([np.ones((of.nodes, 2)), 1.0 / radius]).ravel()
         self._take(lattice, intact, free.ravel(), radius, gauge_springs)
-        scale = diags(self._scale)
-        blocks = (scale @ cells.matrix() @ scale).tobsr((3, 3))
-        row, column = np.repeat(np.arange(cells.nodes), np.diff(blocks.indptr)), blocks.indices.astype(np.int64)
-        data = blocks.data * free[row][:, :, None] * free[column][:, None, :]
-        diagonal = np.zeros((cells.nodes, 3, 3))
-        diagonal[row[row == column]] = data[row == column]
+        diagonal, between = cells.blocks()
+        kept = self._scale.reshape(-1, 3) * free
+        diagonal = diagonal * kept[:, :, None] * kept[:, None, :]
+        between = between * kept[of.first][:, :, None] * kept[of.second][:, None, :]
         # Unknowns without any stiffness: rotations of nodes on the outline, ice that has melted away, supported freedoms.
-        added = np.zeros(3 * cells.nodes)
+        added = np.zeros(3 * of.nodes)
         added[: self._added.size] = self._added
         added[np.einsum("nii->ni", diagonal).ravel() == 0.0] = self.gauge_stiffness
         diagonal[:, range(3), range(3)] += added.reshape(-1, 3)
-        upper = row < column
-        self._ldl = BlockLDL(row[upper], column[upper], diagonal, np.ascontiguousarray(data[upper]))
+        self._ldl = BlockLDL(of.first, of.second, diagonal, between)
 
     def _columns_of(self, bond: int) -> Floats:
         return self._cells.break_bond(bond, self._scale)

@@ -22,7 +22,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
 
 from riftberg.compiled.kernels import kernel
 from riftberg.state import Floats, Ints
@@ -123,15 +122,16 @@ def freedoms(node: Ints, owner: Ints) -> Ints:
     return np.concatenate([displacements.reshape(-1, 6), 3 * owner + 2], axis=1)
 
 
-def stiffness_matrix(at: Ints, stiffness: Floats, nodes: int) -> csr_matrix:
-    """Add up the stiffness of triangles with the unknowns ``at`` (`freedoms`); of shape (3 nodes, 3 nodes)."""
-    row, column = np.repeat(at, 9, axis=1), np.tile(at, (1, 9))
-    return coo_matrix((stiffness.ravel(), (row.ravel(), column.ravel())), shape=(3 * nodes, 3 * nodes)).tocsr()
-
-
-def triangle_stresses(at: Ints, triangles: Triangles, displacement: Floats) -> Floats:
-    """Stress (Pa; xx, yy, xy) of each triangle; ``displacement``: of all nodes (m, m, rad), shape (nodes, 3)."""
-    return np.asarray(np.einsum("tsx,tx->ts", triangles.stress, displacement.ravel()[at]))
+@kernel
+def triangle_stresses(at: Ints, stress: Floats, displacement: Floats) -> Floats:
+    """Stress (Pa; xx, yy, xy) of each triangle; ``stress``: of `Triangles`; ``displacement``: of all nodes (m, m, rad)."""
+    found = np.zeros((at.shape[0], 3))
+    for t in range(at.shape[0]):
+        for a in range(9):
+            moved = displacement[at[t, a] // 3, at[t, a] % 3]
+            for c in range(3):
+                found[t, c] += stress[t, c, a] * moved
+    return found
 
 
 class Neighbourhoods(NamedTuple):

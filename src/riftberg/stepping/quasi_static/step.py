@@ -76,7 +76,7 @@ from riftberg.stepping.fracture.strengths import (
 )
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.ground.landing import GroundPhase, Seabed, joined, without
-from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
+from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness, CellTopology
 from riftberg.stepping.lattice.elastic_cells import (
     CELL_NAMES,
     ElasticCells,
@@ -130,6 +130,7 @@ class QuasiStaticStepper:
         self._bodies: Bodies | None = None
         # Where the ice is elastic in cells, they are made at the start of a run; a restart holds them from then on.
         self._cells: ElasticCells | None = None
+        self._cell_topology: CellTopology | None = None  # found once as long as ice melts but nothing breaks
         self._tips = NO_TIPS
         if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
@@ -210,6 +211,7 @@ class QuasiStaticStepper:
             self._cells,
             self._tips,
             self._seabed,
+            self._cell_topology,
         )
         self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
@@ -218,6 +220,7 @@ class QuasiStaticStepper:
         self._bodies, self._lattice, self._state = step.state.bodies, step.lattice, None if step.cracked else step.state
         self._applied, self._touched = step.applied, concatenate_pairs(step.touched)
         self._sizes, self._work, self._cells, self._tips = step.sizes, step.work, step.cells, step.tips
+        self._cell_topology = step.topology
         if step.cracked:
             self._topology = _topology_key(model)
         self._snapshot = take_snapshot(model.elements)
@@ -284,9 +287,9 @@ class TimeStep:
         self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
         state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
         unknown: NDArray[np.bool_] | None = None, cells: ElasticCells | None = None, tips: CrackTips = NO_TIPS,
-        seabed: Seabed | None = None,
+        seabed: Seabed | None = None, topology: CellTopology | None = None,
     ) -> None:  # fmt: skip
-        self.cells, self.seabed = cells, seabed
+        self.cells, self.topology, self.seabed = cells, topology, seabed
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
         self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
@@ -813,7 +816,8 @@ class TimeStep:
         solver: Callable[..., StiffnessSolver] = StiffnessSolver
         if self.model.parameters.elastic_cells:
             self.cells = with_new_cells(self.cells, el, bonds, (), c)
-            cells = CellStiffness(self.cells, el, bonds, bodies.body, xy, c)
+            cells = CellStiffness(self.cells, el, bonds, bodies.body, xy, c, self.topology)
+            self.topology = cells.topology
             solver = partial(CellSolver, cells)
         volume = el.length * el.width * el.thickness
         criterion = criterion_for(self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c, cells)
