@@ -284,7 +284,7 @@ TRIALS: Final[dict[str, Trial]] = {
     "contact.max_iterations": Trial(1, with_(KID, contact={"tolerance": 1e-10}), refused="iteration"),
     "bonds.law": Trial("spring"),
     "bonds.packing": Trial("hexagonal", refused="the berg has square elements"),
-    "bonds.elasticity": Trial("cells", with_(OPEN, stepping={"scheme": "quasi_static"})),
+    "bonds.elasticity": Trial("bonds", with_(OPEN, stepping={"scheme": "quasi_static"})),
     "bonds.spring": Trial(1e-6, SPRING),
     "bonds.youngs_modulus": Trial(2e6),
     "bonds.poisson": Trial(0.2),

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import BergError, InputError, RunError
+from riftberg.errors import InputError, RunError
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
@@ -192,8 +192,50 @@ def test_without_an_outline_the_ice_ends_where_its_elements_do() -> None:
     scattered = Iceberg.from_points(
         [0.0, 1800.0, 3600.0], [0.0, 0.0, 0.0], thickness=THICKNESS, radius=RADIUS, latlon=False
     )
-    with pytest.raises(BergError, match="do not touch"):
-        with_new_cells(None, scattered.elements, scattered.bonds, (), p)
+    joined = with_new_cells(None, scattered.elements, scattered.bonds, (), p).mesh
+    assert (joined.weight * joined.area).sum() == pytest.approx(5100.0 * 1500.0, rel=1e-6)
+
+
+def zero_modes(stiffness) -> int:
+    """How many motions of all nodes meet no resistance."""
+    matrix = dense_matrix(stiffness)
+    used = np.diag(matrix) > 0.0
+    scale = np.column_stack([np.ones((used.size // 3, 2)), np.full(used.size // 3, 1.0 / RADIUS)]).ravel()[used]
+    values = np.linalg.eigvalsh(matrix[np.ix_(used, used)] * np.outer(scale, scale))
+    return int((values < 1e-9 * values[-1]).sum())
+
+
+@pytest.mark.parametrize("kind", ["degrees", "apart", "inlet"])
+def test_every_bond_joins_ice_and_pieces_have_three_zero_modes_whatever_is_broken(kind) -> None:
+    """Bug once: cells on meridians that converge did not touch, and a corner on its last bond was held by nothing."""
+    rows, columns = (a.ravel() for a in np.indices((3, 5)))
+    outline, step = None, 2.0 * RADIUS * (1.15 if kind == "apart" else 1.0)
+    if kind == "inlet":
+        outline = shapely.box(-RADIUS, -RADIUS, 4.5 * step, 2.5 * step) - shapely.box(2250.0, -800.0, 2350.0, 1000.0)
+    degree = np.pi * 6.371e6 / 180.0
+    if kind == "degrees":
+        x, y = -38.7 + columns * step / degree / np.cos(np.radians(82.0)), -82.0 + rows * step / degree
+    else:
+        x, y = columns * step, rows * step
+    berg = Iceberg.from_points(
+        x, y, thickness=THICKNESS, radius=RADIUS, latlon=kind == "degrees", **({"outline": outline} if outline else {})
+    )
+    el, bonds, rng = berg.elements, berg.bonds, np.random.default_rng(3)
+    assert bonds.first.size == 22
+    p = parameters(earth={"latlon": kind == "degrees"}).kernel_values()
+    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    for broken in (0, 1, 3, 6, 12, 22):
+        bonds.status[:] = 0
+        bonds.status[rng.permutation(22)[:broken]] = 1
+        body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
+        bodies = bodies_from_elements(el.lon, el.lat, body, el.mass, p.latlon, p.earth_radius, p.period)
+        xy = tangent_coordinates(bodies.reference, p.latlon, p.earth_radius)
+        stiffness = CellStiffness(cells, el, bonds, body, xy, p)
+        held = (
+            np.diag(dense_matrix(stiffness)).reshape(-1, 3)[: el.size].max(axis=1) > 0.0
+        )  # a lone cell has no triangles
+        assert zero_modes(stiffness) == 3 * np.unique(body[held]).size, broken
+        assert held[np.isin(np.arange(15), bonds.first[bonds.status == 0])].all()
 
 
 def test_elements_that_nearly_stand_on_the_outline_are_taken_in() -> None:
@@ -325,7 +367,13 @@ def test_criteria_of_the_ice_take_elastic_cells_or_are_refused_by_name() -> None
         assert Parameters(fracture=fracture).elastic_cells
         with pytest.raises(InputError, match=rf"fracture\.criterion = '{criterion}' needs a lattice in equilibrium"):
             Parameters(fracture=fracture, stepping={"scheme": "mts"})
-    assert not Parameters().elastic_cells
+    assert Parameters().elastic_cells
+    for groups in (
+        {"stepping": {"scheme": "mts"}}, {"bonds": {"law": "none"}}, {"bonds": {"elasticity": "bonds"}},
+        {"fracture": {"criterion": "bond"}}, {"fracture": {"criterion": "averaged", "distance": 1e3}},
+    ):  # fmt: skip
+        assert not Parameters(**groups).elastic_cells
+    assert Parameters(fracture={"enabled": False, "criterion": "bond"}, bonds={"elasticity": "cells"}).elastic_cells
     assert not Parameters(
         fracture={"criterion": "toughness", "toughness": 1e5}, bonds={"elasticity": "bonds"}
     ).elastic_cells

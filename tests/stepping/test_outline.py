@@ -18,9 +18,10 @@ from riftberg.constants import (
     RHO_SEAWATER,
     WAVE_RADIATION_MAX,
 )
+from riftberg.plane import ConformalPlane
 from riftberg.stepping.forces.media import FORCES, allocate_surroundings, find_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fragments.outline import measure_outlines
+from riftberg.stepping.fragments.outline import equivalent_rectangles, measure_outlines
 
 LENGTH, WIDTH, THICKNESS, LATITUDE = 30e3, 15e3, 250.0, -60.0
 
@@ -199,3 +200,14 @@ def test_forces_by_element_stay_where_the_reference_asks_for_them():
     assert by_element.kernel_values().forces_by_element
     assert Parameters(drag={"sides_by_bonds": False}).kernel_values().forces_by_element
     assert not Parameters().kernel_values().forces_by_element
+
+
+@pytest.mark.parametrize("latitude", [60.0, 89.0, 89.9, 90.0, -89.95])
+def test_length_and_width_are_those_of_the_ice_also_at_a_pole(latitude):
+    """Bug once: within a degree of a pole the length was measured in degrees of longitude, and came out too long."""
+    x, y = (a.ravel() for a in np.meshgrid(1e3 * np.arange(-14.5, 15.0), 1e3 * np.arange(-7.0, 7.5)))
+    lon, lat = ConformalPlane(170.0, latitude, 6.371e6).inverse(*(np.array([[0.8, -0.6], [0.6, 0.8]]) @ [x, y]))
+    side = np.full(x.size, 1e3)
+    got = equivalent_rectangles(lon, lat, side, side, np.zeros(x.size, int), 1, True, 6.371e6, 360.0)
+    assert float(got[0][0]) == pytest.approx(30e3, rel=1e-3)
+    assert float(got[1][0]) == pytest.approx(15e3, rel=1e-3)

@@ -100,7 +100,7 @@ def test_free_rotation_goes_on(agrees) -> None:
 
 def test_rotation_stretches_the_lattice_as_theory_says(agrees) -> None:
     """A chain that turns carries the centrifugal force of what lies beyond each bond."""
-    model = lattice(quasi(stepping={"only_interactions": True}), 9, 1)
+    model = lattice(quasi(stepping={"only_interactions": True}, bonds={"elasticity": "bonds"}), 9, 1)
     rate = 1e-4
     turn(model, rate)
     x = model.elements.lon.copy()
@@ -175,7 +175,8 @@ def test_cantilever(agrees) -> None:
 
 def at_rest(berg: Iceberg, beam: Beam) -> Model:
     """The beam after two steps: the first shows the equilibrium."""
-    p = beam.parameters("own").changed(stepping={"scheme": "quasi_static"})
+    # Of one and three elements across: elastic cells need eight (test_elastic_cells).
+    p = beam.parameters("own").changed(stepping={"scheme": "quasi_static"}, bonds={"elasticity": "bonds"})
     model = Model(berg, Steady(depth=0.0), p)
     model.advance(steps=2)
     assert np.abs(model.elements.u).max() < 1e-15

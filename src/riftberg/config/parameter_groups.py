@@ -228,7 +228,7 @@ class BondParameters(Group):
         None,
         "",
         "what is elastic: the bonds, or (with quasi_static) the ice of the cells, as a solid that is alike in all directions; "
-        "none means cells where fracture.criterion needs them, else bonds",
+        "none means cells with quasi_static, but for the criteria bond and averaged, else bonds",
         "equations 5; cells: Argyris 1964, Hughes and Brezzi 1989",
     )
     spring: float | None = quantity(

@@ -403,6 +403,17 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "front_bergs": Bound(("outlines",), 0, "fragments"),
     "front_elements": Bound(("fronts", 2), 0, "next_element - 1"),
     "front_sizes": Bound(("fronts", 2)),
+    # The mesh of elastic cells; bonds of neighbours that were never bonded have the identifier -1.
+    "cells_element": Bound(("cells",), 0, "next_element - 1", once=True),
+    "cells_bond": Bound(("cell_bonds",), -1, "next_bond - 1"),
+    "cells_xy": Bound(("nodes", 2)),
+    "cells_owner": Bound(("nodes",), 0, "cells - 1"),
+    "cells_triangle": Bound(("triangles", 3), 0, "nodes - 1"),
+    "cells_(weight|area)": Bound(("triangles",)),
+    "cells_edge_bond": Bound(("triangles", 3), -1, "cell_bonds - 1"),
+    "cells_edge_tie": Bound(("triangles", 3), -1, "3 * triangles - 1"),
+    "cells_path_tie": Bound(("paths",), 0, "3 * triangles - 1"),
+    "cells_path_bonds": Bound(("paths", None), -1, "cell_bonds - 1"),
     # Tips of cracks, each beside two elements.
     "crack_tip_beside": Bound(("tips", 2), 0, "next_element - 1"),
     "crack_tip_(place|direction)": Bound(("tips", 2)),
@@ -479,13 +490,13 @@ def _bounds_of(extra: Mapping[str, Any]) -> list[tuple[str, Bound]]:
 
 
 def _resolved(limit: float | str | None, sizes: Mapping[str, int]) -> int:
-    """Return a limit as a number: itself, a size, or a size less one."""
+    """Return a limit as a number: itself, a size or some times of it, or such a size less one."""
     if not isinstance(limit, str):
         return int(limit or 0)
-    name, _, less = limit.partition(" - ")
-    return sizes.get(name, LARGEST_WHOLE) - int(
-        less or 0
-    )  # an array that says the size is missing: nothing is taken up
+    size, _, less = limit.partition(" - ")
+    times, _, name = size.rpartition(" * ")
+    # Where the array that says the size is missing nothing is taken up.
+    return int(times or 1) * sizes.get(name, LARGEST_WHOLE) - int(less or 0)
 
 
 def _refuse_outside(values: Any, least: int, most: int, path: Path, place: str) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import exposed_sides
-from riftberg.physics.geometry import nearest_image, separation
+from riftberg.physics.geometry import nearest_image
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.forces.sizes import sides_of
 
@@ -42,6 +42,15 @@ def measure_outlines(elements: Elements, p: KernelParameters) -> None:
 
 
 @kernel
+def _on_sphere(lon: float, lat: float, start: float, latlon: bool, period: float) -> tuple[float, float, float]:
+    """Direction from the centre of the sphere; on a plane the place (m) in its image nearest to ``start``."""
+    if not latlon:
+        return start + nearest_image(lon - start, period), lat, 0.0
+    lam, phi = math.radians(lon), math.radians(lat)
+    return math.cos(phi) * math.cos(lam), math.cos(phi) * math.sin(lam), math.sin(phi)
+
+
+@kernel
 def equivalent_rectangles(
     lon: Floats, lat: Floats, length: Floats, width: Floats, part: Ints, count: int, latlon: bool, radius: float, period: float
 ) -> tuple[Floats, Floats]:  # fmt: skip
@@ -65,33 +74,46 @@ def equivalent_rectangles(
     radius, period : float
         Radius of the sphere, m, and period of the longitude (0: none).
     """
-    first = np.full(count, -1, np.int64)
-    number, area, x_mean, y_mean, ixx, iyy, ixy = np.zeros((7, count))
+    first, number, area = np.full(count, -1, np.int64), np.zeros(count), np.zeros(count)
+    ixx, iyy, ixy = np.zeros((3, count))
     for e in range(part.size):
-        k, a = part[e], length[e] * width[e]
+        k = part[e]
         if first[k] < 0:
             first[k] = e
         number[k] += 1.0
-        area[k] += a
-        x_mean[k] += a * nearest_image(lon[e] - lon[first[k]], period)
-        y_mean[k] += a * lat[e]
-    for k in range(count):
-        x_mean[k] = lon[first[k]] + x_mean[k] / area[k]
-        y_mean[k] /= area[k]
+        area[k] += length[e] * width[e]
+    # Centres on the sphere itself, and distances on the plane that touches it there: degrees of longitude are none at a pole.
+    centre = np.zeros((count, 3))
     for e in range(part.size):
         k, a = part[e], length[e] * width[e]
-        x, y = separation(lon[e], lat[e], x_mean[k], y_mean[k], latlon, radius, period)
-        # An element of many may lie any way round: the mean of its own two moments counts along both axes.
-        own = (length[e] * length[e] + width[e] * width[e]) / 24.0
-        ixx[k] += a * (x * x + own)
-        iyy[k] += a * (y * y + own)
-        ixy[k] += a * x * y
+        if number[k] > 1.0:
+            x, y, z = _on_sphere(lon[e], lat[e], lon[first[k]], latlon, period)
+            centre[k, 0] += a * x
+            centre[k, 1] += a * y
+            centre[k, 2] += a * z
+    for e in range(part.size):
+        k, a = part[e], length[e] * width[e]
+        if number[k] > 1.0:
+            x, y, z = _on_sphere(lon[e], lat[e], lon[first[k]], latlon, period)
+            if latlon:
+                cx, cy, cz = centre[k]
+                along, whole = math.hypot(cx, cy), math.sqrt(cx * cx + cy * cy + cz * cz)
+                c, s = (cx / along, cy / along) if along > 0.0 else (1.0, 0.0)
+                x, y = radius * (c * y - s * x), radius * (along * z - cz * (c * x + s * y)) / whole
+            else:
+                x, y = x - centre[k, 0] / area[k], y - centre[k, 1] / area[k]
+            # An element of many may lie any way round: the mean of its own two moments counts along both axes.
+            own = (length[e] * length[e] + width[e] * width[e]) / 24.0
+            ixx[k] += a * (x * x + own)
+            iyy[k] += a * (y * y + own)
+            ixy[k] += a * x * y
     long, short = np.empty(count), np.empty(count)
     for k in range(count):
-        half = 0.5 * math.sqrt((ixx[k] - iyy[k]) ** 2 + 4.0 * ixy[k] * ixy[k])
-        mean = 0.5 * (ixx[k] + iyy[k])
-        ratio = math.sqrt((mean + half) / (mean - half))
-        if number[k] == 1.0:
+        if number[k] > 1.0:
+            half = 0.5 * math.sqrt((ixx[k] - iyy[k]) ** 2 + 4.0 * ixy[k] * ixy[k])
+            mean = 0.5 * (ixx[k] + iyy[k])
+            ratio = math.sqrt((mean + half) / (mean - half))
+        else:
             one = first[k]
             ratio = max(length[one], width[one]) / min(length[one], width[one])
         long[k], short[k] = math.sqrt(area[k] * ratio), math.sqrt(area[k] / ratio)

@@ -61,8 +61,8 @@ def outline_of_cells(xy: Floats, radius: float, packing: str, angle: float) -> s
     """
     sides = 6 if packing == "hexagonal" else 4
     corner = angle + (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
-    # Cells reach a little over their sides at first, so that round-off leaves no gaps between them.
-    over = 1e-3 * radius
+    # Cells reach over their sides at first: those of a lattice in degrees do not fit exactly, for meridians converge.
+    over = 0.05 * radius
     ring = (radius + over) / math.cos(math.pi / sides) * np.column_stack([np.cos(corner), np.sin(corner)])
     return shapely.unary_union(shapely.polygons(xy[:, None, :] + ring)).buffer(-over, join_style="mitre")
 

@@ -48,20 +48,21 @@ class ElasticCells(NamedTuple):
     bond: Ints  # Identifiers of the bonds; shape (bonds,)
 
 
-CELL_NAMES = tuple(f"cells_{name}" for name in (*CellMesh._fields[3:], "element", "bond", "ties"))
+CELL_NAMES = tuple(f"cells_{name}" for name in (*CellMesh._fields[3:], "element", "bond"))
 """Names in a restart file."""
 
 
 def cells_to_arrays(cells: ElasticCells) -> dict[str, Any]:
     """Return what a restart file must hold of the cells."""
     mesh = cells.mesh
-    return dict(zip(CELL_NAMES, (*mesh[3:], cells.element, cells.bond, np.array(mesh.ties)), strict=True))
+    return dict(zip(CELL_NAMES, (*mesh[3:], cells.element, cells.bond), strict=True))
 
 
 def cells_from_arrays(saved: Mapping[str, Any]) -> ElasticCells:
     """Return the cells of a restart file."""
-    *arrays, element, bond, ties = (np.asarray(saved[name]) for name in CELL_NAMES)
-    mesh = CellMesh(element.size, bond.size, int(ties), *arrays)
+    *arrays, element, bond = (np.asarray(saved[name]) for name in CELL_NAMES)
+    ties = 1 + max(int(saved[name].max(initial=-1)) for name in ("cells_edge_tie", "cells_path_tie"))
+    mesh = CellMesh(element.size, bond.size, ties, *arrays)
     return ElasticCells(mesh, element, bond)
 
 
@@ -154,9 +155,23 @@ def _mesh_of(
 
     hexagonal, spacing = bool(el.body.sides[rows[0]] == 6), 2.0 * float(radius.mean())
     ice = ice_on_plane(plane, xy, radius, outline, xy[pairs[0, 1]] - xy[pairs[0, 0]], hexagonal=hexagonal)
+    # Bonded cells are joined by ice, also where the outline has a narrow inlet between them or they lie a little apart.
+    across = shapely.linestrings(xy[ends])
+    across = across[~shapely.covers(ice, across)]
+    if across.size:
+        facet = float(radius.mean()) * (1.0 / np.sqrt(3.0) if hexagonal else 1.0)
+        ice = shapely.unary_union([ice, *shapely.buffer(across, facet, cap_style="flat")])
     if ice.geom_type != "Polygon":
         raise BergError(
             "a berg whose elements do not touch each other has no elastic cells",
             where="bonds.elasticity", remedy="Set it to 'bonds', or place elements two radii apart",
         )  # fmt: skip
-    return cell_mesh(xy, pairs[:, 0], pairs[:, 1], ice, spacing, both_diagonals=not hexagonal), ids
+    mesh = cell_mesh(xy, pairs[:, 0], pairs[:, 1], ice, spacing, both_diagonals=not hexagonal)
+    without = np.setdiff1d(np.arange(len(ends)), mesh.edge_bond)
+    if without.size:
+        a, b = el.body.id[rows[ends[without[0]]]]
+        raise BergError(
+            f"no ice joins the elements {a} and {b}, which are bonded",
+            where="bonds.elasticity", remedy="Set it to 'bonds', or leave more room between the element and the outline",
+        )  # fmt: skip
+    return mesh, ids
