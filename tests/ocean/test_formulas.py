@@ -54,16 +54,67 @@ def moved(e: Elements, east: float, north: float, latlon: bool) -> Elements:
 )
 @pytest.mark.parametrize("name", FLOWS)
 def test_a_current_is_in_balance_with_its_sea_surface(name: str, options: dict[str, Any]) -> None:
-    """That is f v = g d(eta)/dx and -f u = g d(eta)/dy, f of the place or of the plane."""
-    flow, e = FLOWS[name](**options), points(latlon=options.get("latlon", True))
-    flow.sample(e, 7200.0)
-    latitude = options.get("latitude", e.lat)
-    f = 2.0 * OMEGA * np.sin(np.radians(latitude)) * np.ones(e.size)
+    """That is Du/Dt - f v = -g d(eta)/dx and Dv/Dt + f u = -g d(eta)/dy, f of the place or of the plane."""
+    latlon, time = options.get("latlon", True), 7200.0
+    flow, e = FLOWS[name](**options), points(latlon=latlon)
+    flow.sample(e, time)
+    f = 2.0 * OMEGA * np.sin(np.radians(options.get("latitude", e.lat))) * np.ones(e.size)
     assert np.hypot(e.uo, e.vo).max() > 0.05
-    np.testing.assert_allclose(G * e.slope_x, f * e.vo, rtol=1e-12, atol=1e-18)
-    np.testing.assert_allclose(G * e.slope_y, -f * e.uo, rtol=1e-12, atol=1e-18)
-    for shown, own in zip(flow.currents(e.lon, e.lat, 7200.0), (e.uo, e.vo), strict=True):
+    change = material_change(flow, e, time, latlon)
+    if name == "uniform":
+        np.testing.assert_allclose(G * e.slope_x, f * e.vo, rtol=1e-12, atol=1e-18)
+    size = abs(f * np.hypot(e.uo, e.vo)).max()
+    np.testing.assert_allclose(G * e.slope_x, f * e.vo - change[0], rtol=0, atol=1e-5 * size)
+    np.testing.assert_allclose(G * e.slope_y, -f * e.uo - change[1], rtol=0, atol=1e-5 * size)
+    for shown, own in zip(flow.currents(e.lon, e.lat, time), (e.uo, e.vo), strict=True):
         np.testing.assert_array_equal(shown, own)
+
+
+def material_change(flow: Any, e: Elements, time: float, latlon: bool) -> list[Any]:
+    """Return du/dt + u du/dx + v du/dy, and the same of v, from differences in place and time."""
+    size, at = 50.0, {}
+    for key, (east, north, later) in {
+        "e": (size, 0.0, 0.0), "w": (-size, 0.0, 0.0), "n": (0.0, size, 0.0), "s": (0.0, -size, 0.0),
+        "later": (0.0, 0.0, size), "before": (0.0, 0.0, -size),
+    }.items():  # fmt: skip
+        there = moved(e, east, north, latlon)
+        at[key] = flow.currents(there.lon, there.lat, time + later)
+    return [
+        (at["later"][k] - at["before"][k] + e.uo * (at["e"][k] - at["w"][k]) + e.vo * (at["n"][k] - at["s"][k])) / (2.0 * size)
+        for k in (0, 1)
+    ]  # fmt: skip
+
+
+def test_an_eddy_has_the_gradient_wind() -> None:
+    """The slope is g d(eta)/dr = f v + v^2 / r at rest, and what is left of it for one that travels at c: - (u - c) . grad u."""
+    for velocity in ((0.0, 0.0), (0.3, -0.1)):
+        eddy = Forcing.eddy((0.0, 0.0), 40e3, 0.8, velocity, latlon=False, latitude=-56.0)
+        e = points(latlon=False)
+        eddy.sample(e, 0.0)
+        x, y, f = e.lon, e.lat, 2.0 * OMEGA * np.sin(np.radians(-56.0))
+        turning = 0.8 / 40e3 * np.exp(0.5 * (1.0 - (x * x + y * y) / 40e3**2))
+        rise = -turning / 40e3**2
+        u, v = -turning * y - velocity[0], turning * x - velocity[1]
+        change_x = u * (-rise * x * y) + v * (-turning - rise * y * y)
+        change_y = u * (turning + rise * x * x) + v * (rise * x * y)
+        np.testing.assert_allclose(G * e.slope_x, f * e.vo - change_x, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(G * e.slope_y, -f * e.uo - change_y, rtol=0, atol=1e-9)
+
+
+def test_the_water_of_a_sum_goes_with_all_currents() -> None:
+    """A uniform current that carries the water through an eddy at rest: the change along its path, not that of each alone."""
+    at = {"latlon": False, "latitude": -56.0}
+    eddy, flow = Forcing.eddy((0.0, 0.0), 40e3, 0.5, **at), Forcing.uniform((0.4, 0.2), **at)
+    together, alone, e, one = eddy + flow, (eddy, flow), points(latlon=False), points(latlon=False)
+    together.sample(e, 0.0)
+    slope = np.zeros(e.size)
+    for part in alone:
+        part.sample(one, 0.0)
+        slope += one.slope_x
+    change = material_change(together, e, 0.0, False)
+    f = 2.0 * OMEGA * np.sin(np.radians(-56.0))
+    np.testing.assert_allclose(G * e.slope_x, f * e.vo - change[0], rtol=0, atol=1e-9)
+    assert abs(e.slope_x - slope).max() > 1e-7
 
 
 @pytest.mark.parametrize("latlon", [True, False])
@@ -130,7 +181,7 @@ def test_water_is_free_in_a_tide() -> None:
     du, dv = ((now[2][k] - now[0][k]) / (2.0 * step) for k in (0, 1))
     np.testing.assert_allclose(du - f * now[1][1], -G * now[1][2], rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(dv + f * now[1][0], -G * now[1][3], rtol=1e-6, atol=1e-12)
-    speeds = [np.hypot(*tide._along(*tide._parts(t))) for t in np.linspace(0.0, tide.period, 721)]
+    speeds = [np.hypot(*tide.currents(0.0, 0.0, t)) for t in np.linspace(0.0, tide.period, 721)]
     assert (max(speeds), min(speeds)) == pytest.approx((0.3, 0.1), rel=1e-4)
 
 

@@ -1,12 +1,13 @@
 """Forcing by formula that is put together with ``+``: uniform, eddy, jet, shear, front, tide, seamount, slope, wind that turns.
 
 Each part adds its current, the slope of the sea surface that goes with it, its wind; of several sea floors the shallowest
-counts. A steady current stands in geostrophic balance with its sea surface, place by place::
+counts. The sea surface has the slope that moves this water itself, place by place::
 
-    d(eta)/dx = f v / g,    d(eta)/dy = -f u / g,    f = 2 Omega sin(latitude)
+    d(eta)/dx = (f v - Du/Dt) / g,    d(eta)/dy = -(f u + Dv/Dt) / g,    f = 2 Omega sin(latitude)
 
-and a tide, which also changes in time, has ``d(eta)/dx = (f v - du/dt) / g`` and ``d(eta)/dy = -(f u + dv/dt) / g``: the
-slopes that move the water itself. Without them a berg does not follow the water, but drifts off to the side.
+with D/Dt the rate of change along the path of the water, in all currents together. In straight steady currents that is the
+geostrophic slope, in a round eddy the gradient wind, in one that travels at c the advection by u - c, in a tide the change in
+time. Without these slopes a berg does not follow the water: it drifts off to the side, or is flung out of an eddy.
 
 Positions are degrees and f is that of each place; with ``latitude`` f is that of one latitude, and with ``latlon=False``
 positions are metres on such a plane.
@@ -72,7 +73,12 @@ class Formula(DescribedForcing):
         """Fill the environment of the elements."""
         clear_environment(elements)
         self.add_to(elements, time)
+        _add_inertial_slope(self._flows(), elements, time)
         fill_open_depth(elements)
+
+    def _flows(self) -> tuple[Flow, ...]:
+        """Return the parts whose currents the sea surface balances."""
+        return ()
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time."""
@@ -127,6 +133,34 @@ def fill_open_depth(elements: Elements) -> None:
     depth[np.isinf(depth)] = FIELD_DEFAULTS["depth"]
 
 
+MATERIAL_STEP: Final = 10.0
+"""Time (s) before and after the present over which the change along the path of the water is found: flows change over hours."""
+
+NEAR_POLE: Final = 1e-4
+"""Least cosine of the latitude by which metres become degrees of longitude there."""
+
+
+def _add_inertial_slope(flows: Sequence[Flow], elements: Elements, time: float) -> None:
+    """Add the slope that holds the water on curved paths and in unsteady currents, ``-Du/Dt / g``.
+
+    The water goes with the whole current that the elements carry; its change is that of the formulas. Of fields from files it is
+    left out: their accelerations are tides and noise.
+    """
+    if all(isinstance(flow, Uniform) for flow in flows):
+        return
+    place, e = elements.place, elements.environment
+    east, north = MATERIAL_STEP * e.uo, MATERIAL_STEP * e.vo
+    if flows[0].latlon:
+        metre = 1.0 / (DEGREE * EARTH_RADIUS_A68)
+        east, north = east * metre / np.maximum(np.cos(place.lat * DEGREE), NEAR_POLE), north * metre
+    for sign in (1.0, -1.0):
+        for flow in flows:
+            at = place.lon + sign * east, place.lat + sign * north, time + sign * MATERIAL_STEP
+            u, v, _ = flow.flow(*at)
+            e.slope_x[:] -= u * (sign / (2.0 * MATERIAL_STEP * GRAVITY))
+            e.slope_y[:] -= v * (sign / (2.0 * MATERIAL_STEP * GRAVITY))
+
+
 def _is_forcing(other: Any) -> bool:
     return callable(getattr(other, "sample", None))
 
@@ -176,6 +210,9 @@ class Sum(Formula):
     def title(self) -> str:
         """What it is, for titles."""
         return ", ".join(filter(None, (str(getattr(part, "title", "")) for part in self.parts)))
+
+    def _flows(self) -> tuple[Flow, ...]:
+        return tuple(part for part in self.parts if isinstance(part, Flow))
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add all parts."""
@@ -292,21 +329,19 @@ class Flow(Part):
         """Return the current (m s-1) and its relative vorticity (s-1) at arrays of points."""
         raise NotImplementedError
 
-    def change(self, time: float) -> Pair:
-        """Return how fast the current changes everywhere, m s-2."""
-        return 0.0, 0.0
+    def _flows(self) -> tuple[Flow, ...]:
+        return (self,)
 
     def add_to(self, elements: Elements, time: float) -> None:
-        """Add current, vorticity and the slope of the sea surface that goes with them."""
+        """Add current, vorticity and geostrophic slope; `sample` adds that of curved and unsteady flow, of all parts at once."""
         place, e = elements.place, elements.environment
         u, v, vorticity = self.flow(place.lon, place.lat, time)
-        # Slopes that move this water itself: a berg would drift off to the side of water without them.
-        f, (du, dv) = self.coriolis(place.lat), self.change(time)
+        f = self.coriolis(place.lat)
         e.uo[:] += u
         e.vo[:] += v
         e.vorticity[:] += vorticity
-        e.slope_x[:] += (f * v - du) / GRAVITY
-        e.slope_y[:] -= (f * u + dv) / GRAVITY
+        e.slope_x[:] += f * v / GRAVITY
+        e.slope_y[:] -= f * u / GRAVITY
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
@@ -546,33 +581,17 @@ class Tide(Flow):
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current of the moment."""
-        u, v = self._along(*self._parts(time))
+        angle = 2.0 * math.pi * time / self.period - self.phase * DEGREE
+        along, left = self.major * math.cos(angle), self.minor * math.sin(angle)
+        east, north = heading(self.towards)
+        u, v = along * east - left * north, along * north + left * east
         one = np.ones(np.shape(lon))
         return u * one, v * one, 0.0 * one
-
-    def change(self, time: float) -> Pair:
-        """Return how fast the current changes, m s-2."""
-        omega = 2.0 * math.pi / self.period
-        c, s = self._cycle(time)
-        return self._along(-omega * self.major * s, omega * self.minor * c)
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
         """Return the level of the moment (m), the same everywhere; constituents are tides that are added up."""
         angle = 2.0 * math.pi * time / self.period - self.level_phase * DEGREE
         return np.full(np.shape(lon), self.level * math.cos(angle))
-
-    def _cycle(self, time: float) -> Pair:
-        angle = 2.0 * math.pi * time / self.period - self.phase * DEGREE
-        return math.cos(angle), math.sin(angle)
-
-    def _parts(self, time: float) -> Pair:
-        c, s = self._cycle(time)
-        return self.major * c, self.minor * s
-
-    def _along(self, along: float, left: float) -> Pair:
-        """Return east and north of a vector along the ellipse's axis and to its left."""
-        east, north = heading(self.towards)
-        return along * east - left * north, along * north + left * east
 
     def describe(self) -> str:
         """Return the values in words."""

@@ -2,8 +2,9 @@
 
 These currents are fitted, not measured: nobody observed the water under the berg. In local coordinates
 X = R cos(-55.8) (lon + 37.4), Y = R (lat + 55.8) with s days since 9 December 13:00 UTC, the current is
-``u = -psi_Y``, ``v = psi_X cos(-55.8) / cos(lat)``, which is free of divergence on the sphere, and the sea level is in
-geostrophic balance, ``eta = f0 psi / g``, with::
+``u = -psi_Y``, ``v = psi_X cos(-55.8) / cos(lat)``, which is free of divergence on the sphere. The sea surface holds it: with
+``eta = f0 psi / g`` in geostrophic balance, and with ``-Du/Dt / g`` on its curved and unsteady path (not in the reference's
+story, whose slope is geostrophic). Here is::
 
     psi = G (V x - U y) exp(-(r / Ld)^4)                                    the drift along the observed path
         + W Le^2 / 2 (1 - exp(-(r / Le)^2))                                 the eddy that turns the berg
@@ -69,6 +70,7 @@ class StoryNumbers:
     shear_flow: float = 0.0  # Uniform eastward current that goes with jet and counter-current, m s-1
     shear_start: float = -math.inf  # Days on which the shear has grown and decayed to half; each takes about a day
     wind: tuple[float, float] = (5.0, -2.0)  # Eastward and northward wind, m s-1
+    gradient_wind: bool = True  # The sea surface also balances the change of the current along the path of the water
     fitted_with: str = ""  # Numerics by which it was fitted, for titles, if not Riftberg's own
 
 
@@ -119,6 +121,7 @@ OWN = StoryNumbers(
 
 REFERENCE = StoryNumbers(
     fitted_with=" with the reference's numerics",
+    gradient_wind=False,
     path_x=(-3.04797e-4, 0.0129882, -0.197984, 1.30416, -4.19217, 23.207, -115.233),
     path_y=(2.24966e-4, -0.00939015, 0.144074, -0.951043, 1.36853, -0.696596, 86.7088),
     last_day=14.5,
@@ -194,6 +197,25 @@ def _fill(lon, lat, uo, vo, slope_x, slope_y, vorticity, now):
         vorticity[e] = curl
 
 
+MATERIAL_STEP = 10.0
+"""Time (s) before and after the present over which the change along the path of the water is found."""
+
+
+@borrower
+def _add_inertial_slope(lon, lat, uo, vo, slope_x, slope_y, before, after):
+    """Add ``-Du/Dt / g`` to the slope, by the current where the water comes from and where it goes."""
+    scale, metre = math.cos(-55.8 * math.pi / 180.0), EARTH_RADIUS_A68 * math.pi / 180.0
+    for e in range(lon.size):
+        west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)
+        stretch = scale / math.cos(lat[e] * math.pi / 180.0)
+        x, y = metre * scale * (west + 37.4), metre * (lat[e] + 55.8)
+        east, north = MATERIAL_STEP * uo[e] * stretch, MATERIAL_STEP * vo[e]
+        _, ahead_x, ahead_y, _ = stream(x + east, y + north, after)
+        _, behind_x, behind_y, _ = stream(x - east, y - north, before)
+        slope_x[e] += (ahead_y - behind_y) / (2.0 * MATERIAL_STEP * GRAVITY)
+        slope_y[e] -= (ahead_x - behind_x) * stretch / (2.0 * MATERIAL_STEP * GRAVITY)
+
+
 @borrower
 def _fill_exponent(lon, lat, along, metre, shoal_lon, shoal_lat, length, out):
     """Fill minus the square of the distance to the shoal by its length."""
@@ -245,6 +267,9 @@ class StoryOcean(DescribedForcing):
         """Fill the environment of the elements."""
         place, e = elements.place, elements.environment
         _fill(place.lon, place.lat, e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity, self.instant(time))
+        if self.numbers.gradient_wind:
+            before, after = self.instant(time - MATERIAL_STEP), self.instant(time + MATERIAL_STEP)
+            _add_inertial_slope(place.lon, place.lat, e.uo, e.vo, e.slope_x, e.slope_y, before, after)
         e.ua[:], e.va[:] = self.numbers.wind
         self._fill_depth(place.lon, place.lat, e.depth)
 
@@ -259,7 +284,7 @@ class StoryOcean(DescribedForcing):
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
     def sea_level(self, lon: float, lat: float, time: float) -> float:
-        """Return the sea level (m) at one point, for tests and maps; its slope is what moves the berg."""
+        """Return the sea level (m) in geostrophic balance at one point, for tests and maps."""
         metre = EARTH_RADIUS_A68 * DEGREE
         x, y = metre * math.cos(LATITUDE * DEGREE) * (lon - LONGITUDE), metre * (lat - LATITUDE)
         psi = stream(x, y, self.instant(time))[0]
