@@ -24,7 +24,7 @@ from riftberg.runs.model import Model
 from riftberg.state import Floats
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "damage.md"
-STRENGTHS = (18.0, 22.0, 24.0, 26.0, 30.0, 35.0)
+STRENGTHS = (11.0, 13.0, 14.0, 16.0, 18.0, 21.0)
 """Normal strengths, kPa."""
 
 TIMES = {"off": None, "10 days": 10.0, "3 days": 3.0, "1 day": 1.0, "6 hours": 0.25}
@@ -80,11 +80,11 @@ def records(model: Model) -> Iterator[Floats]:
 
 def borne() -> str:
     """Say how much the bonds bear in the run without damage."""
-    model = worn_model(18.0, None)
+    model = worn_model(11.0, None)
     by_step = np.array(list(records(model)))[:, model.bonds.status == 0]
     threshold = model.parameters.damage.threshold
     return (
-        f"At the ends of the long steps of the run at 18 kPa without damage, the bonds that last bear less than "
+        f"At the ends of the long steps of the run at 11 kPa without damage, the bonds that last bear less than "
         f"{np.quantile(by_step, 0.99):.2f} of their strength in 99 of 100 cases, {by_step.max():.2f} at most, "
         f"and more than the threshold of {threshold:g} in {100.0 * (by_step > threshold).mean():.2f} %."
     )

@@ -2,7 +2,7 @@
 
 python benchmarks/lattices.py                      print the table
 
-The criterion is `ice`: the strength is that of the ice, whatever the lattice.
+The strength is that of the ice, whatever the lattice.
 
 python benchmarks/lattices.py --strength 10 12     for other strengths (kPa)
 python benchmarks/lattices.py --write              also put it into docs/explanation/a68a-story.md
@@ -55,7 +55,7 @@ def outcome(packing: Any, angle: float, shift: tuple[float, float] | None, stren
     lattice: dict[str, Any] = {"lattice_angle": angle}
     if shift is not None:
         lattice["offset"] = shift
-    changes = {"berg": lattice, "fracture": {"criterion": "ice", "normal_strength": strength}}
+    changes = {"berg": lattice, "fracture": {"normal_strength": strength}}
     model = story_model(Options(changes), packing=packing)
     try:
         model.advance(DAYS)

@@ -143,15 +143,15 @@ def test_the_explicit_scheme_tells_the_story_with_short_long_steps(time_step: fl
     assert_tip_and_finger(run(build("a68a", Options(changes))[0], 14.0))
 
 
-@pytest.mark.parametrize("strength", [10e3, 14e3, 16e3, 20e3])
+@pytest.mark.parametrize("strength", [9e3, 10e3, 12e3])
 def test_the_story_bears_other_strengths(strength: float) -> None:
     assert_tip_and_finger(run(build("a68a", Options({"fracture": {"normal_strength": strength}}))[0], 14.0))
 
 
 def test_the_margin_of_the_strength_is_what_the_page_says() -> None:
-    """Equilibrium reaches 20.5 kPa at the neck of the finger once the tip is off, so at 20.7 kPa the finger stays on."""
+    """Equilibrium reaches 12.9 kPa at the neck of the finger once the tip is off, so at 13 kPa the finger stays on."""
     told = [
-        breakups(run(build("a68a", Options({"fracture": {"normal_strength": p}}))[0], 14.0)) for p in (20.3e3, 20.7e3)
+        breakups(run(build("a68a", Options({"fracture": {"normal_strength": p}}))[0], 14.0)) for p in (12.8e3, 13e3)
     ]
     assert [[aground for _, _, aground in events] for events in told] == [[True, False], [True]]
 
@@ -186,9 +186,8 @@ def test_finer_lattices_tell_the_same_story(radius: float) -> None:
 
 
 @pytest.mark.slow
-def test_hexagons_tell_the_story_with_less_strength() -> None:
-    options = Options({"fracture": {"normal_strength": 15e3}})
-    assert_tip_and_finger(run(story_model(options, packing="hexagonal"), 14.0))
+def test_hexagons_tell_the_same_story() -> None:
+    assert_tip_and_finger(run(story_model(Options(), packing="hexagonal"), 14.0))
 
 
 def test_currents_are_no_faster_than_products_show() -> None:
@@ -222,9 +221,10 @@ def point(lon: float, lat: float, time: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("time", [0.0, 3.0 * DAY, 7.7 * DAY, 12.0 * DAY, 16.0 * DAY])
-def test_currents_are_free_of_divergence_and_in_geostrophic_balance(time: float) -> None:
-    """Differences on the sphere: d(u)/dx + d(v cos)/cos dy = 0; slope = f0/g rot(current) in the local plane."""
-    h, radius, ocean = 1e-4, 6_363_827.0, StoryOcean()
+@pytest.mark.parametrize("gradient_wind", [False, True])
+def test_currents_are_free_of_divergence_and_in_balance_with_the_sea_surface(time: float, gradient_wind: bool) -> None:
+    """Differences on the sphere: d(u)/dx + d(v cos)/cos dy = 0; slope = f0/g rot(current) - Du/Dt / g in the local plane."""
+    h, radius, ocean = 1e-4, 6_363_827.0, StoryOcean(replace(OWN, gradient_wind=gradient_wind))
     metre = radius * math.pi / 180.0
     rng = np.random.default_rng(3)
     for lon, lat in zip(rng.uniform(-40, -35, 8), rng.uniform(-57.5, -54.5, 8), strict=True):
@@ -237,8 +237,18 @@ def test_currents_are_free_of_divergence_and_in_geostrophic_balance(time: float)
         ocean.sample(model_berg, time)
         east = (ocean.sea_level(lon + h, lat, time) - ocean.sea_level(lon - h, lat, time)) / (2 * h * metre * cos)
         north = (ocean.sea_level(lon, lat + h, time) - ocean.sea_level(lon, lat - h, time)) / (2 * h * metre)
-        assert model_berg.slope_x[0] == pytest.approx(east, rel=1e-6, abs=1e-13)
-        assert model_berg.slope_y[0] == pytest.approx(north, rel=1e-6, abs=1e-13)
+        if gradient_wind:
+            (u, v), later = point(lon, lat, time), 30.0
+            for k, slope in ((0, "east"), (1, "north")):
+                change = (point(lon, lat, time + later)[k] - point(lon, lat, time - later)[k]) / (2 * later)
+                change += u * (point(lon + h, lat, time)[k] - point(lon - h, lat, time)[k]) / (2 * h * metre * cos)
+                change += v * (point(lon, lat + h, time)[k] - point(lon, lat - h, time)[k]) / (2 * h * metre)
+                if slope == "east":
+                    east -= change / 9.8
+                else:
+                    north -= change / 9.8
+        assert model_berg.slope_x[0] == pytest.approx(east, rel=1e-5, abs=1e-11)
+        assert model_berg.slope_y[0] == pytest.approx(north, rel=1e-5, abs=1e-11)
 
 
 @pytest.mark.parametrize("numbers", [OWN, REFERENCE], ids=["own", "reference"])

@@ -212,8 +212,10 @@ def _add_inertial_slope(lon, lat, uo, vo, slope_x, slope_y, before, after):
         east, north = MATERIAL_STEP * uo[e] * stretch, MATERIAL_STEP * vo[e]
         _, ahead_x, ahead_y, _ = stream(x + east, y + north, after)
         _, behind_x, behind_y, _ = stream(x - east, y - north, before)
+        ahead_x *= scale / math.cos(lat[e] * math.pi / 180.0 + north / EARTH_RADIUS_A68)
+        behind_x *= scale / math.cos(lat[e] * math.pi / 180.0 - north / EARTH_RADIUS_A68)
         slope_x[e] += (ahead_y - behind_y) / (2.0 * MATERIAL_STEP * GRAVITY)
-        slope_y[e] -= (ahead_x - behind_x) * stretch / (2.0 * MATERIAL_STEP * GRAVITY)
+        slope_y[e] -= (ahead_x - behind_x) / (2.0 * MATERIAL_STEP * GRAVITY)
 
 
 @borrower
