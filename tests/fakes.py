@@ -20,7 +20,7 @@ from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.process import held
 
 SIDE = 3000.0
-EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})
+EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"}, fracture={"normal_strength": 18e3})
 
 
 @dataclass

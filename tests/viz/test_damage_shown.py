@@ -29,7 +29,7 @@ WORN, RIFT = 20, 11
 
 def made(folder: Path, *, damage: bool) -> Path:
     """Run the fake berg for two days; three bonds break after one."""
-    model = FakeModel(parameters=A68A_2022.changed(damage={"enabled": damage}))
+    model = FakeModel(parameters=A68A_2022.changed(damage={"enabled": damage}, fracture={"normal_strength": 18e3}))
     model.bonds.damage[:] = 0.01 * damage
     model.bonds.damage[WORN] = 0.4 * damage
     model.bonds.strength[RIFT] = 0.0

@@ -208,10 +208,9 @@ class QuasiStaticStepper:
             self._sizes,
             self._work,
             unknown,
-            self._cells,
+            (self._cells, self._cell_topology),
             self._tips,
             self._seabed,
-            self._cell_topology,
         )
         self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
@@ -286,10 +285,11 @@ class TimeStep:
     def __init__(
         self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
         state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
-        unknown: NDArray[np.bool_] | None = None, cells: ElasticCells | None = None, tips: CrackTips = NO_TIPS,
-        seabed: Seabed | None = None, topology: CellTopology | None = None,
+        unknown: NDArray[np.bool_] | None = None,
+        cells: tuple[ElasticCells | None, CellTopology | None] = (None, None), tips: CrackTips = NO_TIPS,
+        seabed: Seabed | None = None,
     ) -> None:  # fmt: skip
-        self.cells, self.topology, self.seabed = cells, topology, seabed
+        (self.cells, self.topology), self.seabed = cells, seabed
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
         self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
