@@ -28,6 +28,7 @@ SUMMARIES: Final = {
     "animate": "Write a film of a run.",
     "replay": "Write one web page that plays the run offline, with scrubbing and zoom.",
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
+    "verify-tracks": "Score drift models on observed tracks of giant bergs, beside staying put and constant velocity.",
     "compare": "Compare runs: break-ups, bonds, and the daily distance from the observed positions.",
     "why": "Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",
     "doctor": "Identify forcing files, check that they are sufficient for an experiment, list what is missing.",
@@ -44,7 +45,8 @@ _ELSEWHERE: Final = {
 
 def function_of(name: str) -> Callable[..., Any]:
     """Return the function of a command, called as it is."""
-    function: Callable[..., Any] = getattr(importlib.import_module(f"riftberg.cli.{_ELSEWHERE.get(name, name)}"), name)
+    word = name.replace("-", "_")
+    function: Callable[..., Any] = getattr(importlib.import_module(f"riftberg.cli.{_ELSEWHERE.get(name, word)}"), word)
     return function
 
 
