@@ -28,6 +28,7 @@ SUMMARIES: Final = {
     "animate": "Write a film of a run.",
     "replay": "Write one web page that plays the run offline, with scrubbing and zoom.",
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
+    "verify": "Score an ensemble against observations: CRPS, energy score, coverage, ranks, spread, probability of break-up.",
     "verify-tracks": "Score drift models on observed tracks of giant bergs, beside staying put and constant velocity.",
     "compare": "Compare runs: break-ups, bonds, and the daily distance from the observed positions.",
     "why": "Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",

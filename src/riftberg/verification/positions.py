@@ -38,7 +38,7 @@ LEAST: Final = 4
 """Members from which areas, spread and ranks mean something."""
 
 
-def position_scores(points: Sequence[Point], error: float, *, seed: int = 1, draws: int = 1000) -> dict[str, Any]:
+def position_scores(points: Sequence[Point], error: float, *, seed: int = 1, draws: int = 400) -> dict[str, Any]:
     """Return all scores of positions of one lead time, with the error of the observation (km) added to the members.
 
     Scores have 90 % intervals from drawing groups where there are `FEWEST` or more. Those of an ensemble are left out where a

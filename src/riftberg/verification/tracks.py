@@ -251,15 +251,16 @@ class Dressed:
     def __call__(self, start: Start, dates: Sequence[datetime]) -> Floats:
         """Return the members at each date."""
         made = np.asarray(self.model(start, dates), float)
+        days = [(when - start.date) / timedelta(days=1) for when in dates]
         random = np.random.default_rng([self.seed, start.date.toordinal(), *start.berg.encode()])
-        result = np.empty((self.members, len(dates), 2))
-        e, n = np.divide(start.heading, np.hypot(*start.heading))
-        for k, when in enumerate(dates):
-            days = (when - start.date) / timedelta(days=1)
-            lead = min(self.errors, key=lambda known: abs(known - days))
-            ahead, left = random.choice(self.errors[lead], self.members).T
-            result[:, k] = np.stack(moved(made[k, 0], made[k, 1], ahead * e - left * n, ahead * n + left * e), axis=-1)
-        return result
+        return np.stack([self.around(made[k], start.heading, lead, random) for k, lead in enumerate(days)], axis=1)
+
+    def around(self, place: Floats, heading: tuple[float, float], days: float, random: np.random.Generator) -> Floats:
+        """Return members (members, 2) around a forecast position, with the errors of the nearest lead time."""
+        lead = min(self.errors, key=lambda known: abs(known - days))
+        ahead, left = random.choice(self.errors[lead], self.members).T
+        e, n = np.divide(heading, np.hypot(*heading))
+        return np.stack(moved(place[0], place[1], ahead * e - left * n, ahead * n + left * e), axis=-1)
 
 
 def forecast(model: DriftModel, case: Case) -> dict[int, Floats]:
