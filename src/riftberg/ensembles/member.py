@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.constants import SECONDS_PER_DAY
+from riftberg.ensembles.uncertain import is_uncertain, with_errors
 from riftberg.ensembles.vary import grouped
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import Options
@@ -90,18 +91,18 @@ class StoppedError(RiftbergError):
 def build_member(job: Job) -> Model:
     """Return the model of a member at its start."""
     if not isinstance(job.experiment, str):
-        model = job.experiment(**job.values)
+        model = job.experiment(**{name: value for name, value in job.values.items() if not is_uncertain(name)})
         if not callable(getattr(model, "advance", None)):
             raise InputError(
                 f"{value_shown(model)} is no model", where="sweep", remedy="The function must return a riftberg.Model"
             )
-        return model
+        return with_errors(model, job.values)
     from riftberg.experiments import build
 
     changes = {group: dict(values) for group, values in job.options.changes.items()}
     for group, values in grouped(job.values).items():
         changes[group] = {**changes.get(group, {}), **values}
-    return build(job.experiment, replace(job.options, changes=changes))[0]
+    return with_errors(build(job.experiment, replace(job.options, changes=changes))[0], job.values)
 
 
 def run_member(job: Job) -> Outcome:

@@ -12,6 +12,7 @@ import xarray as xr
 
 from riftberg.config.values import required
 from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome
+from riftberg.ensembles.uncertain import SEED
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.state import Floats
@@ -72,7 +73,12 @@ def dataset_of(
         about = {"long_name": v.meaning or v.name, "parameter": v.name}
         if numeric:
             about["units"] = v.unit or "1"
+        if v.distribution is not None:
+            about["distribution"] = v.distribution.text
         ds.coords[variable_name(v.name)] = ("member", kept, about)
+    if members and SEED in members[0] and variable_name(SEED) not in ds.coords:
+        seeds = np.array([member[SEED] for member in members], dtype=np.int64)
+        ds.coords[variable_name(SEED)] = ("member", seeds, {"long_name": "seed of the random fields of the member"})
     _add_ends(ds, outcomes, count, start)
     _add_fragments(ds, outcomes, listed, start, latlon)
     _add_tracks(ds, outcomes, listed, times, latlon)
