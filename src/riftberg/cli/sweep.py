@@ -192,8 +192,8 @@ def told(result: xr.Dataset) -> list[str]:
         said = ", ".join(f"{member[name].attrs['parameter']} {_value(member[name])}" for name in names)
         if int(member["status"]) == 0:
             end = f"{float(member['pieces']):.0f} pieces, largest {float(member['largest_area']) / 1e6:.0f} km2"
-            date = str(member["first_breakup"].values)[:16].replace("T", " ")
-            lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date}"))
+            date = str(member["first_breakup"].values)[:16]
+            lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date.replace('T', ' ')}"))
         else:
             lines.append(f"  {said}: failed: {member['message'].item()}")
     if result.sizes["member"] > 20:
@@ -205,4 +205,4 @@ def told(result: xr.Dataset) -> list[str]:
 def _value(value: xr.DataArray) -> str:
     item = value.item()
     unit = value.attrs.get("units", "1")
-    return f"{item:g}{'' if unit == '1' else ' ' + unit}" if isinstance(item, float) else str(item)
+    return f"{item:.6g}{'' if unit == '1' else ' ' + unit}" if isinstance(item, float) else str(item)

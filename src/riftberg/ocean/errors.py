@@ -162,10 +162,10 @@ def read_spline(coefficients: Floats, periodic: bool, x: Floats, y: Floats, out:
 
 
 class Shore:
-    """A factor that goes from 1 at sea to 0 at land, smoothly over a length; 1 where no land is known."""
+    """A factor that goes from 1 at sea to 0 at land, smoothly over two lengths; 1 where no land is known."""
 
     def __init__(self, forcing: Forcing, plane: LocalPlane, length: float, reach: float) -> None:
-        from scipy.ndimage import distance_transform_edt, gaussian_filter
+        from scipy.ndimage import distance_transform_edt
 
         self.step, half = 0.25 * length, int(np.ceil(4.0 * reach / length))
         axis = self.step * np.arange(-half, half + 1)
@@ -184,10 +184,9 @@ class Shore:
         if not self.any:
             self.factor = np.ones((1, 1))
             return
-        part = np.clip(distance_transform_edt(~land) * self.step / length, 0.0, 1.0)
-        self.factor = np.ascontiguousarray(
-            gaussian_filter(part * part * (3.0 - 2.0 * part), 1.0, mode="nearest") * (part > 0.0)
-        )
+        # Over two lengths: within one, the slope of the factor would make the current along the shore stronger than at sea.
+        part = np.clip((distance_transform_edt(~land) - 0.5) * self.step / (2.0 * length), 0.0, 1.0)
+        self.factor = np.ascontiguousarray(part * part * (3.0 - 2.0 * part))
 
 
 @dataclass(frozen=True)
