@@ -330,6 +330,25 @@ class UncertainForcing(DescribedForcing):
         flat = self._depth_with_error(depth.ravel(), np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float)))
         return flat.reshape(depth.shape)
 
+    def mean_errors(self, time: Floats, lon: Floats, lat: Floats) -> dict[str, float]:
+        """Return the means of the errors along a track: m s-1 to the east and north, and m of depth."""
+        means: dict[str, list[float]] = {}
+        for t, x, y in zip(time, lon, lat, strict=True):
+            place = np.array([x]), np.array([y])
+            if self._current is not None:
+                u, v, _ = self._flow(*place, float(t))
+                means.setdefault("current_error_east", []).append(float(u[0]))
+                means.setdefault("current_error_north", []).append(float(v[0]))
+            if self._wind is not None:
+                out, scale = self._read(self._wind, "wind", *place, float(t))
+                means.setdefault("wind_error_east", []).append(float(-out[2, 0] * scale[0]))
+                means.setdefault("wind_error_north", []).append(float(out[1, 0] * scale[0]))
+            if self._floor is not None:
+                means.setdefault("floor_error_mean", []).append(
+                    float(self._read(self._floor, "floor", *place, 0.0)[0][0, 0])
+                )
+        return {name: float(np.mean(values)) for name, values in means.items()}
+
     @property
     def _has_floor(self) -> bool:
         return self._floor is not None or self.errors.floor_offset != 0.0 or self.errors.floor_scale != 1.0
