@@ -145,7 +145,8 @@ def resumed(
     )  # fmt: skip
     every = known["every"] / 3600.0
     draws = draws_of({"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")})
-    plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"), draws)
+    plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"), draws,
+                   forecast=bool(known.get("forecast")))  # fmt: skip
     return Store(folder, plan, resume=True)
 
 

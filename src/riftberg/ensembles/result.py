@@ -228,7 +228,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     Parameters
     ----------
     path : path
-        ``sweep.nc`` or ``sweep.zarr``, or the folder that holds it.
+        ``sweep.nc``, ``sweep.zarr`` or ``forecast.nc``, or the folder that holds it.
 
     Returns
     -------
@@ -248,7 +248,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
         with reading(path, "not readable as Zarr", remedy):
             ds = xr.open_zarr(path, consolidated=False).load()
     else:
-        file = path / "sweep.nc" if is_folder(path) else path
+        file = path / ("forecast.nc" if (path / "forecast.nc").exists() else "sweep.nc") if is_folder(path) else path
         check_file(file, remedy=remedy)
         ds = _loaded(file, remedy)
     if "member" not in ds.dims or "status" not in ds:
