@@ -21,6 +21,8 @@ from riftberg.version import __version__
 SUMMARIES: Final = {
     "run": "Run an experiment and write run.nc, summary.json and map.png.",
     "sweep": "Run an ensemble: an experiment for every combination of parameter values, collected in one result.",
+    "forecast": "Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs.",
+    "hazard": "Write limits of ice, positions with error radius and probabilities of a forecast as GeoJSON, KML, netCDF and CSV.",
     "experiments": "List the built-in experiments.",
     "kid": "Run a KID or iKID case from its namelist; write trajectory, restart and bond files.",
     "bench": "Measure seconds per simulated day, compilation and memory, relative to a reference workload.",
