@@ -21,6 +21,7 @@ from riftberg.version import __version__
 
 if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
+    from riftberg.ensembles.forecast import forecast
     from riftberg.ensembles.result import open_cells, open_sweep
     from riftberg.ensembles.sweep import sweep
     from riftberg.ocean.analytic import Steady
@@ -45,6 +46,7 @@ _HOMES = {
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
     "Forcing": "riftberg.ocean.datasets",
+    "forecast": "riftberg.ensembles.forecast",
     "open_run": "riftberg.runs.run_file",
     "open_cells": "riftberg.ensembles.result",
     "open_sweep": "riftberg.ensembles.result",
@@ -75,6 +77,7 @@ __all__ = [
     "draw_stress",
     "draw_sweep",
     "draw_tracks",
+    "forecast",
     "open_cells",
     "open_run",
     "open_sweep",

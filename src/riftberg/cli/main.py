@@ -21,6 +21,8 @@ from riftberg.version import __version__
 SUMMARIES: Final = {
     "run": "Run an experiment and write run.nc, summary.json and map.png.",
     "sweep": "Run an ensemble: an experiment for every combination of parameter values, collected in one result.",
+    "forecast": "Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs.",
+    "hazard": "Write limits of ice, positions with error radius and probabilities of a forecast as GeoJSON, KML, netCDF and CSV.",
     "experiments": "List the built-in experiments.",
     "kid": "Run a KID or iKID case from its namelist; write trajectory, restart and bond files.",
     "bench": "Measure seconds per simulated day, compilation and memory, relative to a reference workload.",
@@ -28,6 +30,8 @@ SUMMARIES: Final = {
     "animate": "Write a film of a run.",
     "replay": "Write one web page that plays the run offline, with scrubbing and zoom.",
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
+    "verify": "Score an ensemble against observations: CRPS, energy score, coverage, ranks, spread, probability of break-up.",
+    "verify-tracks": "Score drift models on observed tracks of giant bergs, beside staying put and constant velocity.",
     "compare": "Compare runs: break-ups, bonds, and the daily distance from the observed positions.",
     "why": "Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",
     "doctor": "Identify forcing files, check that they are sufficient for an experiment, list what is missing.",
@@ -44,7 +48,8 @@ _ELSEWHERE: Final = {
 
 def function_of(name: str) -> Callable[..., Any]:
     """Return the function of a command, called as it is."""
-    function: Callable[..., Any] = getattr(importlib.import_module(f"riftberg.cli.{_ELSEWHERE.get(name, name)}"), name)
+    word = name.replace("-", "_")
+    function: Callable[..., Any] = getattr(importlib.import_module(f"riftberg.cli.{_ELSEWHERE.get(name, word)}"), word)
     return function
 
 

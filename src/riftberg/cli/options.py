@@ -44,6 +44,14 @@ NumericsName = Annotated[
     ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
+Members = Annotated[
+    int | None,
+    typer.Option("--members", min=1, help="Members to draw where something has a distribution or a random error."),
+]
+PlanName = Annotated[
+    str | None, typer.Option("--plan", help="How they are drawn: sobol, random or latin-hypercube.  [default: sobol]")
+]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all that is drawn.  [default: 1]")]
 OutputBeside = Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")]
 
 

@@ -10,8 +10,11 @@ import typer
 from riftberg.cli.options import (
     Data,
     Days,
+    Members,
     NumericsName,
+    PlanName,
     Quiet,
+    Seed,
     Settings,
     Without,
     check_folder,
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from riftberg.ensembles.sweep import Store
+    from riftberg.ensembles.vary import Draws
 
 RESULTS = ("sweep.nc", "sweep.json", "sweep.png")
 """Files that a sweep writes into its folder, beside the folder ``members``."""
@@ -42,9 +46,13 @@ def sweep(
         list[str] | None,
         typer.Option(
             "--vary", metavar="GROUP.NAME=VALUES",
-            help="Parameter to vary: fracture.normal_strength=14..24kPa:11 for eleven values, or 14,18,24kPa. May be repeated.",
+            help="Parameter to vary: fracture.normal_strength=14..24kPa:11 for eleven values, or 14,18,24kPa; or a distribution, "
+            "'fracture.normal_strength~lognormal(18 kPa, 20 %)', with --members. May be repeated.",
         ),
     ] = None,
+    members: Members = None,
+    plan: PlanName = None,
+    seed: Seed = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-sweep]")
     ] = None,
@@ -85,17 +93,20 @@ def sweep(
             raise InputError(f"{workers} processes", where="--workers", remedy="Give 0 or more")
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(quiet)
+        from riftberg.ensembles.sweep import draws_of
+
         if resume is not None:
-            store = _resumed(resume, experiment, vary, output)
+            store = resumed(resume, experiment, vary, output, members, plan, seed)
         else:
             options = make_options(settings, days, data, without, numerics)
-            store = _new(experiment, vary, output, options, every, cells)
+            draws = draws_of({"members": members, "plan": plan, "seed": seed})
+            store = _new(experiment, vary, output, options, every, cells, draws)
         _run(store, scheduler, workers, draw=map_, quiet=quiet)
 
 
 def _new(
     experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float | None,
-    cells: float | None,
+    cells: float | None, draws: Draws,
 ) -> Store:  # fmt: skip
     """Return a sweep at its start, checked."""
     from riftberg.ensembles.sweep import Store, planned
@@ -106,21 +117,24 @@ def _new(
         )
     if options.numerics == "both":
         raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
-    plan = planned(experiment, vary or [], options, every, cells)
+    plan = planned(experiment, vary or [], options, every, cells, draws)
     folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
     check_folder(folder, RESULTS)
     return Store(folder, plan, resume=False)
 
 
-def _resumed(folder: Path, experiment: str | None, vary: list[str] | None, output: Path | None) -> Store:
-    """Return the sweep in a folder with what is done."""
-    from riftberg.ensembles.sweep import Store, planned, read_plan
+def resumed(
+    folder: Path, experiment: str | None, vary: list[str] | None, output: Path | None, members: int | None = None,
+    draw: str | None = None, seed: int | None = None,
+) -> Store:  # fmt: skip
+    """Return the sweep in a folder with what is done; members that are drawn may be more than before."""
+    from riftberg.ensembles.sweep import Store, draws_of, planned, read_plan
     from riftberg.experiments.registry import Options
 
-    if vary or output is not None:
+    if vary or output is not None or draw is not None or seed is not None:
         raise InputError(
             "a sweep that goes on keeps what it varies, and its folder", where="--resume",
-            remedy="Leave --vary and --output out",
+            remedy="Leave --vary, --output, --plan and --seed out",
         )  # fmt: skip
     known = read_plan(folder)
     if experiment is not None and Path(experiment).stem != Path(known["experiment"]).stem:
@@ -130,7 +144,9 @@ def _resumed(folder: Path, experiment: str | None, vary: list[str] | None, outpu
         without=frozenset(known["without"]), numerics=known["numerics"],
     )  # fmt: skip
     every = known["every"] / 3600.0
-    plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"))
+    draws = draws_of({"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")})
+    plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"), draws,
+                   forecast=bool(known.get("forecast")))  # fmt: skip
     return Store(folder, plan, resume=True)
 
 
@@ -163,7 +179,7 @@ def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool
 
 def _size(store: Store) -> str:
     plan = store.plan
-    varied = ", ".join(f"{len(v.values)} of {v.name}" for v in plan.varied)
+    varied = ", ".join(v.told() for v in plan.varied)
     done = f", {len(store.done)} are done" if store.done else ""
     return f"{len(plan.members)} members ({varied}), {plan.days:g} days each{done}"
 
@@ -177,8 +193,8 @@ def told(result: xr.Dataset) -> list[str]:
         said = ", ".join(f"{member[name].attrs['parameter']} {_value(member[name])}" for name in names)
         if int(member["status"]) == 0:
             end = f"{float(member['pieces']):.0f} pieces, largest {float(member['largest_area']) / 1e6:.0f} km2"
-            date = str(member["first_breakup"].values)[:16].replace("T", " ")
-            lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date}"))
+            date = str(member["first_breakup"].values)[:16]
+            lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date.replace('T', ' ')}"))
         else:
             lines.append(f"  {said}: failed: {member['message'].item()}")
     if result.sizes["member"] > 20:
@@ -190,4 +206,4 @@ def told(result: xr.Dataset) -> list[str]:
 def _value(value: xr.DataArray) -> str:
     item = value.item()
     unit = value.attrs.get("units", "1")
-    return f"{item:g}{'' if unit == '1' else ' ' + unit}" if isinstance(item, float) else str(item)
+    return f"{item:.6g}{'' if unit == '1' else ' ' + unit}" if isinstance(item, float) else str(item)

@@ -14,10 +14,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from riftberg.bergs.placement import turned
 from riftberg.constants import SECONDS_PER_DAY
+from riftberg.ensembles.uncertain import is_uncertain, with_errors
 from riftberg.ensembles.vary import grouped
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import Options
+from riftberg.ocean.errors import UncertainForcing
+from riftberg.plane import EqualAreaPlane
+from riftberg.stepping.forces.media import aground
 from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import value_shown
 from riftberg.system.limits import allow_large
@@ -80,7 +85,10 @@ class Outcome:
     wall_seconds: float = 0.0  # Model time reached, and wall time spent by the attempt that ended it, s
     totals: dict[str, float] = field(default_factory=dict)  # Counts and sizes at the end
     fragments: dict[str, list[float]] = field(default_factory=dict)  # Table of bergs and fragments
-    track: list[list[float]] = field(default_factory=list)  # Rows of time, number, longitude, latitude and area
+    # Rows of time, number, longitude, latitude, area, and 1 where aground
+    track: list[list[float]] = field(default_factory=list)
+    # Broken bonds: time (s), middle east and north of the berg's centre at the start (m), length of the crack across it (m)
+    cracks: list[list[float]] = field(default_factory=list)
 
 
 class StoppedError(RiftbergError):
@@ -90,18 +98,18 @@ class StoppedError(RiftbergError):
 def build_member(job: Job) -> Model:
     """Return the model of a member at its start."""
     if not isinstance(job.experiment, str):
-        model = job.experiment(**job.values)
+        model = job.experiment(**{name: value for name, value in job.values.items() if not is_uncertain(name)})
         if not callable(getattr(model, "advance", None)):
             raise InputError(
                 f"{value_shown(model)} is no model", where="sweep", remedy="The function must return a riftberg.Model"
             )
-        return model
+        return with_errors(model, job.values)
     from riftberg.experiments import build
 
     changes = {group: dict(values) for group, values in job.options.changes.items()}
     for group, values in grouped(job.values).items():
         changes[group] = {**changes.get(group, {}), **values}
-    return build(job.experiment, replace(job.options, changes=changes))[0]
+    return with_errors(build(job.experiment, replace(job.options, changes=changes))[0], job.values)
 
 
 def run_member(job: Job) -> Outcome:
@@ -112,7 +120,7 @@ def run_member(job: Job) -> Outcome:
         with allow_large(job.large):
             if (job.folder / STOP).exists():
                 raise StoppedError("the sweep was asked to stop")
-            model = _begun(job)
+            model, fresh = _begun(job)
             left = job.days - model.time / SECONDS_PER_DAY
             if left * SECONDS_PER_DAY > 0.5 * model.parameters.stepping.time_step:
                 _advance(model, left, track, job)
@@ -120,6 +128,7 @@ def run_member(job: Job) -> Outcome:
                 track.start(model)
             job.state_file.unlink(missing_ok=True)
             outcome = outcome_of(job.number, model, track)
+            outcome.cracks = _cracks(model, fresh, job.values)
     except StoppedError:
         _forget_cells(job)
         return Outcome(job.number, "stopped")
@@ -135,9 +144,15 @@ def _sentence(error: Exception) -> str:
     return text if isinstance(error, RiftbergError) else f"{type(error).__name__}: {text}"
 
 
-def _begun(job: Job) -> Model:
-    """Return the model at the state that was saved last, or at its start."""
+def _begun(job: Job) -> tuple[Model, tuple[Any, Any, Any]]:
+    """Return the model at the state that was saved last, or at its start, and ids and positions of the elements at the start."""
     fresh = build_member(job)
+    e = fresh.elements
+    start = e.id.copy(), e.lon.copy(), e.lat.copy()
+    return _gone_on(job, fresh), start
+
+
+def _gone_on(job: Job, fresh: Model) -> Model:
     if not job.state_file.exists():
         return fresh
     try:
@@ -186,15 +201,26 @@ class Tracks:
     def __init__(self, every: float) -> None:
         self.every = every
         self.rows: list[list[float]] = []
+        self.first_aground = np.nan  # s
+        self.stress_ratio = 0.0  # Largest stress over strength of a bond until the first break-up
 
     def start(self, model: BareModel) -> None:
         """Take the rows of the part that was run before, and the first position."""
         known = model.remembered.get(_REMEMBERED)
-        self.rows = [] if known is None else np.asarray(known).tolist()
+        rows = [] if known is None else np.asarray(known).tolist()
+        # The last row holds what is known of the whole run.
+        self.rows = rows[:-1]
+        if rows:
+            self.first_aground, self.stress_ratio = rows[-1][0], rows[-1][1]
         self.record(model)
 
     def record(self, model: BareModel) -> None:
-        """Note where the fragments are when an interval is over."""
+        """Note where the fragments are when an interval is over, and in each step what may happen between."""
+        touching = _aground(model)
+        if np.isnan(self.first_aground) and touching.any():
+            self.first_aground = model.time
+        if not model.fragments.breakups:
+            self.stress_ratio = max(self.stress_ratio, _stress_ratio(model))
         # Steps need not divide the interval: the step nearest to the time that is due is recorded.
         due = self.every * round(model.time / self.every)
         last = self.rows[-1][0] if self.rows else -np.inf
@@ -205,10 +231,57 @@ class Tracks:
         for number in np.unique(e.berg):
             rows = e.berg == number
             lon, lat = centroid(e.lon[rows], e.lat[rows], area[rows], model.constants.period)
-            self.rows.append([due, float(number), lon, lat, float(area[rows].sum())])
+            self.rows.append([due, float(number), lon, lat, float(area[rows].sum()), float(touching[rows].any())])
+
+    def kept(self) -> Any:
+        """Return all rows as one array, for a saved state."""
+        whole = [self.first_aground, self.stress_ratio, 0.0, 0.0, 0.0, 0.0]
+        return np.array([*self.rows, whole], dtype=np.float64)
 
     def finish(self, model: BareModel) -> None:
         """Leave the rows as they are."""
+
+
+def _aground(model: BareModel) -> Any:
+    """Return which elements are aground."""
+    e = model.elements
+    return aground(e.body.thickness, e.environment.depth, model.constants) | (e.keel.floor_load > 0.0)
+
+
+def _stress_ratio(model: BareModel) -> float:
+    """Return the largest stress over strength of an intact bond in the last step."""
+    bonds, f = model.bonds, model.parameters.fracture
+    whole = (bonds.status == 0) & (bonds.strength > 0.0)
+    if not whole.any():
+        return 0.0
+    tension = np.fmax(bonds.peak_stress[whole], bonds.normal_stress[whole]) / f.normal_strength
+    ratio = np.fmax(tension, np.abs(bonds.shear_stress[whole]) / f.shear_strength) / bonds.strength[whole]
+    return float(np.nanmax(ratio, initial=0.0))
+
+
+def _cracks(model: BareModel, start: tuple[Any, Any, Any], values: Mapping[str, Any]) -> list[list[float]]:
+    """Return the broken bonds where they lay in the berg at the start, before it was turned or sized."""
+    ids, lon, lat = start
+    bonds, e = model.bonds, model.elements
+    broken = np.flatnonzero(np.isfinite(bonds.break_time))
+    if not broken.size:
+        return []
+    earth = model.parameters.earth
+    plane = EqualAreaPlane(float(lon.mean()), float(lat.mean()), earth.radius, earth.latlon)
+    x, y = turned(*plane.forward(lon, lat), -float(values.get("start.turn", 0.0)))
+    size = float(values.get("start.size", 1.0))
+    order = np.argsort(ids)
+    ends = [e.id[bonds.first[broken]], e.id[bonds.second[broken]]]
+    places = [order[np.clip(np.searchsorted(ids[order], end), 0, ids.size - 1)] for end in ends]
+    # Elements that came during the run were nowhere at the start.
+    known = (ids[places[0]] == ends[0]) & (ids[places[1]] == ends[1])
+    i, j = places[0][known], places[1][known]
+    # The side of a square is the root of its area, that of a hexagon 0.62 of it.
+    of = bonds.first[broken][known]
+    across = np.sqrt((e.length * e.width)[of]) * np.where(e.sides[of] == 6, 0.6204, 1.0)
+    middles = 0.5 * (x[i] + x[j]) / size, 0.5 * (y[i] + y[j]) / size
+    rows = np.column_stack([bonds.break_time[broken][known], *middles, across / size])
+    return rows[np.argsort(rows[:, 0], kind="stable")].tolist()
 
 
 class Keeper:
@@ -236,7 +309,7 @@ class Keeper:
         self._saved = clock.monotonic()
         # The months on cells are written at the end, so that a member with them begins anew.
         if self.job.folder.is_dir() and hasattr(model, "save") and self.job.cells is None:
-            model.remembered[_REMEMBERED] = np.array(self.track.rows, dtype=np.float64)
+            model.remembered[_REMEMBERED] = self.track.kept()
             model.save(self.job.state_file)
             del model.remembered[_REMEMBERED]
 
@@ -272,6 +345,14 @@ def outcome_of(number: int, model: BareModel, track: Tracks) -> Outcome:
         "breakups": float(len(born)),
         "first_breakup": min(born, default=np.nan),
         "largest_area": float(area.max()) if area.size else 0.0,
+        "first_aground": track.first_aground,
+        "stress_ratio": track.stress_ratio,
+        "fresh_water": sum(model.life.balance(model).water.values()) if model.life is not None else 0.0,
     }
+    if isinstance(model.forcing, UncertainForcing) and track.rows:
+        # What the random fields came to where the first berg was: inputs by which the spread is explained afterwards.
+        time, _, lon, lat = np.array([row[:4] for row in track.rows if row[1] == 1.0] or [track.rows[0][:4]]).T
+        for name, value in model.forcing.mean_errors(time, lon, lat).items():
+            totals[name] = value
     table = {name: [float(getattr(row, name)) for row in rows] for name in FRAGMENT}
     return Outcome(number, "done", "", model.time, 0.0, totals, table, track.rows)

@@ -12,6 +12,7 @@ import xarray as xr
 
 from riftberg.config.values import required
 from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome
+from riftberg.ensembles.uncertain import SEED
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.state import Floats
@@ -30,8 +31,19 @@ TOTALS: Final = {
     "bonds_broken": ("1", "number of bonds that broke"),
     "breakups": ("1", "number of fragments that broke off"),
     "largest_area": ("m2", "plan area of the largest piece at the end"),
+    "stress_ratio": ("1", "largest stress over strength of a bond until the first break-up"),
+    "fresh_water": ("kg", "ice that melted"),
 }
 """Whole numbers and sizes of a member: unit and meaning."""
+
+MEANS: Final = {
+    "current_error_east": ("m s-1", "mean eastward error of the current along the track of the first berg"),
+    "current_error_north": ("m s-1", "mean northward error of the current along the track of the first berg"),
+    "wind_error_east": ("m s-1", "mean eastward error of the wind along the track of the first berg"),
+    "wind_error_north": ("m s-1", "mean northward error of the wind along the track of the first berg"),
+    "floor_error_mean": ("1", "mean of the random field of the floor along the track, in its standard deviations"),
+}
+"""What random errors came to in a member, where there are any."""
 
 _ABOUT: Final = {
     "parent": ("1", "fragment that it split from; 0 for a berg that was there at the start"),
@@ -72,7 +84,12 @@ def dataset_of(
         about = {"long_name": v.meaning or v.name, "parameter": v.name}
         if numeric:
             about["units"] = v.unit or "1"
+        if v.distribution is not None:
+            about["distribution"] = v.distribution.text
         ds.coords[variable_name(v.name)] = ("member", kept, about)
+    if members and SEED in members[0] and variable_name(SEED) not in ds.coords:
+        seeds = np.array([member[SEED] for member in members], dtype=np.int64)
+        ds.coords[variable_name(SEED)] = ("member", seeds, {"long_name": "seed of the random fields of the member"})
     _add_ends(ds, outcomes, count, start)
     _add_fragments(ds, outcomes, listed, start, latlon)
     _add_tracks(ds, outcomes, listed, times, latlon)
@@ -98,26 +115,29 @@ def variable_name(name: str) -> str:
 def _add_ends(ds: xr.Dataset, outcomes: Mapping[int, Outcome], count: int, start: datetime) -> None:
     status = np.full(count, STATUS["waiting"], dtype="i4")
     message = np.full(count, "", dtype=object)
-    first = np.full(count, np.nan)
-    totals = {name: np.full(count, np.nan) for name in TOTALS}
-    seconds = np.full(count, np.nan)
+    means = [name for name in MEANS if any(name in outcome.totals for outcome in outcomes.values())]
+    values = {name: np.full(count, np.nan) for name in ("wall_time", "first_aground", *TOTALS, *means)}
+    births = np.full((2, count), np.nan)
     for number, outcome in outcomes.items():
         status[number], message[number] = STATUS[outcome.status], outcome.message
-        first[number] = outcome.totals.get("first_breakup", np.nan)
-        seconds[number] = outcome.wall_seconds
-        for name in TOTALS:
-            totals[name][number] = outcome.totals.get(name, np.nan)
+        for name, column in values.items():
+            column[number] = outcome.totals.get(name, np.nan)
+        values["wall_time"][number] = outcome.wall_seconds
+        rows = zip(outcome.fragments.get("birth_time", ()), outcome.fragments.get("parent", ()), strict=True)
+        born = sorted(time for time, parent in rows if parent > 0)[:2]
+        births[: len(born), number] = born
     flags = {"flag_values": np.array(list(STATUS.values()), dtype="i4"), "flag_meanings": " ".join(STATUS)}
     ds["status"] = ("member", status, {"long_name": "how the member ended", **flags})
     ds["message"] = ("member", message, {"long_name": "why the member failed"})
-    for name, (unit, meaning) in TOTALS.items():
-        ds[name] = ("member", totals[name], {"units": unit, "long_name": meaning})
-    ds["first_breakup"] = (
-        "member",
-        _dates(first, start),
-        {"long_name": "time of the first break-up, missing where none"},
-    )
-    ds["wall_time"] = ("member", seconds, {"units": "s", "long_name": "wall time of the last attempt"})
+    for name, (unit, meaning) in {**TOTALS, **{name: MEANS[name] for name in means}}.items():
+        ds[name] = ("member", values[name], {"units": unit, "long_name": meaning})
+    for name, seconds, what in (
+        ("first_breakup", births[0], "time of the first break-up, missing where none"),
+        ("second_breakup", births[1], "time of the second break-up, missing where none"),
+        ("first_aground", values["first_aground"], "time at which the sea floor first acted, missing where never"),
+    ):
+        ds[name] = ("member", _dates(seconds, start), {"long_name": what})
+    ds["wall_time"] = ("member", values["wall_time"], {"units": "s", "long_name": "wall time of the last attempt"})
 
 
 def _dates(seconds: Floats, start: datetime) -> np.ndarray[Any, Any]:
@@ -164,14 +184,15 @@ def _add_tracks(
     ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], times: Floats, latlon: bool
 ) -> None:
     shape = ds.sizes["member"], ds.sizes["fragment"], len(times)
-    lon, lat, area = (np.full(shape, np.nan) for _ in range(3))
+    lon, lat, area, touching = (np.full(shape, np.nan) for _ in range(4))
     for number, outcome in outcomes.items():
         places = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
-        for time, fragment, x, y, size in outcome.track:
+        for time, fragment, x, y, size, *ground in outcome.track:
             k = round(time / (times[1] if len(times) > 1 else 1.0))
             if fragment in places and k < len(times):
                 at = number, places[fragment], k
                 lon[at], lat[at], area[at] = x, y, size
+                touching[at] = ground[0] if ground else np.nan
     dims = ("member", "fragment", "time")
     (x_name, x_about), (y_name, y_about) = _place(latlon).values()
     ds[x_name], ds[y_name] = (dims, lon, x_about), (dims, lat, y_about)
@@ -180,6 +201,7 @@ def _add_tracks(
         area,
         {"units": "m2", "long_name": "plan area of the fragment", "coordinates": f"{y_name} {x_name}"},
     )
+    ds["aground"] = (dims, touching, {"units": "1", "long_name": "1 where an element of the fragment is aground"})
 
 
 def write_sweep(ds: xr.Dataset, path: str | Path) -> Path:
@@ -188,7 +210,7 @@ def write_sweep(ds: xr.Dataset, path: str | Path) -> Path:
     since = f"seconds since {ds['time'].values[0].astype('datetime64[s]').item():%Y-%m-%d %H:%M:%S}"
     dated = {"units": since, "calendar": "proleptic_gregorian", "dtype": "float64"}
     encoding: dict[str, dict[str, Any]] = {
-        name: dict(dated) for name in ("time", "first_breakup", "fragment_birth_time")
+        str(name): dict(dated) for name, variable in ds.variables.items() if variable.dtype.kind == "M"
     }
     if path.suffix == ".zarr":
         ds.to_zarr(path, mode="w", encoding=encoding, consolidated=False)
@@ -206,7 +228,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     Parameters
     ----------
     path : path
-        ``sweep.nc`` or ``sweep.zarr``, or the folder that holds it.
+        ``sweep.nc``, ``sweep.zarr`` or ``forecast.nc``, or the folder that holds it.
 
     Returns
     -------
@@ -226,7 +248,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
         with reading(path, "not readable as Zarr", remedy):
             ds = xr.open_zarr(path, consolidated=False).load()
     else:
-        file = path / "sweep.nc" if is_folder(path) else path
+        file = path / ("forecast.nc" if (path / "forecast.nc").exists() else "sweep.nc") if is_folder(path) else path
         check_file(file, remedy=remedy)
         ds = _loaded(file, remedy)
     if "member" not in ds.dims or "status" not in ds:

@@ -6,21 +6,25 @@ import json
 import logging
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
 
+import numpy as np
 import xarray as xr
 
 from riftberg.config.values import check_names, native, number
 from riftberg.ensembles.cluster import computed, connected
+from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import STOP, Job, Maker, Outcome, build_member
 from riftberg.ensembles.result import dataset_of, write_sweep
-from riftberg.ensembles.vary import Varied, grouped, members_of, varied_of
+from riftberg.ensembles.uncertain import with_errors
+from riftberg.ensembles.vary import Draws, Varied, grouped, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import BERG, changed
 from riftberg.experiments.registry import Options
+from riftberg.plane import EqualAreaPlane
 from riftberg.runs.progress import SweepBar
 from riftberg.system.atomic_files import only_writer, write_text
 from riftberg.system.input_files import check_file, is_folder, reading, value_shown
@@ -37,6 +41,9 @@ PLAN: Final = "sweep.json"
 
 MEMBERS: Final = "members"
 """Folder of what is done."""
+
+CONTROL: Final = -1
+"""Number of the run of a forecast in which nothing is varied."""
 
 
 USUAL_HOURS: Final = 6.0
@@ -62,6 +69,9 @@ class SweepOptions(WorkerOptions, total=False):
     without: Iterable[str]  # As for ``riftberg run``
     data: str | Path | None  # As for ``riftberg run``
     numerics: Literal["own", "reference"] | None  # As for ``riftberg run``
+    members: int | None  # How often is drawn what has a distribution, and the random errors
+    plan: Literal["sobol", "random", "latin-hypercube"]  # How it is drawn; Sobol' numbers by default
+    seed: int  # Seed of all that is drawn; 1 by default
 
 
 def sweep(
@@ -84,6 +94,8 @@ def sweep(
     vary : mapping, or iterable of str
         Values by ``group.name``: a list, an array, or a text such as ``"14..24kPa:11"`` (eleven values) or
         ``"14, 18, 24 kPa"``. The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
+        A distribution begins with ``~`` and needs ``members``: ``"~lognormal(18 kPa, 20 %)"``. Beside parameters, ``start``,
+        ``current_error``, ``wind_error`` and ``floor_error`` may be varied (`riftberg.ensembles.uncertain`).
     days : float or str, optional
         Length of the runs; needed where a function makes the models.
     every_hours : float or str, optional
@@ -96,8 +108,8 @@ def sweep(
     progress : bool, optional
         Show how many members are done.
     **options
-        What is the same for all members (changes, without, data, numerics, cells), and where they run (scheduler, workers,
-        save_seconds): `SweepOptions`.
+        What is the same for all members (changes, without, data, numerics, cells), how they are drawn (members, plan, seed),
+        and where they run (scheduler, workers, save_seconds): `SweepOptions`.
 
     Returns
     -------
@@ -125,7 +137,7 @@ def sweep(
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
     cells = options.get("cells")
-    plan = planned(experiment, vary, _common(days, options), every, cells)
+    plan = planned(experiment, vary, common_options(days, options), every, cells, draws_of(options))
     if cells is not None and output is None:
         raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
@@ -135,7 +147,21 @@ def sweep(
         return run_sweep(store, bar=bar, **where)
 
 
-def _common(days: float | str | None, options: SweepOptions) -> Options:
+def draws_of(options: Mapping[str, Any]) -> Draws:
+    """Return how members are drawn, checked."""
+    count, seed, plan = (native(options.get(name)) for name in ("members", "seed", "plan"))
+    seed, plan = 1 if seed is None else seed, plan or "sobol"
+    for name, value, least in (("members", count, 1), ("seed", seed, 0)):
+        if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < least):
+            raise InputError(
+                f"{value_shown(value)} is not possible", where=name, remedy=f"Give a whole number, {least} or more"
+            )
+    if plan not in PLANS:
+        raise InputError(f"{value_shown(plan)} is no plan", where="plan", remedy=f"Use {', '.join(PLANS)}")
+    return Draws(count or 0, plan, seed)
+
+
+def common_options(days: float | str | None, options: SweepOptions) -> Options:
     """Return what is the same for all members."""
     data = options.get("data")
     return Options(
@@ -157,6 +183,8 @@ class Plan:
     days: float  # Length of the runs, days, and interval of the tracks, s
     every: float  # Length of the runs, days, and interval of the tracks, s
     cells: float | None = None  # Width (degrees) of the cells on which each member writes
+    draws: Draws = field(default_factory=Draws)  # How members are drawn
+    forecast: bool = False  # A control is run too, and the result holds probabilities
 
     @property
     def named(self) -> str:
@@ -177,26 +205,31 @@ class Plan:
             "data": None if o.data is None else str(o.data),
             "numerics": o.numerics,
             "cells": self.cells,
-            "vary": {v.name: list(v.values) for v in self.varied},
+            "vary": {v.name: v.plain() for v in self.varied},
+            **({"forecast": True} if self.forecast else {}),
+            **({"members": d.number, "plan": d.plan, "seed": d.seed} if (d := self.draws).number else {}),
         }
 
     def job(self, number: int, folder: Path, save_seconds: float) -> Job:
         """Return what a worker must know of a member."""
+        values = {} if number == CONTROL else self.members[number]
         return Job(
-            number, self.members[number], self.experiment, self.options, self.days, self.every, folder, save_seconds,
+            number, values, self.experiment, self.options, self.days, self.every, folder, save_seconds,
             large_allowed(), self.cells,
         )  # fmt: skip
 
 
 def planned(
-    experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None, cells: float | None = None
-) -> Plan:
+    experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None, cells: float | None = None,
+    draws: Draws | None = None, *, forecast: bool = False,
+) -> Plan:  # fmt: skip
     """Check all of a sweep that can be checked before its first run; without an interval the usual one is taken."""
     named: Any = experiment if callable(experiment) else str(experiment)
     if isinstance(named, str) and named.endswith((".yaml", ".yml")):
         named = str(Path(named).absolute())
     varied = varied_of(vary, free=callable(experiment))
-    members = members_of(varied)
+    draws = draws or Draws()
+    members = members_of(varied, draws)
     length = options.days
     if isinstance(named, str):
         from riftberg.experiments import build
@@ -209,6 +242,8 @@ def planned(
             last, _ = build(named, _first_options(options, members[-1]))
         except InputError as error:  # the first could be built, so it is what is varied
             raise InputError(error.what, where=_member_text(members[-1]), remedy=error.remedy) from error
+        for model, values in ((first, members[0]), (last, members[-1])):
+            with_errors(model, values)
         # What the experiment sets itself, such as the packing of its bonds, cannot be varied.
         for model, values in ((first, members[0]), (last, members[-1])):
             for group, inner in grouped(values).items():
@@ -233,7 +268,9 @@ def planned(
             f"a position every {every_hours:g} h in runs of {length:g} days", where="every_hours",
             remedy="Give a number above 0, at most the length of the runs",
         )  # fmt: skip
-    return Plan(named, options, varied, members, first, length, 3600.0 * every_hours, _cells(cells, first))
+    return Plan(
+        named, options, varied, members, first, length, 3600.0 * every_hours, _cells(cells, first), draws, forecast
+    )
 
 
 def _cells(width: float | None, first: Model) -> float | None:
@@ -272,6 +309,8 @@ class Store:
     def __init__(self, folder: Path, plan: Plan, *, resume: bool) -> None:
         self.folder, self.plan = folder, plan
         self.members = folder / MEMBERS
+        self.numbers = range(CONTROL if plan.forecast else 0, len(plan.members))
+        self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
         self.done: dict[int, Outcome] = {}
         # Through JSON, as the plan that is read back: a tuple would differ from the list that it became.
         described = json.loads(json.dumps(plan.described(), default=str))
@@ -283,6 +322,17 @@ class Store:
                     "holds a sweep already", where=where, remedy="Go on with it by --resume, or name another"
                 )
             different = sorted(key for key in described if known.get(key) != described[key])
+            if different == ["members"]:
+                if plan.draws.plan == "latin-hypercube":
+                    raise InputError(
+                        "members cannot be added to a Latin hypercube, which divides the range by their number", where=where,
+                        remedy="Begin anew, or use --plan sobol, which takes more",
+                    )  # fmt: skip
+                if known["members"] > described["members"]:
+                    raise InputError(
+                        f"holds {known['members']} members", where=where, remedy="Give that number, or a larger one"
+                    )
+                different = []
             if different:
                 raise InputError(
                     f"holds another sweep: {different[0]} is {value_shown(known.get(different[0]))}", where=where,
@@ -315,7 +365,7 @@ class Store:
                 outcome = Outcome(**json.loads(path.read_text("utf-8")))
             except (ValueError, TypeError, OSError):
                 continue
-            if outcome.status == "done" and 0 <= outcome.number < len(self.plan.members):
+            if outcome.status == "done" and outcome.number in self.numbers:
                 outcomes[outcome.number] = outcome
         return outcomes
 
@@ -326,7 +376,7 @@ class Store:
 
     def waiting(self) -> list[int]:
         """Return the members that are still to be run."""
-        return [k for k in range(len(self.plan.members)) if k not in self.done]
+        return [k for k in self.numbers if k not in self.done]
 
     def stop(self) -> None:
         """Ask the members under way to save their states and stop."""
@@ -335,13 +385,39 @@ class Store:
     def result(self) -> xr.Dataset:
         """Return what there is, as one dataset."""
         plan = self.plan
-        title = f"Sweep of {plan.named}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
+        kind = "Forecast" if plan.forecast else "Sweep"
+        title = f"{kind} of {plan.named}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
         about = {"title": title, "experiment": plan.named, "parameters_json": plan.first.parameters.model_dump_json(),
                  "comment": "parameters_json holds the parameters of the first member"}  # fmt: skip
-        return dataset_of(
-            plan.varied, plan.members, self.done, start=plan.first.start, days=plan.days, every=plan.every,
-            latlon=plan.first.parameters.earth.latlon, attributes=about,
-        )  # fmt: skip
+        common: dict[str, Any] = {
+            "start": plan.first.start, "days": plan.days, "every": plan.every,
+            "latlon": plan.first.parameters.earth.latlon, "attributes": about,
+        }  # fmt: skip
+        outcomes = {number: outcome for number, outcome in self.done.items() if number != CONTROL}
+        ds = dataset_of(plan.varied, plan.members, outcomes, **common)
+        if not plan.forecast:
+            return ds
+        from riftberg.ensembles.probability import with_probabilities
+
+        e, earth = plan.first.elements, plan.first.parameters.earth
+        plane = EqualAreaPlane(float(e.lon.mean()), float(e.lat.mean()), earth.radius, earth.latlon)
+        ice = *plane.forward(e.lon, e.lat), float(np.sqrt(np.mean(e.length * e.width)))
+        ds = with_probabilities(ds, {number: outcome.cracks for number, outcome in outcomes.items()}, ice)
+        control = self.done.get(CONTROL)
+        if control is not None and control.status == "done":
+            alone = dataset_of((), [{}], {0: replace(control, number=0)}, **common).isel(member=0, drop=True)
+            names = [
+                name for name in ("lon", "lat", "x", "y", "area", "first_breakup", "largest_area") if name in alone
+            ]
+            for name in names:
+                values = (
+                    alone[name].rename(fragment="control_fragment") if "fragment" in alone[name].dims else alone[name]
+                )
+                ds[f"control_{name}"] = values.drop_vars("control_fragment", errors="ignore")
+                ds[f"control_{name}"].attrs["long_name"] = (
+                    f"control: {ds[f'control_{name}'].attrs.get('long_name', name)}"
+                )
+        return ds
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
@@ -374,7 +450,7 @@ def run_sweep(
         finally:  # what is done is kept, also after Ctrl-C
             (store.members / STOP).unlink(missing_ok=True)
             result = store.result()
-            write_sweep(result, store.folder / "sweep.nc")
+            write_sweep(result, store.file)
             if bar is not None:
                 bar.stop()
     return result

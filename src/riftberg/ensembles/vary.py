@@ -1,4 +1,4 @@
-"""What is varied in a sweep: parameters and their values, read and checked before the first run."""
+"""What is varied in a sweep: parameters, start and errors, their values or distributions, checked before the first run."""
 
 from __future__ import annotations
 
@@ -6,13 +6,21 @@ import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, get_origin
+from typing import Any, Final, get_args, get_origin
 
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from riftberg.config.units import looks_like_quantity
-from riftberg.config.values import allowed, given, kinds_of, native, required, unit_of
+from riftberg.config.values import allowed, given, kinds_of, native, number, required, unit_of
+from riftberg.ensembles.distributions import (
+    Distribution,
+    Limits,
+    member_seed,
+    read_distribution,
+    shares,
+    with_unit_of_last,
+)
+from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, find_field
 from riftberg.parameters import group_now
@@ -24,8 +32,12 @@ MOST_MEMBERS: Final = 10_000
 
 EXAMPLE: Final = "For example --vary fracture.normal_strength=14..24kPa:11, or --vary damage.enabled=true,false"
 
+EXAMPLE_DRAWN: Final = "For example --vary 'fracture.normal_strength~lognormal(18 kPa, 20 %)'"
+
+_POSITIVE: Final = ("fracture.normal_strength", "fracture.shear_strength")
+"""Parameters without limits of their own (the reference takes any), which no ice has at 0 or below."""
+
 _RANGE: Final = re.compile(r"(.+?)\.\.([^:]+)(?::(.*))?$")
-_UNIT: Final = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*(.*)$")
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,18 @@ class Varied:
     values: tuple[Any, ...]  # Its values, in the unit of the parameter
     unit: str = ""  # That unit, empty where there is none
     meaning: str = ""  # What the parameter is
+    distribution: Distribution | None = None  # From which its values are drawn, in place of ``values``
+    parts: int = 1  # Numbers that it consists of, each of them drawn
+
+    def plain(self) -> list[Any] | str:
+        """Return what is varied as a plan keeps it."""
+        return list(self.values) if self.distribution is None else "~" + self.distribution.text
+
+    def told(self) -> str:
+        """Return what it is in a few words."""
+        if self.distribution is None:
+            return f"{len(self.values)} of {self.name}"
+        return f"{self.name} ({self.distribution.described(self.unit)})"
 
 
 def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) -> tuple[Varied, ...]:
@@ -43,10 +67,13 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
     pairs = vary.items() if isinstance(vary, Mapping) else [_split(text) for text in _texts(vary)]
     varied: list[Varied] = []
     for name, values in pairs:
-        where = f"--vary {name}={values}" if isinstance(values, str) else f"vary, {name}"
+        drawn = isinstance(values, str) and values.startswith("~")
+        where = f"--vary {name}{'' if drawn else '='}{values}" if isinstance(values, str) else f"vary, {name}"
         if any(other.name == name for other in varied):
             raise InputError(f"{name} is varied twice", where=where, remedy="Name each parameter once")
-        varied.append(_free(name, values, where) if free else _of_parameter(name, values, where))
+        varied.append(
+            _free(name, values, where) if free and not is_uncertain(name) else _of_parameter(name, values, where)
+        )
     if not varied:
         raise InputError("nothing is varied", where="--vary", remedy=EXAMPLE)
     return tuple(varied)
@@ -62,14 +89,19 @@ def _texts(vary: Any) -> list[str]:
 
 
 def _split(text: str) -> tuple[str, str]:
-    name, equals, values = text.partition("=")
+    drawn = re.match(r"([\w.\s]+)~", text)
+    name, equals, values = text.partition("~" if drawn else "=")
     if not equals or not name.strip() or not values.strip():
         raise InputError("not of the form group.name=values", where=f"--vary {text}", remedy=EXAMPLE)
-    return name.strip(), values.strip()
+    return name.strip(), ("~" if drawn else "") + values.strip()
 
 
 def _free(name: str, values: Any, where: str) -> Varied:
     """Take the values of an argument of a function as they are."""
+    if isinstance(values, str) and values.startswith("~"):
+        return Varied(name, (), distribution=read_distribution(
+            values[1:], where=where, number=lambda text: number(text, "1", where=where), value=str, limits=Limits()
+        ))  # fmt: skip
     if isinstance(values, str):
         raise InputError("a text, not a list of values", where=where, remedy="Give a list or an array")
     return Varied(name, _distinct(native(list(values)), where))
@@ -79,13 +111,36 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
     group, dot, key = name.partition(".")
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
-    group = group_now(group, key)
-    field = find_field(group, key, where=where)
+    settable = {**SETTABLE, **UNCERTAIN}
+    if group not in UNCERTAIN:
+        group = group_now(group, key)
+    field = find_field(group, key, where=where, settable=settable)
+    if isinstance(values, str) and values.startswith("~"):
+        return _drawn(f"{group}.{key}", values[1:], field, settable[group], where)
     if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
         raise InputError("this parameter holds several numbers", where=where, remedy="Vary it in Python, or by --set")
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
-    plain = [given(value, SETTABLE[group], key, where=where) for value in several]
+    plain = [given(value, settable[group], key, where=where) for value in several]
     return Varied(f"{group}.{key}", _distinct(plain, where), unit_of(field), field.description or "")
+
+
+def _drawn(name: str, text: str, field: FieldInfo, section: Any, where: str) -> Varied:
+    """Read the distribution of a parameter; one of several numbers has each of them drawn."""
+    key, unit = name.partition(".")[2], unit_of(field)
+    kinds = kinds_of(field.annotation)
+    several = [len(get_args(kind)) for kind in kinds if get_origin(kind) is tuple]
+    distribution = read_distribution(
+        text, where=where, limits=Limits(0.0) if name in _POSITIVE else Limits.of(field.metadata),
+        number=lambda part: number(part, unit, where=where),
+        value=lambda part: given(part, section, key, where=where),
+    )  # fmt: skip
+    if not distribution.choices and not several and float not in kinds:
+        raise InputError(
+            "a distribution of what is no number with decimals", where=where, remedy="Use choice(value, value, ...)"
+        )
+    return Varied(
+        name, (), unit, field.description or "", distribution, 1 if distribution.choices or not several else several[0]
+    )
 
 
 def _listed(values: Any, where: str) -> list[Any]:
@@ -100,9 +155,9 @@ def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
     bounds = _RANGE.match(text)
     if bounds is None:
         parts = [part.strip() for part in text.split(",")]
-        return _with_unit_of_last(parts)
+        return with_unit_of_last(parts)
     low, high, count = bounds.groups()
-    low, high = _with_unit_of_last([low.strip(), high.strip()])
+    low, high = with_unit_of_last([low.strip(), high.strip()])
     if count is None or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
         said = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"
         raise InputError(said, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
@@ -114,8 +169,6 @@ def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
 
 def _spaced(low: str, high: str, count: int, field: FieldInfo, whole: bool, where: str) -> list[Any]:
     """Return evenly spaced values between two ends."""
-    from riftberg.config.values import number
-
     first, last = (number(end, unit_of(field), where=where) for end in (low, high))
     if not first < last:
         raise InputError(f"{low} is not below {high}", where=where, remedy="The smaller number stands first")
@@ -124,17 +177,6 @@ def _spaced(low: str, high: str, count: int, field: FieldInfo, whole: bool, wher
     if whole and not (values == np.round(values)).all():
         raise InputError("a range with steps that are no whole numbers", where=where, remedy=f"{allowed(field)}")
     return [int(value) if whole else float(value) for value in values]
-
-
-def _with_unit_of_last(parts: Sequence[str]) -> list[str]:
-    """Give numbers without a unit that of the last one: ``14..24kPa`` is not 14 Pa to 24 kPa."""
-    last = _UNIT.match(parts[-1])
-    unit = last[1].strip() if last else ""
-    if not unit:
-        return list(parts)
-    # Only bare numbers take the unit of the last one; a part with a unit of its own keeps it.
-    plain = [looks_like_quantity(part) and not (_UNIT.match(part) or ["", "x"])[1] for part in parts]
-    return [f"{part} {unit}" if bare else part for part, bare in zip(parts, plain, strict=True)]
 
 
 def _distinct(values: Sequence[Any], where: str) -> tuple[Any, ...]:
@@ -148,18 +190,78 @@ def _distinct(values: Sequence[Any], where: str) -> tuple[Any, ...]:
     return tuple(values)
 
 
-def members_of(varied: Sequence[Varied]) -> list[dict[str, Any]]:
-    """Return every combination of the values, the last parameter changing fastest."""
-    count = int(np.prod([len(v.values) for v in varied], dtype=float))
-    refuse_large(count, MOST_MEMBERS, "members", where="--vary", remedy="Give fewer values", kind=InputError)
-    names = [v.name for v in varied]
-    return [dict(zip(names, values, strict=True)) for values in itertools.product(*(v.values for v in varied))]
+@dataclass(frozen=True)
+class Draws:
+    """How members are drawn where something has a distribution, or an error is a random field."""
+
+    number: int = 0  # Draws of each combination of listed values; 0 where nothing is drawn
+    plan: str = "sobol"
+    seed: int = 1
+
+
+def check_draws(varied: Sequence[Varied], draws: Draws) -> None:
+    """Refuse distributions without a number of members, and a number where nothing is drawn."""
+    random = [v.name for v in varied if v.distribution is not None] or [v.name for v in varied if has_fields([v.name])]
+    if random and draws.number < 1:
+        raise InputError(
+            f"{random[0]} is drawn, but not how often", where="members", remedy="Give --members 200, or members=200"
+        )
+    if draws.number and not random:
+        raise InputError(
+            "nothing is drawn", where="members", remedy=f"Leave it out, or give a distribution. {EXAMPLE_DRAWN}"
+        )
+
+
+def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
+    """Return every combination of the listed values, the last parameter changing fastest, for each draw in turn.
+
+    So a member stays what it is when further ones are drawn.
+    """
+    draws = draws or Draws()
+    check_draws(varied, draws)
+    listed, drawn = [v for v in varied if v.distribution is None], [v for v in varied if v.distribution is not None]
+    count = float(np.prod([len(v.values) for v in listed], dtype=float)) * max(draws.number, 1)
+    refuse_large(int(count), MOST_MEMBERS, "members", where="--vary", remedy="Give fewer values", kind=InputError)
+    combinations = list(itertools.product(*(v.values for v in listed)))
+    names, order = [v.name for v in listed], [v.name for v in varied]
+    if not draws.number:
+        return [dict(zip(names, values, strict=True)) for values in combinations]
+    columns = _columns(drawn, draws)
+    seeded = has_fields(order) and SEED not in order
+    members = []
+    for k in range(draws.number):
+        once = {name: values[k] for name, values in columns.items()}
+        own = {SEED: member_seed(draws.seed, k)} if seeded else {}
+        for values in combinations:
+            both = {**dict(zip(names, values, strict=True)), **once}
+            members.append({name: both[name] for name in order} | own)
+    return members
+
+
+def _columns(drawn: Sequence[Varied], draws: Draws) -> dict[str, list[Any]]:
+    """Return the drawn values of each parameter."""
+    share = shares(draws.number, sum(v.parts for v in drawn), draws.plan, draws.seed)
+    columns: dict[str, list[Any]] = {}
+    first = 0
+    for v in drawn:
+        assert v.distribution is not None
+        parts = [v.distribution.quantiles(share[:, first + k]) for k in range(v.parts)]
+        columns[v.name] = parts[0] if v.parts == 1 else list(zip(*parts, strict=True))
+        first += v.parts
+    for name, values in columns.items():
+        group, _, key = name.partition(".")
+        section = {**SETTABLE, **UNCERTAIN}.get(group)
+        if key and section is not None:
+            columns[name] = [given(value, section, key, where=f"--vary {name}") for value in values]
+    return columns
 
 
 def grouped(values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return values by ``group.name`` as values by group and name."""
+    """Return the parameters among values by ``group.name``, by group and name."""
     result: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
+        if is_uncertain(name):
+            continue
         group, _, key = name.partition(".")
         result.setdefault(group, {})[key] = value
     return result

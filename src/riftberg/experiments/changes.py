@@ -54,15 +54,15 @@ def _parsed(setting: str) -> tuple[str, str, Any]:
     return group, name, given(text.strip(), SETTABLE[group], name, where=where)
 
 
-def find_field(group: str, name: str, *, where: str) -> FieldInfo:
+def find_field(group: str, name: str, *, where: str, settable: Mapping[str, Any] = SETTABLE) -> FieldInfo:
     """Return the field of a parameter, or explain that there is none."""
-    if group not in SETTABLE:
+    if group not in settable:
         raise InputError(
             f"no group of parameters is called {group!r}",
             where=where,
-            remedy=f"{nearest(group, SETTABLE)}Groups are {', '.join(SETTABLE)}",
+            remedy=f"{nearest(group, settable)}Groups are {', '.join(settable)}",
         )
-    fields = fields_of(SETTABLE[group])
+    fields = fields_of(settable[group])
     if name not in fields:
         raise InputError(
             f"group {group} has no parameter {name!r}",

@@ -1,0 +1,223 @@
+"""Numbers that are not known exactly: distributions as text, plans that draw from them, and seeds.
+
+``lognormal(median, standard deviation of the logarithm)``, ``normal(mean, standard deviation)``, ``uniform(lowest, highest)``,
+``triangular(lowest, likeliest, highest)``, ``choice(value, value, ...)``. A part of a hundred counts as 0.01 in the spread of a
+lognormal, and as part of the mean in that of a normal one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from riftberg.config.units import looks_like_quantity
+from riftberg.errors import InputError, nearest
+from riftberg.state import Floats
+from riftberg.system.input_files import value_shown
+
+PLANS: Final = ("sobol", "random", "latin-hypercube")
+"""Ways to draw: Sobol' numbers (scrambled), independent ones, a Latin hypercube."""
+
+ARGUMENTS: Final = {
+    "lognormal": ("median", "standard deviation of the logarithm"),
+    "normal": ("mean", "standard deviation"),
+    "uniform": ("lowest", "highest"),
+    "triangular": ("lowest", "likeliest", "highest"),
+}
+"""What the numbers of each distribution are."""
+
+EXAMPLE: Final = "For example --vary 'fracture.normal_strength~lognormal(18 kPa, 20 %)'"
+
+_CALL: Final = re.compile(r"\s*([\w' -]+?)\s*\((.*)\)\s*$", re.DOTALL)
+
+
+_UNIT: Final = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*(.*)$")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Values that are physically possible."""
+
+    low: float = -np.inf
+    high: float = np.inf
+
+    @classmethod
+    def of(cls, metadata: Sequence[Any]) -> Limits:
+        """Return the limits of a pydantic field."""
+        low, high = -np.inf, np.inf
+        for item in metadata:
+            for name in ("gt", "ge"):
+                low = max(low, float(getattr(item, name, None) if getattr(item, name, None) is not None else -np.inf))
+            for name in ("lt", "le"):
+                high = min(high, float(getattr(item, name, None) if getattr(item, name, None) is not None else np.inf))
+        return cls(low, high)
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution of one number, cut off at the limits of what is possible; or a choice of values."""
+
+    name: str
+    numbers: tuple[float, ...]  # As `ARGUMENTS` lists them, in the unit of the parameter
+    choices: tuple[Any, ...] = ()
+    limits: Limits = Limits()
+    text: str = ""  # As it was given
+
+    def frozen(self) -> Any:
+        """Return it as scipy has it, without limits."""
+        from scipy import stats
+
+        a = self.numbers
+        if self.name == "lognormal":
+            return stats.lognorm(s=a[1], scale=a[0])
+        if self.name == "normal":
+            return stats.norm(a[0], a[1])
+        if self.name == "uniform":
+            return stats.uniform(a[0], a[1] - a[0])
+        return stats.triang((a[1] - a[0]) / (a[2] - a[0]), loc=a[0], scale=a[2] - a[0])
+
+    @property
+    def cut_off(self) -> float:
+        """Probability that lies beyond the limits."""
+        if self.choices:
+            return 0.0
+        known = self.frozen()
+        return float(known.cdf(self.limits.low) + known.sf(self.limits.high))
+
+    def quantiles(self, share: Floats) -> list[Any]:
+        """Return the values below which these parts (0 to 1) of the probability lie."""
+        if self.choices:
+            return [self.choices[min(int(part * len(self.choices)), len(self.choices) - 1)] for part in share]
+        known = self.frozen()
+        low, high = float(known.cdf(self.limits.low)), float(known.cdf(self.limits.high))
+        return [float(v) for v in known.ppf(low + (high - low) * share)]
+
+    def described(self, unit: str = "") -> str:
+        """Return what its numbers are, for a line of the run."""
+        if self.choices:
+            return f"one of {', '.join(value_shown(v) for v in self.choices)}, equally likely"
+        parts = [
+            f"{word} {number:g}" + (f" {unit}" if unit not in ("", "1") and "logarithm" not in word else "")
+            for word, number in zip(ARGUMENTS[self.name], self.numbers, strict=True)
+        ]
+        cut = self.cut_off
+        limits = [
+            f"{sign} {value:g}"
+            for sign, value in ((">", self.limits.low), ("<", self.limits.high))
+            if np.isfinite(value)
+        ]
+        beyond = (
+            f"; limited to {' and '.join(limits)}, which cuts off {100.0 * cut:.2g} %" if limits and cut >= 5e-5 else ""
+        )
+        return f"{self.name}, {', '.join(parts)}{beyond}"
+
+
+def read_distribution(
+    text: str, *, where: str, number: Callable[[str], float], value: Callable[[str], Any], limits: Limits
+) -> Distribution:
+    """Read a distribution.
+
+    ``number``: reads one of its numbers, with a unit or without; ``value``: reads one of the values of a choice.
+    """
+    call = _CALL.match(text)
+    name = call[1].strip().lower() if call else ""
+    if call is None or name not in (*ARGUMENTS, "choice"):
+        known = [f"{word}({', '.join(numbers)})" for word, numbers in ARGUMENTS.items()]
+        raise InputError(
+            f"{value_shown(text)} is no distribution", where=where,
+            remedy=f"{nearest(name, [*ARGUMENTS, 'choice'])}There are {'; '.join(known)}; choice(value, value, ...)",
+        )  # fmt: skip
+    parts = [part.strip() for part in call[2].split(",")]
+    if not all(parts) or (name != "choice" and len(parts) != len(ARGUMENTS[name])):
+        words = ", ".join(ARGUMENTS.get(name, ("value", "value", "...")))
+        raise InputError(f"{value_shown(text)} has {len(parts)} numbers", where=where, remedy=f"Give {name}({words})")
+    if name == "choice":
+        return Distribution(name, (), tuple(value(part) for part in parts), text=text)
+    return _checked(Distribution(name, _numbers(name, parts, where, number), (), limits, text), where)
+
+
+def with_unit_of_last(parts: Sequence[str]) -> list[str]:
+    """Give numbers without a unit that of the last one: ``14..24kPa`` is not 14 Pa to 24 kPa."""
+    last = _UNIT.match(parts[-1])
+    unit = last[1].strip() if last else ""
+    if not unit:
+        return list(parts)
+    # Only bare numbers take the unit of the last one; a part with a unit of its own keeps it.
+    plain = [looks_like_quantity(part) and not (_UNIT.match(part) or ["", "x"])[1] for part in parts]
+    return [f"{part} {unit}" if bare else part for part, bare in zip(parts, plain, strict=True)]
+
+
+def _numbers(name: str, parts: list[str], where: str, number: Callable[[str], float]) -> tuple[float, ...]:
+    spread = {"lognormal": 1, "normal": 1}.get(name)
+    if spread is None:
+        return tuple(number(part) for part in with_unit_of_last(parts))
+    share = re.fullmatch(r"([-+.\deE]+)\s*%", parts[1])
+    if share is not None:
+        parts = [parts[0], str(float(share[1]) / 100.0)]
+    centre = number(parts[0])
+    if name == "lognormal":
+        try:
+            return centre, float(parts[1])
+        except ValueError as error:
+            raise InputError(
+                f"{value_shown(parts[1])} is no standard deviation of a logarithm", where=where,
+                remedy="Give a number without a unit, such as 0.2 or 20 %",
+            ) from error  # fmt: skip
+    return centre, abs(centre) * float(parts[1]) if share is not None else number(parts[1])
+
+
+def _checked(d: Distribution, where: str) -> Distribution:
+    """Refuse numbers that no such distribution has, and one that is mostly impossible."""
+    a = d.numbers
+    what = ""
+    if not np.isfinite(a).all():
+        what = "numbers that are not finite"
+    elif d.name == "lognormal" and a[0] <= 0.0:
+        what = f"a median of {a[0]:g}, but a lognormal number is above 0"
+    elif d.name in ("lognormal", "normal") and a[1] <= 0.0:
+        what = f"a standard deviation of {a[1]:g}"
+    elif d.name == "uniform" and not a[0] < a[1]:
+        what = f"{a[0]:g} is not below {a[1]:g}"
+    elif d.name == "triangular" and not (a[0] <= a[1] <= a[2] and a[0] < a[2]):
+        what = f"{a[0]:g}, {a[1]:g} and {a[2]:g} are not in order"
+    if what:
+        raise InputError(what, where=where, remedy=EXAMPLE)
+    if d.cut_off > 0.5:
+        raise InputError(
+            f"{100.0 * d.cut_off:.0f} % of the probability lies at impossible values", where=where,
+            remedy=f"Possible are numbers from {d.limits.low:g} to {d.limits.high:g}",
+        )  # fmt: skip
+    return d
+
+
+def shares(draws: int, dimensions: int, plan: str, seed: int) -> Floats:
+    """Return the parts of the probability at which members draw, shape (draws, dimensions).
+
+    The first rows do not depend on how many follow, but for a Latin hypercube.
+    """
+    if plan not in PLANS:
+        raise InputError(f"{plan!r} is no plan", where="plan", remedy=f"{nearest(plan, PLANS)}Use {', '.join(PLANS)}")
+    if dimensions == 0:
+        return np.zeros((draws, 0))
+    if plan == "random":
+        streams = (np.random.Philox(key=seed, counter=[0, 0, 0, k]) for k in range(draws))
+        return np.array([np.random.Generator(stream).random(dimensions) for stream in streams])
+    from scipy.stats import qmc
+
+    if plan == "latin-hypercube":
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(draws))
+    # In whole powers of two, where Sobol' numbers are balanced; what is not needed is left out.
+    whole = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed)).random_base2(
+        max(int(np.ceil(np.log2(max(draws, 1)))), 0)
+    )
+    return np.asarray(whole[:draws])
+
+
+def member_seed(seed: int, draw: int) -> int:
+    """Return the seed of the random fields of a draw, a whole number that a double holds exactly."""
+    words = np.random.SeedSequence(seed, spawn_key=(draw,)).generate_state(2)
+    return (int(words[0]) << 20) | (int(words[1]) >> 12)

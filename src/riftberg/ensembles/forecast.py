@@ -1,0 +1,143 @@
+"""A forecast: an experiment with errors of all that is not known exactly, as an ensemble with probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
+
+from riftberg.config.values import check_names, number
+from riftberg.ensembles.sweep import Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
+from riftberg.ensembles.vary import Draws, varied_of
+from riftberg.errors import InputError
+from riftberg.experiments.registry import EXPERIMENTS, Options
+from riftberg.runs.progress import SweepBar
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from riftberg.ensembles.member import Maker
+
+
+class DefaultError(NamedTuple):
+    """One line of the table of errors that a forecast has by itself."""
+
+    what: str
+    vary: tuple[str, ...]
+    source: str
+
+
+DEFAULTS: Final = (
+    DefaultError("current 0.1 m/s, 50 km, 3 days", (
+        "current_error.speed=0.1 m/s", "current_error.length=50 km", "current_error.time=3 day",
+    ), "a starting point: analyses differ from drifters by 0.1 to 0.2 m/s"),
+    DefaultError("wind 2 m/s, 300 km, 1 day", (
+        "wind_error.speed=2 m/s", "wind_error.length=300 km", "wind_error.time=1 day",
+    ), "a starting point: reanalyses differ from ships and buoys by 1.5 to 2.5 m/s"),
+    DefaultError("thickness 15 %", ("start.thickness~lognormal(1, 15 %)",), "a starting point: altimetry over tabular bergs"),
+    DefaultError("start 3 km", (
+        "start.east~normal(0 km, 3 km)", "start.north~normal(0 km, 3 km)",
+    ), "scatterometer fixes scatter by 3 to 6 km; give less for outlines from images"),
+    DefaultError("strength 30 %", ("start.strength~lognormal(1, 30 %)",), "a starting point: tuned to one berg"),
+    DefaultError("floor 10 % or 30 m, 10 km", (
+        "floor_error.share=0.1", "floor_error.spread=30 m", "floor_error.length=10 km",
+    ), "a starting point: charts between soundings"),
+)  # fmt: skip
+"""Errors of a forecast. None of them was fitted; most are round numbers to start from."""
+
+LATTICE: Final = DefaultError("lattice turned and shifted", (
+    "berg.lattice_angle~uniform(0, 90)", "berg.offset~uniform(0, 1)",
+), "numbers that depend on the lattice show it in their spread")  # fmt: skip
+"""Where the berg of the experiment takes another lattice."""
+
+MEMBERS: Final = 200
+"""Members, unless another number is given."""
+
+
+def default_errors(experiment: object) -> tuple[DefaultError, ...]:
+    """Return the errors of an experiment's forecast."""
+    name = str(experiment)
+    with_lattice = isinstance(experiment, str | Path) and (
+        name.endswith((".yaml", ".yml")) or any(entry.name == name and entry.lattice for entry in EXPERIMENTS)
+    )
+    return (*DEFAULTS, LATTICE) if with_lattice else DEFAULTS
+
+
+def errors_line(experiment: object) -> str:
+    """Return them in one line."""
+    return "Errors: " + "; ".join(error.what for error in default_errors(experiment))
+
+
+def forecast_plan(
+    experiment: str | Path | Maker, vary: Mapping[str, Any] | Iterable[str], options: Options, every_hours: float | None,
+    draws: Draws, *, defaults: bool = True, cells: float | None = None,
+) -> Plan:  # fmt: skip
+    """Return the plan of a forecast: what is varied by the user comes before the errors of the same name."""
+    free = callable(experiment)
+    given = (
+        dict(vary)
+        if isinstance(vary, Mapping)
+        else {v.name: v.plain() for v in (varied_of(vary, free=free) if list(vary) else ())}
+    )
+    own = {
+        v.name: v.plain() for error in (default_errors(experiment) if defaults else ()) for v in varied_of(error.vary)
+    }
+    merged = {**own, **given}
+    drawn = Draws(draws.number or MEMBERS, draws.plan, draws.seed)
+    return planned(experiment, merged, options, every_hours, cells, drawn, forecast=True)
+
+
+def forecast(
+    experiment: str | Path | Maker,
+    vary: Mapping[str, Any] | Iterable[str] = (),
+    *,
+    days: float | str | None = None,
+    every_hours: float | str | None = None,
+    output: str | Path | None = None,
+    resume: bool = False,
+    progress: bool = False,
+    default_errors: bool = True,
+    **options: Unpack[SweepOptions],
+) -> xr.Dataset:
+    """Run an experiment as an ensemble with errors of ocean, air, floor, start and ice, and return probabilities.
+
+    Parameters
+    ----------
+    experiment : str, path or callable
+        As for `riftberg.sweep`.
+    vary : mapping, or iterable of str, optional
+        What is varied beside, or instead of, the errors that a forecast has by itself (`riftberg.ensembles.forecast.DEFAULTS`).
+    days, every_hours, output, resume, progress
+        As for `riftberg.sweep`.
+    default_errors : bool, optional
+        Take the errors that a forecast has by itself.
+    **options
+        As for `riftberg.sweep`; ``members`` is 200 by default.
+
+    Returns
+    -------
+    xarray.Dataset
+        The result of a sweep with probabilities, see "The file of an ensemble" in the documentation.
+
+    Raises
+    ------
+    InputError
+        If what is varied is not possible; before the first run.
+    """
+    check_names(options, SweepOptions)
+    every = None if every_hours is None else number(every_hours, "h", where="every_hours")
+    if options.get("cells") is not None and output is None:
+        raise InputError("files on cells need a folder", where="cells", remedy="Give output")
+    plan = forecast_plan(
+        experiment, vary, common_options(days, options), every, draws_of(options), defaults=default_errors,
+        cells=options.get("cells"),
+    )  # fmt: skip
+    with TemporaryDirectory(prefix="riftberg-forecast-") if output is None else nullcontext(output) as folder:
+        store = Store(Path(folder).absolute(), plan, resume=resume)
+        bar = SweepBar(len(plan.members) + 1) if progress else None
+        return run_sweep(
+            store, scheduler=options.get("scheduler"), workers=options.get("workers"),
+            save_seconds=options.get("save_seconds", 60.0), bar=bar,
+        )  # fmt: skip

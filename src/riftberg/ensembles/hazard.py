@@ -1,0 +1,343 @@
+"""What a forecast means for others at sea: limits of ice, positions with error, and how likely ice comes near.
+
+The p % limit of ice is the smallest line such that in p % of the members all ice lies inside of it: not a contour of
+presence, which with members far apart would hold half of them at 50 %. The line is a convex hull. Members are left out one
+after another, each time the one without which the line is smallest, until just p % are left.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import shapely
+import xarray as xr
+
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.ensembles.probability import counted, effective, near, wilson
+from riftberg.errors import InputError
+from riftberg.state import Floats
+
+LIMITS: Final = (50, 90, 99)
+"""Limits of ice, %."""
+
+CORNERS: Final = 24
+"""Corners of the polygon around the disc that stands for a fragment."""
+
+HOURS: Final = 1.0
+"""Interval at which tracks are read between their positions to find how near ice comes."""
+
+
+@dataclass(frozen=True)
+class IceLimit:
+    """A line, and what lies inside of it."""
+
+    percent: int
+    date: np.datetime64 | None  # None for the whole time
+    line: Floats  # Longitude and latitude of its corners (closed), shape (n, 2)
+    inside: float  # Weight of the members whose ice lies inside, all of it
+
+
+def ice_limits(ds: xr.Dataset) -> list[IceLimit]:
+    """Return the limits of ice of each day and of the whole time."""
+    done, weight = counted(ds)
+    time = done["time"].values
+    days = [k for k, t in enumerate(time) if (t - time[0]) % np.timedelta64(1, "D") == np.timedelta64(0, "D")]
+    if days[-1] != len(time) - 1:
+        days.append(len(time) - 1)
+    corners, area = _corners(done)
+    found = []
+    for where in [*([k] for k in days), list(range(len(time)))]:
+        points = [corners[m][:, where][np.isfinite(area[m][:, where])].reshape(-1, 2) for m in range(len(corners))]
+        whole = len(where) > 1 or len(time) == 1
+        for percent in LIMITS:
+            line, inside = smallest_line(points, weight, percent / 100.0)
+            found.append(IceLimit(percent, None if whole else time[where[0]], line, inside))
+    return found
+
+
+def _corners(done: xr.Dataset) -> tuple[list[Floats], list[Floats]]:
+    """Return the corners of each fragment of each member at each time, shape (fragment, time, corners, 2), and the areas."""
+    lon, lat, area = (done[name].values for name in ("lon", "lat", "area"))
+    lon = near(lon, float(lon[np.isfinite(lon)][0]))
+    angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    # The polygon around a disc, not in it: no ice sticks out.
+    radius = np.sqrt(area / np.pi) / math.cos(math.pi / CORNERS) / (DEGREE * EARTH_RADIUS_A68)
+    x = lon[..., None] + (radius / np.cos(lat * DEGREE))[..., None] * np.cos(angle)
+    y = lat[..., None] + radius[..., None] * np.sin(angle)
+    return list(np.stack([x, y], axis=-1)), list(np.where(np.isfinite(lon), area, np.nan))
+
+
+def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[Floats, float]:
+    """Return the convex line around the members that are left when as many as possible have been left out, and their weight."""
+    kept = [m for m, p in enumerate(points) if len(p)]
+    gone = 0.0  # weight left out; a member without ice has all of it inside
+    hulls = {m: _hull(points[m]) for m in kept}
+    while len(kept) > 1:
+        line = _hull(np.concatenate([hulls[m] for m in kept]))
+        on_line = {tuple(corner) for corner in line.tolist()}
+        outer = [m for m in kept if any(tuple(corner) in on_line for corner in hulls[m].tolist())]
+        # Those whose weight may still be left out.
+        free = [m for m in outer if gone + weight[m] <= 1.0 - share + 1e-9]
+        if not free:
+            break
+        areas = [_area(_hull(np.concatenate([hulls[k] for k in kept if k != m]))) for m in free]
+        worst = free[int(np.argmin(areas))]
+        kept.remove(worst)
+        gone += float(weight[worst])
+    line = _hull(np.concatenate([hulls[m] for m in kept])) if kept else np.zeros((0, 2))
+    return np.concatenate([line, line[:1]]), 1.0 - gone
+
+
+def _hull(points: Floats) -> Floats:
+    from scipy.spatial import ConvexHull
+
+    return np.asarray(points[ConvexHull(points).vertices])
+
+
+def area_km2(line: Floats) -> float:
+    """Return the area inside of a line, km2."""
+    return _area(line) * (DEGREE * EARTH_RADIUS_A68 / 1e3) ** 2
+
+
+def _area(line: Floats) -> float:
+    """Return the area inside of a line in square degrees of latitude."""
+    x, y = (line[:, 0] * np.cos(line[:, 1].mean() * DEGREE)), line[:, 1]
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+# ---- positions --------------------------------------------------------------------------------------------------------
+
+
+def positions(ds: xr.Dataset) -> list[dict[str, Any]]:
+    """Return the position of the first berg by date, with the radii within which 50 and 90 % of the members lie."""
+    done, weight = counted(ds)
+    rows = []
+    for k, time in enumerate(ds["time"].values):
+        lon, lat = float(ds["cone_lon"].values[k]), float(ds["cone_lat"].values[k])
+        if not math.isfinite(lon):
+            continue
+        x = (near(done["lon"].values[:, 0, k], lon) - lon) * math.cos(lat * DEGREE)
+        distance = np.hypot(x, done["lat"].values[:, 0, k] - lat) * DEGREE * EARTH_RADIUS_A68 / 1e3
+        row = {
+            "date": f"{str(time)[:16]}Z",
+            "lead_h": float(ds["lead"].values[k]),
+            "lon": round((lon + 180) % 360 - 180, 5),
+            "lat": round(lat, 5),
+        }
+        row |= {f"radius_{p}_km": round(_quantile(distance, weight, p / 100.0), 2) for p in (50, 90)}
+        for name in ("p_broken", "p_aground"):
+            row |= {f"{name}{end}": round(float(ds[f"{name}{end}"].values[k]), 4) for end in ("", "_low", "_high")}
+        rows.append(row)
+    return rows
+
+
+def _quantile(values: Floats, weight: Floats, share: float) -> float:
+    known = np.isfinite(values)
+    order = np.argsort(values[known], kind="stable")
+    total = np.cumsum(weight[known][order])
+    return float(values[known][order][np.searchsorted(total, share * total[-1] - 1e-12)])
+
+
+def ellipse(ds: xr.Dataset, part: float, k: int) -> Floats:
+    """Return the ellipse of the position at a time as a closed line of longitude and latitude."""
+    lon, lat = float(ds["cone_lon"].values[k]), float(ds["cone_lat"].values[k])
+    major, minor = (
+        float(ds[name].sel(cone=part).values[k]) / (DEGREE * EARTH_RADIUS_A68) for name in ("cone_major", "cone_minor")
+    )
+    turn, azimuth = np.linspace(0.0, 2.0 * np.pi, 73), math.radians(float(ds["cone_azimuth"].values[k]))
+    x = major * np.cos(turn) * math.sin(azimuth) + minor * np.sin(turn) * math.cos(azimuth)
+    y = major * np.cos(turn) * math.cos(azimuth) - minor * np.sin(turn) * math.sin(azimuth)
+    return np.column_stack([lon + x / math.cos(lat * DEGREE), lat + y])
+
+
+# ---- ice near a place -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Approach:
+    """How likely ice comes near a point, a route or an area."""
+
+    name: str
+    within: float  # m
+    time: Any  # Dates
+    probability: Floats  # That ice has come that near until then
+    low: Floats  # Ends of Wilson's interval
+    high: Floats  # Ends of Wilson's interval
+    first_arrival: Any  # Dates by which 10, 50 and 90 % of the members that arrive have arrived; NaT where none does
+    closest: Floats  # Closest approach of each member, m; 0 where ice lies over it
+
+    def told(self) -> str:
+        """Return it in a line."""
+        p, low, high = (100.0 * float(a[-1]) for a in (self.probability, self.low, self.high))
+        near_by = f"closest approach {self.closest.min() / 1e3:.0f} km, median {np.median(self.closest) / 1e3:.0f} km"
+        arrival = (
+            ""
+            if np.isnat(self.first_arrival[1])
+            else f", half of these by {str(self.first_arrival[1])[:16].replace('T', ' ')}"
+        )
+        chance = f"{self.name}: {p:.0f} % ({low:.0f} to {high:.0f} %) that ice comes within {self.within / 1e3:.1f} km"
+        return f"{chance}{arrival}; {near_by}"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return it by date, for a table."""
+        dates = dict(zip(("10", "50", "90"), (str(d)[:16] for d in self.first_arrival), strict=True))
+        arrival = {f"arrival_{part}_percent": "" if date == "NaT" else f"{date}Z" for part, date in dates.items()}
+        return [
+            {"place": self.name, "within_km": self.within / 1e3, "date": f"{str(time)[:16]}Z", "probability": round(float(p), 4),
+             "low": round(float(low), 4), "high": round(float(high), 4), **arrival,
+             "closest_km": round(float(self.closest.min()) / 1e3, 2)}
+            for time, p, low, high in zip(self.time, self.probability, self.low, self.high, strict=True)
+        ]  # fmt: skip
+
+
+def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
+    """Return how likely ice comes within a distance (m) of a shape in degrees."""
+    done, weight = counted(ds)
+    if shape.is_empty:
+        raise InputError("an empty shape", where=name, remedy="Give a point, a line or an area")
+    x0, y0 = (float(c) for c in shape.representative_point().coords[0])
+    metres = DEGREE * EARTH_RADIUS_A68
+
+    def laid_flat(p: Any) -> Any:
+        # Each point with the cosine of the mean latitude to the middle: within 1 % up to some 1000 km.
+        mean = np.cos(0.5 * (p[:, 1] + y0) * DEGREE)
+        return np.column_stack([near(p[:, 0] - x0, 0.0) * metres * mean, (p[:, 1] - y0) * metres])
+
+    flat = shapely.transform(shape, laid_flat)
+    shapely.prepare(flat)
+    lead = ds["lead"].values
+    fine = np.arange(lead[0], lead[-1] + 0.5 * HOURS, HOURS) if len(lead) > 1 else lead
+    arrived, closest = np.full(done.sizes["member"], np.inf), np.full(done.sizes["member"], np.inf)
+    for m in range(done.sizes["member"]):
+        for p in range(done.sizes["fragment"]):
+            known = np.isfinite(done["lon"].values[m, p])
+            if not known.any():
+                continue
+            there = (fine >= lead[known][0]) & (fine <= lead[known][-1])
+            hours = fine[there] if there.any() else lead[known]
+            track = near(done["lon"].values[m, p][known], float(done["lon"].values[m, p][known][0]))
+            lon = np.interp(hours, lead[known], track)
+            lat = np.interp(hours, lead[known], done["lat"].values[m, p][known])
+            radius = np.sqrt(np.interp(hours, lead[known], done["area"].values[m, p][known]) / np.pi)
+            away = np.maximum(
+                shapely.distance(flat, shapely.points(laid_flat(np.column_stack([lon, lat])))) - radius, 0.0
+            )
+            closest[m] = min(closest[m], float(away.min()))
+            close = np.flatnonzero(away <= within)
+            if close.size:
+                arrived[m] = min(arrived[m], float(hours[close[0]]))
+    share = weight @ (arrived[:, None] <= lead[None, :] + 1e-9)
+    low, high = wilson(np.clip(share, 0.0, 1.0), effective(weight))
+    came = np.isfinite(arrived)
+    start = ds["time"].values[0]
+    dates = np.full(3, np.datetime64("NaT", "s"))
+    if came.any():
+        seconds = [round(3600.0 * _quantile(arrived[came], weight[came], part)) for part in (0.1, 0.5, 0.9)]
+        dates = start.astype("datetime64[s]") + np.array(seconds).astype("timedelta64[s]")
+    share = np.clip(share, 0.0, 1.0)
+    return Approach(name, within, ds["time"].values, share, low, high, dates, closest)
+
+
+# ---- files ------------------------------------------------------------------------------------------------------------
+
+
+def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
+    """Return limits, ellipses and positions as GeoJSON (RFC 7946)."""
+    features: list[dict[str, Any]] = []
+
+    def add(kind: str, geometry: dict[str, Any], **properties: Any) -> None:
+        features.append({"type": "Feature", "geometry": geometry, "properties": {"kind": kind, **properties}})
+
+    for limit in limits:
+        if len(limit.line) > 3:
+            date = "whole time" if limit.date is None else f"{str(limit.date)[:16]}Z"
+            add(
+                "limit of ice",
+                _polygon(limit.line),
+                percent=limit.percent,
+                date=date,
+                members_inside=round(limit.inside, 4),
+            )
+    rows = positions(ds)
+    for row in rows:
+        add("position", {"type": "Point", "coordinates": [row["lon"], row["lat"]]}, **row)
+    daily = [k for k in range(ds.sizes["time"]) if float(ds["lead"].values[k]) % 24.0 == 0.0 and k > 0]
+    for k in daily:
+        for part in ds["cone"].values:
+            if np.isfinite(ds["cone_major"].sel(cone=part).values[k]):
+                date = f"{str(ds['time'].values[k])[:16]}Z"
+                add(
+                    "ellipse of the position",
+                    _polygon(ellipse(ds, float(part), k)),
+                    percent=round(100 * float(part)),
+                    date=date,
+                )
+    return {"type": "FeatureCollection", "features": features}
+
+
+def _polygon(line: Floats) -> dict[str, Any]:
+    """Return a closed line as a polygon, counter-clockwise and cut at the date line."""
+    shape = shapely.Polygon(line)
+    # Longitudes on one branch may pass 180 degrees; each part then stands on its own side.
+    parts = []
+    for turn in (-360.0, 0.0, 360.0):
+        piece = shapely.intersection(
+            shapely.transform(shape, lambda p, t=turn: p + np.array([t, 0.0])), shapely.box(-180.0, -90.0, 180.0, 90.0)
+        )
+        parts += [
+            part for part in getattr(piece, "geoms", [piece]) if part.geom_type == "Polygon" and not part.is_empty
+        ]
+    rings = [
+        [[[round(float(a), 5), round(float(b), 5)] for a, b in shapely.geometry.polygon.orient(part).exterior.coords]]
+        for part in parts
+    ]
+    return (
+        {"type": "Polygon", "coordinates": rings[0]}
+        if len(rings) == 1
+        else {"type": "MultiPolygon", "coordinates": rings}
+    )
+
+
+def kml(features: dict[str, Any]) -> str:
+    """Return the features as KML, by kind in folders."""
+    from xml.sax.saxutils import escape
+
+    folders: dict[str, list[str]] = {}
+    for feature in features["features"]:
+        about, geometry = feature["properties"], feature["geometry"]
+        percent = f"{about['percent']} %, " if "percent" in about else ""
+        data = "".join(
+            f"<Data name={escape(key)!r}><value>{escape(str(value))}</value></Data>" for key, value in about.items()
+        )
+        when = "" if about["date"] == "whole time" else f"<TimeStamp><when>{about['date'][:-1]}:00Z</when></TimeStamp>"
+        name = f"<name>{escape(percent + about['date'])}</name>"
+        mark = f"<Placemark>{name}{when}<ExtendedData>{data}</ExtendedData>{_kml_shape(geometry)}</Placemark>"
+        folders.setdefault(about["kind"], []).append(mark)
+    inner = "".join(
+        f"<Folder><name>{escape(kind)}</name>{''.join(marks)}</Folder>\n" for kind, marks in folders.items()
+    )
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>\n{inner}</Document></kml>\n'
+
+
+def _kml_shape(geometry: dict[str, Any]) -> str:
+    if geometry["type"] == "Point":
+        return f"<Point><coordinates>{geometry['coordinates'][0]},{geometry['coordinates'][1]}</coordinates></Point>"
+    polygons = [geometry["coordinates"]] if geometry["type"] == "Polygon" else geometry["coordinates"]
+    rings = [" ".join(f"{x},{y}" for x, y in rings[0]) for rings in polygons]
+    parts = "".join(
+        f"<Polygon><outerBoundaryIs><LinearRing><coordinates>{ring}</coordinates></LinearRing></outerBoundaryIs></Polygon>"
+        for ring in rings
+    )
+    return parts if len(rings) == 1 else f"<MultiGeometry>{parts}</MultiGeometry>"
+
+
+def gridded(ds: xr.Dataset) -> xr.Dataset:
+    """Return the probabilities on cells and by date as a CF dataset."""
+    names = [name for name in ds.data_vars if str(name).startswith(("p_", "presence", "passes", "cone_", "area_class"))]
+    return ds[names].drop_vars([n for n in ("weight",) if n in ds.coords]).assign_attrs(
+        Conventions="CF-1.11", title=f"Probabilities of ice: {ds.attrs.get('experiment', '')}",
+        comment=f"Not covered: {ds.attrs.get('not_covered', '')}",
+    )  # fmt: skip

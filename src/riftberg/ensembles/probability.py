@@ -1,0 +1,447 @@
+"""What an ensemble says: probabilities with intervals, where a berg breaks, scenarios, and what makes the spread."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.state import Floats
+
+LEVEL: Final = 0.9
+"""Of the intervals."""
+
+AREA_CLASSES: Final = (1e5, 1e6, 1e7, 1e8, 1e9, 1e12)
+"""Bounds of the classes of fragments, m2."""
+
+CONES: Final = (0.5, 0.9)
+"""Parts of the probability that the ellipses of the position hold."""
+
+MOST_CELLS: Final = 120
+"""Cells of the map of presence along its longer side."""
+
+_ABOUT: Final = {
+    "p_broken": "probability that the berg has broken up until then",
+    "p_aground": "probability that the sea floor has acted until then",
+    "p_area": "probability that a fragment of the class exists then",
+}
+
+
+def wilson(share: Any, number: float, level: float = LEVEL) -> tuple[Any, Any]:
+    """Return Wilson's interval of a probability from the share of ``number`` members."""
+    from scipy.stats import norm
+
+    z2 = float(norm.ppf(0.5 + 0.5 * level)) ** 2
+    if number <= 0.0:
+        return np.zeros_like(share), np.ones_like(share)
+    middle = (share + 0.5 * z2 / number) / (1.0 + z2 / number)
+    half = np.sqrt(z2) / (1.0 + z2 / number) * np.sqrt(share * (1.0 - share) / number + 0.25 * z2 / number**2)
+    return np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0)
+
+
+def counted(ds: xr.Dataset) -> tuple[xr.Dataset, Floats]:
+    """Return the members that came to their end, and their weights, which add up to 1."""
+    done = ds.isel(member=np.flatnonzero(ds["status"].values == 0))
+    weight = np.asarray(done["weight"].values if "weight" in done.coords else np.ones(done.sizes["member"]), float)
+    total = weight.sum()
+    return done, weight / total if total > 0.0 else weight
+
+
+def effective(weight: Floats) -> float:
+    """Return the number of equal members that would be as good as these."""
+    return float(weight.sum() ** 2 / (weight**2).sum()) if weight.size else 0.0
+
+
+def with_probabilities(
+    ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[float]]], ice: tuple[Floats, Floats, float]
+) -> xr.Dataset:
+    """Return the result of a forecast with what follows from all members.
+
+    ``cracks``: broken bonds of each member, `riftberg.ensembles.member.Outcome`; ``ice``: places (m) of the elements of the
+    control about its middle, and their side (m).
+    """
+    ds = ds.copy()
+    time = ds["time"].values
+    ds.coords["weight"] = ("member", np.ones(ds.sizes["member"]), {"units": "1", "long_name": "weight of the member"})
+    ds.coords["init"] = time[0]
+    ds["init"].attrs = {"long_name": "start of the forecast", "standard_name": "forecast_reference_time"}
+    hours = (time - time[0]) / np.timedelta64(1, "h")
+    ds.coords["lead"] = (
+        "time",
+        hours.astype(float),
+        {"units": "hours", "standard_name": "forecast_period", "long_name": "lead time"},
+    )
+    done, weight = counted(ds)
+    if not done.sizes["member"]:
+        return ds
+    number = effective(weight)
+    ds.attrs["effective_members"] = number
+    ds.attrs["interval"] = f"Wilson, {100 * LEVEL:.0f} %"
+    ds.attrs["not_covered"] = f"ice smaller than an element, {ice[2] ** 2 / 1e6:.3g} km2"
+    for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
+        # A member that never breaks has no date and stays in the denominator.
+        happened = done[when].values[:, None] <= time[None, :]
+        _add(ds, name, ("time",), weight @ happened, number)
+    area = done["area"].values
+    bounds = np.array(AREA_CLASSES)
+    ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
+    ds["area_class_upper"] = ("area_class", bounds[1:], {"units": "m2", "long_name": "largest area of the class"})
+    in_class = np.array([((area >= low) & (area < high)).any(axis=1) for low, high in pairwise(bounds)])
+    _add(ds, "p_area", ("area_class", "time"), np.einsum("m,cmt->ct", weight, in_class), number)
+    if "lat" in done:
+        _add_presence(ds, done, weight)
+        _add_cones(ds, done, weight)
+    _add_cracks(ds, done, weight, cracks, ice)
+    ds["scenario"] = (
+        "member",
+        _scenario_of_all(ds, cracks),
+        {"long_name": "scenario of the member, 0 the likeliest; -1 for none"},
+    )
+    return ds
+
+
+def _add(ds: xr.Dataset, name: str, dims: tuple[str, ...], share: Floats, number: float) -> None:
+    share = np.clip(share, 0.0, 1.0)
+    low, high = wilson(share, number)
+    about = {"units": "1", "long_name": _ABOUT[name]}
+    ds[name] = (dims, share, about)
+    ds[f"{name}_low"] = (dims, low, {**about, "long_name": f"{_ABOUT[name]}: lower end of the interval"})
+    ds[f"{name}_high"] = (dims, high, {**about, "long_name": f"{_ABOUT[name]}: upper end of the interval"})
+
+
+def near(lon: Any, first: float) -> Any:
+    """Put longitudes on one branch."""
+    return lon - 360.0 * np.round((lon - first) / 360.0)
+
+
+def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
+    """Add the probability that any ice lies over a cell: fragments as discs of their areas."""
+    lon, lat, area = (done[name].values for name in ("lon", "lat", "area"))
+    known = np.isfinite(lon)
+    if not known.any():
+        return
+    lon = near(lon, float(lon[known][0]))
+    reach = np.sqrt(np.nanmax(area) / np.pi) / (DEGREE * EARTH_RADIUS_A68)
+    cosine = float(np.cos(np.nanmean(lat) * DEGREE))
+    west, east = np.nanmin(lon) - reach / cosine, np.nanmax(lon) + reach / cosine
+    south, north = np.nanmin(lat) - reach, np.nanmax(lat) + reach
+    step = max((east - west) * cosine, north - south) / MOST_CELLS
+    x = np.arange(west + 0.5 * step / cosine, east, step / cosine)
+    y = np.arange(south + 0.5 * step, north, step)
+    presence = np.zeros((y.size, x.size, lon.shape[2]))
+    passes = np.zeros((y.size, x.size))
+    for m in range(lon.shape[0]):  # one member at a time: its fragments hold one cell once
+        ever = np.zeros((y.size, x.size), bool)
+        for k in range(lon.shape[2]):
+            there = np.zeros((y.size, x.size), bool)
+            for p in np.flatnonzero(known[m, :, k]):
+                radius = np.sqrt(area[m, p, k] / np.pi) / (DEGREE * EARTH_RADIUS_A68)
+                i0, i1 = np.searchsorted(x, (lon[m, p, k] - radius / cosine, lon[m, p, k] + radius / cosine))
+                j0, j1 = np.searchsorted(y, (lat[m, p, k] - radius, lat[m, p, k] + radius))
+                part = (((x[i0:i1] - lon[m, p, k]) * cosine) ** 2)[None, :] + ((y[j0:j1] - lat[m, p, k]) ** 2)[:, None]
+                there[j0:j1, i0:i1] |= part <= radius**2
+                there[int(np.abs(y - lat[m, p, k]).argmin()), int(np.abs(x - lon[m, p, k]).argmin())] = True
+            presence[:, :, k] += weight[m] * there
+            ever |= there
+        passes += weight[m] * ever
+    ds.coords["cell_lon"] = ("cell_lon", x, {"units": "degrees_east", "standard_name": "longitude"})
+    ds.coords["cell_lat"] = ("cell_lat", y, {"units": "degrees_north", "standard_name": "latitude"})
+    about = {
+        "units": "1",
+        "long_name": "probability that ice lies over the cell then, fragments as discs of their areas",
+    }
+    ds["presence"] = (("cell_lat", "cell_lon", "time"), np.clip(presence, 0.0, 1.0), about)
+    about = {"units": "1", "long_name": "probability that ice lies over the cell at one of the times"}
+    ds["passes"] = (("cell_lat", "cell_lon"), np.clip(passes, 0.0, 1.0), about)
+
+
+def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
+    """Add the ellipses of the position of the first berg: normal distribution with the members' mean and covariance."""
+    lon, lat = done["lon"].values[:, 0], done["lat"].values[:, 0]
+    lon = near(lon, float(lon[0, 0]))
+    times = lon.shape[1]
+    middle, spread, axes = np.full((2, times), np.nan), np.full((2, 2, times), np.nan), np.full((3, times), np.nan)
+    for k in range(times):
+        known = np.isfinite(lon[:, k])
+        w = weight[known]
+        if known.sum() < 2 or w.sum() <= 0.0:
+            continue
+        w = w / w.sum()
+        middle[:, k] = w @ lon[known, k], w @ lat[known, k]
+        metres = DEGREE * EARTH_RADIUS_A68
+        x = (lon[known, k] - middle[0, k]) * metres * np.cos(middle[1, k] * DEGREE)
+        y = (lat[known, k] - middle[1, k]) * metres
+        spread[:, :, k] = np.cov(np.vstack([x, y]), aweights=w, ddof=0)
+        values, vectors = np.linalg.eigh(spread[:, :, k])
+        axes[:2, k] = np.sqrt(np.maximum(values[::-1], 0.0))
+        axes[2, k] = np.rad2deg(np.arctan2(vectors[0, 1], vectors[1, 1])) % 180.0
+    # Within r standard deviations of a normal distribution in two dimensions lies 1 - exp(-r2 / 2).
+    factor = np.sqrt(-2.0 * np.log(1.0 - np.array(CONES)))
+    ds.coords["cone"] = (
+        "cone",
+        np.array(CONES),
+        {"units": "1", "long_name": "part of the probability inside of the ellipse"},
+    )
+    ds["cone_lon"] = ("time", middle[0], {"units": "degrees_east", "long_name": "mean longitude of the first berg"})
+    ds["cone_lat"] = ("time", middle[1], {"units": "degrees_north", "long_name": "mean latitude of the first berg"})
+    for name, row, word in (("cone_major", 0, "major"), ("cone_minor", 1, "minor")):
+        about = {"units": "m", "long_name": f"semi-{word} axis of the ellipse of the position"}
+        ds[name] = (("cone", "time"), factor[:, None] * axes[row], about)
+    about = {"units": "degree", "long_name": "direction of the major axis, clockwise from north"}
+    ds["cone_azimuth"] = ("time", axes[2], about)
+
+
+def _add_cracks(
+    ds: xr.Dataset,
+    done: xr.Dataset,
+    weight: Floats,
+    cracks: Mapping[int, Sequence[Sequence[float]]],
+    ice: tuple[Floats, Floats, float],
+) -> None:
+    """Add where the berg breaks: length of crack per area, and the probability of a crack, on a grid in the berg's own axes."""
+    x, y, side = ice
+    cell = max(np.ptp(x), np.ptp(y), side) / 40.0
+    cell = max(cell, 1.5 * side)  # finer than the lattice, a crack would miss cells that it crosses
+    edges = [np.arange(a.min() - side, a.max() + side + cell, cell) for a in (x, y)]
+    shape = edges[1].size - 1, edges[0].size - 1
+    density, share = np.zeros(shape), np.zeros(shape)
+    for number, w in zip(done["member"].values, weight, strict=True):
+        rows = np.array(cracks.get(int(number), []), float).reshape(-1, 4)
+        length = np.histogram2d(rows[:, 2], rows[:, 1], bins=(edges[1], edges[0]), weights=rows[:, 3])[0]
+        density += w * length / cell**2
+        share += w * (length > 0.0)
+    there = np.histogram2d(y, x, bins=(edges[1], edges[0]))[0] > 0
+    for name, edge, word in (("own_x", edges[0], "east"), ("own_y", edges[1], "north")):
+        ds.coords[name] = (
+            name,
+            0.5 * (edge[:-1] + edge[1:]),
+            {"units": "m", "long_name": f"{word} of the berg's middle at the start"},
+        )
+    dims = ("own_y", "own_x")
+    ds["ice"] = (dims, there.astype("i1"), {"units": "1", "long_name": "1 where the control has ice at the start"})
+    ds["crack_density"] = (dims, density, {"units": "m-1", "long_name": "mean length of crack per area"})
+    ds["crack_probability"] = (
+        dims,
+        np.clip(share, 0.0, 1.0),
+        {"units": "1", "long_name": "probability of a crack in the cell"},
+    )
+
+
+# ---- scenarios --------------------------------------------------------------------------------------------------------
+
+
+def _scenario_of_all(ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[float]]]) -> Any:
+    """Return the scenario of each member: which pieces broke off, in which order, as far as three of them."""
+    number = np.full(ds.sizes["member"], -1, dtype="i4")
+    signs = {}
+    for k in np.flatnonzero(ds["status"].values == 0):
+        born = np.flatnonzero(ds["fragment_parent"].values[k] > 0)
+        born = born[np.argsort(ds["fragment_birth_time"].values[k, born], kind="stable")]
+        area = ds["fragment_area"].values[k, born]
+        # Crumbs are left out: less than a hundredth of the berg.
+        whole = np.nansum(ds["area"].values[k, :, 0])
+        large = born[area >= 0.01 * whole][:3]
+        rows = np.array(cracks.get(int(ds["member"].values[k]), []), float).reshape(-1, 4)
+        start = ds["time"].values[0]
+        signs[int(k)] = [_sign(ds, int(k), int(piece), rows, start, float(whole)) for piece in large]
+    leaders: list[list[Floats]] = []
+    group: dict[int, int] = {}
+    for k, sign in signs.items():
+        alike = next((g for g, other in enumerate(leaders) if _alike(sign, other)), None)
+        if alike is None:
+            leaders.append(sign)
+            alike = len(leaders) - 1
+        group[k] = alike
+    order = np.argsort(-np.bincount(list(group.values()), minlength=len(leaders)), kind="stable") if leaders else []
+    rank = {int(g): r for r, g in enumerate(order)}
+    for k, g in group.items():
+        number[k] = rank[g]
+    return number
+
+
+def _sign(ds: xr.Dataset, member: int, piece: int, rows: Floats, start: Any, whole: float) -> Floats:
+    """Return where the crack that freed a piece lay in the berg, in lengths of the berg, and how large the piece was."""
+    seconds = float((ds["fragment_birth_time"].values[member, piece] - start) / np.timedelta64(1, "s"))
+    crack = rows[np.abs(rows[:, 0] - seconds) < 43200.0]
+    middle = crack[:, 1:3].mean(axis=0) if crack.size else np.zeros(2)
+    return np.array([*(middle / np.sqrt(whole)), ds["fragment_area"].values[member, piece] / whole])
+
+
+def _alike(one: list[Floats], other: list[Floats]) -> bool:
+    """Whether two members lost the same pieces in the same order: cracks near each other, areas within a factor of two."""
+    return len(one) == len(other) and all(
+        np.hypot(*(a[:2] - b[:2])) < 0.3 and 0.5 <= a[2] / b[2] <= 2.0 for a, b in zip(one, other, strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Members that lost the same pieces in the same order."""
+
+    number: int
+    probability: float
+    representative: int  # The member whose track is nearest to the mean of the scenario
+    pieces: tuple[float, ...]  # Areas that broke off in it, m2
+    apart: str  # Input that sets it apart most, or nothing
+
+    def told(self) -> str:
+        """Return it in a line."""
+        what = (
+            "no piece breaks off"
+            if not self.pieces
+            else "breaks off " + ", then ".join(f"{a / 1e6:.0f} km2" for a in self.pieces)
+        )
+        return f"{100 * self.probability:.0f} %: {what} (member {self.representative}{self.apart})"
+
+
+def scenarios(ds: xr.Dataset) -> list[Scenario]:
+    """Return the scenarios of a forecast, the likeliest first."""
+    done, weight = counted(ds)
+    found = []
+    inputs = inputs_of(done)
+    for number in np.unique(done["scenario"].values):
+        rows = np.flatnonzero(done["scenario"].values == number)
+        x_name, y_name = ("lon", "lat") if "lat" in done else ("x", "y")
+        end = np.column_stack([done[name].values[rows, 0, -1] for name in (x_name, y_name)])
+        place = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
+        member = int(rows[place])
+        born = done["fragment_parent"].values[member] > 0
+        order = np.argsort(done["fragment_birth_time"].values[member][born], kind="stable")
+        sizes = done["fragment_area"].values[member][born][order]
+        sizes = sizes[sizes >= 0.01 * np.nansum(done["area"].values[member, :, 0])][:3]
+        apart = _apart(inputs, rows)
+        found.append(Scenario(
+            int(number), float(weight[rows].sum()), int(done["member"].values[member]), tuple(map(float, sizes)), apart
+        ))  # fmt: skip
+    return sorted(found, key=lambda s: -s.probability)
+
+
+def _apart(inputs: Mapping[str, Floats], rows: Any) -> str:
+    best, text = 0.8, ""
+    for name, values in inputs.items():
+        inside, outside = values[rows], np.delete(values, rows)
+        spread = float(np.std(values))
+        if inside.size < 3 or outside.size < 3 or spread == 0.0:
+            continue
+        shift = float((inside.mean() - outside.mean()) / spread)
+        if abs(shift) > best:
+            best, text = abs(shift), f", {name.replace('_', ' ')} {'high' if shift > 0 else 'low'}"
+    return text
+
+
+# ---- what makes the spread --------------------------------------------------------------------------------------------
+
+GROUPS: Final = {
+    "start": ("start_east", "start_north", "start_turn"),
+    "thickness and size": ("start_thickness", "start_size"),
+    "strength": ("start_strength", "fracture_normal_strength", "fracture_shear_strength"),
+    "current": ("current_error_east", "current_error_north"),
+    "wind": ("wind_error_east", "wind_error_north"),
+    "floor": ("floor_error_mean", "floor_error_offset", "floor_error_scale"),
+}  # fmt: skip
+
+
+def inputs_of(done: xr.Dataset) -> dict[str, Floats]:
+    """Return all inputs of the members that are numbers and differ, drawn ones and means of random fields."""
+    from riftberg.ensembles.result import MEANS
+
+    names = [str(name) for name in done.coords if "parameter" in done[name].attrs] + [
+        name for name in MEANS if name in done
+    ]
+    return {
+        name: np.asarray(done[name].values, float) for name in names
+        if done[name].dtype.kind in "fi" and np.nanstd(done[name].values) > 0.0 and np.isfinite(done[name].values).all()
+    }  # fmt: skip
+
+
+def sources(ds: xr.Dataset) -> dict[str, float]:
+    """Return the part of the spread of the last position that each source of error explains alone, by linear regression.
+
+    The means of current and wind along the track stand for their fields. Adjusted for the number of inputs, so that sources
+    of no effect come out near 0; the rest is what is not linear.
+    """
+    done, weight = counted(ds)
+    if "lat" not in done or done.sizes["member"] < 10:
+        return {}
+    inputs = inputs_of(done)
+    lon, lat = done["lon"].values[:, 0, -1], done["lat"].values[:, 0, -1]
+    known = np.isfinite(lon) & (weight > 0.0)
+    if known.sum() < 10:
+        return {}
+    lon, root = near(lon[known], float(lon[known][0])), np.sqrt(weight[known] / weight[known].sum())
+    target = np.column_stack([lon * np.cos(np.mean(lat[known]) * DEGREE), lat[known]])
+    grouped = {name: [n for n in names if n in inputs] for name, names in GROUPS.items()}
+    others = set(inputs) - {n for names in grouped.values() for n in names}
+    grouped |= {name.replace("_", " "): [name] for name in sorted(others)}
+    found = {}
+    for name, members in grouped.items():
+        if members:
+            given = np.column_stack([inputs[n][known] for n in members])
+            found[name] = _explained(given, target, root)
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def _explained(given: Floats, target: Floats, root: Floats) -> float:
+    """Return the adjusted coefficient of determination of a weighted linear regression."""
+
+    def centred(a: Floats) -> Floats:
+        return np.asarray((a - (root**2) @ a) * root[:, None])
+
+    x, y = centred(given / np.maximum(given.std(axis=0), 1e-300)), centred(target)
+    rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    total, n, p = float((y**2).sum()), y.shape[0], x.shape[1]
+    if total == 0.0 or n <= p + 1:
+        return 0.0
+    return max(0.0, 1.0 - float((rest**2).sum()) / total * (n - 1) / (n - p - 1))
+
+
+# ---- in words ---------------------------------------------------------------------------------------------------------
+
+
+def told(ds: xr.Dataset) -> list[str]:
+    """Return a forecast in a few lines."""
+    done, weight = counted(ds)
+    number = done.sizes["member"]
+    if not number:
+        return ["no member came to its end"]
+    last = {
+        name: [100.0 * float(ds[f"{name}{end}"].values[-1]) for end in ("", "_low", "_high")]
+        for name in ("p_broken", "p_aground")
+    }
+    days = float(ds["lead"].values[-1]) / 24.0
+    failed = int((ds["status"].values == 1).sum())
+    lines = [f"{number} members, {failed} failed; after {days:g} days, with intervals of {100 * LEVEL:.0f} %:"]
+    for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
+        p, low, high = last[name]
+        lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
+    dates = done["first_breakup"].values
+    order = np.argsort(dates)
+    reached = np.cumsum(weight[order]) * 1.0
+    half = np.flatnonzero((reached >= 0.5) & ~np.isnat(dates[order]))
+    if half.size:
+        lines.append(f"  first break-up by {str(dates[order][half[0]])[:16].replace('T', ' ')} with 50 %")
+    if "cone_major" in ds:
+        major, minor = (float(ds[name].sel(cone=0.9).values[-1]) / 1e3 for name in ("cone_major", "cone_minor"))
+        lat, lon = (float(ds[name].values[-1]) for name in ("cone_lat", "cone_lon"))
+        lines.append(
+            f"  position {lat:.2f}, {lon:.2f}; 90 % within an ellipse of {major:.0f} by {minor:.0f} km (semi-axes)"
+        )
+    best = np.unravel_index(int(ds["crack_probability"].values.argmax()), ds["crack_probability"].shape)
+    share = float(ds["crack_probability"].values[best])
+    if share > 0.0:
+        x, y = float(ds["own_x"].values[best[1]]) / 1e3, float(ds["own_y"].values[best[0]]) / 1e3
+        lines.append(
+            f"  likeliest place of a crack: {x:+.0f} km east, {y:+.0f} km north of the middle at the start ({100 * share:.0f} %)"
+        )
+    lines += [f"  scenario {s.number + 1}, {s.told()}" for s in scenarios(ds)[:4]]
+    parts = sources(ds)
+    if parts:
+        name, share = next(iter(parts.items()))
+        rest = ", ".join(f"{other} {100 * part:.0f} %" for other, part in list(parts.items())[1:4])
+        lines.append(f"  most of the spread of the position comes from the {name} ({100 * share:.0f} %; {rest})")
+    return lines

@@ -1,0 +1,406 @@
+"""Errors of the ocean, the air and the sea floor: random fields, correlated in space and time, on top of any forcing.
+
+The error of the current is drawn as an error of the sea level eta, with a Gaussian correlation exp(-r^2 / 2 L^2) and an
+exponential one in time. The current that balances it at each latitude comes with it::
+
+    u = -(g / F) d(eta)/dy,    v = (g / F) d(eta)/dx,    F = s max(|f|, f(5 degrees)),    s the sign of f at the start
+
+and the slopes are those that balance this current, ``f v / g`` and ``-f u / g``. Beyond 5 degrees from the equator these
+are the slopes of eta itself; nearer to it eta is a stream function whose level fades with f. Such a current has the
+divergence -beta v / f, about L / (R tan(latitude)) of its vorticity: below 1 % for 50 km poleward of 40 degrees. The
+standard deviation of each component is that asked for at the latitude of the start, and goes with 1 / f from there.
+
+Fields are made by FFT on a periodic grid of points L / 2 apart, in time by an autoregressive sequence of order 1, and read
+between the points by cubic splines, which keep the variance (linear interpolation loses up to half of it).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from riftberg.compiled.kernels import kernel
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
+from riftberg.errors import InputError
+from riftberg.ocean.forcing import DescribedForcing, Forcing
+from riftberg.state import Elements, Floats
+
+KNOTS: Final = 8
+"""Fields drawn within one time scale; those between are blended so that the variance stays."""
+
+POINTS_PER_LENGTH: Final = 2.0
+"""Points of the grid per length: the field has 2e-9 of its variance beyond their resolution."""
+
+EQUATOR: Final = 5.0
+"""Latitude (degrees) below which the level of the balanced current fades."""
+
+_KINDS: Final = {"current": 1, "wind": 2, "floor": 3}
+"""Streams of random numbers of one seed."""
+
+
+@dataclass(frozen=True)
+class FieldError:
+    """Size of a random error: standard deviation, and the scales over which it is correlated."""
+
+    spread: float  # Standard deviation: of each component of a velocity (m s-1), or of a depth (1, as factor of `RandomField`)
+    length: float  # L of the correlation exp(-r^2 / 2 L^2) of level or stream function, m
+    time: float = math.inf  # T of the correlation exp(-t / T), s
+
+
+class RandomField:
+    """A Gaussian random field, periodic on a square, that changes in time.
+
+    ``gradient``: the spread is that of its derivatives (m s-1 if the field is a stream function), not of the field.
+    """
+
+    def __init__(self, error: FieldError, *, seed: int, kind: str, extent: float, gradient: bool) -> None:
+        self.error, self.seed, self.kind = error, int(seed), kind
+        self.step = error.length / POINTS_PER_LENGTH  # m between points
+        # Twice the extent and sixteen lengths: the ends of a berg must not see the same error.
+        needed = POINTS_PER_LENGTH * (16.0 + 2.0 * extent / error.length)
+        self.points = 2 ** math.ceil(math.log2(max(needed, 32.0)))
+        if self.points > 1024:
+            raise InputError(
+                f"an error with a length of {error.length:g} m under ice {extent / 1e3:.0f} km wide",
+                where=f"{kind}_error.length", remedy=f"Give {extent / 200.0:.0f} m or more",
+            )  # fmt: skip
+        self._filter = self._spectral_filter(gradient)
+        self._white: Floats | None = None  # of the knot that was drawn last
+        self._knot = -1
+        self._known: dict[int, Floats] = {}
+
+    def _spectral_filter(self, gradient: bool) -> Floats:
+        """Return what turns white noise into spline coefficients of the field."""
+        n = self.points
+        kx, ky = 2.0 * np.pi * np.fft.rfftfreq(n), 2.0 * np.pi * np.fft.fftfreq(n)[:, None]  # per point
+        square = kx**2 + ky**2
+        shape: Floats = np.exp(-0.25 * square * POINTS_PER_LENGTH**2)
+        both = np.where(
+            (np.arange(kx.size) == 0) | (2 * np.arange(kx.size) == n), 1.0, 2.0
+        )  # an rfft holds half of the waves
+        weight = 0.5 * square / self.step**2 if gradient else 1.0
+        variance = float((both * weight * shape**2).sum()) / n**2
+        spline = (
+            (2.0 + np.cos(kx)) / 3.0 * (2.0 + np.cos(ky)) / 3.0
+        )  # a cubic spline's value at its points over its coefficients
+        return np.asarray(self.error.spread / math.sqrt(variance) * shape / spline)
+
+    def _drawn(self, knot: int) -> Floats:
+        # Counter-based: the numbers of a knot depend on seed, kind and knot alone.
+        stream = np.random.Philox(
+            key=np.array([self.seed, _KINDS[self.kind]], np.uint64), counter=np.array([0, 0, 0, knot], np.uint64)
+        )
+        return np.random.Generator(stream).standard_normal((self.points, self.points))
+
+    def _coefficients(self, knot: int) -> Floats:
+        """Return the spline coefficients of a knot; knots come in turn, so a run that goes on has the same digits."""
+        if knot not in self._known:
+            if self._white is None or knot < self._knot:
+                self._white, self._knot = self._drawn(0), 0
+            keep = math.exp(-1.0 / KNOTS)
+            for k in range(self._knot + 1, knot + 1):
+                self._white = keep * self._white + math.sqrt(1.0 - keep * keep) * self._drawn(k)
+            self._knot = knot
+            field = np.fft.irfft2(np.fft.rfft2(self._white) * self._filter, s=(self.points, self.points))
+            self._known = {k: v for k, v in self._known.items() if k == knot - 1} | {knot: field}
+        return self._known[knot]
+
+    def at(self, time: float) -> Floats:
+        """Return the spline coefficients at a time (s)."""
+        if math.isinf(self.error.time):
+            return self._coefficients(0)
+        position = max(time, 0.0) * KNOTS / self.error.time
+        knot = int(position)
+        right = position - knot
+        first = self._coefficients(knot)
+        if right == 0.0:
+            return first
+        last = self._coefficients(knot + 1)
+        left, correlation = 1.0 - right, math.exp(-1.0 / KNOTS)
+        # A plain mean of two fields has less variance than either.
+        norm = 1.0 / math.sqrt(left * left + right * right + 2.0 * correlation * left * right)
+        return norm * (left * first + right * last)
+
+
+@kernel
+def read_spline(coefficients: Floats, periodic: bool, x: Floats, y: Floats, out: Floats) -> None:
+    """Fill value, both first and both second derivatives of a cubic spline; beyond its edge the edge counts.
+
+    ``x``, ``y``: places in units of its points; ``out``: shape (5, places), derivatives per point.
+    """
+    rows, columns = coefficients.shape
+    wx, wy = np.zeros((3, 4)), np.zeros((3, 4))
+    for n in range(x.size):
+        i, j = math.floor(x[n]), math.floor(y[n])
+        for weights, t in ((wx, x[n] - i), (wy, y[n] - j)):
+            s = 1.0 - t
+            weights[0, 0], weights[0, 3] = s * s * s / 6.0, t * t * t / 6.0
+            weights[0, 1], weights[0, 2] = (
+                (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0,
+                (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0,
+            )
+            weights[1, 0], weights[1, 3] = -0.5 * s * s, 0.5 * t * t
+            weights[1, 1], weights[1, 2] = -2.0 * t + 1.5 * t * t, 2.0 * s - 1.5 * s * s
+            weights[2, 0], weights[2, 1], weights[2, 2], weights[2, 3] = s, 3.0 * t - 2.0, 3.0 * s - 2.0, t
+        for k in range(5):
+            out[k, n] = 0.0
+        for b in range(4):
+            row = int(j) + b - 1
+            row = row % rows if periodic else min(max(row, 0), rows - 1)
+            for a in range(4):
+                column = int(i) + a - 1
+                column = column % columns if periodic else min(max(column, 0), columns - 1)
+                c = coefficients[row, column]
+                out[0, n] += c * wx[0, a] * wy[0, b]
+                out[1, n] += c * wx[1, a] * wy[0, b]
+                out[2, n] += c * wx[0, a] * wy[1, b]
+                out[3, n] += c * wx[2, a] * wy[0, b]
+                out[4, n] += c * wx[0, a] * wy[2, b]
+
+
+class Shore:
+    """A factor that goes from 1 at sea to 0 at land, smoothly over two lengths; 1 where no land is known."""
+
+    def __init__(self, forcing: Forcing, plane: LocalPlane, length: float, reach: float) -> None:
+        from scipy.ndimage import distance_transform_edt
+
+        self.step, half = 0.25 * length, int(np.ceil(4.0 * reach / length))
+        axis = self.step * np.arange(-half, half + 1)
+        lon, lat = plane.inverse(*np.meshgrid(axis, axis))
+        flow = np.asarray(forcing.currents(lon, lat, 0.0)[0], float)
+        depth = np.asarray(forcing.depth(lon, lat), float)
+        known = np.isfinite(flow)
+        # Points outside the area of a product are no land, though it knows no current there.
+        rows, columns = known.any(axis=1), known.any(axis=0)
+        inside = np.zeros_like(known)
+        if known.any():
+            r, c = np.flatnonzero(rows), np.flatnonzero(columns)
+            inside[r[0] : r[-1] + 1, c[0] : c[-1] + 1] = True
+        land = (inside & ~known) | (depth <= 0.0)
+        self.half, self.any = half, bool(land.any())
+        if not self.any:
+            self.factor = np.ones((1, 1))
+            return
+        # Over two lengths: within one, the slope of the factor would make the current along the shore stronger than at sea.
+        part = np.clip((distance_transform_edt(~land) - 0.5) * self.step / (2.0 * length), 0.0, 1.0)
+        self.factor = np.ascontiguousarray(part * part * (3.0 - 2.0 * part))
+
+
+@dataclass(frozen=True)
+class LocalPlane:
+    """Metres east and north of the start, by Mercator, in which the scale is the same in all directions."""
+
+    lon0: float
+    lat0: float
+    latlon: bool = True
+
+    def forward(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return x and y (m), and metres of the plane per metre."""
+        if not self.latlon:
+            return np.asarray(lon) - self.lon0, np.asarray(lat) - self.lat0, np.ones(np.shape(lon))
+        cosine = math.cos(self.lat0 * DEGREE)
+        x = EARTH_RADIUS_A68 * cosine * DEGREE * ((np.asarray(lon) - self.lon0 + 180.0) % 360.0 - 180.0)
+        north = np.arctanh(np.sin(np.asarray(lat) * DEGREE)) - math.atanh(math.sin(self.lat0 * DEGREE))
+        return x, EARTH_RADIUS_A68 * cosine * north, cosine / np.cos(np.asarray(lat) * DEGREE)
+
+    def inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Return positions."""
+        if not self.latlon:
+            return x + self.lon0, y + self.lat0
+        scale = EARTH_RADIUS_A68 * math.cos(self.lat0 * DEGREE)
+        north = np.tanh(y / scale + math.atanh(math.sin(self.lat0 * DEGREE)))
+        return self.lon0 + x / (scale * DEGREE), np.arcsin(north) / DEGREE
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of a forcing; none where left out."""
+
+    current: FieldError | None = None
+    wind: FieldError | None = None
+    floor: FieldError | None = None  # Its spread is 1; the sizes are those below
+    floor_offset: float = 0.0  # m
+    floor_scale: float = 1.0
+    floor_spread: float = 0.0  # Least standard deviation of the random depth, m
+    floor_share: float = 0.0  # The same in parts of the depth; the larger of both counts
+    seed: int = 1
+
+
+class UncertainForcing(DescribedForcing):
+    """A forcing with errors added to its current, wind and sea floor; all else is that of the forcing.
+
+    Parameters
+    ----------
+    forcing : Forcing
+        Any forcing: formula, product or dataset.
+    errors : Errors
+        Sizes and scales of the errors, and the seed.
+    elements : Elements
+        The berg at the start: the middle and the extent of the fields.
+    latitude : float or None
+        Latitude (degrees) of the Coriolis parameter on a plane; by default that of each place.
+    latlon : bool
+        Positions are degrees.
+    """
+
+    def __init__(
+        self,
+        forcing: Forcing,
+        errors: Errors,
+        elements: Elements,
+        *,
+        latitude: float | None = None,
+        latlon: bool = True,
+    ) -> None:
+        self.forcing, self.errors, self.fixed_latitude = forcing, errors, latitude
+        lon, lat = np.asarray(elements.place.lon), np.asarray(elements.place.lat)
+        self.plane = LocalPlane(float(lon.mean()), float(lat.mean()), latlon)
+        x, y, _ = self.plane.forward(lon, lat)
+        extent = float(np.hypot(np.ptp(x), np.ptp(y)))
+        common = {"seed": errors.seed, "extent": extent}
+        self._current = errors.current and RandomField(errors.current, kind="current", gradient=True, **common)
+        self._wind = errors.wind and RandomField(errors.wind, kind="wind", gradient=True, **common)
+        self._floor = errors.floor and RandomField(errors.floor, kind="floor", gradient=False, **common)
+        self._shore = None
+        if errors.current is not None:
+            reach = 0.5 * extent + 10.0 * errors.current.length
+            shore = Shore(forcing, self.plane, errors.current.length, min(reach, 40.0 * errors.current.length))
+            self._shore = shore if shore.any else None
+        self._moment: dict[str, tuple[float, Floats]] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        # Not while it is being unpickled, when there is no forcing yet.
+        if name.startswith("__") or "forcing" not in self.__dict__:
+            raise AttributeError(name)
+        return getattr(self.forcing, name)
+
+    def describe(self) -> str:
+        """Return what the forcing is, and which errors lie on it."""
+        e, parts = self.errors, []
+        for word, error in (("current", e.current), ("wind", e.wind)):
+            if error is not None:
+                days = "steady" if math.isinf(error.time) else f"{error.time / 86400.0:g} days"
+                parts.append(f"{word} {error.spread:g} m/s, {error.length / 1e3:g} km, {days}")
+        if e.floor_offset or e.floor_scale != 1.0:
+            parts.append(f"floor {e.floor_scale:g} x depth {e.floor_offset:+g} m")
+        if e.floor is not None:
+            parts.append(f"floor {100.0 * e.floor_share:g} % or {e.floor_spread:g} m, {e.floor.length / 1e3:g} km")
+        return f"{self.forcing.describe()}; errors (seed {e.seed}): {', '.join(parts) or 'none'}"
+
+    def check(self, elements: Elements, start: float, end: float) -> None:
+        """Raise `riftberg.errors.ForcingError` unless the forcing covers these elements from ``start`` to ``end`` (s)."""
+        self.forcing.check(elements, start, end)
+
+    def sample(self, elements: Elements, time: float) -> None:
+        """Fill the environment of the elements, with the errors added."""
+        self.forcing.sample(elements, time)
+        e, lon, lat = elements.environment, elements.place.lon, elements.place.lat
+        if self._current is not None:
+            u, v, turn = self._flow(lon, lat, time)
+            e.uo[:] += u
+            e.vo[:] += v
+            e.vorticity[:] += turn
+            f = self._coriolis(lat)
+            e.slope_x[:] += f * v / GRAVITY
+            e.slope_y[:] -= f * u / GRAVITY
+        if self._wind is not None:
+            out, scale = self._read(self._wind, "wind", lon, lat, time)
+            e.ua[:] -= out[2] * scale
+            e.va[:] += out[1] * scale
+        if self._has_floor:
+            e.depth[:] = self._depth_with_error(e.depth, lon, lat)
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at arrays of points."""
+        u, v = self.forcing.currents(lon, lat, time)
+        if self._current is None:
+            return u, v
+        shape = np.shape(lon)
+        more = self._flow(np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float)), time)
+        return u + more[0].reshape(shape), v + more[1].reshape(shape)
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at arrays of points."""
+        depth = np.asarray(self.forcing.depth(lon, lat), float)
+        if not self._has_floor:
+            return depth
+        flat = self._depth_with_error(depth.ravel(), np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float)))
+        return flat.reshape(depth.shape)
+
+    def mean_errors(self, time: Floats, lon: Floats, lat: Floats) -> dict[str, float]:
+        """Return the means of the errors along a track: m s-1 to the east and north, and m of depth."""
+        means: dict[str, list[float]] = {}
+        for t, x, y in zip(time, lon, lat, strict=True):
+            place = np.array([x]), np.array([y])
+            if self._current is not None:
+                u, v, _ = self._flow(*place, float(t))
+                means.setdefault("current_error_east", []).append(float(u[0]))
+                means.setdefault("current_error_north", []).append(float(v[0]))
+            if self._wind is not None:
+                out, scale = self._read(self._wind, "wind", *place, float(t))
+                means.setdefault("wind_error_east", []).append(float(-out[2, 0] * scale[0]))
+                means.setdefault("wind_error_north", []).append(float(out[1, 0] * scale[0]))
+            if self._floor is not None:
+                means.setdefault("floor_error_mean", []).append(
+                    float(self._read(self._floor, "floor", *place, 0.0)[0][0, 0])
+                )
+        return {name: float(np.mean(values)) for name, values in means.items()}
+
+    @property
+    def _has_floor(self) -> bool:
+        return self._floor is not None or self.errors.floor_offset != 0.0 or self.errors.floor_scale != 1.0
+
+    def _depth_with_error(self, depth: Floats, lon: Floats, lat: Floats) -> Floats:
+        e = self.errors
+        changed = depth * e.floor_scale + e.floor_offset
+        if self._floor is not None:
+            out, _ = self._read(self._floor, "floor", lon, lat, 0.0)
+            changed = changed + out[0] * np.maximum(e.floor_spread, e.floor_share * depth)
+        # Water stays water, and land land.
+        return np.asarray(np.where(np.isfinite(depth) & (depth > 0.0), np.maximum(changed, 1e-3), depth))
+
+    def _coriolis(self, lat: Floats) -> Floats:
+        at = lat if self.fixed_latitude is None else np.full(np.shape(lat), self.fixed_latitude)
+        return np.asarray(2.0 * EARTH_ROTATION * np.sin(at * DEGREE))
+
+    def _read(self, field: RandomField, name: str, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return value and derivatives (per m of the plane) of a field at places, and the scale of the plane there."""
+        known = self._moment.get(name)
+        if known is None or known[0] != time:
+            known = self._moment[name] = (time, field.at(time))
+        x, y, scale = self.plane.forward(lon, lat)
+        out = np.empty((5, x.size))
+        read_spline(known[1], True, x / field.step, y / field.step, out)
+        out[1:3] /= field.step
+        out[3:] /= field.step**2
+        return out, scale
+
+    def _flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
+        """Return the error of the current (m s-1) and its vorticity (s-1)."""
+        assert self._current is not None
+        q, scale = self._read(self._current, "current", lon, lat, time)
+        value, east, north, curve = q[0], q[1], q[2], q[3] + q[4]
+        if self._shore is not None:
+            x, y, _ = self.plane.forward(lon, lat)
+            t, step, half = np.empty((5, x.size)), self._shore.step, self._shore.half
+            read_spline(self._shore.factor, False, x / step + half, y / step + half, t)
+            # The level itself is brought to zero, so that the current along the shore stays balanced.
+            curve = t[0] * curve + 2.0 * (t[1] * east + t[2] * north) / step + value * (t[3] + t[4]) / step**2
+            east, north = t[0] * east + value * t[1] / step, t[0] * north + value * t[2] / step
+        # The field is the stream function at the start's latitude: eta = F psi / g, and there u = -d(psi)/dy.
+        f = self._coriolis(lat)
+        least = 2.0 * EARTH_ROTATION * math.sin(EQUATOR * DEGREE)
+        start = float(self._coriolis(np.asarray(self.plane.lat0 if self.plane.latlon else 0.0)))
+        ratio = (
+            max(abs(start), least) / np.maximum(np.abs(f), least) if self.fixed_latitude is None else np.ones(f.shape)
+        )
+        u, v = -ratio * scale * north, ratio * scale * east
+        turn = ratio * scale**2 * curve
+        if self.fixed_latitude is None and self.plane.latlon:
+            # d(1/F)/dy turns the zonal flow: F grows poleward.
+            beta = 2.0 * EARTH_ROTATION * np.cos(lat * DEGREE) / EARTH_RADIUS_A68
+            turn += np.where(np.abs(f) > least, beta * u / np.where(f == 0.0, 1.0, f), 0.0)
+        return u, v, turn

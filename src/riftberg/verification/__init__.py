@@ -1,0 +1,1 @@
+"""How good forecasts are: scores of ensembles, the benchmark of drift on tracks, forecasts against observations."""

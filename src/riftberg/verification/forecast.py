@@ -1,0 +1,266 @@
+"""An ensemble of `riftberg sweep` or `riftberg forecast` against what was observed afterwards.
+
+A fragment keeps its number when something breaks off, so the first row of the tables is the berg. Errors are measured along and
+across the motion of the berg before the start: axes that knew the outcome could be won with a wrong spread. Without a
+position before the start they are east and north.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from riftberg.diagnostics.observed import Observations
+from riftberg.errors import InputError
+from riftberg.state import Floats
+from riftberg.verification.positions import Point, position_scores, verdict
+from riftberg.verification.scores import fair_brier, liu_weisberg, reliability, wilson
+from riftberg.verification.sphere import along_across, carried_on, distance, local
+from riftberg.verification.tracks import DAYS_BEFORE, Dressed, Start
+
+DAY: Final = np.timedelta64(1, "D")
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What one forecast was worth."""
+
+    name: str  # Of the berg
+    start: datetime
+    members: int  # That are done
+    failed: int  # That are not, and count in nothing
+    origin: tuple[float, float]  # Mean position of the members at the start
+    heading: tuple[float, float] | None  # Motion before the start, km east and north; None where it is not known
+    points: dict[int, list[Point]]  # By lead time, nearest whole day
+    baselines: dict[str, dict[int, list[Point]]]  # The same of forecasts that cost nothing
+    liu_weisberg: dict[str, float]  # Skill of the mean of the members, and the median of their own
+    broken: dict[int, tuple[Floats, bool]]  # By day: members that have broken by then, and whether the berg had
+
+
+def verified(
+    ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, broken: datetime | None = None,
+    whole_until: datetime | None = None, hour: float | None = None, dressed: dict[str, Dressed] | None = None,
+) -> Verified:  # fmt: skip
+    """Put an ensemble beside what was observed.
+
+    Parameters
+    ----------
+    ensemble : xarray.Dataset
+        From `riftberg.open_sweep`.
+    observed : Observations
+        Outlines or positions; interpolated ones are left out.
+    berg : str, optional
+        Name of the berg, where the file has several.
+    broken : datetime, optional
+        When it was first seen broken.
+    whole_until : datetime, optional
+        When it was last seen whole; by default nothing is said of break-ups before `broken` is given.
+    hour : float, optional
+        Hour (UTC) of observations without a time; by default that of the start.
+    dressed : dict, optional
+        Baselines with errors of other bergs, by name (`riftberg.verification.tracks.Dressed`).
+
+    Returns
+    -------
+    Verified
+
+    Raises
+    ------
+    InputError
+        If fewer than two members are done, the berg is not named, or nothing was observed during the forecast.
+    """
+    where = str(observed.source)
+    done = np.flatnonzero(ensemble["status"].values == 0)
+    if len(done) < 2:
+        raise InputError(f"{len(done)} members are done", where="ensemble", remedy="Give one with two or more")
+    if "lon" not in ensemble:
+        raise InputError("positions in metres", where="ensemble", remedy="Observations need longitude and latitude")
+    ds = ensemble.isel(member=_by_weight(ensemble, done))
+    times = ds["time"].values.astype("datetime64[ns]")
+    start = times[0]
+    first = start.astype("datetime64[us]").item()
+    named, seen = _positions(observed, berg, where, first, hour)
+    lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
+    if not np.isfinite(lon[:, 0]).all():
+        raise InputError("members without a position at the start", where="ensemble", remedy="Make the ensemble again")
+    east, north = local(lon[0, 0], lat[0, 0], lon[:, 0], lat[:, 0])
+    origin = _single(lon[0, 0], lat[0, 0], east.mean(), north.mean())
+    before = {when: place for when, place in seen.items() if timedelta(0) < first - when <= timedelta(days=DAYS_BEFORE)}
+    heading = _heading(before, origin)
+    axes = (1.0, 0.0) if heading is None else heading
+    later = {when: place for when, place in seen.items() if start < np.datetime64(when, "ns") <= times[-1]}
+    if not later:
+        raise InputError(
+            f"no position of {named} from {first:%Y-%m-%d %H:%M} to {times[-1].astype('datetime64[m]')}", where=where,
+            remedy="Observe the berg during the forecast",
+        )  # fmt: skip
+    points: dict[int, list[Point]] = {}
+    baselines: dict[str, dict[int, list[Point]]] = {}
+    separations, ways, last = [], [], origin
+    for when, place in later.items():
+        days = (when - first) / timedelta(days=1)
+        lead = max(1, round(days))
+        members = _at(times, lon, lat, np.datetime64(when, "ns"), origin)
+        members = members[np.isfinite(members).all(axis=1)]
+        truth = np.array(along_across(*local(*origin, *place), axes))
+        ahead = np.stack(along_across(members[:, 0], members[:, 1], axes), axis=-1)
+        if len(members) >= 2:
+            points.setdefault(lead, []).append(Point(named, ahead, truth))
+            separations.append(np.linalg.norm(ahead - truth, axis=-1) if len(members) == len(lon) else None)
+            ways.append(float(distance(*last, *place)))
+            last = place
+        for name, made in _baselines(Start(named, first, *origin, before), heading, when, dressed or {}).items():
+            shown = np.stack(along_across(*local(*origin, made[:, 0], made[:, 1]), axes), axis=-1)
+            baselines.setdefault(name, {}).setdefault(lead, []).append(Point(named, shown, truth))
+    skills: dict[str, float] = {}
+    if separations and all(each is not None for each in separations):
+        by_member = np.stack([each for each in separations if each is not None], axis=1)
+        means = [float(np.linalg.norm(p.members.mean(axis=0) - p.observed)) for row in points.values() for p in row]
+        skills = {
+            "mean of the members": liu_weisberg(means, ways),
+            "median of the members": float(np.median([liu_weisberg(row, ways) for row in by_member])),
+        }
+    return Verified(
+        named, first, len(done), int(ensemble.sizes["member"]) - len(done), origin, heading, points, baselines, skills,
+        _broken(ds, start, times[-1], broken, whole_until),
+    )  # fmt: skip
+
+
+def _by_weight(ensemble: xr.Dataset, done: Any) -> Any:
+    """Return the members that count, as often as their weights say (systematic resampling)."""
+    if "weight" not in ensemble.coords and "weight" not in ensemble:
+        return done
+    weight = ensemble["weight"].values[done].astype(float)
+    if not (np.isfinite(weight).all() and (weight >= 0.0).all() and weight.sum() > 0.0):
+        raise InputError("weights that are no numbers from 0", where="ensemble", remedy="Make the ensemble again")
+    shares = np.cumsum(weight) / weight.sum()
+    return done[np.searchsorted(shares, (np.arange(len(done)) + 0.5) / len(done))]
+
+
+def _positions(
+    observed: Observations, berg: str | None, where: str, start: datetime, hour: float | None
+) -> tuple[str, dict[datetime, tuple[float, float]]]:
+    """Return the name of the berg and its positions by date: of its outlines the centroids, and the largest of a date."""
+    from riftberg.diagnostics.outlines import polygon_on
+    from riftberg.plane import ConformalPlane
+
+    rows = [(f.name, f.when, f.day_only, f.lon, f.lat, 0.0) for f in observed.fixes if not f.interpolated]
+    for outline in observed.outlines:
+        plane = ConformalPlane(float(outline.ring[0, 0]), float(outline.ring[0, 1]), 6.371e6)
+        shape = polygon_on(plane, outline.ring)
+        x, y = np.array([shape.centroid.x]), np.array([shape.centroid.y])
+        (lon,), (lat,) = plane.inverse(x, y)
+        rows.append((outline.name, outline.when, outline.day_only, float(lon), float(lat), float(shape.area)))
+    names = sorted({row[0] for row in rows})
+    chosen = next((name for name in names if berg is not None and name.lower() == berg.lower()), None)
+    if chosen is None and (berg is not None or (len(names) > 1 and not observed.outlines)):
+        what = "several bergs" if berg is None else f"no positions of {berg}"
+        raise InputError(what, where=where, remedy=f"Name one with --berg: {', '.join(names[:10])}")
+    seen: dict[datetime, tuple[float, float]] = {}
+    sizes: dict[datetime, float] = {}
+    shift = timedelta(hours=hour if hour is not None else start.hour + start.minute / 60.0)
+    for name, when, day_only, lon, lat, area in sorted(rows, key=lambda row: row[1]):
+        at = when + shift if day_only else when
+        if chosen in (None, name) and area >= sizes.get(at, 0.0):
+            seen[at], sizes[at] = (lon, lat), area
+    return chosen or (names[0] if len(names) == 1 and names[0] else "berg"), dict(sorted(seen.items()))
+
+
+def _single(lon: float, lat: float, east: float, north: float) -> tuple[float, float]:
+    from riftberg.verification.sphere import moved
+
+    x, y = moved(lon, lat, np.array(east), np.array(north))
+    return float(x), float(y)
+
+
+def _heading(before: dict[datetime, tuple[float, float]], origin: tuple[float, float]) -> tuple[float, float] | None:
+    """Return the motion from the earliest position of the days before to the start; None where there is none."""
+    if not before:
+        return None
+    east, north = local(*origin, *before[min(before)])
+    return None if np.hypot(east, north) == 0.0 else (-float(east), -float(north))
+
+
+def _at(times: Any, lon: Floats, lat: Floats, when: np.datetime64, origin: tuple[float, float]) -> Floats:
+    """Return kilometres east and north of the origin at a date, between the records of the tracks (members, 2)."""
+    after = int(np.clip(np.searchsorted(times, when), 1, len(times) - 1))
+    part = (when - times[after - 1]) / (times[after] - times[after - 1])
+    first, second = (np.stack(local(*origin, lon[:, k], lat[:, k]), axis=-1) for k in (after - 1, after))
+    return np.asarray(second if part == 1.0 else first + part * (second - first))
+
+
+def _baselines(
+    start: Start, heading: tuple[float, float] | None, when: datetime, dressed: dict[str, Dressed]
+) -> dict[str, Floats]:
+    """Return positions (members, 2) of the forecasts that cost nothing; constant velocity where there was a motion."""
+    made = {"staying put": np.array([[start.lon, start.lat]])}
+    if heading is None:
+        return made
+    earliest = min(start.before)
+    ratio = np.array([(when - start.date) / (start.date - earliest)])
+    made["constant velocity"] = np.stack(carried_on(*start.before[earliest], start.lon, start.lat, ratio), axis=-1)
+    random = np.random.default_rng([1, when.toordinal(), *start.berg.encode()])
+    days = (when - start.date) / timedelta(days=1)
+    around = {f"{name}, dressed": model.around(made[name][0], heading, days, random) for name, model in dressed.items()}
+    return made | around
+
+
+def _broken(
+    ds: xr.Dataset, start: np.datetime64, end: np.datetime64, broken: datetime | None, whole_until: datetime | None
+) -> dict[int, tuple[Floats, bool]]:
+    """Return by day which members have broken by then and whether the berg had, as far as that was observed."""
+    if broken is None and whole_until is None:
+        return {}
+    if broken is not None and whole_until is not None and whole_until >= broken:
+        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
+    first = ds["first_breakup"].values.astype("datetime64[ns]")
+    result = {}
+    for day in range(1, int((end - start) / DAY) + 1):
+        now = start + day * DAY
+        # Between the last time it was seen whole and the first time broken nobody knows.
+        whole = whole_until is not None and now <= np.datetime64(whole_until, "ns")
+        over = broken is not None and bool(now >= np.datetime64(broken, "ns"))
+        if whole or over or (whole_until is None and broken is not None):
+            result[day] = (~np.isnat(first) & (first <= now)).astype(float), over
+    return result
+
+
+def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
+    """Return all scores of forecasts, those of several bergs together, with and without the error of the observation (km)."""
+    pooled: dict[int, list[Point]] = {}
+    others: dict[str, dict[int, list[Point]]] = {}
+    for one in forecasts:
+        for lead, points in one.points.items():
+            pooled.setdefault(lead, []).extend(points)
+        for name, rows in one.baselines.items():
+            for lead, points in rows.items():
+                others.setdefault(name, {}).setdefault(lead, []).extend(points)
+
+    def scored(points: dict[int, list[Point]], added: float) -> list[dict[str, Any]]:
+        rows = [{"lead_days": lead, **position_scores(points[lead], added)} for lead in sorted(points)]
+        return [{**row, "verdict": verdict(row)} for row in rows]
+
+    days = [(p.mean(), len(p), over, day) for one in forecasts for day, (p, over) in sorted(one.broken.items())]
+    return {
+        "forecasts": [
+            {"berg": one.name, "start": one.start.isoformat(), "members": one.members, "failed": one.failed,
+             "axes": "east and north" if one.heading is None else "motion before the start",
+             "liu_weisberg": one.liu_weisberg,
+             "broken": [
+                 {"day": day, "probability": float(p.mean()), "interval": wilson(int(p.sum()), len(p)), "occurred": over,
+                  "fair_brier": float(fair_brier(p, over))}
+                 for day, (p, over) in sorted(one.broken.items())
+             ]}
+            for one in forecasts
+        ],
+        "error_km": error,
+        "with_error": scored(pooled, error),
+        "without_error": scored(pooled, 0.0),
+        "baselines": {name: scored(rows, 0.0) for name, rows in others.items()},
+        "reliability": [row._asdict() for row in reliability([d[0] for d in days], [d[2] for d in days])] if days else [],
+    }  # fmt: skip

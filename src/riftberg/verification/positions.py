@@ -1,0 +1,101 @@
+"""Scores of forecast positions, given as kilometres along and across the motion before the start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from riftberg.state import Floats
+from riftberg.verification.scores import (
+    LEVELS,
+    bootstrap_interval,
+    fair_crps,
+    fair_energy,
+    inside_area,
+    ranks,
+    with_observation_error,
+)
+
+
+class Point(NamedTuple):
+    """A forecast of one position beside what was seen."""
+
+    group: str  # Berg: positions of one are no independent cases
+    members: Floats  # (members, 2), km along the motion before the start and to the left of it
+    observed: Floats  # (2,), in the same axes
+
+
+USUAL_ERROR: Final = 6.0
+"""Error of a scatterometer position along each axis, km (standard deviation): those of A68a differ from the centroids of its
+outlines by 4 km on good days."""
+
+FEWEST: Final = 5
+"""Bergs from which an interval from drawing bergs means something."""
+
+LEAST: Final = 4
+"""Members from which areas, spread and ranks mean something."""
+
+
+def position_scores(points: Sequence[Point], error: float, *, seed: int = 1, draws: int = 400) -> dict[str, Any]:
+    """Return all scores of positions of one lead time, with the error of the observation (km) added to the members.
+
+    Scores have 90 % intervals from drawing groups where there are `FEWEST` or more. Those of an ensemble are left out where a
+    forecast has one member, and areas, spread and ranks where one has less than `LEAST`.
+    """
+    random = np.random.default_rng(seed)
+    fewest = min(len(point.members) for point in points)
+    groups: list[str] = []
+    found: dict[str, list[Floats]] = {}  # One array for each number of members
+    for count in sorted({len(point.members) for point in points}):
+        same = [point for point in points if len(point.members) == count]
+        groups += [point.group for point in same]
+        x = with_observation_error(np.stack([point.members for point in same], axis=1), error, random)
+        y = np.stack([point.observed for point in same])
+        square = ((x.mean(axis=0) - y) ** 2).sum(axis=-1)
+        values = {"error_of_mean_km": np.sqrt(square)}
+        if fewest > 1:
+            values["energy_km"] = fair_energy(x, y)
+            for k, axis in enumerate(("along", "across")):
+                values[f"crps_{axis}_km"] = fair_crps(x[..., k], y[:, k])
+        if fewest >= LEAST:
+            values |= {f"inside_{level:.0%}": inside_area(x, y, level).astype(float) for level in LEVELS}
+            variance = x.var(axis=0, ddof=1).sum(axis=-1) * (count + 1.0) / count
+            values["spread_and_error"] = np.stack([variance, square], axis=-1)
+            values["ranks"] = np.stack(
+                [(ranks(x[..., k], y[:, k], random) + 0.5) / (count + 1.0) for k in range(2)], axis=-1
+            )
+        for name, value in values.items():
+            found.setdefault(name, []).append(value)
+    result: dict[str, Any] = {"starts": len(points), "bergs": len(set(groups))}
+    whole = {name: np.concatenate(parts) for name, parts in found.items()}
+    rank, spread = whole.pop("ranks", None), whole.get("spread_and_error")
+    for name, value in whole.items():
+        statistic = _ratio if name == "spread_and_error" else np.mean
+        label = "spread_over_error" if name == "spread_and_error" else name
+        result[label] = float(statistic(value))
+        if result["bergs"] >= FEWEST:
+            by_group = [value[np.array(groups) == group] for group in sorted(set(groups))]
+            result[f"{label}_interval"] = bootstrap_interval(by_group, statistic, seed=seed, draws=draws)
+    if rank is not None and spread is not None:
+        # Along either axis, so that both compare with the error of an axis.
+        result["spread_km"], result["rms_error_km"] = (float(value) for value in np.sqrt(spread.mean(axis=0) / 2.0))
+        parts = min(10, fewest + 1)
+        for k, axis in enumerate(("along", "across")):
+            result[f"ranks_{axis}"] = np.histogram(rank[:, k], np.linspace(0.0, 1.0, parts + 1))[0].tolist()
+    return result
+
+
+def _ratio(spread_and_error: Floats) -> Any:
+    """Return spread over error, of variances and squared errors."""
+    variance, square = spread_and_error.mean(axis=0)
+    return np.sqrt(variance / square) if square > 0.0 else np.inf
+
+
+def verdict(found: dict[str, Any]) -> str:
+    """Return what the spread beside the error says of an ensemble; of few bergs it says nothing."""
+    interval = found.get("spread_over_error_interval")
+    if interval is None:
+        return "undecided"
+    return "overconfident" if interval[1] < 1.0 else "underconfident" if interval[0] > 1.0 else "reliable"

@@ -1,0 +1,157 @@
+"""The picture of a forecast: where the ice will be, how likely it breaks and grounds, and where it breaks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.ensembles.probability import near, scenarios, sources
+from riftberg.errors import InputError
+from riftberg.runs.scene import Box
+from riftberg.viz import style
+from riftberg.viz.panels import Map, widened
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+BROKEN, GROUND = "#c0392b", "#8a6d3b"
+"""Colours of the probabilities of a break-up and of the ground."""
+
+
+def draw_forecast(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
+    """Draw a forecast: presence and tracks with the control, probabilities by date, cracks in the berg, scenarios."""
+    if "presence" not in result:
+        raise InputError("no forecast in degrees", where="draw_forecast", remedy="Give the result of riftberg forecast")
+    style.check_format(path)
+    figure = style.new_figure(14.0, 8.0, dpi)
+    axes = figure.subplot_mosaic([["map", "dates"], ["map", "cracks"]], width_ratios=(0.56, 0.44))
+    shown = _draw_map(axes["map"], result)
+    bar = figure.colorbar(shown, ax=axes["map"], orientation="horizontal", aspect=45, pad=0.03, shrink=0.9)
+    bar.set_label("probability that ice passes over", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    _draw_dates(axes["dates"], result)
+    cracks = _draw_cracks(axes["cracks"], result)
+    bar = figure.colorbar(cracks, ax=axes["cracks"], aspect=25, pad=0.02)
+    bar.set_label("probability of a crack", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    for k, ax in enumerate(axes.values()):
+        style.letter(ax, k)
+    done = int((result["status"] == 0).sum())
+    first, last = (str(t)[:10] for t in result["time"].values[[0, -1]])
+    style.put_title(
+        figure, f"{result.attrs.get('experiment', 'Forecast')}: {done} members, {first} to {last}", size=13.0
+    )
+    style.lay_out(figure)
+    return style.save_figure(figure, path)
+
+
+def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
+    """Draw where ice passes, the tracks of the largest pieces, the control, and ellipses of the position."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    lon, lat = result["cell_lon"].values, result["cell_lat"].values
+    box = Box(float(lon[0]), float(lon[-1]), float(lat[0]), float(lat[-1]))
+    chart = Map(ax, widened(box, True, 1.0, margin=0.04, least=1e-9), ticks=5)
+    shades = ListedColormap(colormaps["YlOrRd"](np.linspace(0.05, 0.85, 10)))
+    image = ax.pcolormesh(
+        lon,
+        lat,
+        np.ma.masked_less(result["passes"].values, 0.005),
+        cmap=shades,
+        vmin=0.0,
+        vmax=1.0,
+        alpha=0.85,
+        zorder=1.5,
+    )
+    first = float(lon[0])
+    for k in np.flatnonzero(result["status"].values == 0)[:200]:
+        ax.plot(
+            near(result["lon"].values[k, 0], first),
+            result["lat"].values[k, 0],
+            color="#34495e",
+            lw=0.4,
+            alpha=0.35,
+            zorder=4,
+        )
+    if "control_lon" in result:
+        ax.plot(
+            near(result["control_lon"].values[0], first),
+            result["control_lat"].values[0],
+            color="black",
+            lw=1.8,
+            zorder=6,
+            label="control",
+        )
+    metres = DEGREE * EARTH_RADIUS_A68
+    cosine = float(np.cos(np.nanmean(result["cone_lat"].values) * DEGREE))
+    steps = np.unique(np.linspace(0, result.sizes["time"] - 1, 5).astype(int))[1:]
+    for n, k in enumerate(steps):
+        centre = near(float(result["cone_lon"].values[k]), first), float(result["cone_lat"].values[k])
+        major, minor = (float(result[name].sel(cone=0.9).values[k]) / metres for name in ("cone_major", "cone_minor"))
+        turn = np.linspace(0.0, 2.0 * np.pi, 80)
+        azimuth = np.deg2rad(float(result["cone_azimuth"].values[k]))
+        along, across = major * np.cos(turn), minor * np.sin(turn)
+        x = along * np.sin(azimuth) + across * np.cos(azimuth)
+        y = along * np.cos(azimuth) - across * np.sin(azimuth)
+        ax.plot(
+            centre[0] + x / cosine,
+            centre[1] + y,
+            color="#1f4e79",
+            lw=1.2,
+            zorder=5,
+            label="90 % of positions" if n == 0 else None,
+        )
+        ax.annotate(
+            f"{result['lead'].values[k] / 24:.0f} d",
+            centre,
+            fontsize=8,
+            color="#1f4e79",
+            zorder=7,
+            ha="center",
+            va="center",
+        )
+    ax.legend(fontsize=8, loc="lower left", framealpha=0.9)
+    chart.draw_scale()
+    ax.set_title("Where ice passes, tracks of the first berg", fontsize=10, pad=6)
+    return image
+
+
+def _draw_dates(ax: Axes, result: xr.Dataset) -> None:
+    """Draw the probability of a break-up and of the ground by date, with intervals and the control."""
+    time = result["time"].values
+    for name, colour, word in (("p_broken", BROKEN, "broken up"), ("p_aground", GROUND, "been aground")):
+        ax.fill_between(time, 100 * result[f"{name}_low"], 100 * result[f"{name}_high"], color=colour, alpha=0.18, lw=0)
+        ax.plot(time, 100 * result[name], color=colour, lw=1.8, label=word)
+    if "control_first_breakup" in result and not np.isnat(result["control_first_breakup"].values):
+        ax.axvline(result["control_first_breakup"].values, color="black", lw=1.0, ls="--", label="control breaks up")
+    ax.set_ylim(0.0, 100.0)
+    ax.set_xlim(time[0], time[-1])
+    ax.set_ylabel("probability (%)", fontsize=9)
+    style.plain_axes(ax)
+    style.date_axis(ax, "x")
+    ax.legend(fontsize=8, loc="upper left")
+    ax.set_title("Until then it has ... (shade: 90 % interval)", fontsize=10, pad=6)
+
+
+def _draw_cracks(ax: Axes, result: xr.Dataset) -> Any:
+    """Draw the probability of a crack on the berg at the start, and scenarios beside it."""
+    x, y = result["own_x"].values / 1e3, result["own_y"].values / 1e3
+    ax.contourf(x, y, result["ice"].values, levels=[0.5, 1.5], colors=["#dfe9f2"], zorder=1)
+    share = np.ma.masked_less(result["crack_probability"].values, 0.005)
+    image = ax.pcolormesh(x, y, share, cmap="magma_r", vmin=0.0, vmax=max(0.1, float(share.max() or 0.1)), zorder=2)
+    ax.set_aspect("equal")
+    style.plain_axes(ax)
+    ax.set_xlabel("km east of the middle at the start", fontsize=9)
+    ax.set_ylabel("km north", fontsize=9)
+    lines = [f"{s.told().split(' (')[0]}" for s in scenarios(result)[:3]]
+    parts = sources(result)
+    if parts:
+        name, share_of = next(iter(parts.items()))
+        lines.append(f"spread of the position: {name} {100 * share_of:.0f} %")
+    ax.set_title("Where it breaks\n" + "\n".join(lines), fontsize=8.5, pad=6)
+    return image

@@ -1,0 +1,55 @@
+"""Forecasts made by hand, whose probabilities are known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from riftberg.ensembles.member import FRAGMENT, Outcome
+from riftberg.ensembles.probability import with_probabilities
+from riftberg.ensembles.result import dataset_of
+from riftberg.ensembles.vary import Varied
+
+DAY = 86400.0
+START = datetime(2020, 12, 9)
+
+
+def outcome(
+    number: int, lon: Sequence[float], lat: Sequence[float], *, broken: float | None = None, aground: float = np.nan,
+    area: float = 100e6, piece: float = 30e6, means: dict[str, float] | None = None,
+) -> Outcome:  # fmt: skip
+    """Return a member whose berg is at these places from day to day, and from which a piece breaks off after some days."""
+    table = {name: [0.0] for name in FRAGMENT} | {"number": [1.0], "area": [area], "lon": [lon[0]], "lat": [lat[0]]}
+    track, cracks = [], []
+    for k, (x, y) in enumerate(zip(lon, lat, strict=True)):
+        parted = broken is not None and k >= broken
+        track.append([k * DAY, 1.0, x, y, area - piece if parted else area, 0.0])
+        if parted:
+            track.append([k * DAY, 2.0, x, y + 0.1, piece, 0.0])
+    if broken is not None:
+        for name, value in {"number": 2.0, "parent": 1.0, "birth_time": broken * DAY, "area": piece}.items():
+            table[name].append(value)
+        for name in FRAGMENT:
+            if len(table[name]) < 2:
+                table[name].append(0.0)
+        cracks = [[broken * DAY - 60.0, 3000.0, 500.0 * j, 500.0] for j in range(-3, 4)]
+    totals = {"pieces": 1.0 + (broken is not None), "first_breakup": np.nan if broken is None else broken * DAY,
+              "first_aground": aground * DAY, "largest_area": area, **(means or {})}  # fmt: skip
+    return Outcome(number, "done", "", 0.0, 1.0, totals, table, track, cracks)
+
+
+def forecast_of(outcomes: Sequence[Outcome], days: int, inputs: dict[str, Any] | None = None) -> xr.Dataset:
+    """Return the forecast of some members."""
+    inputs = inputs or {}
+    varied = [Varied(name, (), "m", name) for name in inputs]
+    members = [{name: values[k] for name, values in inputs.items()} for k in range(len(outcomes))]
+    by_number = {o.number: o for o in outcomes}
+    ds = dataset_of(
+        varied, members, by_number, start=START, days=float(days), every=DAY, latlon=True, attributes={"title": "made"}
+    )
+    ice = np.repeat(np.arange(-5e3, 6e3, 1e3), 11), np.tile(np.arange(-5e3, 6e3, 1e3), 11), 1e3
+    return with_probabilities(ds, {o.number: o.cracks for o in outcomes}, ice)

@@ -1,0 +1,176 @@
+"""Distributions as text, plans that draw from them, and members that stay what they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from riftberg import Iceberg, Model, Parameters, Steady, sweep
+from riftberg.cli.main import app
+from riftberg.ensembles.uncertain import with_errors
+from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.errors import InputError
+
+STRENGTH = "fracture.normal_strength"
+
+
+def drifting(speed: float = 0.2) -> Model:
+    """Return a model of two elements in a current."""
+    berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Steady(current=(speed, 0.0)), Parameters(), start="2020-12-09")
+
+
+@pytest.mark.parametrize(
+    ("text", "quantiles"),  # at 10, 50 and 90 %, from the tables of the normal distribution (z = 1.28155)
+    [
+        ("lognormal(18 kPa, 20 %)", (18e3 * np.exp(-0.256310), 18e3, 18e3 * np.exp(0.256310))),
+        ("normal(18 kPa, 2 kPa)", (15436.9, 18e3, 20563.1)),
+        ("normal(18 kPa, 10 %)", (15693.2, 18e3, 20306.8)),
+        ("uniform(10, 20 kPa)", (11e3, 15e3, 19e3)),
+        ("triangular(10, 15, 20 kPa)", (10e3 + 5e3 * np.sqrt(0.2), 15e3, 20e3 - 5e3 * np.sqrt(0.2))),
+    ],
+)
+def test_the_numbers_of_a_distribution_are_what_they_are_called(text: str, quantiles: tuple[float, ...]) -> None:
+    (varied,) = varied_of([f"{STRENGTH}~{text}"])
+    assert varied.distribution is not None
+    assert varied.distribution.quantiles(np.array([0.1, 0.5, 0.9])) == pytest.approx(quantiles, rel=1e-5)
+
+
+@pytest.mark.parametrize("plan", ["sobol", "random", "latin-hypercube"])
+def test_members_are_drawn_from_the_distribution(plan: str) -> None:
+    varied = varied_of({STRENGTH: "~lognormal(18 kPa, 20 %)", "berg.packing": "~choice(square, hexagonal)"})
+    members = members_of(varied, Draws(512, plan, 3))
+    logs = np.log([m[STRENGTH] for m in members])
+    assert logs.mean() == pytest.approx(np.log(18e3), abs=0.03)
+    assert logs.std() == pytest.approx(0.2, rel=0.1)
+    assert 180 < sum(m["berg.packing"] == "square" for m in members) < 332
+
+
+@pytest.mark.parametrize("plan", ["sobol", "random"])
+def test_further_members_leave_the_first_as_they_are(plan: str) -> None:
+    varied = varied_of(
+        {STRENGTH: "~normal(18 kPa, 1 kPa)", "damage.threshold": [0.1, 0.2], "current_error.speed": [0.1]}
+    )
+    few, many = members_of(varied, Draws(5, plan, 7)), members_of(varied, Draws(40, plan, 7))
+    assert many[:10] == few
+    assert len(many) == 80
+    assert len({m["errors.seed"] for m in many}) == 40  # one for each draw, the same for both thresholds
+    assert members_of(varied, Draws(5, plan, 8)) != few
+
+
+def test_a_pair_of_numbers_has_both_drawn() -> None:
+    members = members_of(varied_of(["berg.offset~uniform(0, 1)"]), Draws(64))
+    pairs = np.array([m["berg.offset"] for m in members])
+    assert pairs.shape == (64, 2)
+    assert abs(np.corrcoef(pairs.T)[0, 1]) < 0.2
+    assert pairs.mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_what_is_impossible_is_cut_off_and_told() -> None:
+    (varied,) = varied_of(["start.thickness~normal(1, 0.5)"])
+    assert varied.distribution is not None
+    assert min(varied.distribution.quantiles(np.linspace(0.0001, 0.9999, 99))) > 0.0
+    assert varied.told().endswith(
+        "(normal, mean 1, standard deviation 0.5; limited to > 0 and < 10, which cuts off 2.3 %)"
+    )
+    assert "cuts off" not in varied_of(["start.thickness~lognormal(1, 15 %)"])[0].told()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("fracture.normal_strength~lognormal(-18 kPa, 20 %)", "a median of -18000, but a lognormal number is above 0"),
+        ("fracture.normal_strength~normal(-18 kPa, 2 kPa)", "100 % of the probability lies at impossible values"),
+        ("fracture.normal_strength~normal(18 kPa, 0)", "a standard deviation of 0"),
+        ("fracture.normal_strength~lognormal(18 kPa, 2 kPa)", "no standard deviation of a logarithm"),
+        ("fracture.normal_strength~uniform(20, 10 kPa)", "is not below"),
+        ("fracture.normal_strength~triangular(10, 30, 20 kPa)", "are not in order"),
+        ("fracture.normal_strength~lognormal(18 kPa)", "has 1 numbers"),
+        ("fracture.normal_strength~gauss(18 kPa, 2 kPa)", "is no distribution"),
+        ("fracture.normal_strength~normal(18 m, 2 m)", "is in m, but this is measured in Pa"),
+        ("fracture.enabled~uniform(0, 1)", "no number with decimals"),
+        ("start.south~normal(0, 3 km)", "no parameter 'south'"),
+        ("current_error.length=0", "0.0 is not possible"),
+    ],
+)
+def test_impossible_distributions_are_refused_before_the_first_member(text: str, message: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(InputError, match=message):
+        sweep("a68a", [text], members=4, output=out, workers=0)
+    assert not out.exists()
+
+
+def test_a_distribution_needs_members_and_members_a_distribution() -> None:
+    with pytest.raises(InputError, match="is drawn, but not how often"):
+        members_of(varied_of([f"{STRENGTH}~normal(18 kPa, 2 kPa)"]))
+    with pytest.raises(InputError, match="is drawn, but not how often"):
+        members_of(varied_of(["current_error.speed=0.1"]))
+    with pytest.raises(InputError, match="nothing is drawn"):
+        members_of(varied_of([f"{STRENGTH}=14,18kPa"]), Draws(4))
+
+
+def test_a_berg_starts_where_how_and_as_strong_as_its_member_says() -> None:
+    before = drifting()
+    values = {"start.east": 3e3, "start.north": -4e3, "start.turn": 90.0, "start.thickness": 1.5, "start.strength": 0.5}
+    after = with_errors(drifting(), values)
+    a, b = before.elements, after.elements
+    degree = np.pi / 180.0 * before.parameters.earth.radius
+    assert (b.lon.mean() - a.lon.mean()) * degree * np.cos(np.deg2rad(56.0)) == pytest.approx(3e3, rel=2e-3)
+    assert (b.lat.mean() - a.lat.mean()) * degree == pytest.approx(-4e3, rel=1e-3)
+    assert np.ptp(b.lat) * degree == pytest.approx(3e3, rel=1e-3)  # it lies north and south now
+    assert np.ptp(b.lon) * degree == pytest.approx(0.0, abs=5.0)
+    assert b.thickness == pytest.approx(1.5 * a.thickness)
+    assert b.mass == pytest.approx(1.5 * a.mass)
+    assert after.bonds.strength == pytest.approx(0.5 * before.bonds.strength)
+    assert after.bonds.bond_length == pytest.approx(before.bonds.bond_length, rel=1e-4)
+
+
+def test_a_berg_of_another_size_has_no_strain() -> None:
+    before, after = drifting(), with_errors(drifting(), {"start.size": 1.1})
+    assert after.elements.mass == pytest.approx(1.21 * before.elements.mass)
+    assert after.bonds.bond_length == pytest.approx(1.1 * before.bonds.bond_length, rel=1e-6)
+
+
+def test_nothing_uncertain_is_the_model_itself() -> None:
+    model = drifting()
+    assert with_errors(model, {"speed": 1.0, STRENGTH: 5.0}) is model
+
+
+def test_a_member_is_the_same_alone_and_among_others(tmp_path: Path) -> None:
+    vary = {"speed": "~normal(0.2, 0.05)", "current_error.speed": ["0.1 m/s"], "start.north": "~normal(0 km, 3 km)"}
+    options: dict[str, Any] = {"days": "6 h", "every_hours": 2, "workers": 0, "seed": 5}
+    many = sweep(drifting, vary, members=4, **options)
+    few = sweep(drifting, vary, members=2, output=tmp_path / "s", **options)
+    assert many["lon"].values[:2].tolist() == few["lon"].values.tolist()
+    assert len(set(many["errors_seed"].values.tolist())) == 4
+    assert many["speed"].attrs["distribution"] == "normal(0.2, 0.05)"
+    done = (tmp_path / "s" / "members" / "00000.json").stat().st_mtime_ns
+    more = sweep(drifting, vary, members=4, output=tmp_path / "s", resume=True, **options)
+    assert more["lon"].values.tolist() == many["lon"].values.tolist()
+    assert (tmp_path / "s" / "members" / "00000.json").stat().st_mtime_ns == done
+
+
+def test_a_latin_hypercube_takes_no_further_members(tmp_path: Path) -> None:
+    vary = {"speed": "~normal(0.2, 0.05)"}
+    options: dict[str, Any] = {"days": "1 h", "workers": 0, "plan": "latin-hypercube", "output": tmp_path / "s"}
+    sweep(drifting, vary, members=2, **options)
+    with pytest.raises(InputError, match="members cannot be added to a Latin hypercube"):
+        sweep(drifting, vary, members=4, resume=True, **options)
+
+
+@pytest.mark.compiled
+def test_the_command_line_draws_and_says_what(tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    said = CliRunner().invoke(app, [
+        "sweep", "a68a", "--vary", "fracture.normal_strength~lognormal(18 kPa, 20 %)", "--vary", "wind_error.speed=2 m/s",
+        "--members", "2", "--days", "0.1", "--workers", "0", "-o", str(out), "--no-map",
+    ])  # fmt: skip
+    assert said.exit_code == 0, said.output
+    assert "lognormal, median 18000 Pa, standard deviation of the logarithm 0.2" in said.output
+    more = CliRunner().invoke(app, ["sweep", "--resume", str(out), "--members", "3", "--workers", "0", "--no-map"])
+    assert "3 members" in more.output
+    assert "2 are done" in more.output

@@ -1,0 +1,221 @@
+"""Probabilities of forecasts whose members are made by hand, and forecasts from the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import riftberg
+from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
+from riftberg.cli.main import app
+from riftberg.ensembles.forecast import default_errors, errors_line
+from riftberg.ensembles.member import Outcome
+from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
+from riftberg.errors import InputError
+from riftberg.viz.forecast import draw_forecast
+
+from .made import forecast_of, outcome
+
+
+def drifting() -> Model:
+    """Return a model of two elements in a current."""
+    berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Steady(current=(0.2, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
+
+
+def still(number: int, **options: Any) -> Outcome:
+    """Return a member that stays where it is."""
+    return outcome(number, [-37.0] * 5, [-56.0] * 5, **options)
+
+
+def test_members_that_never_break_stay_in_the_denominator() -> None:
+    members = [still(0, broken=1), still(1, broken=3), *(still(k) for k in range(2, 8))]
+    ds = forecast_of(members, 4)
+    assert ds["p_broken"].values == pytest.approx([0.0, 1 / 8, 1 / 8, 2 / 8, 2 / 8])
+    assert ds.attrs["effective_members"] == pytest.approx(8.0)
+    # Wilson's interval of 2 in 8 at 90 %, from the formula by hand: centre 0.3132, half-width 0.2267.
+    assert ds["p_broken_low"].values[-1] == pytest.approx(0.0865, abs=1e-4)
+    assert ds["p_broken_high"].values[-1] == pytest.approx(0.5398, abs=1e-4)
+
+
+def test_a_failed_member_counts_in_nothing() -> None:
+    ds = forecast_of([still(0, broken=1), Outcome(1, "failed", "no"), still(2)], 4)
+    assert ds["p_broken"].values[-1] == pytest.approx(0.5)
+    assert ds["scenario"].values.tolist() == [0, -1, 1]
+
+
+def test_wilson_covers_at_the_ends() -> None:
+    low, high = wilson(np.array([0.0, 1.0]), 20.0)
+    assert low[0] == 0.0
+    assert 0.0 < high[0] < 0.15
+    assert high[1] == 1.0
+    assert 0.85 < low[1] < 1.0
+
+
+def test_area_classes_and_ground() -> None:
+    ds = forecast_of([still(0, broken=2, piece=30e6), still(1, aground=3.0)], 4)
+    lower = ds["area_class_lower"].values.tolist()
+    tens, hundreds = lower.index(1e7), lower.index(1e8)
+    assert ds["p_area"].values[tens].tolist() == [0.0, 0.0, 0.5, 0.5, 0.5]  # pieces of 30 and 70 km2
+    assert ds["p_area"].values[hundreds].tolist() == [1.0, 1.0, 0.5, 0.5, 0.5]
+    assert ds["p_aground"].values.tolist() == [0.0, 0.0, 0.0, 0.5, 0.5]
+
+
+def test_presence_holds_each_member_once() -> None:
+    ds = forecast_of([still(0, broken=2), outcome(1, [-37.0, -36.5, -36.0, -35.5, -35.0], [-56.0] * 5)], 4)
+    at = ds["presence"].sel(cell_lon=-37.0, cell_lat=-56.0, method="nearest").values
+    assert at.tolist() == [1.0, 0.5, 0.5, 0.5, 0.5]
+    end = ds["presence"].sel(cell_lon=-35.0, cell_lat=-56.0, method="nearest").values
+    assert end.tolist() == [0.0, 0.0, 0.0, 0.0, 0.5]
+    assert ds["passes"].values.max() == 1.0
+    # The area under the disc: both members at the start.
+    dx = float(ds["cell_lon"].diff("cell_lon")[0]) * np.cos(np.deg2rad(56.0)) * 111.2
+    dy = float(ds["cell_lat"].diff("cell_lat")[0]) * 111.2
+    assert float((ds["presence"].values[:, :, 0] > 0).sum()) * dx * dy == pytest.approx(100.0, rel=0.25)
+
+
+def test_the_ellipse_holds_its_share_of_the_members() -> None:
+    rng = np.random.default_rng(2)
+    ends = rng.multivariate_normal([0.0, 0.0], [[0.09, 0.03], [0.03, 0.04]], 800)
+    members = [
+        outcome(k, [-37.0, -37.0 + x / np.cos(np.deg2rad(56.0))], [-56.0, -56.0 + y]) for k, (x, y) in enumerate(ends)
+    ]
+    ds = forecast_of(members, 1)
+    azimuth = np.deg2rad(float(ds["cone_azimuth"].values[-1]))
+    x = (ds["lon"].values[:, 0, -1] - float(ds["cone_lon"].values[-1])) * np.cos(np.deg2rad(56.0)) * 111195.0
+    y = (ds["lat"].values[:, 0, -1] - float(ds["cone_lat"].values[-1])) * 111195.0
+    along, across = x * np.sin(azimuth) + y * np.cos(azimuth), x * np.cos(azimuth) - y * np.sin(azimuth)
+    for part in CONES:
+        major, minor = (float(ds[name].sel(cone=part).values[-1]) for name in ("cone_major", "cone_minor"))
+        assert major > minor
+        assert np.mean((along / major) ** 2 + (across / minor) ** 2 <= 1.0) == pytest.approx(part, abs=0.04)
+
+
+def test_cracks_of_all_lattices_add_up_in_the_berg() -> None:
+    ds = forecast_of([still(0, broken=1), still(1, broken=2), still(2), still(3)], 4)
+    at = ds["crack_probability"].sel(own_x=3000.0, own_y=0.0, method="nearest")
+    assert float(at) == pytest.approx(0.5)
+    cell = float(ds["own_x"].diff("own_x")[0]) ** 2
+    assert float(ds["crack_density"].sum()) * cell == pytest.approx(0.5 * 7 * 500.0)
+    assert float(ds["crack_probability"].sel(own_x=-3000.0, own_y=0.0, method="nearest")) == 0.0
+
+
+def test_scenarios_have_their_members_and_what_sets_them_apart() -> None:
+    strength = [0.5, 0.6, 0.55, 1.5, 1.4, 1.6, 1.5, 1.45]
+    members = [still(k, broken=1 + k) for k in range(3)] + [still(k) for k in range(3, 8)]
+    ds = forecast_of(members, 4, {"start.strength": strength})
+    assert ds["scenario"].values.tolist() == [1, 1, 1, 0, 0, 0, 0, 0]
+    likeliest, other = scenarios(ds)
+    assert likeliest.probability == pytest.approx(5 / 8)
+    assert likeliest.pieces == ()
+    assert other.pieces == (30e6,)
+    assert other.representative in (0, 1, 2)
+    assert "start strength low" in other.told()
+
+
+def test_the_source_of_the_spread_is_found() -> None:
+    rng = np.random.default_rng(4)
+    current, wind, east = rng.normal(0.0, 0.1, (60, 2)), rng.normal(0.0, 2.0, (60, 2)), rng.normal(0.0, 3e3, 60)
+    members = [
+        outcome(k, [-37.0, -37.0 + 5.0 * current[k, 0]], [-56.0, -56.0 + 3.0 * current[k, 1] + 0.005 * wind[k, 1]],
+                means={"current_error_east": current[k, 0], "current_error_north": current[k, 1],
+                       "wind_error_east": wind[k, 0], "wind_error_north": wind[k, 1]})
+        for k in range(60)
+    ]  # fmt: skip
+    parts = sources(forecast_of(members, 1, {"start.east": east.tolist()}))
+    assert next(iter(parts)) == "current"
+    assert parts["current"] > 0.95
+    assert parts["wind"] < 0.15
+    assert parts["start"] < 0.15
+    assert any("comes from the current" in line for line in told(forecast_of(members, 1)))
+
+
+def test_the_layout_is_that_of_the_page() -> None:
+    ds = forecast_of([still(0, broken=1), still(1)], 4)
+    page = (Path(__file__).parents[2] / "docs/explanation/ensemble-file.md").read_text("utf-8")
+    for name in ds.data_vars:
+        stem = str(name).removesuffix("_low").removesuffix("_high")
+        assert f"`{stem}" in page or f"{stem}`" in page, name
+    climate = ds.swap_dims(time="lead").expand_dims("init")
+    assert {"init", "lead", "member"} <= set(climate.dims)
+    assert ds["lead"].values.tolist() == [0.0, 24.0, 48.0, 72.0, 96.0]
+
+
+def test_a_forecast_of_a_function_has_all_default_errors(tmp_path: Path) -> None:
+    ds = riftberg.forecast(drifting, days="12 h", every_hours=6, members=4, workers=0, output=tmp_path / "f")
+    assert ds["status"].values.tolist() == [0] * 4
+    assert len(set(ds["errors_seed"].values.tolist())) == 4
+    assert float(ds["lon"].values[:, 0, -1].std()) > 0.01
+    assert np.isfinite(ds["current_error_east"].values).all()
+    kept = open_sweep(tmp_path / "f")
+    assert kept["p_broken"].values.tolist() == ds["p_broken"].values.tolist()
+    assert kept["control_lon"].values[0, 0] == pytest.approx(-37.0)
+    # The control has no errors: it is the run of the model alone.
+    run = drifting().run("12 h", every_hours=6)
+    middle = run["lon"].mean("trajectory").values[-1]
+    assert ds["control_lon"].values[0, -1] == pytest.approx(float(middle), abs=1e-6)
+    assert json.loads((tmp_path / "f" / "sweep.json").read_text())["forecast"] is True
+
+
+def test_what_is_given_comes_before_the_default_errors() -> None:
+    from riftberg.ensembles.forecast import forecast_plan
+    from riftberg.ensembles.vary import Draws
+    from riftberg.experiments import Options
+
+    plan = forecast_plan(
+        drifting, ["current_error.speed=0.3 m/s", "start.thickness~normal(1, 0.1)"], Options(days=0.1), None, Draws(2)
+    )
+    values = plan.members[0]
+    assert values["current_error.speed"] == 0.3
+    assert values["current_error.length"] == 50e3
+    assert next(v for v in plan.varied if v.name == "start.thickness").distribution.name == "normal"  # type: ignore[union-attr]
+    bare = forecast_plan(
+        drifting, ["start.thickness~normal(1, 0.1)"], Options(days=0.1), None, Draws(2), defaults=False
+    )
+    assert set(bare.members[0]) == {"start.thickness"}
+    with pytest.raises(InputError, match="a standard deviation of 0"):
+        forecast_plan(drifting, ["start.thickness~normal(1, 0)"], Options(days=0.1), None, Draws(2))
+
+
+def test_the_default_errors_stand_in_the_docs() -> None:
+    page = (Path(__file__).parents[2] / "docs/howto/ensemble-forecast.md").read_text("utf-8")
+    for error in default_errors("a68a"):
+        assert error.what in page, error.what
+        assert error.source in page, error.source
+        assert all(text in page for text in error.vary), error.vary
+    assert "lattice" in errors_line("a68a")
+    assert "lattice" not in errors_line("collision")
+
+
+def test_the_picture_is_drawn(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    members = []
+    for k in range(12):
+        lon, lat = (np.cumsum([first, *rng.normal(step, 0.02, 6)]) for first, step in ((-37.0, 0.1), (-56.0, -0.05)))
+        members.append(outcome(k, lon.tolist(), lat.tolist(), broken=3 if k % 3 else None))
+    path = draw_forecast(forecast_of(members, 6), tmp_path / "f.png", dpi=60)
+    assert path.stat().st_size > 10_000
+    with pytest.raises(InputError, match="no forecast"):
+        draw_forecast(xr.Dataset(), tmp_path / "g.png")
+
+
+@pytest.mark.compiled
+def test_the_command_forecasts(tmp_path: Path) -> None:
+    out = tmp_path / "f"
+    said = CliRunner().invoke(
+        app, ["forecast", "a68a", "--members", "2", "--days", "0.25", "-o", str(out), "--workers", "0"]
+    )
+    assert said.exit_code == 0, said.output
+    assert "Errors: current 0.1 m/s, 50 km, 3 days; wind 2 m/s" in said.output
+    assert "2 members, 0 failed" in said.output
+    assert (out / "forecast.png").exists()
+    assert open_sweep(out).sizes["member"] == 2
+    more = CliRunner().invoke(app, ["forecast", "--resume", str(out), "--members", "3", "--no-map", "--workers", "0"])
+    assert more.exit_code == 0, more.output
+    assert open_sweep(out).sizes["member"] == 3

@@ -1,0 +1,1 @@
+"""Tests of scores, of the benchmark on tracks and of forecasts against observations."""

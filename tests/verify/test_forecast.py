@@ -1,0 +1,235 @@
+"""Ensembles against observations: axes, lead times, break-up, pooled bergs, and what the command writes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from riftberg.cli.main import app
+from riftberg.diagnostics.observed import read_observed
+from riftberg.ensembles.result import write_sweep
+from riftberg.errors import InputError
+from riftberg.verification.forecast import report, verified
+from riftberg.verification.sphere import moved
+
+START = datetime(2020, 12, 9, 13)
+SPEED = 12.0  # km a day, eastward
+
+
+def ensemble(seed: int, members: int = 30, days: int = 7, spread: float = 5.0) -> xr.Dataset:
+    """Return the tracks of members that drift eastward, each with an error of velocity (km a day)."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0, 24 * days + 1, 6) / 24.0
+    velocity = np.array([SPEED, 0.0]) + random.normal(0.0, spread, (members, 2))
+    lon, lat = moved(-40.0, -56.0, velocity[:, :1] * time, velocity[:, 1:] * time)
+    dims = ("member", "fragment", "time")
+    broken = np.where(
+        np.arange(members) % 2 == 0, np.datetime64(START, "ns") + np.timedelta64(60, "h"), np.datetime64("NaT")
+    )
+    return xr.Dataset(
+        {"status": ("member", np.zeros(members, "i4")), "message": ("member", np.full(members, "", object)),
+         "lon": (dims, lon[:, None]), "lat": (dims, lat[:, None]), "first_breakup": ("member", broken),
+         "fragment_birth_time": (("member", "fragment"), np.full((members, 1), np.datetime64(START, "ns")))},
+        {"member": np.arange(members), "fragment": [1],
+         "time": np.datetime64(START, "ns") + (time * 86400e9).astype("timedelta64[ns]")},
+    )  # fmt: skip
+
+
+def observe(
+    path: Path, seed: int, spread: float = 5.0, *, noise: float = 0.0, days: int = 7, name: str = "A01"
+) -> Path:
+    """Write positions of three days before the start, and of a truth that drifts as one more member would."""
+    random = np.random.default_rng(1000 + seed)
+    velocity = np.array([SPEED, 0.0]) + random.normal(0.0, spread, 2)
+    with path.open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["berg", "date", "lon", "lat"])
+        for day in range(-3, days + 1):
+            east, north = (velocity if day > 0 else np.array([SPEED, 0.0])) * day + random.normal(0.0, 1.0, 2) * noise
+            lon, lat = moved(-40.0, -56.0, np.array(east), np.array(north))
+            table.writerow([name, (START + timedelta(days=day)).isoformat(), float(lon), float(lat)])
+    return path
+
+
+def test_errors_are_along_and_across_the_motion_before(tmp_path: Path) -> None:
+    found = verified(ensemble(1), read_observed(observe(tmp_path / "seen.csv", 1)))
+    assert found.heading == pytest.approx((3 * SPEED, 0.0), abs=0.5)
+    assert sorted(found.points) == [1, 2, 3, 4, 5, 6, 7]
+    (point,) = found.points[5]
+    assert point.members.mean(axis=0) == pytest.approx((5 * SPEED, 0.0), abs=15.0)
+    velocity = point.observed / 5.0
+    assert velocity == pytest.approx(found.points[1][0].observed, abs=0.2)
+    (still,) = found.baselines["staying put"][5]
+    (steady,) = found.baselines["constant velocity"][5]
+    assert still.members == pytest.approx(np.zeros((1, 2)))
+    assert steady.members[0] == pytest.approx((5 * SPEED, 0.0), abs=0.5)
+
+
+def test_the_axes_do_not_know_the_outcome(tmp_path: Path) -> None:
+    """Whatever was observed after the start, the members' coordinates stay."""
+    first, second = (verified(ensemble(1), read_observed(observe(tmp_path / f"{seed}.csv", seed))) for seed in (1, 2))
+    np.testing.assert_array_equal(first.points[7][0].members, second.points[7][0].members)
+
+
+def test_without_a_position_before_the_axes_are_east_and_north(tmp_path: Path) -> None:
+    path = tmp_path / "seen.csv"
+    path.write_text("date,lon,lat\n2020-12-12T13:00,-40,-55\n")
+    found = verified(ensemble(1), read_observed(path))
+    assert found.points[3][0].observed == pytest.approx((0.0, 111.2), abs=0.1)
+    assert report([found], 0.0)["forecasts"][0]["axes"] == "east and north"
+    assert list(found.baselines) == ["staying put"]
+
+
+@pytest.mark.parametrize(("factor", "word"), [(1.0, "reliable"), (2.5, "overconfident"), (0.4, "underconfident")])
+def test_pooled_twins_are_called_what_they_are(factor: float, word: str, tmp_path: Path) -> None:
+    """Truth from the ensemble's own errors, and from larger and smaller ones; twenty bergs."""
+    found = [
+        verified(ensemble(k), read_observed(observe(tmp_path / f"{k}.csv", k, 5.0 * factor, name=f"A{k:02d}")))
+        for k in range(20)
+    ]
+    rows = report(found, 0.0)["with_error"]
+    assert rows[3]["bergs"] == 20
+    assert rows[3]["verdict"] == word
+    if word == "reliable":
+        assert rows[3]["inside_90%"] == pytest.approx(0.9, abs=0.15)
+        # A perfect ensemble beats both forecasts that cost nothing.
+        assert all(row["energy_km"] < row["error_of_mean_km"] for row in rows)
+
+
+def test_the_error_of_observations_is_added_to_the_members(tmp_path: Path) -> None:
+    found = [
+        verified(
+            ensemble(k, spread=3.0), read_observed(observe(tmp_path / f"{k}.csv", k, 3.0, noise=6.0, name=f"A{k:02d}"))
+        )
+        for k in range(20)
+    ]
+    result = report(found, 6.0)
+    assert result["with_error"][0]["inside_90%"] > result["without_error"][0]["inside_90%"] + 0.2
+    assert result["with_error"][0]["energy_km"] < result["without_error"][0]["energy_km"]
+
+
+def test_probability_of_having_broken_by_day(tmp_path: Path) -> None:
+    """Half of the members break on day 2.5; those that never do stay in the denominator."""
+    seen = read_observed(observe(tmp_path / "seen.csv", 1))
+    found = verified(ensemble(1), seen, broken=START + timedelta(days=4))
+    days = report([found], 0.0)["forecasts"][0]["broken"]
+    assert [day["probability"] for day in days] == [0.0, 0.0, 0.5, 0.5, 0.5, 0.5, 0.5]
+    assert [day["occurred"] for day in days] == [False, False, False, True, True, True, True]
+    assert days[0]["fair_brier"] == 0.0
+    # Last seen whole on day 1, broken on day 4: of days 2 and 3 nobody knows.
+    found = verified(ensemble(1), seen, broken=START + timedelta(days=4), whole_until=START + timedelta(days=1))
+    assert sorted(found.broken) == [1, 4, 5, 6, 7]
+    # Never seen broken.
+    found = verified(ensemble(1), seen, whole_until=START + timedelta(days=5))
+    assert [over for _, over in found.broken.values()] == [False] * 5
+
+
+def test_members_count_by_their_weights_and_failed_ones_not(tmp_path: Path) -> None:
+    seen = read_observed(observe(tmp_path / "seen.csv", 1))
+    ds = ensemble(1).assign_coords(weight=("member", np.r_[np.full(29, 1e-9), 1.0]))
+    alone = verified(ds, seen).points[4][0].members
+    assert np.ptp(alone, axis=0) == pytest.approx((0.0, 0.0), abs=1e-9)
+    ds = ensemble(1)
+    ds["status"][:10] = 1
+    found = verified(ds, seen)
+    assert (found.members, found.failed, len(found.points[4][0].members)) == (20, 10, 20)
+
+
+def test_the_skill_of_liu_and_weisberg_is_that_of_the_track(tmp_path: Path) -> None:
+    path = observe(tmp_path / "seen.csv", 1, 0.0)
+    found = verified(ensemble(1, spread=1e-6), read_observed(path))
+    assert found.liu_weisberg["mean of the members"] == pytest.approx(1.0, abs=1e-3)
+    still = verified(ensemble(1, spread=3.0), read_observed(path))
+    assert still.liu_weisberg["median of the members"] < found.liu_weisberg["median of the members"]
+
+
+def said(*words: object) -> str:
+    done = CliRunner().invoke(app, ["verify", *map(str, words)], env={"COLUMNS": "200"})
+    return done.output if done.exit_code == 0 else f"exit {done.exit_code}: {done.stderr}"
+
+
+def folders(tmp_path: Path, count: int) -> list[Path]:
+    pairs = []
+    for k in range(count):
+        (tmp_path / f"forecast{k}").mkdir()
+        write_sweep(ensemble(k), tmp_path / f"forecast{k}" / "sweep.nc")
+        pairs += [tmp_path / f"forecast{k}", observe(tmp_path / f"seen{k}.csv", k, name=f"A{k:02d}")]
+    return pairs
+
+
+def test_the_command_pools_forecasts_and_writes_numbers_and_a_figure(tmp_path: Path) -> None:
+    pairs = folders(tmp_path, 6)
+    dates = [
+        word
+        for k in range(6)
+        for word in (
+            "--broken",
+            "2020-12-12" if k % 2 else "never",
+            "--whole-until",
+            "2020-12-11" if k % 2 else "2020-12-16",
+        )
+    ]
+    text = said(*pairs, *dates, "-o", tmp_path / "out")
+    assert "A00, start 2020-12-09 13:00: 30 members" in text
+    assert "Spread against error over 6 bergs" in text
+    result = json.loads((tmp_path / "out" / "verification.json").read_text())
+    assert [row["lead_days"] for row in result["with_error"]] == [1, 2, 3, 4, 5, 6, 7]
+    assert sum(row["cases"] for row in result["reliability"]) == sum(len(one["broken"]) for one in result["forecasts"])
+    assert (tmp_path / "out" / "verification.png").stat().st_size > 10_000
+    assert "1 berg says nothing of the spread" in said(*pairs[:2], "--no-figure")
+    assert (pairs[0] / "verification.json").exists()
+
+
+def test_baselines_get_the_errors_of_other_bergs(tmp_path: Path) -> None:
+    from verify.test_tracks import straight, write_track
+
+    for name in ("b15a", "b15b"):
+        write_track(tmp_path / "tracks", name, straight(20))
+    result = json.loads(
+        said(*folders(tmp_path, 1), "--tracks", tmp_path / "tracks", "--json", "--no-figure").partition("\nWritten")[0]
+    )
+    still = result["baselines"]["staying put, dressed"][4]
+    assert "energy_km" in still
+    assert result["baselines"]["staying put"][4]["error_of_mean_km"] > 30.0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["forecast0"], "1 paths. Give FOLDER OBSERVED"),
+        (["nowhere", "seen0.csv"], "Name a folder that"),
+        (["forecast0", "missing.csv"], "missing.csv"),
+        (["forecast0", "seen0.csv", "--berg", "B09"], "no positions of B09. Name one with --berg: A00"),
+        (["forecast0", "two.csv"], "several bergs. Name one with --berg: A01, A02"),
+        (["forecast0", "late.csv"], "no position of LATE from 2020-12-09 13:00 to 2020-12-16T13:00"),
+        (["forecast0", "seen0.csv", "--broken", "soon"], "'soon' is not a date"),
+        (["forecast0", "seen0.csv", "--broken", "2020-12-12", "--broken", "never"], "2 dates for 1 forecasts"),
+        (
+            ["forecast0", "seen0.csv", "--broken", "2020-12-12", "--whole-until", "2020-12-13"],
+            "whole until after it broke",
+        ),
+        (["forecast0", "seen0.csv", "--error", "-1"], "-1 is not possible"),
+    ],
+)
+def test_bad_input_is_one_clear_sentence(words, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folders(tmp_path, 1)
+    (tmp_path / "two.csv").write_text("berg,date,lon,lat\nA01,2020-12-10,-40,-56\nA02,2020-12-10,-40,-56\n")
+    (tmp_path / "late.csv").write_text("date,lon,lat\n2021-12-10,-40,-56\n")
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    text = said(*words)
+    assert text.startswith("exit 2")
+    assert message in " ".join(text.split())
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_one_member_is_no_ensemble(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="1 members are done"):
+        verified(ensemble(1, members=1), read_observed(observe(tmp_path / "seen.csv", 1)))
