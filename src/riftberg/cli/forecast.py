@@ -119,9 +119,10 @@ def forecast(
             message = next((str(text) for text in result["message"].values if text), "")
             raise RunError(f"no member came to its end{': ' if message else ''}{message}")
         if map_ and "presence" in result:
+            from riftberg.ensembles.probability import notes
             from riftberg.viz.forecast import draw_forecast
 
-            draw_forecast(result, store.folder / "forecast.png")
+            draw_forecast(result, store.folder / "forecast.png", notes=notes(result))
             files.append("forecast.png")
         from riftberg.ensembles.probability import told
 

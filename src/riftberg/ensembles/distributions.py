@@ -48,12 +48,10 @@ class Limits:
     @classmethod
     def of(cls, metadata: Sequence[Any]) -> Limits:
         """Return the limits of a pydantic field."""
-        low, high = -np.inf, np.inf
-        for item in metadata:
-            for name in ("gt", "ge"):
-                low = max(low, float(getattr(item, name, None) if getattr(item, name, None) is not None else -np.inf))
-            for name in ("lt", "le"):
-                high = min(high, float(getattr(item, name, None) if getattr(item, name, None) is not None else np.inf))
+        known = [(name, float(getattr(item, name))) for item in metadata for name in ("gt", "ge", "lt", "le")
+                 if getattr(item, name, None) is not None]  # fmt: skip
+        low = max((value for name, value in known if name in ("gt", "ge")), default=-np.inf)
+        high = min((value for name, value in known if name in ("lt", "le")), default=np.inf)
         return cls(low, high)
 
 

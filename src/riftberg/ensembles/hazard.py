@@ -249,7 +249,8 @@ def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
     features: list[dict[str, Any]] = []
 
     def add(kind: str, geometry: dict[str, Any], **properties: Any) -> None:
-        features.append({"type": "Feature", "geometry": geometry, "properties": {"kind": kind, **properties}})
+        if geometry["coordinates"]:  # an ellipse of members on one line has no area
+            features.append({"type": "Feature", "geometry": geometry, "properties": {"kind": kind, **properties}})
 
     for limit in limits:
         if len(limit.line) > 3:
@@ -337,7 +338,7 @@ def _kml_shape(geometry: dict[str, Any]) -> str:
 def gridded(ds: xr.Dataset) -> xr.Dataset:
     """Return the probabilities on cells and by date as a CF dataset."""
     names = [name for name in ds.data_vars if str(name).startswith(("p_", "presence", "passes", "cone_", "area_class"))]
-    return ds[names].drop_vars([n for n in ("weight",) if n in ds.coords]).assign_attrs(
+    return ds[names].drop_vars("weight", errors="ignore").assign_attrs(
         Conventions="CF-1.11", title=f"Probabilities of ice: {ds.attrs.get('experiment', '')}",
         comment=f"Not covered: {ds.attrs.get('not_covered', '')}",
     )  # fmt: skip

@@ -281,7 +281,8 @@ def _cracks(model: BareModel, start: tuple[Any, Any, Any], values: Mapping[str, 
     across = np.sqrt((e.length * e.width)[of]) * np.where(e.sides[of] == 6, 0.6204, 1.0)
     middles = 0.5 * (x[i] + x[j]) / size, 0.5 * (y[i] + y[j]) / size
     rows = np.column_stack([bonds.break_time[broken][known], *middles, across / size])
-    return rows[np.argsort(rows[:, 0], kind="stable")].tolist()
+    found: list[list[float]] = rows[np.argsort(rows[:, 0], kind="stable")].tolist()
+    return found
 
 
 class Keeper:

@@ -239,7 +239,7 @@ def _scenario_of_all(ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[floa
     """Return the scenario of each member: which pieces broke off, in which order, as far as three of them."""
     number = np.full(ds.sizes["member"], -1, dtype="i4")
     signs = {}
-    for k in np.flatnonzero(ds["status"].values == 0):
+    for k in np.flatnonzero(ds["status"].values == 0).tolist():
         born = np.flatnonzero(ds["fragment_parent"].values[k] > 0)
         born = born[np.argsort(ds["fragment_birth_time"].values[k, born], kind="stable")]
         area = ds["fragment_area"].values[k, born]
@@ -257,10 +257,10 @@ def _scenario_of_all(ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[floa
             leaders.append(sign)
             alike = len(leaders) - 1
         group[k] = alike
-    order = np.argsort(-np.bincount(list(group.values()), minlength=len(leaders)), kind="stable") if leaders else []
-    rank = {int(g): r for r, g in enumerate(order)}
-    for k, g in group.items():
-        number[k] = rank[g]
+    counts = np.bincount(list(group.values()), minlength=len(leaders))
+    rank = {int(g): r for r, g in enumerate(np.argsort(-counts, kind="stable"))}
+    for k, alike in group.items():
+        number[k] = rank[alike]
     return number
 
 
@@ -355,7 +355,7 @@ def inputs_of(done: xr.Dataset) -> dict[str, Floats]:
     ]
     return {
         name: np.asarray(done[name].values, float) for name in names
-        if done[name].dtype.kind in "fi" and np.nanstd(done[name].values) > 0.0 and np.isfinite(done[name].values).all()
+        if done[name].dtype.kind in "fi" and np.ptp(done[name].values) > 0.0 and np.isfinite(done[name].values).all()
     }  # fmt: skip
 
 
@@ -397,7 +397,15 @@ def _explained(given: Floats, target: Floats, root: Floats) -> float:
     total, n, p = float((y**2).sum()), y.shape[0], x.shape[1]
     if total == 0.0 or n <= p + 1:
         return 0.0
-    return max(0.0, 1.0 - float((rest**2).sum()) / total * (n - 1) / (n - p - 1))
+    return max(0.0, 1.0 - float((rest**2).sum()) / total * float(n - 1) / float(n - p - 1))
+
+
+def notes(ds: xr.Dataset) -> list[str]:
+    """Return the likeliest scenarios, and what makes most of the spread, in a few short lines."""
+    lines = [scenario.told().split(" (")[0] for scenario in scenarios(ds)[:3]]
+    return lines + [
+        f"spread of the position: {name} {100 * share:.0f} %" for name, share in list(sources(ds).items())[:1]
+    ]
 
 
 # ---- in words ---------------------------------------------------------------------------------------------------------

@@ -260,10 +260,13 @@ class UncertainForcing(DescribedForcing):
         self.plane = LocalPlane(float(lon.mean()), float(lat.mean()), latlon)
         x, y, _ = self.plane.forward(lon, lat)
         extent = float(np.hypot(np.ptp(x), np.ptp(y)))
-        common = {"seed": errors.seed, "extent": extent}
-        self._current = errors.current and RandomField(errors.current, kind="current", gradient=True, **common)
-        self._wind = errors.wind and RandomField(errors.wind, kind="wind", gradient=True, **common)
-        self._floor = errors.floor and RandomField(errors.floor, kind="floor", gradient=False, **common)
+
+        def field(error: FieldError | None, kind: str) -> RandomField | None:
+            if error is None:
+                return None
+            return RandomField(error, seed=errors.seed, kind=kind, extent=extent, gradient=kind != "floor")
+
+        self._current, self._wind, self._floor = (field(getattr(errors, kind), kind) for kind in _KINDS)
         self._shore = None
         if errors.current is not None:
             reach = 0.5 * extent + 10.0 * errors.current.length

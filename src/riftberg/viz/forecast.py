@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,11 +10,11 @@ import numpy as np
 import xarray as xr
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import near, scenarios, sources
 from riftberg.errors import InputError
 from riftberg.runs.scene import Box
 from riftberg.viz import style
 from riftberg.viz.panels import Map, widened
+from riftberg.viz.sweep import near
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +23,11 @@ BROKEN, GROUND = "#c0392b", "#8a6d3b"
 """Colours of the probabilities of a break-up and of the ground."""
 
 
-def draw_forecast(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
-    """Draw a forecast: presence and tracks with the control, probabilities by date, cracks in the berg, scenarios."""
+def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] = (), dpi: int = 150) -> Path:
+    """Draw a forecast: presence and tracks with the control, probabilities by date, cracks in the berg.
+
+    ``notes``: lines above the cracks, such as the likeliest scenarios.
+    """
     if "presence" not in result:
         raise InputError("no forecast in degrees", where="draw_forecast", remedy="Give the result of riftberg forecast")
     style.check_format(path)
@@ -34,7 +38,7 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Pa
     bar.set_label("probability that ice passes over", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     _draw_dates(axes["dates"], result)
-    cracks = _draw_cracks(axes["cracks"], result)
+    cracks = _draw_cracks(axes["cracks"], result, notes)
     bar = figure.colorbar(cracks, ax=axes["cracks"], aspect=25, pad=0.02)
     bar.set_label("probability of a crack", fontsize=9)
     bar.ax.tick_params(labelsize=8)
@@ -71,7 +75,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
     first = float(lon[0])
     for k in np.flatnonzero(result["status"].values == 0)[:200]:
         ax.plot(
-            near(result["lon"].values[k, 0], first),
+            near(result["lon"].values[k, 0], first, True),
             result["lat"].values[k, 0],
             color="#34495e",
             lw=0.4,
@@ -80,7 +84,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
         )
     if "control_lon" in result:
         ax.plot(
-            near(result["control_lon"].values[0], first),
+            near(result["control_lon"].values[0], first, True),
             result["control_lat"].values[0],
             color="black",
             lw=1.8,
@@ -91,7 +95,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
     cosine = float(np.cos(np.nanmean(result["cone_lat"].values) * DEGREE))
     steps = np.unique(np.linspace(0, result.sizes["time"] - 1, 5).astype(int))[1:]
     for n, k in enumerate(steps):
-        centre = near(float(result["cone_lon"].values[k]), first), float(result["cone_lat"].values[k])
+        centre = float(near(float(result["cone_lon"].values[k]), first, True)), float(result["cone_lat"].values[k])
         major, minor = (float(result[name].sel(cone=0.9).values[k]) / metres for name in ("cone_major", "cone_minor"))
         turn = np.linspace(0.0, 2.0 * np.pi, 80)
         azimuth = np.deg2rad(float(result["cone_azimuth"].values[k]))
@@ -128,7 +132,7 @@ def _draw_dates(ax: Axes, result: xr.Dataset) -> None:
         ax.fill_between(time, 100 * result[f"{name}_low"], 100 * result[f"{name}_high"], color=colour, alpha=0.18, lw=0)
         ax.plot(time, 100 * result[name], color=colour, lw=1.8, label=word)
     if "control_first_breakup" in result and not np.isnat(result["control_first_breakup"].values):
-        ax.axvline(result["control_first_breakup"].values, color="black", lw=1.0, ls="--", label="control breaks up")
+        ax.axvline(result["control_first_breakup"].item(), color="black", lw=1.0, ls="--", label="control breaks up")
     ax.set_ylim(0.0, 100.0)
     ax.set_xlim(time[0], time[-1])
     ax.set_ylabel("probability (%)", fontsize=9)
@@ -138,8 +142,8 @@ def _draw_dates(ax: Axes, result: xr.Dataset) -> None:
     ax.set_title("Until then it has ... (shade: 90 % interval)", fontsize=10, pad=6)
 
 
-def _draw_cracks(ax: Axes, result: xr.Dataset) -> Any:
-    """Draw the probability of a crack on the berg at the start, and scenarios beside it."""
+def _draw_cracks(ax: Axes, result: xr.Dataset, notes: Sequence[str]) -> Any:
+    """Draw the probability of a crack on the berg at the start."""
     x, y = result["own_x"].values / 1e3, result["own_y"].values / 1e3
     ax.contourf(x, y, result["ice"].values, levels=[0.5, 1.5], colors=["#dfe9f2"], zorder=1)
     share = np.ma.masked_less(result["crack_probability"].values, 0.005)
@@ -148,10 +152,5 @@ def _draw_cracks(ax: Axes, result: xr.Dataset) -> Any:
     style.plain_axes(ax)
     ax.set_xlabel("km east of the middle at the start", fontsize=9)
     ax.set_ylabel("km north", fontsize=9)
-    lines = [f"{s.told().split(' (')[0]}" for s in scenarios(result)[:3]]
-    parts = sources(result)
-    if parts:
-        name, share_of = next(iter(parts.items()))
-        lines.append(f"spread of the position: {name} {100 * share_of:.0f} %")
-    ax.set_title("Where it breaks\n" + "\n".join(lines), fontsize=8.5, pad=6)
+    ax.set_title("\n".join(["Where it breaks", *notes]), fontsize=8.5, pad=6)
     return image

@@ -107,7 +107,7 @@ def _draw_tracks(ax: Axes, done: xr.Dataset, shades: Array) -> None:
     x_name, y_name = ("lon", "lat") if latlon else ("x", "y")
     x, y, area = (done[name].values for name in (x_name, y_name, "area"))
     first = float(x[np.isfinite(x)][0])
-    x = _near(x, first, latlon)
+    x = near(x, first, latlon)
     around = Box(*(float(f(part)) for part in (x, y) for f in (np.nanmin, np.nanmax)))
     chart = Map(ax, widened(around, latlon, 1.0, margin=0.06, least=1e-9), latlon=latlon, ticks=5)
     for k, colour in enumerate(shades):
@@ -121,7 +121,7 @@ def _draw_tracks(ax: Axes, done: xr.Dataset, shades: Array) -> None:
             )  # fmt: skip
         born = done["fragment_parent"].values[k] > 0
         births = [done[f"fragment_{name}"].values[k][born] for name in (x_name, y_name)]
-        ax.plot(_near(births[0], first, latlon), births[1], ls="", marker="*", ms=7, mec="white", mew=0.4,
+        ax.plot(near(births[0], first, latlon), births[1], ls="", marker="*", ms=7, mec="white", mew=0.4,
                 color=colour, zorder=6)  # fmt: skip
     chart.draw_scale()
     ax.set_title("Tracks; a star where a piece broke off", fontsize=10, pad=6)
@@ -158,6 +158,6 @@ def _scale(done: xr.Dataset, name: str) -> tuple[Array, str, list[str]]:
     return values, title if unit in ("1", "") else f"{title} ({unit})", []
 
 
-def _near(x: Array, first: float, latlon: bool) -> Array:
+def near(x: Any, first: float, latlon: bool) -> Any:
     """Put longitudes on one branch, so that no track runs around the globe at its seam."""
-    return np.asarray(x - 360.0 * np.round((x - first) / 360.0)) if latlon else x
+    return x - 360.0 * np.round((x - first) / 360.0) if latlon else x

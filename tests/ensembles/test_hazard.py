@@ -1,0 +1,178 @@
+"""Limits of ice, positions and ice near a place, from forecasts made by hand, and the files of the command."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import shapely
+import xarray as xr
+from typer.testing import CliRunner
+
+from riftberg.cli.main import app
+from riftberg.ensembles.hazard import approach, geojson, ice_limits, positions, smallest_line
+from riftberg.ensembles.result import write_sweep
+
+from .made import forecast_of, outcome
+
+DEGREE = 111.195  # km
+
+
+def standing(lons: list[float], lat: float = -56.0, area: float = 100e6) -> xr.Dataset:
+    """Return a forecast whose members stay where they are."""
+    return forecast_of([outcome(k, [lon, lon], [lat, lat], area=area) for k, lon in enumerate(lons)], 1)
+
+
+def test_the_limit_holds_whole_members_and_is_no_contour_of_presence() -> None:
+    """Ten bergs far from each other: the 50 % limit surrounds five of them, where no cell has a presence above 10 %."""
+    ds = standing([-40.0 + 0.5 * k for k in range(10)])
+    assert ds["presence"].values.max() == pytest.approx(0.1)
+    limit = next(limit for limit in ice_limits(ds) if limit.percent == 50 and limit.date is None)
+    assert limit.inside == pytest.approx(0.5)
+    inside = [shapely.Polygon(limit.line).contains(shapely.Point(-40.0 + 0.5 * k, -56.0)) for k in range(10)]
+    assert sum(inside) == 5
+    # The smallest such line: five next to each other.
+    assert np.ptp(limit.line[:, 0]) == pytest.approx(2.0, abs=0.4)
+
+
+def test_all_ice_of_a_member_lies_inside_also_its_pieces() -> None:
+    members = [outcome(k, [-37.0] * 3, [-56.0] * 3, broken=1) for k in range(4)]
+    limits = ice_limits(forecast_of(members, 2))
+    whole = next(limit for limit in limits if limit.percent == 90 and limit.date is None)
+    shape = shapely.Polygon(whole.line)
+    for lat, area in ((-56.0, 100e6), (-55.9, 30e6)):  # the piece drifts 0.1 degrees to the north
+        radius = np.sqrt(area / np.pi) / 1e3 / DEGREE
+        for angle in np.linspace(0.0, 6.28, 12):
+            corner = -37.0 + radius * np.cos(angle) / np.cos(np.deg2rad(lat)), lat + radius * np.sin(angle)
+            assert shape.buffer(1e-9).contains(shapely.Point(corner))
+    first = next(limit for limit in limits if limit.percent == 90 and limit.date is not None)
+    assert shapely.Polygon(first.line).area < shape.area  # on the first day there is no piece yet
+
+
+def test_members_with_more_weight_are_kept() -> None:
+    square = np.array([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)])
+    points = [square, square + 0.01, square + np.array([9.0, 0.0])]
+    _, inside = smallest_line(points, np.array([0.3, 0.3, 0.4]), 0.6)
+    assert inside == pytest.approx(0.6)
+    line, inside = smallest_line(points, np.array([0.2, 0.2, 0.6]), 0.6)
+    assert inside == pytest.approx(0.6)
+    assert line[:, 0].min() == pytest.approx(9.0)
+
+
+def test_positions_have_the_radii_that_hold_half_and_most_of_the_members() -> None:
+    north = np.arange(1, 11) / 100.0  # members from 1.1 to 11 km north of the start
+    members = [outcome(k, [-37.0, -37.0], [-56.0, -56.0 + d]) for k, d in enumerate(north)]
+    first, last = positions(forecast_of(members, 1))
+    assert first["radius_90_km"] == pytest.approx(0.0, abs=1e-6)
+    assert last["lat"] == pytest.approx(-56.0 + north.mean(), abs=1e-4)
+    away = np.sort(np.abs(north - north.mean())) * DEGREE
+    assert last["radius_50_km"] == pytest.approx(away[4], abs=0.02)
+    assert last["radius_90_km"] == pytest.approx(away[8], abs=0.02)
+
+
+def test_ice_near_a_place_is_found_between_the_tracks_times() -> None:
+    """Bergs that pass north of a point within a day: the closest approach lies between two positions."""
+    north = [0.1, 0.2, 0.4, 0.8]
+    members = [outcome(k, [-38.0, -36.0], [-56.0 + d] * 2, area=4e6) for k, d in enumerate(north)]
+    found = approach(forecast_of(members, 1), "rig", shapely.Point(-37.0, -56.0), 25e3)
+    radius = np.sqrt(4.0 / np.pi)
+    assert found.closest / 1e3 == pytest.approx([d * DEGREE - radius for d in north], abs=0.6)
+    assert found.probability.tolist() == [0.0, 0.5]
+    assert str(found.first_arrival[1])[:13] in ("2020-12-09T09", "2020-12-09T08")
+    area = approach(forecast_of(members, 1), "box", shapely.box(-37.1, -56.2, -36.9, -55.85), 0.0)
+    assert area.closest[0] == 0.0
+    assert area.probability[-1] == pytest.approx(0.25)
+
+
+def test_across_the_date_line() -> None:
+    members = [outcome(k, [179.5, 180.5], [-60.0, -60.0 + 0.01 * k]) for k in range(5)]
+    ds = forecast_of(members, 1)
+    found = approach(ds, "rig", shapely.Point(-179.6, -60.0), 10e3)
+    assert found.probability[-1] == 1.0
+    for feature in geojson(ds, ice_limits(ds))["features"]:
+        bounds = shapely.from_geojson(json.dumps(feature["geometry"])).bounds
+        assert -180.0 <= bounds[0] <= bounds[2] <= 180.0
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a forecast."""
+    members = [
+        outcome(
+            k, [-37.0, -36.8 + 0.02 * (k % 2), -36.6], [-56.0, -56.0 + 0.02 * k, -56.1], broken=1 if k < 2 else None
+        )
+        for k in range(5)
+    ]
+    write_sweep(forecast_of(members, 2), tmp_path / "forecast.nc")
+    return tmp_path
+
+
+def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "rigs.geojson"
+    rig.write_text(
+        json.dumps(
+            {
+                "type": "Feature",
+                "properties": {"name": "Rig"},
+                "geometry": {"type": "Point", "coordinates": [-36.8, -56.0]},
+            }
+        )
+    )
+    said = CliRunner().invoke(
+        app, ["hazard", str(folder), "-o", str(tmp_path / "h"), "--near", str(rig), "--within", "5nm"]
+    )
+    assert said.exit_code == 0, said.output
+    assert "Rig: 100 %" in said.output
+    assert "Not covered: ice smaller than an element" in said.output
+    out = tmp_path / "h"
+    document = json.loads((out / "hazard.geojson").read_text())
+    kinds = {feature["properties"]["kind"] for feature in document["features"]}
+    assert kinds == {"limit of ice", "position", "ellipse of the position"}
+    assert all(shapely.from_geojson(json.dumps(feature["geometry"])).is_valid for feature in document["features"])
+    root = ElementTree.fromstring((out / "hazard.kml").read_text())
+    assert len(root.findall(".//{http://www.opengis.net/kml/2.2}Placemark")) == len(document["features"])
+    rows = list(csv.DictReader((out / "hazard.csv").open()))
+    assert [row["date"] for row in rows] == ["2020-12-09T00:00Z", "2020-12-10T00:00Z", "2020-12-11T00:00Z"]
+    assert float(rows[-1]["p_broken"]) == pytest.approx(0.4)
+    near = list(csv.DictReader((out / "near.csv").open()))
+    assert near[-1]["place"] == "Rig"
+    assert float(near[-1]["within_km"]) == pytest.approx(9.26)
+    with xr.open_dataset(out / "hazard.nc") as grid:
+        assert grid["presence"].dims == ("cell_lat", "cell_lon", "time")
+        assert grid["cell_lat"].attrs["standard_name"] == "latitude"
+        assert grid.attrs["Conventions"] == "CF-1.11"
+
+
+@pytest.mark.parametrize(
+    ("place", "within", "message"),
+    [
+        ('{"type": "FeatureCollection", "features": []}', "5nm", "holds no shape"),
+        ('{"type": "Point"}', "5nm", "no GeoJSON that can be read"),
+        ("no json", "5nm", "no GeoJSON that can be read"),
+        ('{"type": "Point", "coordinates": [-36000, -5600000]}', "5nm", "are no degrees"),
+        ('{"type": "Point", "coordinates": [-36, -56]}', "-5nm", "Give a distance"),
+        ('{"type": "Point", "coordinates": [-36, -56]}', "5kPa", "is in kPa"),
+    ],
+)
+def test_bad_places_are_refused_and_nothing_is_written(
+    folder: Path, place: str, within: str, message: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "place.geojson"
+    file.write_text(place)
+    said = CliRunner().invoke(
+        app, ["hazard", str(folder), "-o", str(tmp_path / "h"), "--near", str(file), f"--within={within}"]
+    )
+    assert said.exit_code == 2 or said.exit_code == 1
+    assert message in " ".join(said.output.split())
+    assert not (tmp_path / "h").exists()
+
+
+def test_a_sweep_is_no_forecast(tmp_path: Path) -> None:
+    write_sweep(standing([-37.0]).drop_vars(["cone_lon"]), tmp_path / "sweep.nc")
+    said = CliRunner().invoke(app, ["hazard", str(tmp_path)])
+    assert "holds no forecast" in " ".join(said.output.split())
+    assert not (tmp_path / "hazard").exists()
