@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import json
 import os
 import re
 import subprocess
@@ -13,8 +14,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
-from scripts import loaded
+from scripts import loaded, table_rows
 
 ROOT = Path(__file__).resolve().parents[1]
 LINE = '__version__ = "9.9.9"'
@@ -134,7 +136,12 @@ def test_one_version_everywhere() -> None:
     assert version is not None
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text("utf-8"), flags=re.MULTILINE)
     assert cited is not None
-    assert cited[1] == version[1].removesuffix(".dev0")
+    recipe = re.search(
+        r'^  version: "(.+)"$', (ROOT / "conda-recipe" / "recipe.yaml").read_text("utf-8"), flags=re.MULTILINE
+    )
+    assert recipe is not None
+    described = json.loads((ROOT / "codemeta.json").read_text("utf-8"))["version"]
+    assert {cited[1], recipe[1], described} == {version[1].removesuffix(".dev0")}
     words = ["git", "describe", "--tags", "--exact-match", "--match", "v[0-9]*"]
     tag = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     if tag.returncode == 0:
@@ -165,3 +172,96 @@ def plain(requirement: str) -> str:
     name = re.match(r"[\w.-]+", requirement)
     assert name is not None
     return name[0].lower().replace("_", "-")
+
+
+PLACEHOLDERS = table_rows(ROOT / "docs" / "release.md", "placeholders")
+
+
+@pytest.mark.parametrize(("word", "files"), [(row[0].strip("`"), row[2]) for row in PLACEHOLDERS])
+def test_table_of_placeholders_is_whole(word: str, files: str) -> None:
+    """A word that is replaced everywhere but in one file leaves a link that leads nowhere."""
+    found = run(
+        "git", "grep", "--untracked", "-lIw", word, "--", ".", ":!docs/release.md", ":!tests/test_package.py"
+    ).splitlines()
+    assert re.findall(r"`([^`]+)`", files) == sorted(found)
+
+
+def test_workflows_run_what_can_be_run_here() -> None:
+    """Each command of a workflow is one of check.sh, of .github/jobs.sh, or of those that need the host."""
+    jobs = re.findall(r"^(\w+)\(\) \{", (ROOT / ".github" / "jobs.sh").read_text("utf-8"), flags=re.MULTILINE)
+    workflows = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+    assert len(workflows) == 3
+    seen = set()
+    for path in workflows:
+        for job in yaml.safe_load(path.read_text("utf-8"))["jobs"].values():
+            for command in (step["run"] for step in job["steps"] if "run" in step):
+                if command.startswith("bash .github/jobs.sh "):
+                    assert command.split()[2] in jobs
+                    seen.add(command.split()[2])
+                else:
+                    assert command.startswith(("bash check.sh", "python -m pip install ", "gh release create ")), (
+                        command
+                    )
+    assert seen == set(jobs)
+
+
+def test_conda_recipe_asks_for_what_the_package_asks_for() -> None:
+    text = re.sub(r"\$\{\{.*?\}\}", "X", (ROOT / "conda-recipe" / "recipe.yaml").read_text("utf-8"))
+    recipe = yaml.safe_load(text)
+    names = {"matplotlib-base": "matplotlib"}
+    rows = [line.split() for line in recipe["requirements"]["run"] if not line.startswith("python ")]
+    asked = {names.get(name, name).replace("_", "-") + limit for name, limit in rows}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert asked == {line.lower() for line in project["dependencies"]}
+
+
+def test_files_of_the_host_can_be_read() -> None:
+    forms = [ROOT / ".github" / "ISSUE_TEMPLATE" / f"{name}.yml" for name in ("config", "bug", "product", "question")]
+    for path in (ROOT / ".pre-commit-config.yaml", ROOT / ".github" / "dependabot.yml", *forms):
+        assert yaml.safe_load(path.read_text("utf-8"))
+    for path in forms[1:]:
+        form = yaml.safe_load(path.read_text("utf-8"))
+        assert {"name", "description", "body"} <= set(form)
+        assert all(part["attributes"]["label"] for part in form["body"])
+    for name in ("codemeta.json", ".zenodo.json"):
+        assert json.loads((ROOT / name).read_text("utf-8"))["keywords"]
+
+
+def test_paper_has_its_sections_and_its_citations() -> None:
+    text = (ROOT / "paper" / "paper.md").read_text("utf-8")
+    heads = re.findall(r"^# (.+)$", text, flags=re.MULTILINE)
+    assert heads == [
+        "Summary", "Statement of need", "State of the field", "Software design", "Research impact statement",
+        "AI usage disclosure", "References",
+    ]  # fmt: skip
+    known = set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text("utf-8"), flags=re.MULTILINE))
+    assert set(re.findall(r"@([A-Z]\w+)", text)) == known
+    assert 750 <= len(text.split()) <= 1750
+
+
+@pytest.mark.parametrize(
+    ("said", "page", "there"),
+    [
+        ("2.9 km off", "docs/explanation/scores.md", "| `riftberg run a68a` | 26 Dec | 16 of 16 | 2.9 |"),
+        ("67.9 km off", "docs/explanation/scores.md", "| `riftberg run a68a-oras5` | 27 Dec | 17 of 17 | 67.9 |"),
+        ("within 2.3 × 10⁻⁶ m", "docs/explanation/trust.md", "a68_story               67024     2.3e-06"),
+        (
+            "a quarter to a twelfth",
+            "README.md",
+            "| A68a, 472 elements, hourly forcing (`a68_story`) | 0.627 | 0.162 | 4.0 |",
+        ),
+        ("a quarter to a twelfth", "README.md", "constant forcing, whole (`a68_oras5`) | 1.75 | 0.149 | 12 |"),
+        ("thins by 17 m", "docs/howto/melting-a68a.md", "(`a68a-melt`) | 69 | 60 | 9.3 | 0.02 | 16.7 |"),
+        ("up to 22 m", "docs/howto/melting-a68a.md", "21.6 m in three"),
+    ],
+)
+def test_figures_of_the_paper_are_those_of_the_pages(said: str, page: str, there: str) -> None:
+    assert said in (ROOT / "paper" / "paper.md").read_text("utf-8")
+    assert there in (ROOT / page).read_text("utf-8"), f"{page} says something else now; so must paper/paper.md"
+
+
+def test_paper_becomes_a_pdf(tmp_path: Path) -> None:
+    pytest.importorskip("pypandoc")
+    pytest.importorskip("typst")
+    run(sys.executable, "paper/build.py", tmp_path / "paper.pdf")
+    assert (tmp_path / "paper.pdf").read_bytes().startswith(b"%PDF")
