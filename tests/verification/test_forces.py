@@ -1,4 +1,4 @@
-"""Twelve sanity tests of forces: direction, sign, size and bounds under constant forcing, the table of docs/explanation/forces.md.
+"""Twelve sanity tests of forces: sign, size and bounds in constant forcing: the table in docs/explanation/forces.md.
 
 A berg of 6 km x 4 km x 200 m. Sizes are written out here from the equations, with numbers and not with the code's functions.
 """
@@ -92,7 +92,7 @@ def drift(model: Model, hours: float) -> Any:
 
 
 def around(name: str, make: Callable[[Any], Steady], size: float, *, towards: float = 1.0) -> float:
-    """Check size and direction of a force for forcing in eight directions, and no other force of that medium; return the size, N."""
+    """Check size and direction of a force for forcing in eight directions; return the size, N."""
     sizes = []
     for unit in COMPASS:
         got = force(name, make(np.array(unit)))
