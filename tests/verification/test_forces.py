@@ -1,4 +1,4 @@
-"""Twelve sanity tests of forces: sign, size and bounds in constant forcing: the table in docs/explanation/forces.md.
+"""Twelve sanity tests of forces: sign, size and bounds in constant forcing (the table in docs/explanation/forces.md).
 
 A berg of 6 km x 4 km x 200 m. Sizes are written out here from the equations, with numbers and not with the code's functions.
 """

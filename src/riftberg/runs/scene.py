@@ -21,6 +21,8 @@ from riftberg.stepping.forces.media import aground
 if TYPE_CHECKING:
     import xarray as xr
 
+    from riftberg.plane import ConformalPlane
+
 
 def corner_offsets(packing: Packing) -> Floats:
     """Return the corners of an element of area 1, shape (corners, 2), metres east and north.
@@ -144,6 +146,11 @@ class Scene:
         )
         self.area: Floats = area.values if self._areas_in_time is None else self._areas_in_time[0]
         self.times: NDArray[np.datetime64] = run["time"].values
+        self.plane: ConformalPlane | None = None  # Of a polar map, on which x and y are metres
+
+    def placed(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
+        """Return a place, given in the units of the run, on the map."""
+        return lon, lat
 
     @property
     def seconds(self) -> Floats:
