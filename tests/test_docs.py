@@ -88,6 +88,29 @@ def test_links_lead_somewhere(name: str) -> None:
             assert not anchor or anchor in anchors(aim), f"{name} links to {target}"
 
 
+@pytest.mark.parametrize("folder", ["tutorials", "howto", "explanation"])
+def test_every_page_has_a_line_on_the_first_page(folder: str) -> None:
+    """The pages of contents take their groups and lines from there."""
+    first = (DOCS / "index.md").read_text("utf-8")
+    for path in (DOCS / folder).glob("*.md"):
+        assert f"({folder}/{path.name})" in first
+    if folder != "tutorials":
+        name = {"howto": "how to", "explanation": "explanation"}[folder]
+        assert f"<!-- {name}: begin -->" in (DOCS / f"{folder}s.md").read_text("utf-8")
+        between = first.partition(f"<!-- {name}: begin -->")[2].partition(f"<!-- {name}: end -->")[0]
+        assert all(f"({folder}/{path.name})" in between for path in (DOCS / folder).glob("*.md"))
+
+
+def test_messages_on_the_page_of_troubleshooting_are_those_of_the_program() -> None:
+    rows = re.findall(r"^\| ([^|]+) \|", (DOCS / "troubleshooting.md").read_text("utf-8"), flags=re.MULTILINE)
+    quoted = [row.strip("` ") for row in rows if re.fullmatch(r"`[^`]+` *", row)]
+    assert len(quoted) >= 5
+    said = "".join(path.read_text("utf-8") for path in (ROOT / "src" / "riftberg").rglob("*.py"))
+    for text in quoted:
+        name = re.sub(r"\bu[ov]$", "", text)  # the field is filled in
+        assert name in said, text
+
+
 def anchors(page: Path) -> set[str]:
     """Return the anchors of the headings of a page, as GitHub makes them."""
     heads = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), flags=re.MULTILINE)
