@@ -321,6 +321,8 @@ class Overview:
         from matplotlib.patches import Patch
 
         handles: list[Any] = list(fragment_patches(self.scene))
+        if not np.isin(self.scene.berg[[0, -1]], [0, *self.colours]).all():
+            handles.append(Patch(fc=colours.SMALL, ec="black", lw=0.5, label="smaller bergs and pieces"))
         handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=marks))
         if any(self.scene.birth(n) for n in self.scene.numbers):
             handles.append(

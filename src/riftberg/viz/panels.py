@@ -246,7 +246,9 @@ class Panel(Map):
             if math.sqrt(float((size[own] ** 2).sum())) < DOT:
                 place = scene.x[record][own].mean(), scene.y[record][own].mean()
                 colour = shown.get(int(number), colours.SMALL)
-                self.ax.plot(*place, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=zorder)
+                # Those without a name lie below the berg that they may come from.
+                on_top = zorder if int(number) in shown else zorder - 0.1
+                self.ax.plot(*place, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=on_top)
 
     def draw_bonds(self, record: int, values: Floats, shades: Colormap, scale: Normalize) -> None:
         """Draw unbroken bonds in the colour of their values, broken ones dotted."""
