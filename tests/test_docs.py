@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import subprocess
@@ -86,6 +87,29 @@ def test_links_lead_somewhere(name: str) -> None:
             aim = (page.parent / path).resolve() if path else page
             assert aim.exists(), f"{name} links to {target}"
             assert not anchor or anchor in anchors(aim), f"{name} links to {target}"
+
+
+@pytest.mark.parametrize("folder", ["tutorials", "howto", "explanation"])
+def test_every_page_has_a_line_on_the_first_page(folder: str) -> None:
+    """The pages of contents take their groups and lines from there."""
+    first = (DOCS / "index.md").read_text("utf-8")
+    for path in (DOCS / folder).glob("*.md"):
+        assert f"({folder}/{path.name})" in first
+    if folder != "tutorials":
+        name = {"howto": "how to", "explanation": "explanation"}[folder]
+        assert f"<!-- {name}: begin -->" in (DOCS / f"{folder}s.md").read_text("utf-8")
+        between = first.partition(f"<!-- {name}: begin -->")[2].partition(f"<!-- {name}: end -->")[0]
+        assert all(f"({folder}/{path.name})" in between for path in (DOCS / folder).glob("*.md"))
+
+
+def test_messages_on_the_page_of_troubleshooting_are_those_of_the_program() -> None:
+    rows = re.findall(r"^\| ([^|]+) \|", (DOCS / "troubleshooting.md").read_text("utf-8"), flags=re.MULTILINE)
+    quoted = [row.strip("` ") for row in rows if re.fullmatch(r"`[^`]+` *", row)]
+    assert len(quoted) >= 5
+    said = "".join(path.read_text("utf-8") for path in (ROOT / "src" / "riftberg").rglob("*.py"))
+    for text in quoted:
+        name = re.sub(r"\bu[ov]$", "", text)  # the field is filled in
+        assert name in said, text
 
 
 def anchors(page: Path) -> set[str]:
@@ -215,8 +239,9 @@ def test_the_gallery_has_examples_with_a_picture_and_a_number() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(path.name for path in (DOCS / "gallery").glob("*.py")))
-def test_example_of_the_gallery_runs(name: str, tmp_path: Path) -> None:
-    subprocess.run([sys.executable, str(DOCS / "gallery" / name)], cwd=tmp_path, check=True)
+def test_example_of_the_gallery_runs(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    own = {"RIFTBERG_DATA": str(request.getfixturevalue("shared") / "data" / "a68a")} if name == "oras5.py" else {}
+    subprocess.run([sys.executable, str(DOCS / "gallery" / name)], cwd=tmp_path, check=True, env={**os.environ, **own})
     assert list(tmp_path.glob("*.png"))
 
 

@@ -21,6 +21,7 @@ from riftberg.runs.scene import Box
 from riftberg.viz import coast as basemap
 from riftberg.viz.animate import write_film
 from riftberg.viz.map import draw_map
+from riftberg.viz.panels import Map
 from riftberg.viz.plots import draw_dates
 
 SQUARE = [(-38.9, -54.95), (-38.5, -54.95), (-38.5, -54.8), (-38.9, -54.8), (-38.9, -54.95)]
@@ -96,7 +97,7 @@ def test_land_with_its_lake_is_drawn_from_the_local_file_and_the_extent_stays(da
     assert sum(polygon.area for polygon, _ in areas) == pytest.approx(0.4 * 0.15 - 0.1 * 0.05)
     assert len(lines) == 2
     inside = areas[0][0]
-    path = basemap._polygon_path(inside)
+    path = basemap.polygon_path(inside)
     assert path.contains_point((-38.6, -54.9))
     ax.figure.savefig(data / "land.png")
     place = ax.get_position()
@@ -164,7 +165,8 @@ def test_neither_date_line_nor_pole_are_coasts(data: Path) -> None:
 
 def test_a_run_in_metres_has_no_coast(data: Path) -> None:
     write_layer(data, "land", SQUARE)
-    assert not basemap.draw_coast(axes(CLOSE), CLOSE, latlon=False)
+    assert Map(axes(CLOSE), CLOSE).coast == {basemap.LAND}
+    assert not Map(axes(CLOSE), CLOSE, latlon=False).coast
 
 
 @pytest.mark.parametrize("turn", [-360.0, 0.0, 360.0])

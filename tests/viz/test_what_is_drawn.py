@@ -151,8 +151,10 @@ def test_no_line_crosses_the_seam_of_a_channel(tmp_path: Path) -> None:
 @pytest.mark.parametrize("west", [-180.0, 0.0])
 def test_runs_across_longitude_180_stay_together(tmp_path: Path, west: float) -> None:
     run = finished(DateLine(west), tmp_path)
-    for corners in ice(draw_map(run)):
+    for corners in ice(draw_map(run, projection="degrees")):
         assert np.ptp(corners[:, 0]) < 5.0
+    for corners in ice(draw_map(run)):  # metres of the plane of the pole
+        assert np.ptp(corners[:, 0]) < 90e3
     content = ReplayContent(run, title="", observed={})
     x, _ = content.plane.forward(content.scene.x, content.scene.y)
     assert np.ptp(x) < 200e3
@@ -637,3 +639,36 @@ def test_a_number_stays_with_its_unit_where_a_title_breaks() -> None:
         assert " ".join(lines).replace("\u00a0", " ") == text
         for line in lines[1:]:
             assert not re.match(r"(m|S|W|Dec|kPa)\b", line), lines
+
+
+def test_children_of_a_berg_are_drawn_and_not_named(tmp_path: Path) -> None:
+    """Bug: children of footloose calving took the colours, their dots hid the parent, and each map was as wide as the debris."""
+    run = finished(FakeModel(), tmp_path).load()
+    # The last three elements stand for children born after a day: bergs of their own, small and far away.
+    berg, first = run["berg"].transpose("time", "trajectory").copy(), 3
+    number = int(run["fragment_number"].max()) + 1
+    born = run["fragment_number"].size
+    berg[:, -1] = np.where(np.arange(run.sizes["time"]) < first, 0, number)
+    lon, lat, width = (run[name].copy() for name in ("lon", "lat", "width"))
+    gone = xr.DataArray(np.arange(run.sizes["time"]) < first, dims="time")
+    child = xr.DataArray(np.arange(run.sizes["trajectory"]) == run.sizes["trajectory"] - 1, dims="trajectory")
+    lon, lat = (value.where(~(gone & child)) for value in (lon + 3.0 * child, lat))
+    width = width.where(~child, 10.0)
+    row = {
+        name: xr.concat([run[name], run[name].isel(fragment=[0])], "fragment") for name in run if run[name].dims == ("fragment",)
+    }  # fmt: skip
+    row["fragment_number"][born], row["fragment_parent"][born], row["fragment_area"][born] = number, 0, 3e4
+    run = run.drop_dims("fragment").assign(**row, berg=berg, lon=lon, lat=lat, width=width)
+    scene = Scene(run)
+    assert scene.children == {number}
+    assert number not in scene.numbers
+    one, whole = scene.box(len(scene.times) - 1), scene.box()
+    assert one.east - one.west < 1.0 < 2.0 < whole.east - whole.west
+
+
+def test_track_of_a_melting_berg_is_a_line(run: xr.Dataset) -> None:
+    """Bug: a berg that lost more than 1 % of its area between records had no track at all."""
+    melting = run["width"] * (1.0 - 0.02 * xr.DataArray(np.arange(run.sizes["time"]), dims="time"))
+    x, _ = Scene(run.assign(width=melting)).track_line(1)
+    whole, _ = Scene(run).track_line(1)
+    assert np.isnan(x).sum() == np.isnan(whole).sum() < 3

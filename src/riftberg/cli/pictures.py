@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from riftberg.diagnostics.observed import Observations
+    from riftberg.viz.polar import Projection
 
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' made.")]
@@ -38,6 +39,15 @@ Dates = Annotated[
         "-d",
         help="A date to show, for example 2020-12-17T13:00; may be repeated. A day alone means the time of its observed outline, "
         "else the hour of the start, as in score.",
+    ),
+]
+
+MapProjection = Annotated[
+    str,
+    typer.Option(
+        "--projection",
+        metavar="NAME",
+        help="polar (stereographic), degrees, or auto: polar beyond 60 degrees of latitude.",
     ),
 ]
 
@@ -126,6 +136,7 @@ def plot(
     date: Dates = None,
     observed: ObservedFile = None,
     picture: Format = "png",
+    projection: MapProjection = "auto",
     dpi: Annotated[int, typer.Option("--dpi", min=30, max=1200, help="Resolution.")] = 150,
 ) -> None:  # fmt: skip
     """Draw maps at chosen dates with observed outlines, stress and damage of the bonds, and the history of the fragments."""
@@ -143,7 +154,17 @@ def plot(
         shown = observations.rings_by_day()
         with results_folder(folder_beside(run, output), files, taken=files) as folder:
             for name in kinds:
-                typer.echo(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, dpi))
+                typer.echo(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
+
+
+def known(name: str) -> Projection:
+    """Return a projection by its name."""
+    from riftberg.viz.polar import PROJECTIONS
+
+    for projection in PROJECTIONS:
+        if name == projection:
+            return projection
+    raise InputError(f"{name!r} is not known", where="--projection", remedy=f"Use {', '.join(PROJECTIONS)}")
 
 
 def usual_kinds(run: xr.Dataset) -> list[str]:
@@ -157,8 +178,9 @@ def usual_kinds(run: xr.Dataset) -> list[str]:
 
 
 def _drawn(
-    name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], shown: dict[str, list[Any]], dpi: int
-) -> Path:
+    name: str, run: xr.Dataset, path: Path, when: list[np.datetime64], shown: dict[str, list[Any]],
+    projection: Projection, dpi: int,
+) -> Path:  # fmt: skip
     """Draw one figure."""
     from riftberg.viz import map as maps
     from riftberg.viz import plots
@@ -175,13 +197,13 @@ def _drawn(
             )
         return story.draw(run, path, dpi)
     if name == "map":
-        return maps.draw_map(run, path, observed=shown, dpi=dpi)
+        return maps.draw_map(run, path, observed=shown, projection=projection, dpi=dpi)
     if name == "timeline":
         return plots.draw_fragments(run, path, dpi=dpi)
     if name == "dates":
-        return plots.draw_dates(run, path, dates=when, observed=shown, dpi=dpi)
+        return plots.draw_dates(run, path, dates=when, observed=shown, projection=projection, dpi=dpi)
     draw = plots.draw_stress if name == "stress" else plots.draw_damage
-    return draw(run, path, dates=when, dpi=dpi)
+    return draw(run, path, dates=when, projection=projection, dpi=dpi)
 
 
 @reported
@@ -201,6 +223,7 @@ def animate(
         int | None, typer.Option("--dpi", min=30, max=400, help="Resolution.  [default: 110, GIF 80]")
     ] = None,
     observed: ObservedFile = None,
+    projection: MapProjection = "auto",
     quiet: Quiet = False,
 ) -> None:
     """Write a film of a run."""
@@ -214,7 +237,7 @@ def animate(
         picture_path(run, output, "film" + default_ending(), observed=observed) as goal,
     ):
         check_frames(dataset["time"].values, hours)
-        path = _filmed(dataset, goal, hours, fps, dpi, shown, quiet)
+        path = _filmed(dataset, goal, hours, fps, dpi, shown, known(projection), quiet)
     typer.echo(path)
 
 
@@ -233,8 +256,9 @@ def check_frames(times: Any, hours: float | None) -> None:
 
 
 def _filmed(
-    dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, shown: Any, quiet: bool
-) -> Path:
+    dataset: Any, goal: Path, hours: float | None, fps: int | None, dpi: int | None, shown: Any,
+    projection: Projection, quiet: bool,
+) -> Path:  # fmt: skip
     from rich.console import Console
     from rich.progress import Progress
 
@@ -243,7 +267,7 @@ def _filmed(
     with Progress(console=Console(stderr=True), disable=quiet) as bar:
         task = bar.add_task("frames", total=None)
         return write_film(
-            dataset, goal, hours=hours, fps=fps, dpi=dpi, observed=shown,
+            dataset, goal, hours=hours, fps=fps, dpi=dpi, observed=shown, projection=projection,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )  # fmt: skip
 

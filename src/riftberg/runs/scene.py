@@ -21,6 +21,8 @@ from riftberg.stepping.forces.media import aground
 if TYPE_CHECKING:
     import xarray as xr
 
+    from riftberg.plane import ConformalPlane
+
 
 def corner_offsets(packing: Packing) -> Floats:
     """Return the corners of an element of area 1, shape (corners, 2), metres east and north.
@@ -144,6 +146,11 @@ class Scene:
         )
         self.area: Floats = area.values if self._areas_in_time is None else self._areas_in_time[0]
         self.times: NDArray[np.datetime64] = run["time"].values
+        self.plane: ConformalPlane | None = None  # Of a polar map, on which x and y are metres
+
+    def placed(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
+        """Return a place, given in the units of the run, on the map."""
+        return lon, lat
 
     @property
     def seconds(self) -> Floats:
@@ -288,7 +295,15 @@ class Scene:
         ranked = sorted(sizes, key=lambda n: (-sizes[n], n))
         large = set(sorted(self.berg_areas, key=lambda n: (-self.berg_areas[n], n))[:MOST_BERGS])
         whole = {n: self.berg_areas.get(self.origin(n), 0.0) for n in ranked}
-        return [n for n in ranked if sizes[n] >= SMALL * whole[n] and self.origin(n) in large] or ranked[:1]
+        named = [n for n in ranked if sizes[n] >= SMALL * whole[n] and self.origin(n) in large - self.children]
+        return named or ranked[:1]
+
+    @cached_property
+    def children(self) -> set[int]:
+        """Numbers of small bergs that were born on the way, as by footloose calving: they are drawn and not named."""
+        least = SMALL * max(self.berg_areas.values(), default=0.0)
+        started = set(np.unique(self.berg[0]).tolist())
+        return {number for number, area in self.berg_areas.items() if number not in started and area < least}
 
     @cached_property
     def berg_areas(self) -> dict[int, float]:
@@ -351,7 +366,8 @@ class Scene:
         the centroid jumps there, and no ice moved along that jump.
         """
         x, y, there = self.track(number)
-        area = np.array([self.area_of(number, int(record)) for record in there])
+        # With the areas that the elements had first: ice that melts bit by bit does not make the centroid jump.
+        area = np.where(self.berg[there] == number, self.area, 0.0).sum(axis=1)
         jumps = (np.abs(np.diff(area)) > SMALL * area[:-1]) | (np.diff(there) > 1)
         if until is not None:
             shown = there <= until
@@ -388,7 +404,12 @@ class Scene:
     def box(self, record: int | None = None) -> Box:
         """Return the extent of bergs and named fragments, at a record or over the whole run."""
         chosen = range(0, len(self.times), max(1, len(self.times) // 50)) if record is None else [record]
-        shown = [*self.numbers, *self.berg_areas]
+        # A map of one date is about the bergs, one of the whole run about their children too.
+        shown = (
+            [*self.numbers, *self.berg_areas]
+            if record is None
+            else [*self.numbers, *self.berg_areas.keys() - self.children]
+        )
         rows = [np.isin(self.berg[k], shown) for k in (*chosen, -1 if record is None else record)]
         # A berg that shattered has no fragment with a name; then all of its elements count.
         rows = [row if row.any() else ~row for row in rows]

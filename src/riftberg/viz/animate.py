@@ -23,7 +23,6 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from riftberg.errors import InputError
-from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import replacing
@@ -39,6 +38,7 @@ from riftberg.viz.panels import (
     widened,
 )
 from riftberg.viz.plots import figure_title
+from riftberg.viz.polar import Projection, on_a_map
 from riftberg.viz.style import moment_text, new_figure
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def write_film(
     fps: int | None = None,
     dpi: int | None = None,
     observed: Mapping[str, Sequence[Floats]] | None = None,
+    projection: Projection = "auto",
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Write a film of a run.
@@ -82,6 +83,8 @@ def write_film(
         Frames a second, and resolution.
     observed : mapping, optional
         Observed outlines by ISO day.
+    projection : {"auto", "polar", "degrees"}, optional
+        As in `riftberg.draw_map`.
     progress : callable, optional
         Called with the number of frames done, and of all.
     """
@@ -95,9 +98,9 @@ def write_film(
         raise InputError("ffmpeg is not installed", where=str(path), remedy="Install ffmpeg, or write a .gif")
     gif = ending == ".gif"
     fps, dpi = fps or (GIF_FPS if gif else FPS), dpi or (GIF_DPI if gif else DPI)
-    scene = Scene(run)
+    scene, water = on_a_map(run, projection)
     records = frame_records(scene, hours, fps)
-    film = _Film(scene, water_of(run), observed or {}, dpi, steps=GIF_STEPS if gif else None)
+    film = _Film(scene, water, observed or {}, dpi, steps=GIF_STEPS if gif else None)
     writer: AbstractMovieWriter
     if gif:
         probes = []

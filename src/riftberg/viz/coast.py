@@ -19,6 +19,8 @@ from riftberg.viz.colours import LAND, SHELF, SHORE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from riftberg.plane import ConformalPlane
+
 FILLED: Final = (("land", LAND), ("minor_islands", LAND), ("antarctic_ice_shelves_polys", SHELF))
 """Layers of areas of Natural Earth."""
 
@@ -35,26 +37,49 @@ UNITS: Final = 1000.0
 """Stored units in a degree."""
 
 
-def draw_coast(ax: Axes, box: Box, *, latlon: bool = True) -> bool:
-    """Draw land, ice shelves and coastlines; return whether there are any on the map.
+def draw_coast(ax: Axes, box: Box, *, plane: ConformalPlane | None = None) -> set[str]:
+    """Draw land, ice shelves and coastlines; return the colours of those that are on the map.
 
-    ``ax``: longitude (on any branch) and latitude, degrees; ``latlon``: false for runs in metres, which have no coast.
+    ``box``: degrees (longitude on any branch), or metres of the plane of a polar map.
     """
     from matplotlib.collections import LineCollection, PathCollection
 
-    if not latlon:
-        return False
-    areas, lines = coast_in(box)
+    areas, lines = coast_in(box) if plane is None else coast_on(box, plane)
     for colour in (LAND, SHELF):
-        paths = [_polygon_path(polygon) for polygon, shown in areas if shown == colour]
+        paths = [polygon_path(polygon) for polygon, shown in areas if shown == colour]
         # The extent of the map is that of the run, not of the continent.
         ax.add_collection(PathCollection(paths, facecolors=colour, edgecolors="none", zorder=COAST), autolim=False)
     shore = LineCollection(
         [np.asarray(line.coords)[:, :2] for line in lines], colors=SHORE, linewidths=0.8, zorder=COAST
     )
     ax.add_collection(shore, autolim=False)
-    shown = [part.bounds for part in (*(area for area, _ in areas), *lines)]  # a little outside of the map is cut too
-    return any(w < box.east and e > box.west and s < box.north and n > box.south for w, s, e, n in shown)
+    # A little outside of the map is cut too.
+    return {
+        colour for area, colour in areas
+        if (w := area.bounds)[0] < box.east and w[2] > box.west and w[1] < box.north and w[3] > box.south
+    }  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def coast_on(box: Box, plane: ConformalPlane) -> tuple[list[tuple[Any, str]], list[Any]]:
+    """Return areas with their colours, and lines, on the plane of a polar map."""
+    import shapely
+
+    x, y = np.meshgrid(np.linspace(box.west, box.east, 80), np.linspace(box.south, box.north, 80))
+    lon, lat = plane.inverse(x, y)
+    low, high, west, east = float(lat.min()), float(lat.max()), float(lon.min()), float(lon.max())
+    if box.west < 0.0 < box.east and box.south < 0.0 < box.north:  # the pole is on the map
+        low, high = (low, 90.0) if plane.lat0 > 0.0 else (-90.0, high)
+        west, east = plane.lon0 - 179.99, plane.lon0 + 179.99
+    areas, lines = coast_in(Box(west, east, low, high))
+
+    def laid(part: Any) -> Any:
+        # Cuts run along parallels and meridians, which are bent on the plane.
+        return shapely.transform(
+            shapely.segmentize(part, 0.5), lambda xy: np.stack(plane.forward(xy[:, 0], xy[:, 1]), axis=-1)
+        )
+
+    return [(laid(area), colour) for area, colour in areas], [laid(line) for line in lines]
 
 
 @lru_cache(maxsize=64)
@@ -157,7 +182,7 @@ def _edges(polygon: Any) -> Any:
     return shapely.MultiLineString(segments)
 
 
-def _polygon_path(polygon: Any) -> Any:
+def polygon_path(polygon: Any) -> Any:
     """Return a polygon with its holes as a path of matplotlib."""
     from matplotlib.path import Path as Curve
 

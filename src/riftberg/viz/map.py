@@ -12,7 +12,6 @@ import xarray as xr
 from riftberg.config.values import required
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
-from riftberg.runs.background import water_of
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -30,6 +29,8 @@ from riftberg.viz.panels import (
     speed_scale,
     widened,
 )
+from riftberg.viz.place import draw_place
+from riftberg.viz.polar import Projection, on_a_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,17 +49,17 @@ OVERVIEW = 0.95
 @overload
 def draw_map(
     run: xr.Dataset, path: str | Path, *, forcing: Water | None = None, title: str = "", dates: int = 6,
-    observed: Outlines | None = None, dpi: int = 150,
+    observed: Outlines | None = None, projection: Projection = "auto", dpi: int = 150,
 ) -> Path: ...  # fmt: skip
 @overload
 def draw_map(
     run: xr.Dataset, path: None = None, *, ax: Axes, date: Any = None, forcing: Water | None = None,
-    observed: Outlines | None = None,
+    observed: Outlines | None = None, projection: Projection = "auto",
 ) -> Axes: ...  # fmt: skip
 @overload
 def draw_map(
     run: xr.Dataset, path: None = None, *, forcing: Water | None = None, title: str = "", dates: int = 6,
-    observed: Outlines | None = None, dpi: int = 150,
+    observed: Outlines | None = None, projection: Projection = "auto", dpi: int = 150,
 ) -> Figure: ...  # fmt: skip
 def draw_map(
     run: xr.Dataset,
@@ -70,6 +71,7 @@ def draw_map(
     title: str = "",
     dates: int = 6,
     observed: Outlines | None = None,
+    projection: Projection = "auto",
     dpi: int = 150,
 ) -> Path | Axes | Figure:
     """Draw the map of a run: into a file, into axes of one's own, or as a figure.
@@ -86,7 +88,7 @@ def draw_map(
         Picture to write; the ending decides on the format: ``.png``, ``.pdf``, ``.svg`` and others of matplotlib.
     ax : matplotlib.axes.Axes, optional
         Axes to draw into, instead of a figure: the tracks, or the berg at ``date``. Tracks and signs carry labels, so that
-        ``ax.legend()`` explains them; x and y are degrees (metres in a Cartesian run).
+        ``ax.legend()`` explains them; x and y are degrees (metres in a Cartesian run, and with ``projection="polar"``).
     date : str or numpy.datetime64 or datetime, optional
         With ``ax``: draw the berg at this date, in the current of this date.
     forcing : Forcing or StoredWater, optional
@@ -97,6 +99,8 @@ def draw_map(
         Number of dates, 2 to 6.
     observed : mapping, optional
         Observed outlines by ISO date, drawn on the dates that they belong to.
+    projection : {"auto", "polar", "degrees"}, optional
+        ``"auto"`` is polar stereographic where the middle of the run is beyond 60 degrees, and degrees elsewhere and on ``ax``.
     dpi : int, optional
         Resolution.
 
@@ -113,7 +117,9 @@ def draw_map(
     >>> figure.savefig("berg.pdf")                                          # doctest: +SKIP
     """
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_map")
-    scene, water = Scene(run), forcing or water_of(run)
+    if ax is not None and projection == "auto":
+        projection = "degrees"
+    scene, water = on_a_map(run, projection, forcing)
     if ax is not None:
         if path is not None:
             raise InputError("both a file and axes", where="draw_map", remedy="Give path or ax; save the figure of ax")
@@ -126,10 +132,16 @@ def draw_map(
 
 
 @overload
-def draw_tracks(run: xr.Dataset, path: str | Path, *, title: str = "", dpi: int = 150) -> Path: ...
+def draw_tracks(
+    run: xr.Dataset, path: str | Path, *, title: str = "", projection: Projection = "auto", dpi: int = 150
+) -> Path: ...
 @overload
-def draw_tracks(run: xr.Dataset, path: None = None, *, title: str = "", dpi: int = 150) -> Figure: ...
-def draw_tracks(run: xr.Dataset, path: str | Path | None = None, *, title: str = "", dpi: int = 150) -> Path | Figure:
+def draw_tracks(
+    run: xr.Dataset, path: None = None, *, title: str = "", projection: Projection = "auto", dpi: int = 150
+) -> Figure: ...
+def draw_tracks(
+    run: xr.Dataset, path: str | Path | None = None, *, title: str = "", projection: Projection = "auto", dpi: int = 150
+) -> Path | Figure:
     """Draw the tracks of bergs and fragments on one map, with the ice at the first and the last date.
 
     Parameters
@@ -140,6 +152,8 @@ def draw_tracks(run: xr.Dataset, path: str | Path | None = None, *, title: str =
         Picture to write; the ending decides on the format.
     title : str, optional
         First line of the title; by default the experiment.
+    projection : {"auto", "polar", "degrees"}, optional
+        As in `draw_map`.
     dpi : int, optional
         Resolution.
 
@@ -149,11 +163,11 @@ def draw_tracks(run: xr.Dataset, path: str | Path | None = None, *, title: str =
         The picture if ``path`` is given, else the figure.
     """
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_tracks")
-    scene = Scene(run)
+    scene, water = on_a_map(run, projection)
     if path is not None:
         style.check_format(path)
     figure = style.new_figure(7.0, 8.4, dpi)
-    overview = Overview(figure.subplots(), scene, water_of(run), OVERVIEW)
+    overview = Overview(figure.subplots(), scene, water, OVERVIEW)
     depth_bar(overview.panel)
     handles = overview.handles(marks="track and dates")
     figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=2, frameon=False)
@@ -267,6 +281,7 @@ class Overview:
         # Smaller pieces first, so that the track of the largest lies on top.
         for number in reversed(list(self.colours)):
             self._draw_track(number, labels)
+        draw_place(self.panel, labels)
         self._draw_dates(labels, records)
         self.panel.draw_scale()
 
@@ -306,13 +321,17 @@ class Overview:
         from matplotlib.patches import Patch
 
         handles: list[Any] = list(fragment_patches(self.scene))
+        if not np.isin(self.scene.berg[[0, -1]], [0, *self.colours]).all():
+            handles.append(Patch(fc=colours.SMALL, ec="black", lw=0.5, label="smaller bergs and pieces"))
         handles.append(Line2D([], [], color="black", marker="o", mfc="white", lw=2, label=marks))
         if any(self.scene.birth(n) for n in self.scene.numbers):
             handles.append(
                 Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="place of a break-up")
             )
-        if self.panel.land:
-            handles.append(Patch(fc=colours.LAND, ec=colours.SHORE, lw=0.8, label="land; ice shelves are white"))
+        handles += [
+            Patch(fc=colour, ec=colours.SHORE, lw=0.8, label=name)
+            for colour, name in ((colours.LAND, "land"), (colours.SHELF, "ice shelf")) if colour in self.panel.coast
+        ]  # fmt: skip
         if self.grounded:
             handles.append(Patch(fc="white", ec=colours.GROUND, hatch="////",
                                  label=f"shallower than the keel ({self.scene.draft():.0f} m)"))  # fmt: skip

@@ -17,6 +17,7 @@ from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.coast import draw_coast
+from riftberg.viz.polar import PolarWater, draw_graticule
 from riftberg.viz.style import is_short, moment_text
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.patches import Patch
     from matplotlib.quiver import Quiver
 
+    from riftberg.plane import ConformalPlane
 
 ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
 
@@ -74,7 +76,7 @@ class Map:
 
     def __init__(
         self, ax: Axes, box: Box, *, latlon: bool = True, radius: float = EARTH_RADIUS_A68, ticks: int = 4,
-        labels: bool = False,
+        labels: bool = False, plane: ConformalPlane | None = None,
     ) -> None:  # fmt: skip
         self.ax, self.box, self.latlon = ax, box, latlon
         self.units_per_km = 1e3 / (DEGREE * radius) if latlon else 1e3  # along y
@@ -82,10 +84,14 @@ class Map:
         ax.set_ylim(box.south, box.north)
         self.stretch = stretch(0.5 * (box.south + box.north), latlon)
         ax.set_aspect(self.stretch)
-        style.geographic_axes(ax, latlon=latlon, ticks=ticks, labels=labels)
+        if plane is None:
+            style.geographic_axes(ax, latlon=latlon, ticks=ticks, labels=labels)
+        else:
+            draw_graticule(ax, box, plane, lines=ticks)
         ax.set_facecolor(colours.SEA)
         self.shaded = False
-        self.land = draw_coast(ax, box, latlon=latlon)
+        # Runs in metres that are no place on the Earth have no coast.
+        self.coast = draw_coast(ax, box, plane=plane) if latlon or plane is not None else set()
 
     def mesh(self, points: int) -> tuple[Floats, Floats]:
         """Return points on an even mesh over the map."""
@@ -137,7 +143,7 @@ class Map:
         style.scale_bar(self.ax, km=km, units_per_km=unit)
 
 
-Water = Forcing | StoredWater | KeptWater
+Water = Forcing | StoredWater | KeptWater | PolarWater
 
 DOT: Final = 3.0
 """Size (points) below which a fragment is drawn as a dot."""
@@ -155,7 +161,9 @@ class Panel(Map):
     def __init__(
         self, ax: Axes, scene: Scene, box: Box, water: Water | None = None, *, ticks: int = 4, labels: bool = False
     ) -> None:
-        super().__init__(ax, box, latlon=scene.latlon, radius=scene.radius, ticks=ticks, labels=labels)
+        super().__init__(
+            ax, box, latlon=scene.latlon, radius=scene.radius, ticks=ticks, labels=labels, plane=scene.plane
+        )
         self.scene, self.water = scene, water
 
     def speeds(self, record: int) -> tuple[float, float]:
@@ -238,7 +246,9 @@ class Panel(Map):
             if math.sqrt(float((size[own] ** 2).sum())) < DOT:
                 place = scene.x[record][own].mean(), scene.y[record][own].mean()
                 colour = shown.get(int(number), colours.SMALL)
-                self.ax.plot(*place, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=zorder)
+                # Those without a name lie below the berg that they may come from.
+                on_top = zorder if int(number) in shown else zorder - 0.1
+                self.ax.plot(*place, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=on_top)
 
     def draw_bonds(self, record: int, values: Floats, shades: Colormap, scale: Normalize) -> None:
         """Draw unbroken bonds in the colour of their values, broken ones dotted."""
@@ -274,11 +284,11 @@ class Panel(Map):
     def draw_outlines(self, rings: Sequence[Floats], **look: Any) -> None:
         """Draw observed outlines (longitude, latitude)."""
         for ring in rings:
-            x = ring[:, 0]
+            x, y = self.scene.placed(ring[:, 0], ring[:, 1])
             if self.scene.latlon:
                 middle = 0.5 * (self.box.west + self.box.east)
                 x = x - 360.0 * np.round((x - middle) / 360.0)
-            closed = np.append(x, x[0]), np.append(ring[:, 1], ring[0, 1])
+            closed = np.append(x, x[0]), np.append(y, y[0])
             self.ax.plot(*closed, **{"color": colours.OBSERVED, "lw": 1.2, "zorder": 7, **look})
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import InputError
-from riftberg.runs.background import water_of
 from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -29,6 +28,7 @@ from riftberg.viz.panels import (
     speed_scale,
     widened,
 )
+from riftberg.viz.polar import Projection, on_a_map
 from riftberg.viz.style import date_axis, day_text, is_short, moment_texts, new_figure
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def draw_dates(
     *,
     dates: Sequence[np.datetime64] | None = None,
     observed: Outlines | None = None,
+    projection: Projection = "auto",
     dpi: int = 150,
 ) -> Path:
     """Draw the berg at chosen dates in the currents of these dates, with the outlines observed on these days.
@@ -83,12 +84,14 @@ def draw_dates(
         By default the start, the large break-ups and evenly spaced days.
     observed : mapping, optional
         Observed outlines by ISO day.
+    projection : {"auto", "polar", "degrees"}, optional
+        As in `riftberg.draw_map`.
     dpi : int, optional
         Resolution.
     """
     from matplotlib.lines import Line2D
 
-    scene, water = Scene(run), water_of(run)
+    scene, water = on_a_map(run, projection)
     records = chosen(scene, dates)
     days = [str(scene.times[record])[:10] for record in records]
     seen = {day: observed[day] for day in days if observed and day in observed}
@@ -133,9 +136,8 @@ def _observed_panel(
     ax: Axes, scene: Scene, records: Sequence[int], seen: Outlines, water: Water | None, top: float
 ) -> None:
     """Draw all outlines over the currents of the middle one of their records."""
-    rings = np.concatenate([ring for day in seen.values() for ring in day])
-    (west, south), (east, north) = rings.min(axis=0), rings.max(axis=0)
-    box = Box(float(west), float(east), float(south), float(north))
+    x, y = scene.placed(*np.concatenate([ring for day in seen.values() for ring in day]).T)
+    box = Box(float(x.min()), float(x.max()), float(y.min()), float(y.max()))
     panel = Panel(ax, scene, widened(box, scene.latlon, 1.0, margin=0.06), water)
     middle = records[len(records) // 2]
     panel.draw_currents(middle, top, arrows=15)
@@ -151,15 +153,18 @@ def _observed_panel(
 
 @overload
 def draw_stress(
-    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path: ...
+    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto",
+    dpi: int = 150,
+) -> Path: ...  # fmt: skip
 @overload
 def draw_stress(
-    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Figure: ...
+    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto",
+    dpi: int = 150,
+) -> Figure: ...  # fmt: skip
 def draw_stress(
-    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path | Figure:
+    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None,
+    projection: Projection = "auto", dpi: int = 150,
+) -> Path | Figure:  # fmt: skip
     """Draw the bonds in the colour of their tensile stress; by default just before the large break-ups.
 
     Parameters
@@ -170,6 +175,8 @@ def draw_stress(
         Picture to write; the ending decides on the format.
     dates : sequence of numpy.datetime64, optional
         Dates of the panels.
+    projection : {"auto", "polar", "degrees"}, optional
+        As in `riftberg.draw_map`.
     dpi : int, optional
         Resolution.
 
@@ -178,7 +185,7 @@ def draw_stress(
     pathlib.Path or matplotlib.figure.Figure
         The picture if ``path`` is given, else the figure.
     """
-    scene = Scene(run)
+    scene, water = on_a_map(run, projection)
     if not run.sizes["bond"]:
         raise InputError("the run has no bonds, so no stress in them", where="stress", remedy="Draw another kind")
     records = chosen(scene, dates) if dates else _before_breakups(scene)
@@ -191,30 +198,33 @@ def draw_stress(
     beyond = fracture.enabled and top >= strength
     text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
     return _bond_maps(
-        scene, tension, path, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
+        scene, water, tension, path, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
         label=f"largest tensile stress of a bond ({name}){text}; dotted: broken", what="stress in the bonds", dpi=dpi,
     )  # fmt: skip
 
 
 @overload
 def draw_damage(
-    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path: ...
+    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto",
+    dpi: int = 150,
+) -> Path: ...  # fmt: skip
 @overload
 def draw_damage(
-    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Figure: ...
+    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto",
+    dpi: int = 150,
+) -> Figure: ...  # fmt: skip
 def draw_damage(
-    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None, dpi: int = 150
-) -> Path | Figure:
+    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None,
+    projection: Projection = "auto", dpi: int = 150,
+) -> Path | Figure:  # fmt: skip
     """Draw the bonds in the colour of their damage; by default just before the large break-ups and at the end.
 
     Parameters
     ----------
-    run, path, dates, dpi
+    run, path, dates, projection, dpi
         As in `draw_dates`.
     """
-    scene = Scene(run)
+    scene, water = on_a_map(run, projection)
     damage = scene.bond_damage()
     if damage is None:
         raise InputError("the run has no damage", where="damage", remedy="Run with --set damage.enabled=true")
@@ -222,21 +232,21 @@ def draw_damage(
     values = {r: damage[r] for r in records}
     top = max(0.01, *(float(np.nanmax(of_record, initial=0.0)) for of_record in values.values()))
     return _bond_maps(
-        scene, values, path, shades=colours.damage_map(), top=top, label="damage of a bond; dotted: broken",
+        scene, water, values, path, shades=colours.damage_map(), top=top, label="damage of a bond; dotted: broken",
         what="damage of the bonds", dpi=dpi,
     )  # fmt: skip
 
 
 def _bond_maps(
-    scene: Scene, values: Mapping[int, Floats], path: str | Path | None, *, shades: Colormap, top: float, label: str,
-    what: str, dpi: int, beyond: bool = False,
+    scene: Scene, water: Water | None, values: Mapping[int, Floats], path: str | Path | None, *, shades: Colormap,
+    top: float, label: str, what: str, dpi: int, beyond: bool = False,
 ) -> Path | Figure:  # fmt: skip
     """Draw the bonds at each record in the colour of their values, with a scale up to ``top`` below, open if ``beyond``."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import PowerNorm
     from matplotlib.ticker import FixedLocator, FuncFormatter
 
-    figure, records, water = new_figure(5.2 * len(values) + 0.8, 6.6, dpi), list(values), water_of(scene.run)
+    figure, records = new_figure(5.2 * len(values) + 0.8, 6.6, dpi), list(values)
     axes = list(figure.subplots(1, len(values), squeeze=False).flat)
     boxes = common_boxes(scene, records, margin=0.05)
     panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(axes, boxes, strict=True)]
@@ -256,7 +266,8 @@ def _bond_maps(
     bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.3g}" if v < 1e3 else f"{v:,.0f}"))
     bar.ax.xaxis.set_minor_locator(FixedLocator([]))
     bar.ax.tick_params(labelsize=8)
-    bar.set_label(f"{label}; square-root scale", fontsize=9)
+    lines = style.wrapped(f"{label}; square-root scale", figure.get_figwidth() - 0.8, size=9)
+    bar.set_label("\n".join(lines), fontsize=9)
     style.put_title(figure, figure_title(scene.run, what))
     style.lay_out(figure)
     for panel, record in zip(panels, records, strict=True):

@@ -223,6 +223,10 @@ class Labels:
         """Keep labels off a mark at a point."""
         self._taken.append(self._mark(x, y, points))
 
+    def avoid_box(self, box: Any) -> None:
+        """Keep labels off a rectangle of the picture, pixels."""
+        self._taken.append(box)
+
     def prefer_off(self, x: float, y: float, points: float = 2.0) -> None:
         """Keep labels off a point of a line where there is another place for them."""
         self._better_free.append(self._mark(x, y, points))
