@@ -1,28 +1,38 @@
 """Do the tests bite? Small changes of the source, one at a time, and whether the tests of the same folder notice them.
 
-    python tests/mutations.py results.jsonl                     # 300 changes; goes on where it was stopped
-    python tests/mutations.py results.jsonl --part 2/3          # a third of them
-    python tests/mutations.py results.jsonl --compiled          # those not noticed, once more with compilation
-    python tests/mutations.py results.jsonl --report            # shares by folder, and what nobody noticed
+    python tests/mutations.py results.jsonl                          # 300 changes; goes on where it was stopped
+    python tests/mutations.py results.jsonl --folders physics,life   # those of two folders
+    python tests/mutations.py results.jsonl --again --tests tests/ocean/test_grid.py   # those not noticed, by these tests
+    python tests/mutations.py results.jsonl --again --compiled       # those not noticed, once more with compilation
+    python tests/mutations.py results.jsonl --report                 # shares by folder, and what nobody noticed
 
 A change turns a sign, a comparison, ``and`` into ``or``, ``min`` into ``max``, ``sin`` into ``cos``, takes a condition as its
-opposite or a constant times 1.1. Messages, names, defaults of arguments and annotations are left alone. The source is changed
-in a copy; the tests run without compilation first, those named after the module before the others of its folder. Tests that
-fail, or are slow, on the unchanged source are left out: they are found first, once for each folder.
+opposite or a constant times 1.1. Messages, names, defaults of arguments and annotations are left alone. The source is copied
+once, beside the results, and changed there; so a later edit of the source does not mix two samples.
+
+The tests run without compilation first. One run of a folder's tests on the unchanged source, with a probe before the statement of
+each change, finds how long every test takes and which statements it reaches. A change is then tried on the tests that
+reach it, the quickest first, and on the others of their files. Tests that fail, or take over ten seconds, on the unchanged
+source are left out. A test that no longer ends has noticed.
+
+A line of ``results.same.txt`` (``path:line  reason``) takes a change that means the same out of the count.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import builtins
 import json
 import os
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -61,7 +71,7 @@ class Change(NamedTuple):
     kind: str
 
 
-def changes_of(path: Path) -> Iterator[Change]:
+def changes_of(path: Path, source: Path) -> Iterator[Change]:
     """Give every change that a module offers."""
     text = path.read_text("utf-8")
     lines = text.splitlines(keepends=True)
@@ -69,7 +79,7 @@ def changes_of(path: Path) -> Iterator[Change]:
     for line in lines:
         offsets.append(offsets[-1] + len(line.encode()))
     raw = text.encode()
-    name = path.relative_to(SOURCE).as_posix()
+    name = path.relative_to(source).as_posix()
 
     def place(line: int, column: int) -> int:
         return offsets[line - 1] + column
@@ -131,10 +141,12 @@ def _is_text(node: ast.BinOp) -> bool:
     )
 
 
-def sample(count: int, seed: int) -> list[Change]:
+def sample(source: Path, count: int, seed: int) -> list[Change]:
     """Return changes at random: as many from each folder as it has of all, no two in one line."""
     random_ = random.Random(seed)
-    every = [c for folder in FOLDERS for path in sorted((SOURCE / folder).rglob("*.py")) for c in changes_of(path)]
+    every = [
+        c for folder in FOLDERS for path in sorted((source / folder).rglob("*.py")) for c in changes_of(path, source)
+    ]
     random_.shuffle(every)
     taken: dict[tuple[str, int], Change] = {}
     for change in every:
@@ -142,91 +154,242 @@ def sample(count: int, seed: int) -> list[Change]:
     return list(taken.values())[:count]
 
 
-def folder_of_tests(folder: str, *, compiled: bool) -> list[Path]:
+def folder_of_tests(folder: str, *, compiled: bool) -> list[str]:
     """Return the files of tests for a folder of the source."""
     others = (*OTHERS.get(folder, ()), *(COMPILED_OTHERS.get(folder, ()) if compiled else ()))
-    return [p for name in (folder, *others) for p in sorted((TESTS / name).rglob("test_*.py"))]
+    return [str(p.relative_to(ROOT)) for name in (folder, *others) for p in sorted((TESTS / name).rglob("test_*.py"))]
 
 
-def test_files(change: Change, *, compiled: bool) -> list[str]:
-    """Return the files of tests for a change: those that name its module first, then the rest of its folder."""
-    module = Path(change.path).stem
-    dotted = "riftberg." + change.path.removesuffix(".py").replace("/", ".")
+class Tree:
+    """A copy of the source that one process changes, and the results that it belongs to."""
 
-    def rank(path: Path) -> tuple[int, int]:
-        named = module in path.stem
-        used = dotted in path.read_text("utf-8")
-        return (0 if named and used else 1 if used else 2 if named else 3), path.stat().st_size
+    def __init__(self, results: Path) -> None:
+        """Copy the pinned source to a folder of this process."""
+        self.results = results
+        self.pinned = results.with_suffix(".src")
+        if not self.pinned.exists():
+            shutil.copytree(SOURCE.parent, self.pinned, ignore=shutil.ignore_patterns("__pycache__"))
+        self.folder = Path(tempfile.mkdtemp(prefix="changed-"))
+        shutil.copytree(self.pinned, self.folder / "src")
+        shutil.copy(__file__, self.folder / "mutations.py")
 
-    return [
-        str(p.relative_to(ROOT))
-        for p in sorted(folder_of_tests(change.path.split("/")[0], compiled=compiled), key=rank)
-    ]
+    def pytest(self, files: list[str], orders: dict[str, Any], *, compiled: bool, seconds: float) -> tuple[int, str]:
+        """Run tests on the copy; return how pytest ended and what it printed."""
+        (self.folder / "orders.json").write_text(json.dumps(orders))
+        path = [str(self.folder / "src"), str(self.folder), os.environ.get("PYTHONPATH", "")]
+        env = {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(path),
+            "MPLBACKEND": "Agg",
+            ORDERS: str(self.folder / "orders.json"),
+        }
+        env |= {} if compiled else {"NUMBA_DISABLE_JIT": "1"}
+        # Byte code is told apart by the second and the size of its source, which a change of one sign leaves alike.
+        env |= {"PYTHONDONTWRITEBYTECODE": "1"} if "order" in orders else {}
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "mutations",
+            "-p",
+            "no:cacheprovider",
+            "-p",
+            "no:xdist",
+            "--tb=no",
+            "-rfE",
+        ]
+        process = subprocess.Popen(
+            [*command, *orders.get("options", ()), *files], cwd=ROOT, env=env,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+        )  # fmt: skip
+        try:
+            text, _ = process.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            return -1, ""
+        return process.returncode, text
 
+    def reach(self, folder: str, changes: list[Change]) -> dict[str, Any]:
+        """Return how long each test of a folder takes and which changes it reaches; found once and kept beside the results."""
+        path = self.results.with_suffix(f".{folder}.json")
+        if path.exists():
+            return json.loads(path.read_text())
+        by_path: dict[str, list[tuple[int, int]]] = {}
+        for number, change in enumerate(changes):
+            by_path.setdefault(change.path, []).append((change.start, number))
+        for name, places in by_path.items():
+            file = self.folder / "src" / "riftberg" / name
+            file.write_text(probed(file.read_text("utf-8"), places), "utf-8")
+        keys = [key(c) for c in changes]
+        try:
+            self.pytest(
+                folder_of_tests(folder, compiled=False), {"keys": keys, "to": str(path), "options": ["--timeout", "15"]},
+                compiled=False, seconds=3600.0,
+            )  # fmt: skip
+        finally:
+            for name in by_path:
+                shutil.copy(self.pinned / "riftberg" / name, self.folder / "src" / "riftberg" / name)
+                forget(self.folder / "src" / "riftberg" / name)
+        return json.loads(path.read_text())
 
-def pytest(source: Path, arguments: list[str], *, compiled: bool, seconds: float | None) -> tuple[int, str]:
-    """Run tests on a source; return how pytest ended and what it printed."""
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(source), os.environ.get("PYTHONPATH", "")])}
-    env |= {"MPLBACKEND": "Agg"} if compiled else {"MPLBACKEND": "Agg", "NUMBA_DISABLE_JIT": "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--tb=no", "-rfE"]
-    done = subprocess.run(
-        [*command, *arguments], cwd=ROOT, env=env, capture_output=True, text=True, timeout=seconds, check=False
-    )
-    return done.returncode, done.stdout
-
-
-def failing(folder: str, results: Path, *, compiled: bool) -> list[str]:
-    """Return the tests of a folder that fail on the unchanged source; found once and kept beside the results."""
-    path = results.with_suffix(".compiled.json" if compiled else ".baseline.json")
-    known = json.loads(path.read_text()) if path.exists() else {}
-    if folder not in known:
-        files = [str(p.relative_to(ROOT)) for p in folder_of_tests(folder, compiled=compiled)]
-        longest = "60" if compiled else "10"  # s; what takes longer without compilation is left to the compiled run
-        _, text = pytest(SOURCE.parent, ["--timeout", longest, *files], compiled=compiled, seconds=None)
-        known[folder] = re.findall(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", text, flags=re.M)
-        path.write_text(json.dumps(known, indent=1))
-    return known[folder]
-
-
-def tried(change: Change, left_out: list[str], *, compiled: bool, seconds: float) -> dict[str, Any]:
-    """Change a copy of the source, run the tests up to the first failure, and return what came."""
-    with tempfile.TemporaryDirectory() as folder:
-        source = Path(folder) / "src"
-        shutil.copytree(SOURCE, source / "riftberg", ignore=shutil.ignore_patterns("__pycache__"))
-        path = source / "riftberg" / change.path
+    def tried(
+        self, change: Change, files: list[str], order: list[str], *, compiled: bool, seconds: float
+    ) -> dict[str, Any]:
+        """Change the copy, run the tests up to the first failure, and return what came."""
+        path = self.folder / "src" / "riftberg" / change.path
         raw = path.read_bytes()
+        forget(path)
         path.write_bytes(raw[: change.start] + change.new.encode() + raw[change.end :])
         line = path.read_text("utf-8").splitlines()[change.line - 1].strip()
-        # A test that hangs fails after two minutes; tests of a folder that end neither way count as not noticed.
-        arguments = [
-            "-x",
-            "--timeout",
-            "120",
-            *(f"--deselect={test}" for test in left_out),
-            *test_files(change, compiled=compiled),
-        ]
+        began = time.monotonic()
         try:
-            code, text = pytest(source, arguments, compiled=compiled, seconds=seconds)
-        except subprocess.TimeoutExpired:
-            code, text = -1, ""
-    verdict = {0: "unnoticed", -1: "too long"}.get(code, "noticed")
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", text, flags=re.M)
-    test = failed.group(1) if failed else "" if code <= 0 else text[-200:]
-    return {**change._asdict(), "text": line, "verdict": verdict, "test": test, "compiled": compiled}
+            code, text = self.pytest(
+                files, {"order": order, "options": ["-x", "--timeout", "120"]}, compiled=compiled, seconds=seconds
+            )
+        finally:
+            path.write_bytes(raw)
+            forget(path)
+        failed = re.search(r"^(?:FAILED|ERROR) (\S+)", text, flags=re.M)
+        test = failed.group(1) if failed else "no end" if code == -1 else "" if code in (0, 5) else text[-200:]
+        verdict = "unnoticed" if code in (0, 5) else "noticed"
+        took = round(time.monotonic() - began, 1)
+        return {
+            **change._asdict(),
+            "text": line,
+            "verdict": verdict,
+            "test": test,
+            "compiled": compiled,
+            "seconds": took,
+        }
 
 
-def report(results: list[dict[str, Any]]) -> None:
+def key(change: Change) -> str:
+    """Return the name of a change."""
+    return f"{change.path}:{change.start}"
+
+
+def forget(path: Path) -> None:
+    """Remove the byte code of a module."""
+    for file in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
+        file.unlink()
+
+
+def probed(text: str, places: list[tuple[int, int]]) -> str:
+    """Return a module with a probe before the statement of each place that is given as (byte, number)."""
+    lines = text.splitlines(keepends=True)
+    offsets = [0]
+    for line in lines:
+        offsets.append(offsets[-1] + len(line.encode()))
+    firsts: list[tuple[int, int, int]] = []  # first byte, end, line of the statements before which a line may be put
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.stmt) and not getattr(node, "decorator_list", ()):
+            before = lines[node.lineno - 1].encode()[: node.col_offset].decode()
+            if not before.strip() and not lines[node.lineno - 1].lstrip().startswith("elif"):
+                start, end = (
+                    offsets[node.lineno - 1] + node.col_offset,
+                    offsets[node.end_lineno - 1] + node.end_col_offset,
+                )
+                firsts.append((start, end, node.lineno))
+    probes: dict[int, list[int]] = {}
+    for place, number in places:
+        _, _, line = max(f for f in firsts if f[0] <= place < f[1])
+        probes.setdefault(line, []).append(number)
+    for line, numbers in probes.items():
+        old = lines[line - 1]
+        space = old[: len(old) - len(old.lstrip())]
+        lines[line - 1] = "".join(f"{space}__reached__({n})\n" for n in numbers) + old
+    return "".join(lines)
+
+
+# --- what pytest calls: this module is also its plug-in --------------------------------------------------------------------
+
+ORDERS = "RIFTBERG_MUTATIONS"
+orders: dict[str, Any] = json.loads(Path(os.environ[ORDERS]).read_text()) if ORDERS in os.environ else {}
+reached: set[int] = set()
+found: dict[str, dict[str, Any]] = {"seconds": {}, "reached": {}}
+if "keys" in orders:
+    builtins.__reached__ = reached.add  # type: ignore[attr-defined]
+
+
+def pytest_collection_modifyitems(items: list[Any]) -> None:
+    """Take the tests in the order that was given, and no others."""
+    if orders.get("order"):
+        place = {test: i for i, test in enumerate(orders["order"])}
+        items[:] = sorted((item for item in items if item.nodeid in place), key=lambda item: place[item.nodeid])
+
+
+def pytest_runtest_logstart(nodeid: str) -> None:
+    """Forget what an earlier test has reached."""
+    reached.clear()
+
+
+def pytest_runtest_logreport(report: Any) -> None:
+    """Note how long a test took, unless it failed or was skipped."""
+    if "keys" in orders and report.when == "call" and report.passed:
+        found["seconds"][report.nodeid] = report.duration
+
+
+def pytest_runtest_logfinish(nodeid: str) -> None:
+    """Note what a test has reached."""
+    for number in reached if "keys" in orders else ():
+        found["reached"].setdefault(orders["keys"][number], []).append(nodeid)
+
+
+def pytest_sessionfinish() -> None:
+    """Write what the tests reach."""
+    if "keys" in orders:
+        Path(orders["to"]).write_text(json.dumps(found))
+
+
+# --- the loop over the changes -------------------------------------------------------------------------------------------------
+
+
+def tests_for(change: Change, reach: dict[str, Any], budget: float) -> tuple[list[str], list[str]]:
+    """Return the files and the tests for a change: those that reach it, the quickest first, then others of these files."""
+    took = {test: s for test, s in reach["seconds"].items() if s < 10.0}
+    direct = sorted((t for t in reach["reached"].get(key(change), ()) if t in took), key=took.__getitem__)
+    module = "riftberg." + change.path.removesuffix(".py").replace("/", ".")
+    files = {t.split("::")[0] for t in direct} or {
+        f
+        for f in {t.split("::")[0] for t in took}
+        if module in (ROOT / f).read_text("utf-8") or Path(change.path).stem in f
+    }
+    others = sorted((t for t in took if t.split("::")[0] in files and t not in set(direct)), key=took.__getitem__)
+    order: list[str] = []
+    for test in (*direct, *others):
+        budget -= took[test]
+        if budget < 0.0:
+            break
+        order.append(test)
+    return sorted({t.split("::")[0] for t in order}), order
+
+
+def report(path: Path) -> None:
     """Print shares by folder, and the changes that nobody noticed."""
-    last = {(r["path"], r["start"]): r for r in results}
-    count: Counter[str] = Counter(path.split("/")[0] for path, _ in last)
-    found = Counter(r["path"].split("/")[0] for r in last.values() if r["verdict"] == "noticed")
-    for folder in count:
-        print(f"{folder:>12}  {found[folder]:3d} of {count[folder]:3d} noticed")
-    total, noticed = sum(count.values()), sum(found.values())
-    print(f"{'all':>12}  {noticed:3d} of {total:3d} noticed, {100.0 * noticed / max(total, 1):.1f} %")
+    same = path.with_suffix(".same.txt")
+    reasons = (
+        dict(line.split("  ", 1) for line in same.read_text().splitlines() if line.strip()) if same.exists() else {}
+    )
+    last = {(r["path"], r["start"]): r for r in map(json.loads, path.read_text().splitlines())}
+    count: Counter[str] = Counter()
     for r in last.values():
+        alike = r["verdict"] != "noticed" and f"{r['path']}:{r['line']}" in reasons
+        for folder in (r["path"].split("/")[0], "all"):
+            count[folder, "tried"] += 1
+            count[folder, "same" if alike else r["verdict"]] += 1
+    print("| folder | tried | noticed | same meaning | unnoticed | share noticed |\n|---|---:|---:|---:|---:|---:|")
+    for folder in (*FOLDERS, "all"):
+        tried, noticed, alike, unnoticed = (count[folder, what] for what in ("tried", "noticed", "same", "unnoticed"))
+        print(
+            f"| {folder} | {tried} | {noticed} | {alike} | {unnoticed} | {100.0 * noticed / max(tried - alike, 1):.0f} % |"
+        )
+    for r in sorted(last.values(), key=lambda r: (r["path"], r["line"])):
         if r["verdict"] != "noticed":
-            print(f"  {r['path']}:{r['line']}  {r['kind']}:  {r['text']}")
+            reason = reasons.get(f"{r['path']}:{r['line']}", "")
+            print(f"  {r['path']}:{r['line']}  {r['kind']}:  {r['text']}{'   SAME: ' if reason else ''}{reason}")
 
 
 def main() -> None:
@@ -237,29 +400,57 @@ def main() -> None:
     )
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--seed", type=int, default=24)
-    parser.add_argument("--part", default="1/1", help="which part of the changes to try, such as 2/3")
-    parser.add_argument("--seconds", type=float, default=600.0, help="longest time for the tests of a change")
-    parser.add_argument("--compiled", action="store_true", help="try those that were not noticed once more, compiled")
+    parser.add_argument("--folders", default=",".join(FOLDERS), help="folders of the source, such as physics,life")
+    parser.add_argument(
+        "--budget", type=float, default=60.0, help="longest time for the tests of a change, unchanged [s]"
+    )
+    parser.add_argument("--again", action="store_true", help="try those that were not noticed once more")
+    parser.add_argument("--tests", nargs="+", default=[], help="with --again: files of tests to run")
+    parser.add_argument("--only", default="", help="with --again: changes whose path:line contains this")
+    parser.add_argument("--compiled", action="store_true", help="with --again: run with compilation")
     parser.add_argument("--report", action="store_true")
     options = parser.parse_args()
-    results = (
-        [json.loads(line) for line in options.results.read_text().splitlines()] if options.results.exists() else []
-    )
     if options.report:
-        report(results)
+        report(options.results)
         return
-    known = {(r["path"], r["start"]): r for r in results}
-    number, parts = (int(n) for n in options.part.split("/"))
-    for change in sample(options.count, options.seed)[number - 1 :: parts]:
-        before = known.get((change.path, change.start))
-        again = options.compiled and before and before["verdict"] != "noticed" and not before["compiled"]
-        if (before and not again) or (options.compiled and not before):
-            continue
-        left_out = failing(change.path.split("/")[0], options.results, compiled=options.compiled)
-        result = tried(change, left_out, compiled=options.compiled, seconds=options.seconds)
-        with options.results.open("a") as file:
-            file.write(json.dumps(result) + "\n")
-        print(f"{result['verdict']:>10}  {change.path}:{change.line}  {change.kind}  {result['test']}", flush=True)
+    options.results.parent.mkdir(parents=True, exist_ok=True)
+    tree = Tree(options.results)
+    known = {}
+    if options.results.exists():
+        known = {f"{r['path']}:{r['start']}": r for r in map(json.loads, options.results.read_text().splitlines())}
+    changes = sample(tree.pinned / "riftberg", options.count, options.seed)
+    for folder in options.folders.split(","):
+        ours = [c for c in changes if c.path.startswith(folder + "/")]
+        for change in ours:
+            before = known.get(key(change))
+            if options.again != bool(before) or (
+                before and (before["verdict"] == "noticed" or options.only not in f"{change.path}:{change.line}")
+            ):
+                continue
+            if options.again:
+                files, order, seconds = options.tests or folder_of_tests(folder, compiled=options.compiled), [], 600.0
+            else:
+                reach = tree.reach(folder, ours)
+                files, order = tests_for(change, reach, options.budget)
+                seconds = 120.0 + 10.0 * sum(reach["seconds"][test] for test in order)
+            if files:
+                result = tree.tried(change, files, order, compiled=options.compiled, seconds=seconds)
+            else:
+                nothing = {
+                    "text": "",
+                    "verdict": "unnoticed",
+                    "test": "none reaches it",
+                    "compiled": False,
+                    "seconds": 0.0,
+                }
+                result = {**change._asdict(), **nothing}
+            with options.results.open("a") as file:
+                file.write(json.dumps(result) + "\n")
+            print(
+                f"{result['verdict']:>10}  {change.path}:{change.line}  {change.kind}  {result['test']}  {result['seconds']} s",
+                flush=True,
+            )
+    shutil.rmtree(tree.folder)
 
 
 if __name__ == "__main__":

@@ -223,6 +223,29 @@ def test_one_polar_corner_makes_a_pentagon(pole):
     assert seen == {True, False}
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_a_mesh_across_the_pole_is_bilinear_in_the_plane_of_the_pole(turn):
+    """Four cells that run along no meridian meet at the pole: every corner counts with its own longitude and latitude."""
+    rng = np.random.default_rng(12)
+    x, y = np.meshgrid(np.arange(-2.0, 2.5), np.arange(-2.0, 2.5))
+    shift = rng.uniform(-0.2, 0.2, (2, 5, 5))
+    shift[:, 2, 2] = 0.0
+    x, y = 0.5 * (x + shift[0]), 0.5 * (y + shift[1])
+    x, y = np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y
+    lon, lat = np.degrees(np.arctan2(y, x)), 90.0 - np.hypot(x, y)
+    a = Grid.from_corners(lon, lat, regular=False, cyclic=False, includes_southwest=True).arrays
+    for _ in range(100):
+        (j, i), (xi, eta) = rng.integers(1, 3, 2), rng.uniform(0.02, 0.98, 2)
+        weights = np.array([(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta])
+        rows, columns = [j, j, j + 1, j + 1], [i, i + 1, i + 1, i]
+        px, py = weights @ x[rows, columns], weights @ y[rows, columns]
+        at = np.degrees(np.arctan2(py, px)), 90.0 - np.hypot(px, py)
+        found = position_in_cell(*at, a.halo + i, a.halo + j, a)
+        np.testing.assert_allclose(found[:2], (xi, eta), atol=1e-9)
+        back = position_from_cell(xi, eta, a.halo + i, a.halo + j, a)
+        np.testing.assert_allclose(twin.plane(*back), (px, py), atol=1e-9)
+
+
 def test_position_in_a_polar_cell_lies_in_the_plane_of_the_pole():
     """The middle of a wedge at the pole is the mean of its corners in the polar plane, not of its longitudes."""
     a = cap(np.random.default_rng(0)).arrays

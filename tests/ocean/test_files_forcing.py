@@ -314,6 +314,31 @@ def test_of_two_files_of_the_sea_floor_the_later_one_counts(folder: Path) -> Non
             assert np.all(np.abs(e.depth - 300.0 - more - 10 * (e.lon + 39.0)) < 3.0)
 
 
+@pytest.mark.parametrize("own_grid", [True, False])
+def test_a_wind_stress_counts_where_there_is_no_wind_to_take(folder: Path, own_grid: bool) -> None:
+    """Of both the wind drives the berg, and the run says so; alone the stress does; ``wind: none`` takes neither."""
+    stress = [field(lambda x, y, t: 0.1, "taux", "N m-2", "surface_downward_eastward_stress", 4),
+              field(lambda x, y, t: -0.05, "tauy", "N m-2", "surface_downward_northward_stress", 4)]  # fmt: skip
+    xr.merge(stress).to_netcdf(folder / "stress.nc")
+    text, path = OWN if own_grid else EXPERIMENT, folder / "files.yaml"
+
+    def wind(files: str, more: str = "") -> tuple[float, float, list[str]]:
+        path.write_text(text.replace("wind.nc", files) + more)
+        e = sampled(path, 0.0).elements
+        return float(e.ua.mean()), float(e.va.mean()), [n for n in build(str(path))[1].notices if "wind stress" in n]
+
+    for files in ("wind.nc, stress.nc", "stress.nc, wind.nc"):
+        east, north, said = wind(files)
+        assert (east, north) == pytest.approx((5.0, -2.0), rel=1e-6)
+        assert len(said) == 1
+    east, north, said = wind("stress.nc")
+    assert east > 1.0
+    assert north == pytest.approx(-0.5 * east, rel=1e-6)
+    assert not said
+    assert wind("wind.nc, stress.nc", "  wind: none\n")[:2] == (0.0, 0.0)
+    assert wind("stress.nc", "  wind: none\n")[:2] == (0.0, 0.0)
+
+
 def test_levels_act_over_the_draft_on_the_products_own_grid(folder: Path) -> None:
     with_levels(folder)
     (folder / "files.yaml").write_text(OWN)

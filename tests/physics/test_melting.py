@@ -120,6 +120,33 @@ def test_a_block_keeps_its_density():
     assert left / (thin * wide * long) == pytest.approx(9e8 / (50.0 * 100.0 * 150.0), rel=1e-12)
 
 
+@pytest.mark.parametrize("split", [True, False])
+def test_an_edge_melts_along_the_length_of_its_front(split: bool) -> None:
+    """Of its area an element loses half the front times the depth melted; sides shrink alike, and nothing is lost."""
+    for seed in SEEDS:
+        r = np.random.default_rng(seed)
+        thickness, width, length = 10 ** r.uniform(1.5, 3.0, 3)
+        mass, front = 850.0 * thickness * width * length, r.uniform(0.1, 2.0) * (width + length)
+        base, sides, waves, dt = *10 ** r.uniform(-7, -5.5, 3), 3600.0
+        got = melting.melt_edge(mass, thickness, width, length, front, base, sides, waves, dt, split)
+        left, thin, wide, long, by_base, by_sides, by_waves, wide_first, long_first = got
+        area = width * length
+        assert thin == pytest.approx(thickness - base * dt, rel=1e-12)
+        assert area - wide_first * long_first == pytest.approx(0.5 * front * sides * dt, rel=1e-6)
+        assert wide_first * long_first - wide * long == pytest.approx(0.5 * front * waves * dt, rel=1e-6)
+        assert wide / long == pytest.approx(width / length, rel=1e-12)
+        assert left == pytest.approx(850.0 * thin * wide * long, rel=1e-12)
+        assert by_base + by_sides + by_waves == pytest.approx(mass - left, rel=1e-6 if split else 1e-2)
+        assert by_sides / by_waves == pytest.approx(sides / waves, rel=1e-6)
+
+
+def test_a_square_with_all_its_sides_in_the_water_melts_like_a_block() -> None:
+    """A block loses (W + L) d of its area, less the corners: an edge of the same perimeter differs by their square alone."""
+    block = melting.melt_block(1e9, 50.0, 1000.0, 1000.0, 1e-6, 2e-6, 3e-6, 3600.0, True)
+    edge = melting.melt_edge(1e9, 50.0, 1000.0, 1000.0, 4000.0, 1e-6, 2e-6, 3e-6, 3600.0, True)
+    np.testing.assert_allclose(edge[:7], block[:7], rtol=1e-4)
+
+
 def test_of_nothing_nothing_melts():
     assert melting.melt_block(0.0, 0.0, 10.0, 10.0, 1.0, 1.0, 1.0, 10.0, True)[0] == 0.0
     assert melting.melt_bits(0.0, 0.0, 10.0, 0.5, 3.0, 850.0, 3600.0, False) == (0.0, 0.0)

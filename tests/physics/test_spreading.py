@@ -144,6 +144,54 @@ def test_a_berg_at_the_pole_keeps_its_shares() -> None:
     np.testing.assert_allclose(np.roll(got, 9, axis=1), turned, atol=1e-12)
 
 
+@pytest.mark.parametrize("latlon", [False, True])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_small_bergs_beside_each_edge_of_a_straight_cell_equal_twin(shape: str, latlon: bool) -> None:
+    """Cells along meridians and parallels have a short cut, which may not take a berg for one that lies within."""
+    turn = 180.0 / np.pi / 6.371e6 if latlon else 1.0
+    corner = np.arange(0.0, 5001.0, 1000.0)
+    x, y = np.meshgrid(corner * turn, corner * turn)
+    grid = Grid.from_corners(
+        x, y, latlon=latlon, regular=True, period=0.0, includes_southwest=True, radius_for_metrics=6.371e6
+    )
+    plane = [1000.0 * np.array([[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]]) for j in range(5) for i in range(5)]
+    for east, north in [(0.5, 0.5), (0.05, 0.5), (0.95, 0.5), (0.5, 0.05), (0.5, 0.95), (0.05, 0.95), (0.95, 0.05)]:
+        centre = 1000.0 * np.array([2.0 + east, 2.0 + north])
+        got = covered(grid, *(centre * turn), SHAPES[shape], 200.0, 150.0, 0.3)
+        want = twin.shares(centre, twin.corners(shape, 200.0, 150.0, 0.3), plane, np.ones(25, bool))
+        np.testing.assert_allclose(got.ravel(), want, atol=1e-6)  # near the equator a degree is as long either way
+        assert (got > 1e-9).sum() == (1 if east == north else 4 if 0.5 not in (east, north) else 2)
+
+
+@pytest.mark.parametrize("hemisphere", [1.0, -1.0])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_shares_beside_a_pole_equal_twin(shape: str, hemisphere: float) -> None:
+    """A mesh that is square on the plane of the pole; the axis of a berg counts from the east at its centre."""
+    radius, spacing = 6.371e6, 20e3
+    corner = spacing * (np.arange(9) - 4.0) + 3e3
+    x, y = np.meshgrid(corner, corner if hemisphere > 0.0 else corner[::-1])
+    lon, lat = np.degrees(np.arctan2(y, x)), hemisphere * (90.0 - np.degrees(np.hypot(x, y) / radius))
+    grid = Grid.from_corners(
+        lon, lat, latlon=True, regular=False, cyclic=False, includes_southwest=True, radius_for_metrics=radius
+    )
+    cells = [
+        np.array([[x[b, a], y[b, a]] for b, a in ((j, i), (j, i + 1), (j + 1, i + 1), (j + 1, i))])
+        for j in range(8)
+        for i in range(8)
+    ]
+    for seed in range(12):
+        r = np.random.default_rng(seed)
+        centre = r.uniform(12e3, 45e3, 2) * r.choice([-1.0, 1.0], 2)
+        place = np.arctan2(centre[1], centre[0])
+        east = np.array([-np.sin(place), np.cos(place)])
+        north = -hemisphere * np.array([np.cos(place), np.sin(place)])
+        length, width, angle = 40e3, 9e3, r.uniform(-np.pi, np.pi)
+        points = twin.corners(shape, length, width, angle) @ np.array([east, north])
+        here = np.degrees(place), hemisphere * (90.0 - np.degrees(np.hypot(*centre) / radius))
+        got = covered(grid, *here, SHAPES[shape], length, width, angle)
+        np.testing.assert_allclose(got.ravel(), twin.shares(centre, points, cells, np.ones(64, bool)), atol=1e-9)
+
+
 def test_reference_rectangle_equals_twin() -> None:
     w = np.zeros(9)
     for seed in SEEDS:
