@@ -78,7 +78,7 @@ class Iceberg(BondedBerg):
     bergs : tuple of (str, int)
         Name and number of elements of each berg, in the order of the rows; empty for one without a name.
     outlines : tuple of shapely polygons
-        Outline of the ice in the coordinates of the elements, where one is known; ``bonds.elasticity: cells`` fills it.
+        Outline of the ice in the coordinates of the elements, where one is known; elastic cells fill it.
 
     Examples
     --------
@@ -345,7 +345,7 @@ class Iceberg(BondedBerg):
         period : float
             Zonal period in degrees (m if not ``latlon``); 0 if there is none.
         outline : geometry, dict or array_like, optional
-            Outline of the ice (polygon) in the coordinates of the elements, for ``bonds.elasticity: cells``.
+            Outline of the ice (polygon) in the coordinates of the elements, which elastic cells fill.
         **options
             Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius
             and velocity may be arrays, and elements of different pieces are not bonded, however close they are.
