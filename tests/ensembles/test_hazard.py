@@ -135,10 +135,10 @@ def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
     assert all(shapely.from_geojson(json.dumps(feature["geometry"])).is_valid for feature in document["features"])
     root = ElementTree.fromstring((out / "hazard.kml").read_text())
     assert len(root.findall(".//{http://www.opengis.net/kml/2.2}Placemark")) == len(document["features"])
-    rows = list(csv.DictReader((out / "hazard.csv").open()))
+    rows = list(csv.DictReader((out / "hazard.csv").read_text().splitlines()))
     assert [row["date"] for row in rows] == ["2020-12-09T00:00Z", "2020-12-10T00:00Z", "2020-12-11T00:00Z"]
     assert float(rows[-1]["p_broken"]) == pytest.approx(0.4)
-    near = list(csv.DictReader((out / "near.csv").open()))
+    near = list(csv.DictReader((out / "near.csv").read_text().splitlines()))
     assert near[-1]["place"] == "Rig"
     assert float(near[-1]["within_km"]) == pytest.approx(9.26)
     with xr.open_dataset(out / "hazard.nc") as grid:

@@ -67,6 +67,12 @@ def test_area_classes_and_ground() -> None:
     assert ds["p_aground"].values.tolist() == [0.0, 0.0, 0.0, 0.5, 0.5]
 
 
+def test_members_aground_at_the_start_are_pointed_out() -> None:
+    many, few = (forecast_of([still(k, aground=0.0 if k < n else np.nan) for k in range(30)], 4) for n in (10, 1))
+    assert any("33 % of the members are aground at the start" in line for line in told(many))
+    assert not any("at the start:" in line for line in told(few))
+
+
 def test_presence_holds_each_member_once() -> None:
     ds = forecast_of([still(0, broken=2), outcome(1, [-37.0, -36.5, -36.0, -35.5, -35.0], [-56.0] * 5)], 4)
     at = ds["presence"].sel(cell_lon=-37.0, cell_lat=-56.0, method="nearest").values
@@ -185,12 +191,15 @@ def test_what_is_given_comes_before_the_default_errors() -> None:
 
 def test_the_default_errors_stand_in_the_docs() -> None:
     page = (Path(__file__).parents[2] / "docs/howto/ensemble-forecast.md").read_text("utf-8")
-    for error in default_errors("a68a"):
+    # Of a function and of an experiment with another lattice, between them all errors.
+    for error in {*default_errors("a68a"), *default_errors(drifting)}:
         assert error.what in page, error.what
         assert error.source in page, error.source
         assert all(text in page for text in error.vary), error.vary
     assert "lattice" in errors_line("a68a")
     assert "lattice" not in errors_line("collision")
+    assert "floor" not in errors_line("a68a")
+    assert "floor" in errors_line("own.yaml")
 
 
 def test_the_picture_is_drawn(tmp_path: Path) -> None:

@@ -41,11 +41,13 @@ DEFAULTS: Final = (
         "start.east~normal(0 km, 3 km)", "start.north~normal(0 km, 3 km)",
     ), "scatterometer fixes scatter by 3 to 6 km; give less for outlines from images"),
     DefaultError("strength 30 %", ("start.strength~lognormal(1, 30 %)",), "a starting point: tuned to one berg"),
-    DefaultError("floor 10 % or 30 m, 10 km", (
-        "floor_error.share=0.1", "floor_error.spread=30 m", "floor_error.length=10 km",
-    ), "a starting point: charts between soundings"),
 )  # fmt: skip
 """Errors of a forecast. None of them was fitted; most are round numbers to start from."""
+
+FLOOR: Final = DefaultError("floor 10 % or 30 m, 10 km", (
+    "floor_error.share=0.1", "floor_error.spread=30 m", "floor_error.length=10 km",
+), "a starting point: charts between soundings")  # fmt: skip
+"""Left out where the ocean of a built-in experiment is a formula: its floor was fitted to a grounding, and is no chart."""
 
 LATTICE: Final = DefaultError("lattice turned and shifted", (
     "berg.lattice_angle~uniform(0, 90)", "berg.offset~uniform(0, 1)",
@@ -59,10 +61,10 @@ MEMBERS: Final = 200
 def default_errors(experiment: object) -> tuple[DefaultError, ...]:
     """Return the errors of an experiment's forecast."""
     name = str(experiment)
-    with_lattice = isinstance(experiment, str | Path) and (
-        name.endswith((".yaml", ".yml")) or any(entry.name == name and entry.lattice for entry in EXPERIMENTS)
-    )
-    return (*DEFAULTS, LATTICE) if with_lattice else DEFAULTS
+    own = isinstance(experiment, str | Path) and name.endswith((".yaml", ".yml"))
+    entry = next((entry for entry in EXPERIMENTS if entry.name == name), None)
+    floor = (FLOOR,) if entry is None or entry.fetches else ()
+    return (*DEFAULTS, *floor, *((LATTICE,) if own or (entry is not None and entry.lattice) else ()))
 
 
 def errors_line(experiment: object) -> str:

@@ -427,6 +427,10 @@ def told(ds: xr.Dataset) -> list[str]:
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
+    at_start = 100.0 * float(ds["p_aground"].values[0])
+    if at_start > 5.0:
+        doubt = "is that so, or are errors of floor and thickness too large?"
+        lines.append(f"  {at_start:.0f} % of the members are aground at the start: {doubt}")
     dates = done["first_breakup"].values
     order = np.argsort(dates)
     reached = np.cumsum(weight[order]) * 1.0
