@@ -180,6 +180,10 @@ def test_howto_runs(name: str, tmp_path: Path) -> None:
     run_page(DOCS / "howto" / name, tmp_path)
 
 
+def test_examples_for_those_who_come_from_other_models_run(tmp_path: Path) -> None:
+    run_page(DOCS / "explanation" / "coming-from.md", tmp_path)
+
+
 def test_every_quirk_is_told() -> None:
     rows = re.findall(r"^\| (Q\d+) \|", QUIRKS.read_text("utf-8"), flags=re.MULTILINE)
     assert sorted(rows, key=lambda q: int(q[1:])) == [f"Q{n}" for n in range(1, 44)]

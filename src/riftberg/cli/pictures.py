@@ -119,7 +119,7 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) ->
     return days
 
 
-KINDS = ("map", "dates", "stress", "timeline", "damage", "story")
+KINDS = ("map", "dates", "stress", "timeline", "damage", "melt", "story")
 
 
 @reported
@@ -130,7 +130,7 @@ def plot(
         list[str] | None,
         typer.Option(
             "--kind", "-k",
-            help=f"{', '.join(KINDS)}.  [default: dates, stress, timeline, damage where it is on; story of test cases]",
+            help=f"{', '.join(KINDS)}.  [default: dates, stress, timeline, damage, melt where they are on; story of cases]",
         ),
     ] = None,
     date: Dates = None,
@@ -174,7 +174,8 @@ def usual_kinds(run: xr.Dataset) -> list[str]:
     if story_of(run) is not None:
         return ["story", "stress"]
     bonds = ["stress"] if run.sizes["bond"] else []
-    return ["dates", *bonds, "timeline", *(["damage"] if "damage" in run else [])]
+    melts = "melt_water" in run and float(run["melt_water"].isel(time=-1).sum()) > 0.0
+    return ["dates", *bonds, "timeline", *(["damage"] if "damage" in run else []), *(["melt"] if melts else [])]
 
 
 def _drawn(
@@ -202,6 +203,8 @@ def _drawn(
         return plots.draw_fragments(run, path, dpi=dpi)
     if name == "dates":
         return plots.draw_dates(run, path, dates=when, observed=shown, projection=projection, dpi=dpi)
+    if name == "melt":
+        return plots.draw_melt(run, path, date=when[-1] if when else None, projection=projection, dpi=dpi)
     draw = plots.draw_stress if name == "stress" else plots.draw_damage
     return draw(run, path, dates=when, projection=projection, dpi=dpi)
 

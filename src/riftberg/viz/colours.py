@@ -111,6 +111,13 @@ def stress_map() -> Colormap:
     )
 
 
+def melt_map() -> Colormap:
+    """Return the colours of ice that is lost."""
+    from matplotlib import colormaps
+
+    return colormaps["YlGnBu"]
+
+
 def damage_map() -> Colormap:
     """Return the colours of damage: nearly white to violet; the same as in the replay."""
     from matplotlib.colors import LinearSegmentedColormap

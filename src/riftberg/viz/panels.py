@@ -250,6 +250,17 @@ class Panel(Map):
                 on_top = zorder if int(number) in shown else zorder - 0.1
                 self.ax.plot(*place, "o", ms=DOT, color=colour, mec="black", mew=0.3, alpha=alpha, zorder=on_top)
 
+    def draw_values(self, record: int, values: Floats, shades: Colormap, scale: Normalize) -> None:
+        """Draw the elements in the colour of their values."""
+        from matplotlib.collections import PolyCollection
+
+        there = self.scene.there[record]
+        ice = PolyCollection(
+            list(self.scene.polygons(record)[there]), array=values[there], cmap=shades, norm=scale, edgecolors=colours.ICE_EDGE,
+            linewidths=0.2, zorder=4,
+        )  # fmt: skip
+        self.ax.add_collection(ice)
+
     def draw_bonds(self, record: int, values: Floats, shades: Colormap, scale: Normalize) -> None:
         """Draw unbroken bonds in the colour of their values, broken ones dotted."""
         from matplotlib.collections import LineCollection, PolyCollection

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import xarray as xr
 
+from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
-from riftberg.runs.scene import Box, Scene
+from riftberg.runs.scene import Box, Scene, filled_forward
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import (
@@ -307,6 +308,90 @@ def _before_breakups(scene: Scene) -> list[int]:
     calm = IMPACT * scene.parameters.fracture.normal_strength
     last = len(stress) - 1
     return sorted({r + 1 if r < last and stress[r] < calm <= stress[r + 1] else r for r in records})
+
+
+@overload
+def draw_melt(
+    run: xr.Dataset, path: str | Path, *, date: np.datetime64 | None = None, projection: Projection = "auto",
+    dpi: int = 150,
+) -> Path: ...  # fmt: skip
+@overload
+def draw_melt(
+    run: xr.Dataset, path: None = None, *, date: np.datetime64 | None = None, projection: Projection = "auto",
+    dpi: int = 150,
+) -> Figure: ...  # fmt: skip
+def draw_melt(
+    run: xr.Dataset, path: str | Path | None = None, *, date: np.datetime64 | None = None,
+    projection: Projection = "auto", dpi: int = 150,
+) -> Path | Figure:  # fmt: skip
+    """Draw what melted: the ice in the colour of the thickness that it has lost, and the melt water by process over time.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.open_run`, or what `Model.run` returns; of a model with ``melt``.
+    path : path, optional
+        Picture to write; the ending decides on the format.
+    date : numpy.datetime64, optional
+        Date of the map; by default the end.
+    projection : {"auto", "polar", "degrees"}, optional
+        As in `riftberg.draw_map`.
+    dpi : int, optional
+        Resolution.
+
+    Returns
+    -------
+    pathlib.Path or matplotlib.figure.Figure
+        The picture if ``path`` is given, else the figure.
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    scene, water = on_a_map(run, projection)
+    if "melt_water" not in run or not float(run["melt_water"].isel(time=-1).sum()) > 0.0:
+        raise InputError("nothing melts in this run", where="melt", remedy="Run with --set melt.enabled=true")
+    record = len(scene.times) - 1 if date is None else nearest_record(scene, date)
+    thickness = filled_forward(run["thickness"].transpose("time", "trajectory").values)
+    lost = thickness[0] - thickness[record]  # of elements born on the way since then
+    figure = new_figure(12.0, 6.4, dpi)
+    ax, curves = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+    (box,) = common_boxes(scene, [record], margin=0.05)
+    panel = Panel(ax, scene, box, water, labels=not scene.latlon)
+    low, top = float(np.nanmin(lost, initial=np.inf)), max(0.01, float(np.nanmax(lost, initial=0.0)))
+    scale = Normalize(
+        low if 0.5 * top < low < 0.99 * top else 0.0, top
+    )  # the pattern shows where all lose about the same
+    bar = figure.colorbar(ScalarMappable(scale, colours.melt_map()), ax=ax, location="bottom", shrink=0.8, aspect=40)
+    bar.set_label("thickness lost since the start (m)", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    ax.set_title(moment_texts(scene.times, [record])[0], fontsize=10, pad=4)
+    _melt_by_process(curves, scene)
+    for k, one in enumerate((ax, curves)):
+        style.letter(one, k)
+    style.put_title(figure, "\n".join([figure_title(run, "melt"), *melt_lines(run)[:1]]))
+    style.lay_out(figure)
+    panel.draw_ground(shaded=True)
+    panel.draw_values(record, lost, colours.melt_map(), scale)
+    panel.draw_scale()
+    return figure if path is None else style.save_figure(figure, path)
+
+
+def _melt_by_process(ax: Axes, scene: Scene) -> None:
+    """Draw the melt water by process, one upon the other, so that the upper edge is all of it."""
+    water = scene.run["melt_water"].transpose("process", "time") / 1e12
+    names = [str(name) for name in water["process"].values]
+    shown = [k for k in range(len(names)) if float(water[k, -1]) > 0.0]
+    times: Any = scene.times
+    stacked = ax.stackplot(
+        times, *(water[k].values for k in shown), colors=[colours.FRAGMENTS[k] for k in shown], alpha=0.8
+    )
+    for area, k in zip(stacked, shown, strict=True):
+        area.set_label(f"{names[k].replace('_', ' ')}: {float(water[k, -1]):.3g} Gt")
+    style.plain_axes(ax)
+    date_axis(ax)
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("melt water since the start (Gt)", fontsize=9)
+    ax.legend(fontsize=8, loc="upper left", frameon=False, reverse=True)
 
 
 @overload

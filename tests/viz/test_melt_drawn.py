@@ -1,0 +1,64 @@
+"""The picture of melt: the colours are the thickness lost, the upper edge of the curves is all melt water."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.collections import PolyCollection
+from typer.testing import CliRunner
+
+from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.cli.main import app
+from riftberg.cli.pictures import usual_kinds
+from riftberg.errors import InputError
+from riftberg.runs.run_file import open_run
+from riftberg.viz.plots import draw_melt
+
+
+def melting(path: Path, enabled: bool = True) -> xr.Dataset:
+    berg = Iceberg.rectangle("6 km", "4 km", thickness="200 m", radius="1 km", placement=(-40.0, -55.0))
+    melt = {"enabled": enabled, "temperature": 3.0, "salinity": 34.0}
+    model = Model(
+        berg, Forcing.uniform((0.2, 0.0), wind=(8.0, 0.0)), Parameters(melt=melt, stepping={"time_step": "1 h"})
+    )
+    return model.run(days=1, output=path, every_hours=3)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    return melting(tmp_path_factory.mktemp("melt") / "run.nc")
+
+
+def test_colours_are_the_thickness_lost(run: xr.Dataset) -> None:
+    ax, _, _ = draw_melt(run).axes
+    (ice,) = [c for c in ax.collections if isinstance(c, PolyCollection) and c.get_array() is not None]
+    thickness = run["thickness"].transpose("time", "trajectory").values
+    np.testing.assert_allclose(ice.get_array(), thickness[0] - thickness[-1])
+    assert ice.get_array().min() > 0.0
+    half = draw_melt(run, date=run["time"].values[4])
+    (ice,) = [c for c in half.axes[0].collections if isinstance(c, PolyCollection) and c.get_array() is not None]
+    np.testing.assert_allclose(ice.get_array(), thickness[0] - thickness[4])
+
+
+def test_curves_stand_on_each_other(run: xr.Dataset) -> None:
+    curves = draw_melt(run).axes[1]
+    top = max(path.vertices[:, 1].max() for area in curves.collections for path in area.get_paths())
+    assert top == pytest.approx(float(run["melt_water"].isel(time=-1).sum()) / 1e12)
+    assert {t.get_text().split(":")[0] for t in curves.get_legend().get_texts()} == {"base", "sides", "waves"}
+
+
+def test_kind_of_the_command_line(run: xr.Dataset, tmp_path: Path) -> None:
+    assert "melt" in usual_kinds(run)
+    path = run.encoding["source"]
+    assert CliRunner().invoke(app, ["plot", str(path), "-k", "melt", "--dpi", "40", "-o", str(tmp_path)]).exit_code == 0
+    assert (tmp_path / "melt.png").stat().st_size > 5_000
+
+
+def test_run_without_melt_is_refused(tmp_path: Path) -> None:
+    cold = melting(tmp_path / "cold.nc", enabled=False)
+    assert "melt" not in usual_kinds(open_run(tmp_path / "cold.nc"))
+    with pytest.raises(InputError, match="melts"):
+        draw_melt(cold)
