@@ -16,6 +16,7 @@ import xarray as xr
 from matplotlib.image import imread
 
 from fakes import FakeModel
+from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.diagnostics import why
 from riftberg.diagnostics.cut import FORCES, Breakup
 from riftberg.experiments import build
@@ -299,3 +300,18 @@ def test_a_break_up_is_of_a_collision_while_it_lasts_and_one_step_longer(minutes
         assert (found is not None) == counts
         if found is not None:
             assert (found.berg, found.speed) == ("berg 7", 0.3)
+
+
+@pytest.mark.compiled
+def test_the_line_of_a_crack_is_told_by_length_and_direction() -> None:
+    """A berg pulled apart along its length cracks across: 9 km wide, from north to south."""
+    berg = Iceberg.rectangle("30 km", "9 km", thickness="200 m", placement=(-38.0, -56.0))
+    force = np.sign(berg.elements.lon + 38.0)
+    berg.elements.load_x[:] = 4e9 * force / np.abs(force).sum()
+    p = Parameters(fracture={"normal_strength": 1e3}, stepping={"only_interactions": True, "speed_limit": 100.0})
+    run = Model(berg, Steady(), p, start="2020-12-09").run(hours=2, every_hours=0.5)
+    (breakup, *_) = why.explain(run).breakups
+    assert breakup.crack_km == pytest.approx(9.0, rel=0.35)
+    assert breakup.crack_towards is not None
+    assert min(breakup.crack_towards, 180.0 - breakup.crack_towards) < 10.0
+    assert "The crack runs" in why.words(why.explain(run))[0]

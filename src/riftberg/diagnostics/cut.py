@@ -38,6 +38,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
 from riftberg.plane import ConformalPlane
 from riftberg.runs.derived import force_variables
@@ -222,6 +223,9 @@ class Breakup:
     collision: Collision | None = None
     latlon: bool = True
     scheme: str = "mts"
+    # From end to end of the longest crack line of the cut (km), and where it heads (degrees clockwise from north, below 180)
+    crack_km: float | None = None
+    crack_towards: float | None = None
     # Elastic energy that the cracks of the cut released per area of crack (J m-2), and the K_Ic (Pa m^1/2) of ice that costs
     # as much, sqrt(E G); None where the scheme does not know it
     released_per_area: float | None = None
@@ -300,7 +304,7 @@ class Cut:
         record = int(np.searchsorted(scene.times, np.datetime64(decisive.time)))
         x, y = ("lon", "lat") if scene.latlon else ("x", "y")
         strength = scene.parameters.fracture.normal_strength
-        released = self.released_per_area()
+        released, crack = self.released_per_area(), self.crack()
         return Breakup(
             fragment=int(run["fragment_number"].values[row]),
             parent=self.parent,
@@ -324,12 +328,30 @@ class Cut:
             history=loads,
             floor_recorded=forces_recorded(run),
             latlon=scene.latlon,
+            crack_km=crack.get("length"),
+            crack_towards=crack.get("towards"),
             released_per_area=released,
             released_toughness=None
             if released is None
             else math.sqrt(scene.parameters.bonds.youngs_modulus * released),
             members=[int(n) for n in run["trajectory"].values[self.inside]],
         )
+
+    def crack(self) -> dict[str, float]:
+        """Return length (km) and direction (degrees) of the longest crack line of the cut, as it lay before it opened."""
+        longest: dict[str, float] = {}
+        for rows, points in self.scene.crack_lines(self.last_whole):
+            ours = points[np.isin(rows, self.bonds)]
+            if len(ours) < 2:
+                continue
+            east, north = ours[-1] - ours[0]
+            if self.scene.latlon:
+                metre = DEGREE * self.scene.radius
+                east, north = east * metre * math.cos(ours[:, 1].mean() * DEGREE), north * metre
+            km = math.hypot(east, north) / 1e3
+            if km > longest.get("length", 0.0):
+                longest = {"length": km, "towards": math.degrees(math.atan2(east, north)) % 180.0}
+        return longest
 
     def released_per_area(self) -> float | None:
         """Return the elastic energy that the cracks of the cut released per area, J m-2: G of Griffith."""

@@ -191,6 +191,11 @@ def _paragraph(b: Breakup) -> str:
         if b.sudden:
             text.append(_sudden_words(b))
         text.append(_cause_words(b, first.strength))
+    if b.crack_km is not None and b.crack_towards is not None:
+        text.append(
+            f"The crack runs {b.crack_km:.1f} km from end to end, along {b.crack_towards:.0f} and "
+            f"{b.crack_towards + 180.0:.0f} degrees from north."
+        )
     if b.released_per_area is not None and b.released_toughness is not None:
         text.append(
             f"The crack released {_short(b.released_per_area)} J per m2 of its area, as much as ice with a toughness of "

@@ -164,6 +164,20 @@ class Scene:
         """Which bonds hold at each record, (time, bond)."""
         return self._holding(self.times)
 
+    def crack_lines(self, record: int) -> list[tuple[Ints, Floats]]:
+        """Crack lines at a record: bonds that each crosses (rows) in their order, and where (x, y); those it will cross, too."""
+        run = self.run
+        if "crack" not in run:
+            return []
+        first, second, part = run["first"].values, run["second"].values, run["crack_part"].values
+        lines = []
+        for number in np.unique(run["crack"].values[run["crack"].values > 0]):
+            rows = np.flatnonzero(run["crack"].values == number)
+            rows = rows[np.argsort(run["crack_order"].values[rows])]
+            ends = [np.stack([self.x[record][k[rows]], self.y[record][k[rows]]], axis=-1) for k in (first, second)]
+            lines.append((rows, np.asarray(ends[0] + part[rows, None] * (ends[1] - ends[0]))))
+        return lines
+
     def _holding(self, moments: NDArray[np.datetime64]) -> NDArray[np.bool_]:
         """Which bonds hold at moments, (moment, bond)."""
         broken_at = self.run["break_time"].values

@@ -262,7 +262,7 @@ class Panel(Map):
         self.ax.add_collection(ice)
 
     def draw_bonds(self, record: int, values: Floats, shades: Colormap, scale: Normalize) -> None:
-        """Draw unbroken bonds in the colour of their values, broken ones dotted."""
+        """Draw unbroken bonds in the colour of their values, cracks as lines, and broken bonds without one dotted."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         scene, run = self.scene, self.scene.run
@@ -285,6 +285,10 @@ class Panel(Map):
         )  # fmt: skip
         length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
         near = ~scene.unbroken[record] & (length < 2.5 * np.median(length))  # not across to a piece that drifted off
+        for rows, line in scene.crack_lines(record):
+            shown = np.where(near[rows][:, None], line, np.nan)
+            self.ax.plot(*shown.T, color="black", lw=1.6, solid_capstyle="round", zorder=6)
+            near[rows] = False
         self.ax.add_collection(
             LineCollection(
                 list(ends[near]), colors="black", linewidths=np.minimum(1.8, 0.7 * points[near]), linestyles=":",

@@ -200,7 +200,7 @@ def draw_stress(
     text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
     return _bond_maps(
         scene, water, tension, path, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
-        label=f"largest tensile stress of a bond ({name}){text}; dotted: broken", what="stress in the bonds", dpi=dpi,
+        label=f"largest tensile stress at a bond ({name}){text}; black: {_opened(scene)}", what="stress in the bonds", dpi=dpi,
     )  # fmt: skip
 
 
@@ -233,7 +233,7 @@ def draw_damage(
     values = {r: damage[r] for r in records}
     top = max(0.01, *(float(np.nanmax(of_record, initial=0.0)) for of_record in values.values()))
     return _bond_maps(
-        scene, water, values, path, shades=colours.damage_map(), top=top, label="damage of a bond; dotted: broken",
+        scene, water, values, path, shades=colours.damage_map(), top=top, label=f"damage of a bond; black: {_opened(scene)}",
         what="damage of the bonds", dpi=dpi,
     )  # fmt: skip
 
@@ -287,6 +287,11 @@ def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
         if broke:
             texts[k] += f" (break-up at {moment_texts(np.array([broke[0], *scene.times]), [0])[0]})"
     return texts
+
+
+def _opened(scene: Scene) -> str:
+    """Return what is drawn black: cracks where the run knows lines, else broken bonds."""
+    return "cracks" if scene.crack_lines(0) else "broken bonds"
 
 
 def stress_unit(top: float) -> tuple[str, float]:
