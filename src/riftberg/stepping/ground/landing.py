@@ -32,7 +32,7 @@ from riftberg.stepping.contact.islands import ContactPhase, PeakContactLoad, for
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.balance import Bed, Hull, Pressure, hull_of, press
 from riftberg.stepping.ground.floor import Floor
-from riftberg.stepping.ground.footprints import (
+from riftberg.stepping.lattice.footprints import (
     FOOTPRINT_NAMES,
     BodyFootprint,
     Footprints,
