@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import plain
 from riftberg.parameters import KernelParameters
@@ -121,8 +122,18 @@ def resolve_contacts(
     )  # fmt: skip
     if not shortest > 0.0:
         raise FloatingPointError
+    return phase_of(op, i, first, second, touched, path / dt, after, applied, force, axes, spin, shortest)
+
+
+def phase_of(
+    op: BodyOperators, i: Islands, first: Ints, second: Ints, touched: NDArray[np.bool_], mean: Floats, after: Floats,
+    applied: Floats, force: Floats, axes: Floats, spin: Floats, shortest: float,
+) -> ContactPhase | None:  # fmt: skip
+    """Return what the sub-steps of all islands made of the bodies that touched others; None where no pair did."""
     if not touched.any():
         return None
+    count = op.matrices.mobility.shape[0]
+    bonded = np.bincount(op.body, minlength=count)[i.members] > 1
     took_part = np.zeros(count, bool)
     took_part[op.body[first[touched]]] = took_part[op.body[second[touched]]] = True
     members, rows = took_part[i.members], took_part[op.body[i.rows]]
@@ -133,7 +144,7 @@ def resolve_contacts(
         i.rows[loaded_rows], force[loaded_rows], axes[loaded_rows], i.members[members & bonded], spin[members & bonded]
     )
     return ContactPhase(
-        i.members[members], i.rows[rows], path[members] / dt, after[members], applied[rows], first[touched],
+        i.members[members], i.rows[rows], mean[members], after[members], applied[rows], first[touched],
         second[touched], shortest, peak,
     )  # fmt: skip
 
