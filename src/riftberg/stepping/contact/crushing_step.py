@@ -113,8 +113,9 @@ class CrushingWorkspace(NamedTuple):
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
-    # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding speed before (m s-1)
-    face: Floats  # shape (pairs, 23)
+    # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
+    # closing speed (m s-1) and force across (N) before
+    face: Floats  # shape (pairs, 25)
     accelerations: Floats
     force: Floats
     net_force: Floats
@@ -126,7 +127,7 @@ class CrushingWorkspace(NamedTuple):
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
 
 
-NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING = 0, 1, 2, 3, 4, 10, 16, 17, 18, 22
+NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, BEFORE = 0, 1, 2, 3, 4, 10, 16, 17, 18, 22, 23, 24
 """Columns of ``face``."""
 
 
@@ -164,7 +165,7 @@ def integrate_faces(
         work = CrushingWorkspace(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
-            np.empty(pairs, np.int64), np.empty((pairs, 23)), np.zeros((rows, forcing.media.shape[1] + 1, 2)),
+            np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((4, 3, 3)), np.zeros(1),
         )  # fmt: skip
@@ -235,11 +236,14 @@ def _place(faces: Faces, polygon: int, x: float, y: float, c: float, s: float, o
 
 
 @kernel
-def _relative_velocity(m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float) -> tuple[float, float]:
-    """Velocity (m s-1) of the first element relative to the second."""
+def _relative_velocity(
+    m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float, rx: float, ry: float
+) -> tuple[float, float]:
+    """Velocity (m s-1) of the first body relative to the second, half way between their elements; r: from second to first."""
+    spin = 0.5 * (v[2] + w[2])
     return (
-        m[0] * v[0] + m[1] * v[1] + mx * v[2] - (n[0] * w[0] + n[1] * w[1] + qx * w[2]),
-        m[3] * v[0] + m[4] * v[1] + my * v[2] - (n[3] * w[0] + n[4] * w[1] + qy * w[2]),
+        m[0] * v[0] + m[1] * v[1] + mx * v[2] - (n[0] * w[0] + n[1] * w[1] + qx * w[2]) + spin * ry,
+        m[3] * v[0] + m[4] * v[1] + my * v[2] - (n[3] * w[0] + n[4] * w[1] + qy * w[2]) - spin * rx,
     )
 
 
@@ -279,9 +283,10 @@ def _longest_substep(
                     nearest, nx, ny = g, gx, gy
         mx, my = spin_lever(m, ca, sa)
         ox, oy = spin_lever(n, cb, sb)
-        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy)
-        turning = abs(twist[a, 2]) * faces.reach[i] + abs(twist[b, 2]) * faces.reach[j]
-        closing = max(nx * du + ny * dv, 0.0) + turning
+        rx, ry = x1 - x2, y1 - y2
+        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry)
+        # Two bodies that turn together do not meet.
+        closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * reach
         thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0
         for body in (a, b):
             inverse += max(mobility[body, 0, 0], mobility[body, 1, 1])
@@ -301,8 +306,9 @@ def _longest_substep(
                 work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
             continue
         meeting[k, PHASE], meeting[k, FORCE], meeting[k, FRICTION] = APART, 0.0, 0.0
-        au, av = _relative_velocity(m, work.acceleration[a], n, work.acceleration[b], mx, my, ox, oy)
-        driven = math.hypot(au, av) + abs(work.acceleration[a, 2]) * faces.reach[i] + abs(work.acceleration[b, 2]) * faces.reach[j]
+        one, two = work.acceleration[a], work.acceleration[b]
+        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
+        driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
         # The gap is crossed no sooner than after the smallest root t of gap = closing t + driven t^2 / 2.
         meets = math.sqrt(closing * closing + 2.0 * driven * nearest)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
@@ -436,7 +442,7 @@ def _find_faces(
         row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
         row[GIVE_N] = _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b])
         row[GIVE_T] = _mobility_along(row, ROW_T, work.compliance[a], work.compliance[b])
-        row[SLIDING] = _speed(row, ROW_T, twist[a], twist[b])
+        row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
         if row[GIVE_N] <= 0.0:
             continue
         depth = area / state[CHORD]
@@ -518,7 +524,8 @@ def _settle(
         depth, force, slide = row[DEPTH] + row[FOLLOW] * closing, state[FORCE], state[FRICTION]
         crushed = depth - force / (law.ratio * stiffness)
         if force > 0.0 and crushed > state[CRUSHED]:
-            work.dissipated[0] += force * (crushed - state[CRUSHED])
+            stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (law.ratio * stiffness)
+            work.dissipated[0] += max(0.5 * h * force * (row[CLOSING] + closing) - stored, 0.0)
             state[CRUSHED] = crushed
         work.dissipated[0] += max(h * slide * sliding, 0.0)
         state[SINCE] += h

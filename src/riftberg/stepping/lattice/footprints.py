@@ -95,7 +95,8 @@ def _nearest_regions(xy: Floats, ice: Any) -> list[Any]:
     if len(xy) == 1:
         return [frame]
     regions = shapely.voronoi_polygons(shapely.multipoints(xy), extend_to=frame, ordered=True)
-    return list(shapely.get_parts(regions))
+    # Regions are convex; round-off on a square lattice may cross two of their sides.
+    return list(shapely.convex_hull(shapely.get_parts(regions)))
 
 
 def _joined(parts: list[Footprints]) -> Footprints:
