@@ -186,11 +186,15 @@ class Contact(Group):
     law: ContactLaw = quantity(
         "spring",
         "",
-        "spring and damper between the centres of elements, or crushing: faces that bear a limited pressure and rub (quasi_static)",
+        "spring and damper between centres, or crushing: faces that bear a limited pressure and rub (quasi_static)",
         "equations 5.2; crushing: Riftberg",
     )
     crushing_strength: float = quantity(
-        1.5e6, "Pa", "p_c, largest mean pressure on a face of the law crushing", "Riftberg; small impacts bear 25 to 41 MPa", gt=0
+        1.5e6,
+        "Pa",
+        "p_c, largest mean pressure on a face of the law crushing",
+        "Riftberg; small impacts: 25 to 41 MPa",
+        gt=0,
     )
     crushing_depth: float = quantity(
         20.0, "m", "a, depth of crushing over which that pressure is reached", "Riftberg", gt=0

@@ -40,8 +40,8 @@ from riftberg.stepping.contact.overlap import gap, overlap
 from riftberg.stepping.mat3 import solve
 
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2 = range(12)
-"""Columns of a meeting of two faces: depths at which they touched and to which they are crushed (m), longest chord (m), time since
-touching (s), speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques on both (N m)."""
+"""Columns of a meeting of two faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
+since touching (s), speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques (N m)."""
 
 COLUMNS: Final = 12
 
@@ -127,7 +127,20 @@ class CrushingWorkspace(NamedTuple):
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
 
 
-NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, BEFORE = 0, 1, 2, 3, 4, 10, 16, 17, 18, 22, 23, 24
+NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, BEFORE = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    10,
+    16,
+    17,
+    18,
+    22,
+    23,
+    24,
+)
 """Columns of ``face``."""
 
 
@@ -320,7 +333,8 @@ def _longest_substep(
         for k in range(island.first.size):
             if meeting[k, PHASE] == IMPACT and work.gap[k] == 0.0:
                 most = max(
-                    most, work.stiffness[island.body_of[island.first[k]]] + work.stiffness[island.body_of[island.second[k]]]
+                    most,
+                    work.stiffness[island.body_of[island.first[k]]] + work.stiffness[island.body_of[island.second[k]]],
                 )
         if most > 0.0:
             limit = min(limit, IMPACT_PHASE / math.sqrt(most))
@@ -364,7 +378,9 @@ def _free_motion(island: Island, jacobian: Floats, h: float, twist: Floats, work
 
 
 @kernel
-def _fill_row(row: Floats, at: int, sign: float, m: Floats, mx: float, my: float, ox: float, oy: float, ux: float, uy: float) -> None:
+def _fill_row(
+    row: Floats, at: int, sign: float, m: Floats, mx: float, my: float, ox: float, oy: float, ux: float, uy: float
+) -> None:
     """Levers of a point at (ox, oy) from an element, along (ux, uy), of three freedoms."""
     row[at] = sign * (ux * (m[0] - oy * m[6]) + uy * (m[3] + ox * m[6]))
     row[at + 1] = sign * (ux * (m[1] - oy * m[7]) + uy * (m[4] + ox * m[7]))
@@ -375,7 +391,12 @@ def _fill_row(row: Floats, at: int, sign: float, m: Floats, mx: float, my: float
 def _speed(row: Floats, at: int, v: Floats, w: Floats) -> float:
     """Speed (m s-1) along a row of levers of both bodies."""
     return float(
-        row[at] * v[0] + row[at + 1] * v[1] + row[at + 2] * v[2] + row[at + 3] * w[0] + row[at + 4] * w[1] + row[at + 5] * w[2]
+        row[at] * v[0]
+        + row[at + 1] * v[1]
+        + row[at + 2] * v[2]
+        + row[at + 3] * w[0]
+        + row[at + 4] * w[1]
+        + row[at + 5] * w[2]
     )
 
 
@@ -393,7 +414,7 @@ def _mobility_along(row: Floats, at: int, one: Floats, two: Floats) -> float:
 def _find_faces(
     island: Island, faces: Faces, meeting: Floats, result: IslandResult, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> int:  # fmt: skip
-    """Find the faces that overlap at the predicted middle of a sub-step, and begin or end their meetings; returns their number."""
+    """Find the faces that overlap at the predicted middle, and begin or end their meetings; returns their number."""
     count, path, twist = 0, work.middle, result.twist
     for k in range(island.first.size):
         if work.gap[k] > 0.5 * h * work.bound[k]:

@@ -149,10 +149,15 @@ class QuasiStaticStepper:
         self._work: BodyWorkspace | None = None
         self._touched = NO_PAIRS
         self._snapshot: StepSnapshot | None = None
-        # Time, bodies, snapshot, cells, tips and meetings at the start of the last step, for a model that takes a failed step back.
-        self._last_start: tuple[
-            float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, Meetings
-        ] = (math.nan, None, None, None, NO_TIPS, NO_MEETINGS)
+        # All of that at the start of the last step, with its time, for a model that takes a failed step back.
+        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, Meetings] = (
+            math.nan,
+            None,
+            None,
+            None,
+            NO_TIPS,
+            NO_MEETINGS,
+        )
 
     @property
     def applied(self) -> Floats:
