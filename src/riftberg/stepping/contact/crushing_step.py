@@ -245,7 +245,7 @@ def _place(faces: Faces, polygon: int, x: float, y: float, c: float, s: float, o
     for k in range(n):
         px, py = faces.corner[begin + k, 0], faces.corner[begin + k, 1]
         out[k, 0], out[k, 1] = x + c * px - s * py, y + s * px + c * py
-    return n
+    return int(n)
 
 
 @kernel
