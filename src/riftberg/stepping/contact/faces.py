@@ -25,7 +25,7 @@ from riftberg.stepping.contact.crushing_step import (
     Faces,
     integrate_faces,
 )
-from riftberg.stepping.contact.islands import ContactPhase, find_islands, forcing_of_rows, phase_of
+from riftberg.stepping.contact.islands import ContactPhase, IslandsOutcome, find_islands, forcing_of_rows, phase_of
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
@@ -115,16 +115,17 @@ class FaceContact:
             )
         )  # fmt: skip
         bonded = np.bincount(op.body, minlength=count)[i.members] > 1
-        touched, path, after, applied, force, axes, spin, shortest, dissipated = integrate_faces(
+        *outcome, dissipated = integrate_faces(
             i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows],
             forcing_of_rows(i.rows, op.forcing), BodyMatrices(*(matrix[i.members] for matrix in op.matrices)),
             bodies.twist[i.members], bonded, apart, faces, meeting, h, self._law,
         )  # fmt: skip
-        if not np.isfinite(after).all():
+        found = IslandsOutcome(*outcome)
+        if not np.isfinite(found.twist).all():
             raise FloatingPointError
         kept = meeting[:, PHASE] != APART
         self.meetings = Meetings(ids[kept], meeting[kept], before.dissipated + dissipated)
-        return phase_of(op, i, first, second, touched, path / h, after, applied, force, axes, spin, shortest)
+        return phase_of(op, i, first, second, found, h)
 
     def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
         """Footprints about the centres of their elements, found anew where elements or fragments have changed."""

@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,8 +224,7 @@ class QuasiStaticStepper:
             unknown,
             self._cells,
             self._tips,
-            self._seabed,
-            self._faces,
+            LawsWithMemory(self._seabed, self._faces),
         )
         self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
@@ -283,6 +282,13 @@ N_CONNECTIVITY = 5
 """How many of them are about connectivity: which elements there are, how they are bonded and supported."""
 
 
+class LawsWithMemory(NamedTuple):
+    """Laws that keep something from one step to the next, where they are chosen."""
+
+    seabed: Seabed | None = None
+    faces: FaceContact | None = None
+
+
 @dataclass
 class Trial:
     """A trial step from the state at its start; positions, rotation and damage in the model have followed it."""
@@ -300,9 +306,9 @@ class TimeStep:
         self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
         state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
         unknown: NDArray[np.bool_] | None = None, cells: ElasticCells | None = None, tips: CrackTips = NO_TIPS,
-        seabed: Seabed | None = None, faces: FaceContact | None = None,
+        laws: LawsWithMemory | None = None,
     ) -> None:  # fmt: skip
-        self.cells, self.seabed, self.faces = cells, seabed, faces
+        self.cells, (self.seabed, self.faces) = cells, laws or LawsWithMemory()
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
         self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
@@ -319,8 +325,8 @@ class TimeStep:
         if fresh:
             known = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
             bodies = bodies._replace(twist=np.where(known[:, None], bodies.twist, self._twists_of_elements(bodies)))
-        if seabed is not None and model.step_number == 0:
-            seabed.check_start(model, bodies)
+        if self.seabed is not None and model.step_number == 0:
+            self.seabed.check_start(model, bodies)
         self.state = state or self._state_at(bodies, model.time)
         if fresh:
             self.state = self._in_equilibrium(self.state)
