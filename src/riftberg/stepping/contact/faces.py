@@ -115,16 +115,16 @@ class FaceContact:
             )
         )  # fmt: skip
         bonded = np.bincount(op.body, minlength=count)[i.members] > 1
-        *outcome, dissipated = integrate_faces(
+        outcome = integrate_faces(
             i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows],
             forcing_of_rows(i.rows, op.forcing), BodyMatrices(*(matrix[i.members] for matrix in op.matrices)),
             bodies.twist[i.members], bonded, apart, faces, meeting, h, self._law,
         )  # fmt: skip
-        found = IslandsOutcome(*outcome)
+        found = IslandsOutcome(*outcome[:8])
         if not np.isfinite(found.twist).all():
             raise FloatingPointError
         kept = meeting[:, PHASE] != APART
-        self.meetings = Meetings(ids[kept], meeting[kept], before.dissipated + dissipated)
+        self.meetings = Meetings(ids[kept], meeting[kept], before.dissipated + outcome[8])
         return phase_of(op, i, first, second, found, h)
 
     def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
