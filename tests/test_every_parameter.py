@@ -201,6 +201,7 @@ KID = with_(
     drag={"rotational": False},
     bonds={"objective_damping": False},
 )
+FACES = with_(OPEN, contact={"law": "crushing"}, stepping={"scheme": "quasi_static"})
 BED = with_(OPEN, grounding={"law": "seabed"}, stepping={"scheme": "quasi_static"})
 SHALLOW: Final = {"sea": {"depth": 150.0}}
 AGROUND: Final = {"sea": {"depth": 165.6}, "steps": 1}
@@ -271,6 +272,11 @@ TRIALS: Final[dict[str, Trial]] = {
     "grounding.start": Trial(
         "refuse", with_(BED, grounding={"start": "settle"}), more=BURIED, refused="8.* m below the sea floor"
     ),
+    "contact.law": Trial("crushing", with_(OPEN, stepping={"scheme": "quasi_static"})),
+    "contact.crushing_strength": Trial(1e6, FACES),
+    "contact.crushing_depth": Trial(10.0, FACES),
+    "contact.unloading_ratio": Trial(4.0, FACES),
+    "contact.friction": Trial(0.5, FACES),
     "contact.spring": Trial(1e-6),
     "contact.distance": Trial(900.0),
     "contact.on_substeps": Trial(),

@@ -250,6 +250,7 @@ class Parameters(Group):
                 "they are of the linear law"
             )
         self._check_seabed()
+        self._check_contact()
         if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
                 "damage lowers the strength of DEM bonds that can break: set bonds.law = 'dem' and "
@@ -281,6 +282,14 @@ class Parameters(Group):
             raise ValueError(f"grounding.sediment = 'other' needs {', '.join(missing)}")
         if g.ramp_height != 0.0 or g.torque:
             raise ValueError("grounding.law = 'seabed' has neither ramp_height nor torque: they are of the linear law")
+
+    def _check_contact(self) -> None:
+        """Refuse contact by crushing with a scheme that does not know it."""
+        if self.contact.law == "crushing" and self.stepping.scheme != "quasi_static":
+            raise ValueError(
+                f"contact.law = 'crushing' needs stepping.scheme = 'quasi_static', not {self.stepping.scheme!r}; the law "
+                "'spring' acts in all schemes"
+            )
 
     def _check_criterion(self) -> None:
         """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""

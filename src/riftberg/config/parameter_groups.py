@@ -19,6 +19,7 @@ Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["linear", "quadratic", "seabed"]
+ContactLaw = Literal["spring", "crushing"]
 Sediment = Literal["rock", "sand", "clay", "other"]
 DeepKeel = Literal["refuse", "settle"]
 Criterion = Literal["bond", "averaged", "ice", "toughness"]
@@ -182,6 +183,26 @@ class Grounding(Group):
 class Contact(Group):
     """Repulsion between bergs and between the pieces of a broken berg."""
 
+    law: ContactLaw = quantity(
+        "spring",
+        "",
+        "spring and damper between centres, or crushing: faces that bear a limited pressure and rub (quasi_static)",
+        "equations 5.2; crushing: Riftberg",
+    )
+    crushing_strength: float = quantity(
+        1.5e6,
+        "Pa",
+        "p_c, largest mean pressure on a face of the law crushing",
+        "Riftberg; small impacts: 25 to 41 MPa",
+        gt=0,
+    )
+    crushing_depth: float = quantity(
+        20.0, "m", "a, depth of crushing over which that pressure is reached", "Riftberg", gt=0
+    )
+    unloading_ratio: float = quantity(
+        100.0, "1", "stiffness of unloading over that of loading; faces rebound at one over its root", "Riftberg", ge=1
+    )
+    friction: float = quantity(0.2, "1", "Coulomb friction between faces of the law crushing", "Riftberg", ge=0)
     spring: float | None = quantity(
         None,
         "s-2",

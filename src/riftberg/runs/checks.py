@@ -420,6 +420,16 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "crack_tip_crack": Bound(("tips",), 0, LARGEST_WHOLE),
     "crack_tip_order": Bound(("tips",), -LARGEST_WHOLE, LARGEST_WHOLE),
     "crack_tip_length": Bound(("tips",)),
+    "footprint_element": Bound(("footprints",), 0, "next_element - 1", once=True),
+    "footprint_size": Bound(("footprints",)),
+    "footprint_centre": Bound(("footprints", 2)),
+    "footprint_owner": Bound(("polygons",), 0, "footprints - 1"),
+    "footprint_corner": Bound(("corners", 2)),
+    "footprint_start": Bound((None,), 0, "corners"),
+    # Faces of two elements that press each other.
+    "meeting_pair": Bound(("meetings", 2), 0, "next_element - 1"),
+    "meeting_state": Bound(("meetings", 12)),
+    "meeting_dissipated": Bound((1,)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
     "record_impulse_.+": Bound((None, len(FORCES), 2)),  # what the sums of forces were called before 0.1.0

@@ -108,13 +108,13 @@ def allocate_island_workspace(bodies: int, pairs: int, elements: int, forces: in
 
 
 @kernel
-def _spin_lever(m: Floats, c: float, s: float) -> tuple[float, float]:
+def spin_lever(m: Floats, c: float, s: float) -> tuple[float, float]:
     """How the spin moves an element now, m; ``m`` are its levers at the start, cosine and sine those of the turn since."""
     return m[2] * c - m[5] * s, m[5] * c + m[2] * s
 
 
 @kernel
-def _element_path(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
+def element_path(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
     """Path (m) of an element whose body has gone ``path`` since the levers ``m`` were found and turned by cosine and sine."""
     return (
         m[0] * path[0] + m[1] * path[1] + m[2] * s + m[5] * (c - 1.0),
@@ -123,7 +123,7 @@ def _element_path(m: Floats, path: Floats, c: float, s: float) -> tuple[float, f
 
 
 @borrower
-def _approach_bound(twist: Floats, arm: Floats) -> float:
+def approach_bound(twist: Floats, arm: Floats) -> float:
     """Upper bound of the speed (m s-1) at which two elements could approach each other; or of their accelerations."""
     most = u = v = 0.0
     for b in range(twist.shape[0]):
@@ -158,13 +158,13 @@ def find_contacts(
         for i in range(3):
             for j in range(3):
                 acceleration[b, i] += island.matrices.mobility[b, i, j] * work.net_force[b, j]
-    fastest, quickest = _approach_bound(twist, work.arm), _approach_bound(acceleration, work.arm)
+    fastest, quickest = approach_bound(twist, work.arm), approach_bound(acceleration, work.arm)
     for k in range(island.first.size):
         i, j = island.first[k], island.second[k]
         m, n, a, b = levers[i], levers[j], body_of[i], body_of[j]
         p, q, v, w = path[a], path[b], twist[a], twist[b]
-        x1, y1 = _element_path(m, p, rotation[a, 0], rotation[a, 1])
-        x2, y2 = _element_path(n, q, rotation[b, 0], rotation[b, 1])
+        x1, y1 = element_path(m, p, rotation[a, 0], rotation[a, 1])
+        x2, y2 = element_path(n, q, rotation[b, 0], rotation[b, 1])
         rx, ry = island.separation[k, 0] + x1 - x2, island.separation[k, 1] + y1 - y2
         stiffness, reach = stiffness_and_reach(COLLISION, island.sum_radii[k], law)
         d = rx * rx + ry * ry
@@ -173,8 +173,8 @@ def find_contacts(
         if d > (reach + max_dt * (fastest + 0.5 * max_dt * quickest)) ** 2:
             continue  # too far to touch within the longest step so far
         d = math.sqrt(d)
-        mx, my = _spin_lever(m, rotation[a, 0], rotation[a, 1])
-        nx, ny = _spin_lever(n, rotation[b, 0], rotation[b, 1])
+        mx, my = spin_lever(m, rotation[a, 0], rotation[a, 1])
+        nx, ny = spin_lever(n, rotation[b, 0], rotation[b, 1])
         du = n[0] * w[0] + n[1] * w[1] + nx * w[2] - (m[0] * v[0] + m[1] * v[1] + mx * v[2])
         dv = n[3] * w[0] + n[4] * w[1] + ny * w[2] - (m[3] * v[0] + m[4] * v[1] + my * v[2])
         resolving = _resolving_dt(stiffness * pair_mass[k], min(inertia[a, 0, 0], inertia[b, 0, 0]))

@@ -111,7 +111,7 @@ def _integrate_island(
     left, before, shortest, elapsed = dt, 0.0, dt, np.inf
     while True:
         if elapsed >= REFRESH_FRACTION * dt or left <= 0.0:
-            _accumulate_impulse(island, about, elapsed, result.applied)
+            accumulate_impulse(island, about, elapsed, result.applied)
             about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :], elapsed = 0.0, 0.0, 0.0, 0.0
             for b in range(twist.shape[0]):
                 for i in range(3):
@@ -119,7 +119,7 @@ def _integrate_island(
             assemble_force_and_jacobian(body_of, levers, twist, forcing, work.everyone, about.force, about.jacobian)
             work.net_force[:, :] = 0.0
             add_forces(body_of, levers, twist, forcing, work.accelerations, work.force, work.net_force)
-        _linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
+        linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
         count, max_dt = find_contacts(island, law, twist, result.path, result.touched, work)
         step = 0.0
         if left > 0.0:
@@ -138,9 +138,9 @@ def _integrate_island(
                 twist[b, i] += work.increment[b, i]
                 result.path[b, i] += step * twist[b, i]
         elapsed += h
-        _accumulate_floor_impulse(island, twist, h, result.applied)
+        accumulate_floor_impulse(island, twist, h, result.applied)
         if left <= 0.0:
-            _accumulate_impulse(island, about, elapsed, result.applied)
+            accumulate_impulse(island, about, elapsed, result.applied)
             return shortest
         left -= step
         if left < 1e-9 * dt:
@@ -149,7 +149,7 @@ def _integrate_island(
 
 
 @borrower
-def _accumulate_impulse(island: Island, about: Linearisation, time: float, applied: Floats) -> None:
+def accumulate_impulse(island: Island, about: Linearisation, time: float, applied: Floats) -> None:
     """Add what the media did in the ``time`` s since they were evaluated, by the integral of the twists since."""
     if not 0.0 < time < np.inf:
         return
@@ -170,7 +170,7 @@ def _accumulate_impulse(island: Island, about: Linearisation, time: float, appli
 
 
 @stage
-def _linearised_force(about: Linearisation, floor_drag: Floats, twist: Floats, net_force: Floats) -> None:
+def linearised_force(about: Linearisation, floor_drag: Floats, twist: Floats, net_force: Floats) -> None:
     """Find the forces on the bodies at ``twist``, with the linear drag of the sea floor and without contact."""
     for b in range(twist.shape[0]):
         for i in range(3):
@@ -226,7 +226,7 @@ def _record_peak_load(island: Island, count: int, result: IslandResult, work: Is
 
 
 @stage
-def _accumulate_floor_impulse(island: Island, twist: Floats, h: float, applied: Floats) -> None:
+def accumulate_floor_impulse(island: Island, twist: Floats, h: float, applied: Floats) -> None:
     """Add what the linear drag of the sea floor did in ``h`` s: it is implicit, so at the velocities that it ended with."""
     forcing = island.forcing
     for e in range(island.body_of.size):

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import plain
 from riftberg.parameters import KernelParameters
@@ -51,6 +52,19 @@ class PeakContactLoad(NamedTuple):
     axes: Floats  # Cosine and sine of the fragment's axis from local east then; shape (rows, 2)
     bodies: Ints  # The fragments
     spin: Floats  # Theirs then, rad s-1; shape (bodies,)
+
+
+class IslandsOutcome(NamedTuple):
+    """What the sub-steps of all islands left."""
+
+    touched: NDArray[np.bool_]  # Candidate pairs that touched
+    path: Floats  # Of the bodies, m, m, rad
+    twist: Floats
+    applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (elements, forces, 2)
+    force: Floats  # On the elements when contact pressed their body hardest, N, N, N m
+    axes: Floats
+    spin: Floats
+    shortest: float  # s
 
 
 class ContactPhase(NamedTuple):
@@ -112,17 +126,27 @@ def resolve_contacts(
     first, second = first[i.order], second[i.order]
     bonded = np.bincount(op.body, minlength=count)[i.members] > 1
     shown = el.shown
-    touched, path, after, applied, force, axes, spin, shortest = integrate_islands(
+    outcome = IslandsOutcome(*integrate_islands(
         i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows], forcing_of_rows(i.rows, op.forcing),
         BodyMatrices(*(matrix[i.members] for matrix in op.matrices)), twist[i.members], bonded,
         shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second],
         sizes.radius[first] + sizes.radius[second], np.minimum(sizes.mass[first], sizes.mass[second]), dt,
         plain(pair_law)(p),
-    )  # fmt: skip
-    if not shortest > 0.0:
+    ))  # fmt: skip
+    if not outcome.shortest > 0.0:
         raise FloatingPointError
+    return phase_of(op, i, first, second, outcome, dt)
+
+
+def phase_of(
+    op: BodyOperators, i: Islands, first: Ints, second: Ints, outcome: IslandsOutcome, dt: float
+) -> ContactPhase | None:
+    """Return what the sub-steps of all islands made of the bodies that touched others; None where no pair did."""
+    touched, path, after, applied, force, axes, spin, shortest = outcome
     if not touched.any():
         return None
+    count = op.matrices.mobility.shape[0]
+    bonded = np.bincount(op.body, minlength=count)[i.members] > 1
     took_part = np.zeros(count, bool)
     took_part[op.body[first[touched]]] = took_part[op.body[second[touched]]] = True
     members, rows = took_part[i.members], took_part[op.body[i.rows]]

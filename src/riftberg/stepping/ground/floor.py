@@ -18,7 +18,7 @@ from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.physics.seabed import cut
 from riftberg.state import Floats, Ints
-from riftberg.stepping.ground.footprints import BodyFootprint
+from riftberg.stepping.lattice.footprints import BodyFootprint
 
 Booleans = NDArray[np.bool_]
 

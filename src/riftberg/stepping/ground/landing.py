@@ -32,15 +32,7 @@ from riftberg.stepping.contact.islands import ContactPhase, PeakContactLoad, for
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.balance import Bed, Hull, Pressure, hull_of, press
 from riftberg.stepping.ground.floor import Floor
-from riftberg.stepping.ground.footprints import (
-    FOOTPRINT_NAMES,
-    BodyFootprint,
-    Footprints,
-    body_footprint,
-    footprints_from_arrays,
-    footprints_to_arrays,
-    with_new_footprints,
-)
+from riftberg.stepping.lattice.footprints import BodyFootprint, FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
 
 POISSON: Final = 0.3
@@ -128,35 +120,24 @@ class _Friction(NamedTuple):
 class Seabed:
     """The bed under a run: what lives from one step to the next beside the state."""
 
-    def __init__(self, model: RunState) -> None:
+    def __init__(self, model: RunState, footprints: FootprintBook) -> None:
         p, forcing = model.parameters, model.forcing
         self.bed = bed_of(p.grounding)
         self.floor = Floor(p.grounding.cell, forcing.depth, p.earth.latlon, p.earth.radius)
-        self._footprints: Footprints | None = None
+        self._footprints = footprints
         self._fragments: dict[int, Fragment] = {}
         self._key: list[bytes] = []
         self._start_gouges: dict[int, Floats] = {}
         self._saved_gouges: dict[int, Floats] = {}
-        if model.step_number == 0:
-            self._follow(model)
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
-        footprints = {} if self._footprints is None else footprints_to_arrays(self._footprints)
-        return {**self.floor.to_arrays(), **footprints}
+        return self.floor.to_arrays()
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
-        if all(name in saved for name in FOOTPRINT_NAMES):
-            self._footprints = footprints_from_arrays(saved)
         if "gouge_block" in saved:
             self.floor.take_up(np.asarray(saved["gouge_block"]), np.asarray(saved["gouge_depth"]))
-
-    def _follow(self, model: RunState) -> Footprints:
-        """Make the footprints of elements that are new."""
-        el = model.elements
-        self._footprints = with_new_footprints(self._footprints, el, model.bonds, model.outlines, model.constants)
-        return self._footprints
 
     def prepare(self, model: RunState, bodies: Bodies) -> None:
         """Bring the fragments up to date with the state."""
@@ -168,7 +149,7 @@ class Seabed:
         ]
         if key != self._key:
             self._key, self._fragments = key, {}
-            self._follow(model)
+            self._footprints.follow(model)
 
     def fragment(self, model: RunState, bodies: Bodies, b: int) -> Fragment:
         """Return one fragment."""
@@ -176,8 +157,7 @@ class Seabed:
             el, bonds, c = model.elements, model.bonds, model.constants
             xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
             rows = np.flatnonzero(bodies.body == b)
-            assert self._footprints is not None
-            footprint = body_footprint(self._footprints, el, rows, xy)
+            footprint = body_footprint(self._footprints.follow(model), el, rows, xy)
             thickness = el.thickness[rows]
             draft = np.array([draft_of(h, c.rho_ice) for h in thickness])
             place = np.full(el.size, -1)

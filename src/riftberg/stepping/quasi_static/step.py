@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ from riftberg.stepping.bodies.pose import (
     tangent_coordinates,
 )
 from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, candidate_pairs, with_both
+from riftberg.stepping.contact.faces import NO_MEETINGS, FaceContact, Meetings
 from riftberg.stepping.contact.groups import NO_PAIRS, concatenate_pairs
 from riftberg.stepping.contact.islands import (
     ContactPhase,
@@ -92,6 +93,7 @@ from riftberg.stepping.lattice.equilibrium import (
     elastic_energy,
     find_lattice,
 )
+from riftberg.stepping.lattice.footprints import FootprintBook
 from riftberg.stepping.quasi_static.rigid_step import (
     BodyState,
     accumulate_step_forces,
@@ -135,7 +137,10 @@ class QuasiStaticStepper:
         if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
             self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
-        self._seabed = Seabed(model) if model.parameters.grounding.law == "seabed" else None
+        aground, crushing = model.parameters.grounding.law == "seabed", model.parameters.contact.law == "crushing"
+        self._footprints = FootprintBook(model) if aground or crushing else None
+        self._seabed = Seabed(model, self._footprints) if aground and self._footprints else None
+        self._faces = FaceContact(model, self._footprints) if crushing and self._footprints else None
         self._lattice: FactoredLattice | None = None
         self._state: BodyState | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
@@ -144,10 +149,15 @@ class QuasiStaticStepper:
         self._work: BodyWorkspace | None = None
         self._touched = NO_PAIRS
         self._snapshot: StepSnapshot | None = None
-        # Time, bodies, snapshot, cells and tips at the start of the last step, for a model that takes a failed step back.
-        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips] = (
-            math.nan, None, None, None, NO_TIPS
-        )  # fmt: skip
+        # All of that at the start of the last step, with its time, for a model that takes a failed step back.
+        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, Meetings] = (
+            math.nan,
+            None,
+            None,
+            None,
+            NO_TIPS,
+            NO_MEETINGS,
+        )
 
     @property
     def applied(self) -> Floats:
@@ -165,8 +175,8 @@ class QuasiStaticStepper:
         before = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
         tips = dict(zip(TIP_NAMES, self._tips, strict=True)) if self._tips.crack.size else {}
         cells = {} if self._cells is None else cells_to_arrays(self._cells)
-        floor = {} if self._seabed is None else self._seabed.state_dict()
-        return {**bodies, **before, **cells, **tips, **floor}
+        laws = [law.state_dict() for law in (self._footprints, self._seabed, self._faces) if law is not None]
+        return {**bodies, **before, **cells, **tips, **{name: array for law in laws for name, array in law.items()}}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
@@ -179,8 +189,9 @@ class QuasiStaticStepper:
         if all(name in saved for name in CELL_NAMES):
             self._cells = cells_from_arrays(saved)
         self._tips = tips_from_arrays(saved)
-        if self._seabed is not None:
-            self._seabed.load_state_dict(saved)
+        for law in (self._footprints, self._seabed, self._faces):
+            if law is not None:
+                law.load_state_dict(saved)
 
     def sample_forcing(self, model: RunState) -> None:
         """Sample at the present positions."""
@@ -193,12 +204,15 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
         if self._last_start[0] == model.time:  # the model has taken the last step back
-            (_, self._bodies, self._snapshot, self._cells, self._tips), self._state = self._last_start, None
+            (_, self._bodies, self._snapshot, self._cells, self._tips, meetings), self._state = self._last_start, None
+            if self._faces is not None:
+                self._faces.meetings = meetings
             if self._seabed is not None:
                 self._seabed.back_to_start()
         if self._seabed is not None:
             self._seabed.begin_step()
-        self._last_start = model.time, self._bodies, self._snapshot, self._cells, self._tips
+        meetings = NO_MEETINGS if self._faces is None else self._faces.meetings
+        self._last_start = model.time, self._bodies, self._snapshot, self._cells, self._tips, meetings
         unknown = self._sync(model)
         step = TimeStep(
             model,
@@ -210,7 +224,7 @@ class QuasiStaticStepper:
             unknown,
             (self._cells, self._cell_topology),
             self._tips,
-            self._seabed,
+            LawsWithMemory(self._seabed, self._faces),
         )
         self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
@@ -269,6 +283,13 @@ N_CONNECTIVITY = 5
 """How many of them are about connectivity: which elements there are, how they are bonded and supported."""
 
 
+class LawsWithMemory(NamedTuple):
+    """Laws that keep something from one step to the next, where they are chosen."""
+
+    seabed: Seabed | None = None
+    faces: FaceContact | None = None
+
+
 @dataclass
 class Trial:
     """A trial step from the state at its start; positions, rotation and damage in the model have followed it."""
@@ -287,9 +308,9 @@ class TimeStep:
         state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
         unknown: NDArray[np.bool_] | None = None,
         cells: tuple[ElasticCells | None, CellTopology | None] = (None, None), tips: CrackTips = NO_TIPS,
-        seabed: Seabed | None = None,
+        laws: LawsWithMemory | None = None,
     ) -> None:  # fmt: skip
-        (self.cells, self.topology), self.seabed = cells, seabed
+        (self.cells, self.topology), (self.seabed, self.faces) = cells, laws or LawsWithMemory()
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
         self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
@@ -306,8 +327,8 @@ class TimeStep:
         if fresh:
             known = np.zeros(bodies.pose.shape[0], np.bool_) if unknown is None else ~unknown
             bodies = bodies._replace(twist=np.where(known[:, None], bodies.twist, self._twists_of_elements(bodies)))
-        if seabed is not None and model.step_number == 0:
-            seabed.check_start(model, bodies)
+        if self.seabed is not None and model.step_number == 0:
+            self.seabed.check_start(model, bodies)
         self.state = state or self._state_at(bodies, model.time)
         if fresh:
             self.state = self._in_equilibrium(self.state)
@@ -421,6 +442,7 @@ class TimeStep:
         el = self.el
         if self.seabed is not None:
             self.seabed.checkpoint()
+        self._meetings = None if self.faces is None else self.faces.meetings
         return [array.copy() for array in (*el.place, *el.shown, el.motion.rotation, self.bonds.damage, *el.keel)]
 
     def _rollback(self, checkpoint: list[np.ndarray]) -> None:
@@ -432,6 +454,8 @@ class TimeStep:
             array[:] = values
         if self.seabed is not None:
             self.seabed.rollback()
+        if self.faces is not None and self._meetings is not None:
+            self.faces.meetings = self._meetings
 
     def _accept(self, start: BodyState, trial: Trial, cracks: bool = False) -> None:
         """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
@@ -520,10 +544,12 @@ class TimeStep:
     def _resolve_contacts(self, start: BodyState, h: float) -> ContactPhase | None:
         """Take the fragments that may touch each other within ``h`` s through sub-steps."""
         bodies, c = start.bodies, self.c
-        if bodies.pose.shape[0] < 2:
+        if bodies.pose.shape[0] < 2 or not c.interactions:
             return None
-        first, second = candidate_pairs(self.el, bodies.body, self.sizes, h, c)
         try:
+            if self.faces is not None:
+                return self.faces.resolve(self.model, bodies, start.operators, h, self.sizes)
+            first, second = candidate_pairs(self.el, bodies.body, self.sizes, h, c)
             return resolve_contacts(self.el, start.operators, bodies.twist, first, second, h, self.sizes, c)
         except FloatingPointError:
             raise RunError(
@@ -575,7 +601,7 @@ class TimeStep:
     def _partners(self, bodies: Bodies) -> PairList:
         """Elements of other fragments within reach of contact."""
         el, c = self.el, self.c
-        if not c.interactions or bodies.pose.shape[0] < 2:
+        if self.faces is not None or not c.interactions or bodies.pose.shape[0] < 2:
             return self._none
         reach = max(2.0 * float(self.sizes.radius.max()), c.contact_distance)
         pairs = find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
@@ -606,6 +632,9 @@ class TimeStep:
             keel = el.keel
             force += np.column_stack([keel.floor_x, keel.floor_y, keel.floor_torque])
             op.forcing.aground[:] = keel.floor_load > 0.0
+        if self.faces is not None and self.faces.meetings.pair.size:
+            force += self.faces.force(self.model)
+        if self.seabed is not None or (self.faces is not None and self.faces.meetings.pair.size):
             axes, forcing = op.levers[:, 9:11], op.forcing
             load = balanced_loads(
                 bodies.body, self.lattice.xy, axes, force, forcing.mass, forcing.inertia, twist[:, 2].copy()

@@ -19,6 +19,7 @@ from riftberg.state.numbering import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes, sides_of
 from riftberg.stepping.lattice.cells import outline_of_cells
 from riftberg.stepping.lattice.elastic_cells import laid_flat, lattices
+from riftberg.stepping.run_state import RunState
 
 
 class Footprints(NamedTuple):
@@ -34,16 +35,6 @@ class Footprints(NamedTuple):
 
 FOOTPRINT_NAMES = tuple(f"footprint_{name}" for name in Footprints._fields)
 """Names in a restart file."""
-
-
-def footprints_to_arrays(footprints: Footprints) -> dict[str, Any]:
-    """Return what a restart file must hold."""
-    return dict(zip(FOOTPRINT_NAMES, footprints, strict=True))
-
-
-def footprints_from_arrays(saved: Mapping[str, Any]) -> Footprints:
-    """Return the footprints of a restart file."""
-    return Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES))
 
 
 def with_new_footprints(
@@ -85,10 +76,9 @@ def _footprints_of(
         for polygon in shapely.get_parts(shapely.intersection(cell, ice)):
             if polygon.geom_type != "Polygon" or polygon.area < 1e-9 * radius * radius:
                 continue
-            # A hole is no part of a ring of corners: such a polygon is laid out in triangles.
-            pieces = (
-                shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)) if polygon.interiors else [polygon]
-            )
+            # A hole is no part of a ring of corners, and contact needs convex faces: other polygons are laid out in triangles.
+            convex = shapely.convex_hull(polygon).area <= (1.0 + 1e-12) * polygon.area
+            pieces = [polygon] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
             for piece in pieces:
                 rings.append(np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2])
                 owner.append(k)
@@ -105,7 +95,8 @@ def _nearest_regions(xy: Floats, ice: Any) -> list[Any]:
     if len(xy) == 1:
         return [frame]
     regions = shapely.voronoi_polygons(shapely.multipoints(xy), extend_to=frame, ordered=True)
-    return list(shapely.get_parts(regions))
+    # Regions are convex; round-off on a square lattice may cross two of their sides.
+    return list(shapely.convex_hull(shapely.get_parts(regions)))
 
 
 def _joined(parts: list[Footprints]) -> Footprints:
@@ -122,31 +113,69 @@ def _joined(parts: list[Footprints]) -> Footprints:
 
 
 class BodyFootprint(NamedTuple):
-    """The footprints of one fragment, in its own coordinates."""
+    """The footprints of the elements of fragments, in the coordinates of these."""
 
-    rows: Ints  # Elements of the fragment
+    rows: Ints  # Elements
     owner: Ints  # Place in ``rows`` of the element of each polygon
     start: Ints  # Where the corners of the polygons begin; shape (polygons + 1,)
     corner: Floats  # m; shape (corners, 2)
 
 
-def body_footprint(footprints: Footprints, el: Elements, rows: Ints, xy: Floats) -> BodyFootprint:
-    """Lay the footprints of a fragment into its frame, in which its elements stand at ``xy`` (all elements, m)."""
+def body_footprint(
+    footprints: Footprints, el: Elements, rows: Ints, xy: Floats, body: Ints | None = None
+) -> BodyFootprint:
+    """Lay footprints into the frames of fragments, in which the elements stand at ``xy`` (all elements, m).
+
+    ``body``: fragment of each of the elements ``rows``; one where none is given.
+    """
     at, known = rows_of(footprints.element, el.body.id[rows])
     assert known.all()
-    # The fragment has turned from the plane of its footprints by the angle that fits the centres best.
+    body = np.zeros(rows.size, np.int64) if body is None else body
+    count, number = int(body.max(initial=0)) + 1, np.bincount(body)
+    # A fragment has turned from the plane of its footprints by the angle that fits the centres best.
     before, now = footprints.centre[at] @ (1.0, 1.0j), xy[rows] @ (1.0, 1.0j)
-    turn = np.vdot(before - before.mean(), now - now.mean())
-    turn = turn / abs(turn) if abs(turn) > 0.0 else 1.0
+
+    def total(values: Any) -> Any:
+        return np.bincount(body, values.real, count) + 1j * np.bincount(body, values.imag, count)
+
+    size = np.maximum(number, 1)
+    away, there = before - (total(before) / size)[body], now - (total(now) / size)[body]
+    turn = total(away.conj() * there)
+    turn = np.where(abs(turn) > 0.0, turn, 1.0)
+    turn = (turn / abs(turn))[body]
     place = np.full(footprints.element.size, -1)
     place[at] = np.arange(rows.size)
     mine = np.flatnonzero(place[footprints.owner] >= 0)
-    owner, count = place[footprints.owner[mine]], np.diff(footprints.start)[mine]
-    start = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
-    index = np.arange(start[-1]) - np.repeat(start[:-1] - footprints.start[mine], count)
-    of = np.repeat(owner, count)
+    owner, corners = place[footprints.owner[mine]], np.diff(footprints.start)[mine]
+    start = np.concatenate([[0], np.cumsum(corners)]).astype(np.int64)
+    index = np.arange(start[-1]) - np.repeat(start[:-1] - footprints.start[mine], corners)
+    of = np.repeat(owner, corners)
     # What melts from the sides of an element leaves it smaller about its centre.
-    size = el.body.length[rows] * el.body.width[rows] / footprints.size[at]
-    away = (footprints.corner[index] @ (1.0, 1.0j) - before[of]) * turn * np.sqrt(size)[of]
-    corner = now[of] + away
+    shrunk = np.sqrt(el.body.length[rows] * el.body.width[rows] / footprints.size[at])
+    corner = now[of] + (footprints.corner[index] @ (1.0, 1.0j) - before[of]) * (turn * shrunk)[of]
     return BodyFootprint(rows, owner, start, np.column_stack([corner.real, corner.imag]))
+
+
+class FootprintBook:
+    """The footprints of a run, which grow with its elements: one for all laws that need them."""
+
+    def __init__(self, model: RunState) -> None:
+        self._footprints: Footprints | None = None
+        if model.step_number == 0:
+            self.follow(model)
+
+    def follow(self, model: RunState) -> Footprints:
+        """Make the footprints of elements that are new."""
+        self._footprints = with_new_footprints(
+            self._footprints, model.elements, model.bonds, model.outlines, model.constants
+        )
+        return self._footprints
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return what a restart file must hold beside the state."""
+        return {} if self._footprints is None else dict(zip(FOOTPRINT_NAMES, self._footprints, strict=True))
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Restore what `state_dict` gave."""
+        if all(name in saved for name in FOOTPRINT_NAMES):
+            self._footprints = Footprints(*(np.array(saved[name]) for name in FOOTPRINT_NAMES))

@@ -1,0 +1,610 @@
+"""Sub-steps of an island whose bodies crush each other's faces (`riftberg.physics.crushing`).
+
+    M (V1 - V0) = h (G(V) - sum J^T F(V1))
+
+with the media G as in `riftberg.stepping.contact.island_step`, and the forces F of the faces at the depth that the new velocities
+lead to. Normals, lever arms and overlaps are those of the predicted middle, at one common point for both bodies, so momentum and
+angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
+
+Free bodies go as far as most of their gap. An impact takes some 75 sub-steps, whatever the length of the time step. At rest a
+sub-step takes up to a minute, and the depth follows the new velocity alone (backward Euler).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.compiled.kernels import borrower, kernel
+from riftberg.physics.crushing import crushing_force, face_stiffness, sliding_force
+from riftberg.state import Floats, Ints
+from riftberg.stepping.bodies.dynamics import (
+    BodyMatrices,
+    ElementForcing,
+    add_forces,
+    assemble_force_and_jacobian,
+    element_velocity,
+)
+from riftberg.stepping.contact.impulses import Island, IslandResult, approach_bound, element_path, spin_lever
+from riftberg.stepping.contact.island_step import (
+    REFRESH_FRACTION,
+    Linearisation,
+    accumulate_floor_impulse,
+    accumulate_impulse,
+    linearised_force,
+)
+from riftberg.stepping.contact.overlap import gap, overlap
+from riftberg.stepping.mat3 import solve
+
+TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2 = range(12)
+"""Columns of a meeting of two faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
+since touching (s), speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques (N m)."""
+
+COLUMNS: Final = 12
+
+APART, IMPACT, REST = 0.0, 1.0, 2.0
+"""Phases of a meeting."""
+
+IMPACT_PHASE: Final = 0.03
+"""Sub-step of an impact times its angular frequency, rad: at this the restitution is 0.09 in place of 0.10."""
+
+ENTRY_PHASE: Final = 0.06
+"""The same just before touching, for a face that is entered unseen."""
+
+GAP_PART: Final = 0.9
+"""Part of the gap that is crossed at most in a sub-step."""
+
+SLOW: Final = 2e-3
+"""Speed (m s-1) up to which faces touch without an impact."""
+
+AGAIN: Final = 10e-3
+"""Closing speed (m s-1) at which rest becomes an impact."""
+
+SETTLED: Final = 0.02
+"""Part of the speed of touching below which an impact comes to rest, `SETTLING` over the frequency after touching."""
+
+SETTLING: Final = 3.0
+
+REST_STEP: Final = 60.0
+"""Longest sub-step of faces that overlap, s."""
+
+MAX_SWEEPS: Final = 400
+"""Sweeps over the faces; impulses are equal and opposite after each of them, so momentum does not depend on their number."""
+
+SWEEP_RTOL: Final = 1e-11
+"""Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
+
+
+class CrushingLaw(NamedTuple):
+    """Numbers of the law of faces."""
+
+    strength: float  # Pa
+    depth: float  # Over which it is reached, m
+    ratio: float  # Stiffness of unloading over that of loading
+    friction: float
+
+
+class Faces(NamedTuple):
+    """Footprints of elements as convex polygons, about their centres at the start of the step."""
+
+    begin: Ints  # Where the polygons of each element begin among all; shape (elements,)
+    end: Ints  # and end
+    ring: Ints  # Where the corners of each polygon begin; shape (polygons + 1,)
+    corner: Floats  # East and north of the element, m; shape (corners, 2)
+    reach: Floats  # Farthest corner of each element, m
+    thickness: Floats  # m
+
+
+class CrushingWorkspace(NamedTuple):
+    """Workspace of the sub-steps of one island; see `IslandWorkspace` for what both have."""
+
+    acceleration: Floats  # shape (bodies, 3)
+    arm: Floats  # shape (bodies,)
+    compliance: Floats  # shape (bodies, 3, 3)
+    new: Floats  # Twists at the end of the sub-step; shape (bodies, 3)
+    middle: Floats  # Paths at its predicted middle; shape (bodies, 3)
+    stiffness: Floats  # Of its faces over its mass, s-2; shape (bodies,)
+    size: Floats  # Sum of the forces on its faces, N; shape (bodies,)
+    peak: Floats  # shape (bodies,)
+    gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
+    bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
+    active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
+    # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
+    # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
+    # closing speed (m s-1) and force across (N) before
+    face: Floats  # shape (pairs, 25)
+    accelerations: Floats
+    force: Floats
+    net_force: Floats
+    contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)
+    everyone: NDArray[np.bool_]
+    one: Floats  # Corners of a polygon in its place, m
+    two: Floats
+    scratch: Floats  # shape (4, 3, 3)
+    dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
+
+
+NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, BEFORE = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    10,
+    16,
+    17,
+    18,
+    22,
+    23,
+    24,
+)
+"""Columns of ``face``."""
+
+
+@kernel
+def integrate_faces(
+    start: Ints, row_start: Ints, body_of: Ints, first: Ints, second: Ints, pair_start: Ints, levers: Floats,
+    forcing: ElementForcing, matrices: BodyMatrices, twist: Floats, bonded: NDArray[np.bool_], apart: Floats,
+    faces: Faces, meeting: Floats, dt: float, law: CrushingLaw,
+) -> tuple[NDArray[np.bool_], Floats, Floats, Floats, Floats, Floats, Floats, float, float]:  # fmt: skip
+    """Take all islands through a step of ``dt`` s; see `riftberg.stepping.contact.islands.Islands` for the lists.
+
+    ``apart``: from the second to the first element of each pair at the start, m; ``meeting``: one row for each pair, changed in
+    place. Returns what `riftberg.stepping.contact.island_step.integrate_islands` does, and the energy dissipated (J).
+    """
+    touched = np.zeros(first.size, np.bool_)
+    path, after = np.zeros(twist.shape), twist.copy()
+    applied = np.zeros((body_of.size, forcing.media.shape[1] + 1, 2))
+    force, axes, spin = np.zeros((body_of.size, 3)), levers[:, 9:11].copy(), np.zeros(twist.shape[0])
+    shortest, f, none, dissipated, most = dt, forcing, np.zeros(0), 0.0, 0
+    for k in range(faces.ring.size - 1):
+        most = max(most, faces.ring[k + 1] - faces.ring[k])
+    for k in range(start.size - 1):
+        b, e = slice(start[k], start[k + 1]), slice(row_start[k], row_start[k + 1])
+        n = slice(pair_start[k], pair_start[k + 1])
+        of_island = ElementForcing(
+            f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
+            f.spin_drag[e], f.water_spin[e], f.push_x[e], f.push_y[e], f.media_act, f.floor_acts,
+        )  # fmt: skip
+        of_bodies = BodyMatrices(matrices.inertia[b], matrices.mobility[b], matrices.floor_drag[b])
+        island = Island(
+            body_of[e], levers[e], of_island, of_bodies, bonded[b], first[n], second[n], apart[n], none, none
+        )  # fmt: skip
+        result = IslandResult(after[b], path[b], touched[n], applied[e], force[e], axes[e], spin[b])
+        bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
+        work = CrushingWorkspace(
+            np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
+            np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
+            np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, forcing.media.shape[1] + 1, 2)),
+            np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
+            np.empty((most, 2)), np.empty((most, 2)), np.empty((4, 3, 3)), np.zeros(1),
+        )  # fmt: skip
+        of_rows = Faces(faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e])
+        for i in range(rows):
+            m, a = island.levers[i], island.body_of[i]
+            work.arm[a] = max(work.arm[a], math.hypot(m[2], m[5]) + of_rows.reach[i])
+        about = Linearisation(
+            result.twist.copy(), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.zeros((bodies, 3))
+        )
+        shortest = min(shortest, _integrate_island(island, of_rows, meeting[n], result, about, dt, law, work))
+        dissipated += work.dissipated[0]
+    return touched, path, after, applied, force, axes, spin, shortest, dissipated
+
+
+@borrower
+def _integrate_island(
+    island: Island, faces: Faces, meeting: Floats, result: IslandResult, about: Linearisation, dt: float, law: CrushingLaw,
+    work: CrushingWorkspace,
+) -> float:  # fmt: skip
+    """Take one island through the step; returns its shortest sub-step, s."""
+    body_of, levers, forcing, twist = island.body_of, island.levers, island.forcing, result.twist
+    left, shortest, elapsed = dt, dt, np.inf
+    while True:
+        if elapsed >= REFRESH_FRACTION * dt or left <= 0.0:
+            accumulate_impulse(island, about, elapsed, result.applied)
+            if left <= 0.0:
+                return shortest
+            about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :], elapsed = 0.0, 0.0, 0.0, 0.0
+            for b in range(twist.shape[0]):
+                for i in range(3):
+                    about.twist[b, i] = twist[b, i]
+            assemble_force_and_jacobian(body_of, levers, twist, forcing, work.everyone, about.force, about.jacobian)
+            work.net_force[:, :] = 0.0
+            add_forces(body_of, levers, twist, forcing, work.accelerations, work.force, work.net_force)
+        linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
+        h = _longest_substep(island, faces, meeting, result, left, law, work)
+        if left - h < 1e-9 * dt:
+            h = left
+        shortest = min(shortest, h)
+        _free_motion(island, about.jacobian, h, twist, work)
+        for b in range(twist.shape[0]):
+            for i in range(3):
+                work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
+        count = _find_faces(island, faces, meeting, result, h, law, work)
+        _sweep(island, faces, meeting, count, h, law, work)
+        _settle(island, faces, meeting, count, h, law, work)
+        _record_peak(island, meeting, count, result, work)
+        for b in range(twist.shape[0]):
+            for i in range(3):
+                mean = 0.5 * (twist[b, i] + work.new[b, i])
+                about.twist_integral[b, i] += h * mean
+                result.path[b, i] += h * mean
+                twist[b, i] = work.new[b, i]
+        accumulate_floor_impulse(island, twist, h, result.applied)
+        elapsed += h
+        left = left - h if left > h else 0.0
+
+
+@kernel
+def _place(faces: Faces, polygon: int, x: float, y: float, c: float, s: float, out: Floats) -> int:
+    """Corners of a polygon whose element stands at (x, y) and has turned by cosine and sine; returns their number."""
+    begin, n = faces.ring[polygon], faces.ring[polygon + 1] - faces.ring[polygon]
+    for k in range(n):
+        px, py = faces.corner[begin + k, 0], faces.corner[begin + k, 1]
+        out[k, 0], out[k, 1] = x + c * px - s * py, y + s * px + c * py
+    return int(n)
+
+
+@kernel
+def _relative_velocity(
+    m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float, rx: float, ry: float
+) -> tuple[float, float]:
+    """Velocity (m s-1) of the first body relative to the second, half way between their elements; r: from second to first."""
+    spin = 0.5 * (v[2] + w[2])
+    return (
+        m[0] * v[0] + m[1] * v[1] + mx * v[2] - (n[0] * w[0] + n[1] * w[1] + qx * w[2]) + spin * ry,
+        m[3] * v[0] + m[4] * v[1] + my * v[2] - (n[3] * w[0] + n[4] * w[1] + qy * w[2]) - spin * rx,
+    )
+
+
+@borrower
+def _longest_substep(
+    island: Island, faces: Faces, meeting: Floats, result: IslandResult, left: float, law: CrushingLaw, work: CrushingWorkspace
+) -> float:  # fmt: skip
+    """Find the longest sub-step (s): by the gaps of the bodies that may meet, and by the frequency of those that do."""
+    twist, path, mobility, limit = result.twist, result.path, island.matrices.mobility, left
+    for b in range(twist.shape[0]):
+        work.stiffness[b] = 0.0
+        for i in range(3):
+            work.acceleration[b, i] = 0.0
+            for j in range(3):
+                work.acceleration[b, i] += mobility[b, i, j] * work.net_force[b, j]
+    fastest, quickest = approach_bound(twist, work.arm), approach_bound(work.acceleration, work.arm)
+    impact = False
+    for k in range(island.first.size):
+        i, j = island.first[k], island.second[k]
+        m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
+        work.gap[k] = np.inf
+        ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
+        px, py = element_path(m, path[a], ca, sa)
+        qx, qy = element_path(n, path[b], cb, sb)
+        x1, y1, x2, y2 = island.separation[k, 0] + px, island.separation[k, 1] + py, qx, qy
+        far, reach = math.hypot(x1 - x2, y1 - y2), faces.reach[i] + faces.reach[j]
+        if far > reach + limit * (fastest + 0.5 * limit * quickest):
+            meeting[k, PHASE], meeting[k, FORCE], meeting[k, FRICTION] = APART, 0.0, 0.0
+            continue
+        nearest, nx, ny = np.inf, 1.0, 0.0
+        for p in range(faces.begin[i], faces.end[i]):
+            corners = _place(faces, p, x1, y1, ca, sa, work.one)
+            for q in range(faces.begin[j], faces.end[j]):
+                others = _place(faces, q, x2, y2, cb, sb, work.two)
+                g, gx, gy = gap(work.one[:corners], work.two[:others])
+                if g < nearest:
+                    nearest, nx, ny = g, gx, gy
+        mx, my = spin_lever(m, ca, sa)
+        ox, oy = spin_lever(n, cb, sb)
+        rx, ry = x1 - x2, y1 - y2
+        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry)
+        # Two bodies that turn together do not meet.
+        closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * reach
+        thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0
+        for body in (a, b):
+            inverse += max(mobility[body, 0, 0], mobility[body, 1, 1])
+        if inverse == 0.0:
+            continue
+        # Where no meeting says how long the face is, that of an element.
+        stiffness = face_stiffness(law.strength, thickness, min(faces.reach[i], faces.reach[j]), law.depth)
+        entry = ENTRY_PHASE / math.sqrt(stiffness * inverse)
+        if nearest <= 0.0:
+            work.gap[k], work.bound[k] = 0.0, 0.0
+            limit = min(limit, entry if meeting[k, PHASE] == APART and closing > SLOW else REST_STEP)
+            if meeting[k, PHASE] == IMPACT:
+                impact = True
+                stiffness = face_stiffness(law.strength, thickness, meeting[k, CHORD], law.depth)
+                # An impact off the centre turns the body, too: it gives way by up to four times as much.
+                work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
+                work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
+            continue
+        meeting[k, PHASE], meeting[k, FORCE], meeting[k, FRICTION] = APART, 0.0, 0.0
+        one, two = work.acceleration[a], work.acceleration[b]
+        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
+        driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
+        # The gap is crossed no sooner than after the smallest root t of gap = closing t + driven t^2 / 2.
+        meets = math.sqrt(closing * closing + 2.0 * driven * nearest)
+        work.gap[k], work.bound[k] = nearest, closing + driven * limit
+        if meets > 0.0:
+            least = entry if meets > SLOW else REST_STEP
+            limit = min(limit, max(GAP_PART * 2.0 * nearest / (closing + meets), least))
+    if impact:
+        most = 0.0
+        for k in range(island.first.size):
+            if meeting[k, PHASE] == IMPACT and work.gap[k] == 0.0:
+                most = max(
+                    most,
+                    work.stiffness[island.body_of[island.first[k]]] + work.stiffness[island.body_of[island.second[k]]],
+                )
+        if most > 0.0:
+            limit = min(limit, IMPACT_PHASE / math.sqrt(most))
+    return limit
+
+
+@kernel
+def _give(mobility: Floats, m: Floats, mx: float, my: float, nx: float, ny: float) -> float:
+    """Change of the velocity of an element along a normal by a unit impulse there, kg-1."""
+    r0, r1, r2 = nx * m[0] + ny * m[3], nx * m[1] + ny * m[4], nx * mx + ny * my
+    return float(
+        r0 * (mobility[0, 0] * r0 + mobility[0, 1] * r1 + mobility[0, 2] * r2)
+        + r1 * (mobility[1, 0] * r0 + mobility[1, 1] * r1 + mobility[1, 2] * r2)
+        + r2 * (mobility[2, 0] * r0 + mobility[2, 1] * r1 + mobility[2, 2] * r2)
+    )
+
+
+@borrower
+def _free_motion(island: Island, jacobian: Floats, h: float, twist: Floats, work: CrushingWorkspace) -> None:
+    """Velocities at the end of a sub-step without contact, and the compliance of each body with its media."""
+    mobility, compliance = island.matrices.mobility, work.compliance
+    matrix, used, x = work.scratch[0], work.scratch[1], work.scratch[2, 0]
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                matrix[i, j] = 1.0 if i == j else 0.0
+                for k in range(3):
+                    drag = 0.5 * jacobian[b, k, j] + island.matrices.floor_drag[b, k, j]
+                    matrix[i, j] += h * mobility[b, i, k] * drag
+        for j in range(3):
+            for i in range(3):
+                x[i] = mobility[b, i, j]
+                for k in range(3):
+                    used[i, k] = matrix[i, k]
+            compliance[b, 0, j], compliance[b, 1, j], compliance[b, 2, j] = solve(used, x)
+        for i in range(3):
+            f = work.net_force[b]
+            work.new[b, i] = twist[b, i] + h * (
+                compliance[b, i, 0] * f[0] + compliance[b, i, 1] * f[1] + compliance[b, i, 2] * f[2]
+            )
+
+
+@kernel
+def _fill_row(
+    row: Floats, at: int, sign: float, m: Floats, mx: float, my: float, ox: float, oy: float, ux: float, uy: float
+) -> None:
+    """Levers of a point at (ox, oy) from an element, along (ux, uy), of three freedoms."""
+    row[at] = sign * (ux * (m[0] - oy * m[6]) + uy * (m[3] + ox * m[6]))
+    row[at + 1] = sign * (ux * (m[1] - oy * m[7]) + uy * (m[4] + ox * m[7]))
+    row[at + 2] = sign * (ux * (mx - oy * m[8]) + uy * (my + ox * m[8]))
+
+
+@kernel
+def _speed(row: Floats, at: int, v: Floats, w: Floats) -> float:
+    """Speed (m s-1) along a row of levers of both bodies."""
+    return float(
+        row[at] * v[0]
+        + row[at + 1] * v[1]
+        + row[at + 2] * v[2]
+        + row[at + 3] * w[0]
+        + row[at + 4] * w[1]
+        + row[at + 5] * w[2]
+    )
+
+
+@kernel
+def _mobility_along(row: Floats, at: int, one: Floats, two: Floats) -> float:
+    """Change of the speed along a row by a unit impulse along it, kg-1."""
+    total = 0.0
+    for i in range(3):
+        for j in range(3):
+            total += row[at + i] * one[i, j] * row[at + j] + row[at + 3 + i] * two[i, j] * row[at + 3 + j]
+    return total
+
+
+@borrower
+def _find_faces(
+    island: Island, faces: Faces, meeting: Floats, result: IslandResult, h: float, law: CrushingLaw, work: CrushingWorkspace
+) -> int:  # fmt: skip
+    """Find the faces that overlap at the predicted middle, and begin or end their meetings; returns their number."""
+    count, path, twist = 0, work.middle, result.twist
+    for k in range(island.first.size):
+        if work.gap[k] > 0.5 * h * work.bound[k]:
+            continue
+        i, j = island.first[k], island.second[k]
+        m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
+        ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
+        px, py = element_path(m, path[a], ca, sa)
+        x2, y2 = element_path(n, path[b], cb, sb)
+        x1, y1 = island.separation[k, 0] + px, island.separation[k, 1] + py
+        area = moment_x = moment_y = chord_x = chord_y = 0.0
+        for p in range(faces.begin[i], faces.end[i]):
+            corners = _place(faces, p, x1, y1, ca, sa, work.one)
+            for q in range(faces.begin[j], faces.end[j]):
+                others = _place(faces, q, x2, y2, cb, sb, work.two)
+                part, tx, ty, cx, cy = overlap(work.one[:corners], work.two[:others])
+                area += part
+                moment_x += tx
+                moment_y += ty
+                chord_x += cx
+                chord_y += cy
+        chord = math.hypot(chord_x, chord_y)
+        if not (area > 0.0 and chord > 0.0):
+            meeting[k, PHASE], meeting[k, FORCE], meeting[k, FRICTION] = APART, 0.0, 0.0
+            continue
+        nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
+        row = work.face[count]
+        mx, my = spin_lever(m, ca, sa)
+        qx, qy = spin_lever(n, cb, sb)
+        _fill_row(row, ROW_N, 1.0, m, mx, my, x - x1, y - y1, nx, ny)
+        _fill_row(row, ROW_N + 3, -1.0, n, qx, qy, x - x2, y - y2, nx, ny)
+        _fill_row(row, ROW_T, 1.0, m, mx, my, x - x1, y - y1, -ny, nx)
+        _fill_row(row, ROW_T + 3, -1.0, n, qx, qy, x - x2, y - y2, -ny, nx)
+        closing = _speed(row, ROW_N, twist[a], twist[b])
+        state = meeting[k]
+        if state[PHASE] == APART:
+            if closing <= 0.0:
+                continue
+            # Faces meet where they stand: what was crushed before is rubble that fills the gap.
+            state[TOUCHED] = state[CRUSHED] = area / chord
+            state[CHORD], state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = chord, 0.0, closing, 0.0, 0.0
+            state[PHASE] = IMPACT if closing > SLOW else REST
+        # A chord that shrinks while the load is released would make energy.
+        state[CHORD] = max(state[CHORD], chord)
+        row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
+        row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
+        row[GIVE_N] = _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b])
+        row[GIVE_T] = _mobility_along(row, ROW_T, work.compliance[a], work.compliance[b])
+        row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
+        if row[GIVE_N] <= 0.0:
+            continue
+        depth = area / state[CHORD]
+        if state[PHASE] == REST:
+            row[DEPTH], row[FOLLOW] = depth - 0.5 * h * closing, h
+        else:
+            row[DEPTH], row[FOLLOW] = depth, 0.5 * h
+        result.touched[k] = True
+        work.active[count] = k
+        count += 1
+    return count
+
+
+@kernel
+def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Floats, w: Floats) -> None:
+    """Change the velocities of both bodies by an impulse against a row."""
+    for i in range(3):
+        for j in range(3):
+            v[i] -= impulse * one[i, j] * row[at + j]
+            w[i] -= impulse * two[i, j] * row[at + 3 + j]
+
+
+@borrower
+def _sweep(
+    island: Island, faces: Faces, meeting: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+) -> None:
+    """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel)."""
+    scale = 1e-9
+    for f in range(count):
+        k, row = work.active[f], work.face[f]
+        a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
+        scale = max(scale, abs(_speed(row, ROW_N, work.new[a], work.new[b])), abs(row[SLIDING]))
+        # The forces of the sub-step before are a first guess.
+        _push(row, ROW_N, h * meeting[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+        _push(row, ROW_T, h * meeting[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+    for _ in range(MAX_SWEEPS):
+        most = 0.0
+        for f in range(count):
+            k, row = work.active[f], work.face[f]
+            i, j = island.first[k], island.second[k]
+            a, b, state = island.body_of[i], island.body_of[j], meeting[k]
+            one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
+            thickness = min(faces.thickness[i], faces.thickness[j])
+            stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
+            give = h * row[GIVE_N]
+            free = _speed(row, ROW_N, v, w) + give * state[FORCE]
+            force = crushing_force(
+                row[DEPTH] + row[FOLLOW] * free, state[TOUCHED], state[CRUSHED], stiffness, law.ratio,
+                stiffness * law.depth, row[FOLLOW] * give,
+            )  # fmt: skip
+            change = force - state[FORCE]
+            state[FORCE] = force
+            _push(row, ROW_N, h * change, one, two, v, w)
+            most = max(most, abs(give * change))
+            if law.friction > 0.0:
+                give = h * row[GIVE_T]
+                slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / give, force, law.friction)
+                change = slide - state[FRICTION]
+                state[FRICTION] = slide
+                _push(row, ROW_T, h * change, one, two, v, w)
+                most = max(most, abs(give * change))
+        if most <= SWEEP_RTOL * scale:
+            return
+
+
+@borrower
+def _settle(
+    island: Island, faces: Faces, meeting: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+) -> None:
+    """Crush the faces as far as their forces say, and pass on from impact to rest, or apart."""
+    for f in range(count):
+        k, row = work.active[f], work.face[f]
+        i, j = island.first[k], island.second[k]
+        a, b, state = island.body_of[i], island.body_of[j], meeting[k]
+        thickness = min(faces.thickness[i], faces.thickness[j])
+        stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
+        closing = _speed(row, ROW_N, work.new[a], work.new[b])
+        sliding = 0.5 * (row[SLIDING] + _speed(row, ROW_T, work.new[a], work.new[b]))
+        depth, force, slide = row[DEPTH] + row[FOLLOW] * closing, state[FORCE], state[FRICTION]
+        crushed = depth - force / (law.ratio * stiffness)
+        if force > 0.0 and crushed > state[CRUSHED]:
+            stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (law.ratio * stiffness)
+            work.dissipated[0] += max(0.5 * h * force * (row[CLOSING] + closing) - stored, 0.0)
+            state[CRUSHED] = crushed
+        work.dissipated[0] += max(h * slide * sliding, 0.0)
+        state[SINCE] += h
+        nx, ny = row[NX], row[NY]
+        fx, fy = force * nx - slide * ny, force * ny + slide * nx
+        state[PUSH_X], state[PUSH_Y] = fx, fy
+        state[TORQUE_1] = -(row[OFFSET] * fy - row[OFFSET + 1] * fx)
+        state[TORQUE_2] = row[OFFSET + 2] * fy - row[OFFSET + 3] * fx
+        if force == 0.0 and closing <= 0.0:
+            state[PHASE] = APART
+        elif state[PHASE] == REST:
+            if closing > AGAIN:
+                state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0
+        elif closing < max(SETTLED * state[SPEED], SLOW):
+            frequency = math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
+            if state[SINCE] * frequency > SETTLING:
+                state[PHASE] = REST
+
+
+@borrower
+def _record_peak(island: Island, meeting: Floats, count: int, result: IslandResult, work: CrushingWorkspace) -> None:
+    """Record the loads of the bonded bodies that contact presses harder in this sub-step than before in the step."""
+    if count == 0:
+        return
+    body_of, bonded, forcing, harder = island.body_of, island.bonded, island.forcing, False
+    work.size[:] = 0.0
+    for f in range(count):
+        k = work.active[f]
+        size = math.hypot(meeting[k, PUSH_X], meeting[k, PUSH_Y])
+        for b in (body_of[island.first[k]], body_of[island.second[k]]):
+            work.size[b] += size
+            harder = harder or (bonded[b] and work.size[b] > work.peak[b])
+    if not harder:
+        return
+    work.contact_force[:, :] = 0.0
+    for f in range(count):
+        k = work.active[f]
+        i, j, x, y = island.first[k], island.second[k], meeting[k, PUSH_X], meeting[k, PUSH_Y]
+        work.contact_force[i, 0] -= x
+        work.contact_force[i, 1] -= y
+        work.contact_force[i, 2] += meeting[k, TORQUE_1]
+        work.contact_force[j, 0] += x
+        work.contact_force[j, 1] += y
+        work.contact_force[j, 2] += meeting[k, TORQUE_2]
+    for e in range(body_of.size):
+        b = body_of[e]
+        if not (bonded[b] and work.size[b] > work.peak[b]):
+            continue
+        m, q = island.levers[e], work.new[b]
+        floor = forcing.mass[e] * forcing.floor_rate[e]
+        u, v, w = element_velocity(m, q)
+        result.peak_force[e, 0] = work.force[e, 0] + work.contact_force[e, 0] - floor * u
+        result.peak_force[e, 1] = work.force[e, 1] + work.contact_force[e, 1] - floor * v
+        result.peak_force[e, 2] = (
+            work.force[e, 2] + work.contact_force[e, 2] - forcing.inertia[e] * forcing.floor_spin_rate[e] * w
+        )
+        c, s = math.cos(work.middle[b, 2]), math.sin(work.middle[b, 2])
+        result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
+        result.peak_spin[b] = q[2]
+    for b in range(work.size.size):
+        work.peak[b] = max(work.peak[b], work.size[b])

@@ -1,0 +1,157 @@
+"""Fragments that crush each other's faces: what lives from one step to the next, and a step of all islands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from riftberg.bergs.bonding import Metric, separations
+from riftberg.state import Floats, Ints
+from riftberg.state.numbering import rows_of
+from riftberg.stepping.bodies.dynamics import BodyMatrices, BodyOperators
+from riftberg.stepping.bodies.pose import Bodies, tangent_coordinates
+from riftberg.stepping.contact.broad_phase import candidate_pairs
+from riftberg.stepping.contact.crushing_step import (
+    APART,
+    COLUMNS,
+    PHASE,
+    PUSH_X,
+    PUSH_Y,
+    TORQUE_1,
+    TORQUE_2,
+    CrushingLaw,
+    Faces,
+    integrate_faces,
+)
+from riftberg.stepping.contact.islands import ContactPhase, IslandsOutcome, find_islands, forcing_of_rows, phase_of
+from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
+from riftberg.stepping.run_state import RunState
+
+
+class Meetings(NamedTuple):
+    """The pairs of faces that press each other, as the last sub-step left them."""
+
+    pair: Ints  # Identifiers of both elements; shape (pairs, 2)
+    state: Floats  # See `riftberg.stepping.contact.crushing_step`; shape (pairs, columns)
+    dissipated: Floats  # Plastic work and friction since the start of the run, J; shape (1,)
+
+
+MEETING_NAMES = tuple(f"meeting_{name}" for name in Meetings._fields)
+"""Names in a restart file."""
+
+NO_MEETINGS = Meetings(np.zeros((0, 2), np.int64), np.zeros((0, COLUMNS)), np.zeros(1))
+
+
+class _Polygons(NamedTuple):
+    """Footprints of all elements, along the axes of their fragments."""
+
+    begin: Ints  # Where the polygons of each element begin; shape (elements + 1,)
+    ring: Ints  # Where the corners of each polygon begin; shape (polygons + 1,)
+    corner: Floats  # From the centre of the element, m; shape (corners, 2)
+    element: Ints  # Of each corner
+    reach: Floats  # Farthest corner of each element, m
+
+
+class FaceContact:
+    """Contact by crushing under a run."""
+
+    def __init__(self, model: RunState, footprints: FootprintBook) -> None:
+        p = model.parameters.contact
+        self._law = CrushingLaw(p.crushing_strength, p.crushing_depth, p.unloading_ratio, p.friction)
+        self._footprints = footprints
+        self._polygons: _Polygons | None = None
+        self._key: list[bytes] = []
+        self.meetings = NO_MEETINGS
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return what a restart file must hold beside the state."""
+        return dict(zip(MEETING_NAMES, self.meetings, strict=True))
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Restore what `state_dict` gave."""
+        if all(name in saved for name in MEETING_NAMES):
+            pair, state, dissipated = (np.array(saved[name]) for name in MEETING_NAMES)
+            self.meetings = Meetings(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
+
+    def force(self, model: RunState) -> Floats:
+        """Force and torque (N, N, N m) of the faces on the elements at the end of the last sub-step; shape (elements, 3)."""
+        out = np.zeros((model.elements.size, 3))
+        rows, known = rows_of(model.elements.body.id, self.meetings.pair.ravel())
+        rows, both, s = rows.reshape(-1, 2), known.reshape(-1, 2).all(axis=1), self.meetings.state
+        for side, sign, torque in ((0, -1.0, TORQUE_1), (1, 1.0, TORQUE_2)):
+            push = np.column_stack([sign * s[:, PUSH_X], sign * s[:, PUSH_Y], s[:, torque]])
+            np.add.at(out, rows[both, side], push[both])
+        return out
+
+    def resolve(
+        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes
+    ) -> ContactPhase | None:
+        """Take the bodies that may meet through ``h`` s of sub-steps, and keep the meetings at their end; None where none do."""
+        el, c, before = model.elements, model.constants, self.meetings
+        self.meetings = before._replace(pair=NO_MEETINGS.pair, state=NO_MEETINGS.state)
+        polygons = self._faces_of(model, bodies)
+        first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
+        if first.size == 0:
+            return None
+        count = op.matrices.mobility.shape[0]
+        i = find_islands(op.body, count, first, second)
+        first, second = first[i.order], second[i.order]
+        ids = np.column_stack([el.body.id[first], el.body.id[second]])
+        meeting = _known_meetings(before, ids)
+        shown, axis = el.shown, op.levers[polygons.element, 9:11]
+        x, y = polygons.corner.T
+        corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
+        faces = Faces(
+            polygons.begin[i.rows], polygons.begin[i.rows + 1], polygons.ring, corner, polygons.reach[i.rows],
+            el.body.thickness[i.rows],
+        )  # fmt: skip
+        apart = np.column_stack(
+            separations(
+                Metric(c.latlon, c.earth_radius, c.period), shown.lon_pair[first], shown.lat_pair[first],
+                shown.lon_pair[second], shown.lat_pair[second],
+            )
+        )  # fmt: skip
+        bonded = np.bincount(op.body, minlength=count)[i.members] > 1
+        outcome = integrate_faces(
+            i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows],
+            forcing_of_rows(i.rows, op.forcing), BodyMatrices(*(matrix[i.members] for matrix in op.matrices)),
+            bodies.twist[i.members], bonded, apart, faces, meeting, h, self._law,
+        )  # fmt: skip
+        found = IslandsOutcome(*outcome[:8])
+        if not np.isfinite(found.twist).all():
+            raise FloatingPointError
+        kept = meeting[:, PHASE] != APART
+        self.meetings = Meetings(ids[kept], meeting[kept], before.dissipated + outcome[8])
+        return phase_of(op, i, first, second, found, h)
+
+    def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
+        """Footprints about the centres of their elements, found anew where elements or fragments have changed."""
+        el, c, body = model.elements, model.constants, model.elements.body
+        key = [a.tobytes() for a in (bodies.body, bodies.reference, body.id, body.length, body.width)]
+        if self._polygons is None or key != self._key:
+            self._key = key
+            xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
+            found = body_footprint(self._footprints.follow(model), el, np.arange(el.size), xy, bodies.body)
+            size, order = np.diff(found.start), np.argsort(found.owner, kind="stable")
+            owner, ring = found.owner[order], np.concatenate([[0], np.cumsum(size[order])]).astype(np.int64)
+            index = np.arange(ring[-1]) - np.repeat(ring[:-1] - found.start[order], size[order])
+            element = np.repeat(owner, size[order])
+            corner, reach = found.corner[index] - xy[element], np.zeros(el.size)
+            np.maximum.at(reach, element, np.hypot(corner[:, 0], corner[:, 1]))
+            begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
+            self._polygons = _Polygons(begin, ring, corner, element, reach)
+        return self._polygons
+
+
+def _known_meetings(meetings: Meetings, ids: Ints) -> Floats:
+    """Return the states of pairs of elements (by identifiers, in either order); zeros for those that did not press each other."""
+    out = np.zeros((len(ids), COLUMNS))
+    if len(meetings.pair):
+        place = {(int(min(pair)), int(max(pair))): k for k, pair in enumerate(meetings.pair)}
+        for n, pair in enumerate(ids.tolist()):
+            if (k := place.get((min(pair), max(pair)))) is not None:
+                out[n] = meetings.state[k]
+    return out

@@ -1,0 +1,142 @@
+"""Bergs that meet and crush each other's faces, against numbers of an independent prototype (rigid bodies, same law).
+
+20 x 10 km on 12 x 12 km, 250 m, on a plane without sea: restitution on centres of mass, energy, momentum, and what the time step,
+Young's modulus, a restart and a second impact change.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from riftberg import Iceberg, Model, Parameters
+from riftberg.errors import InputError
+from riftberg.ocean.analytic import Steady
+
+LONG = 50  # Elements of the first berg
+
+
+def meeting(
+    velocity: tuple[float, float], gap: float, dt: float, *, second: dict[str, Any] | None = None, modulus: float = 5e6,
+    **contact: Any,
+) -> Model:  # fmt: skip
+    """Two bergs, the first of which comes on; ``gap`` in m along x."""
+    one = Iceberg.rectangle(20e3, 10e3, thickness=250.0, radius=1000.0, latlon=False, velocity=velocity)
+    place = {"placement": (16e3 + gap, 0.0), **(second or {})}
+    two = Iceberg.rectangle(12e3, 12e3, thickness=250.0, radius=1000.0, latlon=False, **place)
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, contact={"law": "crushing", **contact},
+        stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True},
+        bonds={"youngs_modulus": modulus}, fracture={"enabled": False},
+    )  # fmt: skip
+    return Model(Iceberg.join([one, two]), Steady(), parameters)
+
+
+def speeds(model: Model) -> tuple[float, float]:
+    """Eastward velocity of the centre of mass of both bergs."""
+    el = model.elements
+    return tuple(np.average(el.u[s], weights=el.mass[s]) for s in (slice(0, LONG), slice(LONG, None)))  # type: ignore[return-value]
+
+
+def totals(model: Model) -> tuple[np.ndarray, float, float]:
+    """Momentum (N s), angular momentum (N m s) and kinetic energy (J)."""
+    el, mass = model.elements, model.elements.mass
+    inertia = 0.5 * mass * 1000.0**2
+    momentum = np.array([mass @ el.u, mass @ el.v])
+    angular = mass @ (el.lon_pair * el.v - el.lat_pair * el.u) + inertia @ el.spin
+    return momentum, float(angular), float(0.5 * (mass @ (el.u**2 + el.v**2) + inertia @ el.spin**2))
+
+
+def dissipated(model: Model) -> float:
+    """Plastic work and friction of the faces since the start, J: what a restart keeps of it."""
+    return float(model._stepper.state_dict()["meeting_dissipated"][0])
+
+
+@pytest.mark.parametrize(
+    ("speed", "dt"),
+    [(0.3, 60.0), (0.3, 1800.0), (0.3, 10800.0), (0.01, 600.0), (0.01, 10800.0), (1.0, 60.0), (1.0, 10800.0)],
+)
+def test_two_bergs_that_meet_head_on_rebound_at_a_tenth(speed: float, dt: float) -> None:
+    gap = 0.37 * speed * min(dt, 1800.0) + 5.0
+    model = meeting((speed, 0.0), gap, dt)
+    before, _, energy = totals(model)
+    while model.time < gap / speed + 200.0:
+        model.advance(steps=1)
+    one, two = speeds(model)
+    assert 0.05 < (two - one) / speed < 0.15
+    after, _, left = totals(model)
+    assert np.abs(after - before).max() < 1e-12 * before[0]
+    # What is missing is the plastic work of the faces.
+    assert dissipated(model) == pytest.approx(energy - left, rel=0.01)
+
+
+def test_a_fast_impact_crushes_the_whole_face() -> None:
+    """At 4 m/s the pressure reaches its limit, and less comes back."""
+    model = meeting((4.0, 0.0), 200.0, 600.0)
+    model.advance(steps=1)
+    one, two = speeds(model)
+    assert (two - one) / 4.0 == pytest.approx(0.046, abs=0.005)
+
+
+def test_a_second_impact_is_like_the_first() -> None:
+    """What was crushed is forgotten when the faces part; kept, the second impact would be elastic."""
+    model = meeting((0.3, 0.0), 5.0, 600.0)
+    for _ in range(2):
+        el = model.elements
+        for name in ("u", "u_sync", "u_pair"):
+            getattr(el, name)[:LONG], getattr(el, name)[LONG:] = 0.3, 0.0
+        model.advance(steps=1)
+        one, two = speeds(model)
+        assert 0.05 < (two - one) / 0.3 < 0.15
+
+
+def test_youngs_modulus_has_no_part_in_an_impact() -> None:
+    soft, stiff = (meeting((0.3, 0.0), 5.0, 600.0, modulus=modulus) for modulus in (5e6, 9e9))
+    for model in (soft, stiff):
+        model.advance(steps=1)
+    np.testing.assert_allclose(speeds(soft), speeds(stiff), rtol=1e-9)
+    assert soft.bonds.peak_stress.max() > 1e3
+    np.testing.assert_allclose(soft.bonds.peak_stress, stiff.bonds.peak_stress, rtol=1e-6, atol=1.0)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("dt", [60.0, 600.0, 10800.0])
+@pytest.mark.parametrize(("friction", "left"), [(0.0, 0.720), (0.2, 0.701)])
+def test_an_oblique_impact(friction: float, left: float, dt: float) -> None:
+    """At (0.3, 0.1) m/s on a square turned by 20 degrees, 4 km aside."""
+    turned = {"placement": (19e3, -4e3), "rotation": 20.0}
+    model = meeting((0.3, 0.1), 0.0, dt, second=turned, friction=friction)
+    momentum, angular, energy = totals(model)
+    spent = [0.0]
+    while model.time < 21600.0:
+        model.advance(steps=1)
+        spent.append(dissipated(model))
+    after, turning, remains = totals(model)
+    assert remains / energy == pytest.approx(left, abs=0.01)
+    assert np.abs(after - momentum).max() < 1e-12 * np.abs(momentum).max()
+    assert abs(turning - angular) < 1e-8 * model.elements.mass.sum() * 0.3 * 10e3
+    assert (np.diff(spent) >= 0.0).all()
+    assert spent[-1] == pytest.approx(energy - remains, rel=0.01)
+
+
+def test_a_restart_within_an_impact_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    model = meeting((0.3, 0.02), 2.0, 5.0)
+    model.advance(steps=4)  # pressed, not yet let go
+    path = model.save(tmp_path / "pressed.restart.nc")
+    again = Model.resume(path, Steady())
+    for run in (model, again):
+        run.advance(steps=4)
+    for name in ("lon", "lat", "u", "v", "spin"):
+        np.testing.assert_array_equal(getattr(again.elements, name), getattr(model.elements, name))
+    assert dissipated(again) == dissipated(model) > 0.0
+    assert speeds(model)[1] > 0.05
+
+
+def test_schemes_without_it_refuse_it_by_name() -> None:
+    with pytest.raises(
+        (InputError, ValueError), match=r"contact.law = 'crushing' needs stepping.scheme = 'quasi_static'"
+    ):
+        Parameters(contact={"law": "crushing"}, stepping={"scheme": "mts"})
