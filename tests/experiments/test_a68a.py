@@ -222,9 +222,9 @@ def point(lon: float, lat: float, time: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("time", [0.0, 3.0 * DAY, 7.7 * DAY, 12.0 * DAY, 16.0 * DAY])
-def test_currents_are_free_of_divergence_and_in_geostrophic_balance(time: float) -> None:
-    """Differences on the sphere: d(u)/dx + d(v cos)/cos dy = 0; slope = f0/g rot(current) in the local plane."""
-    h, radius, ocean = 1e-4, 6_363_827.0, StoryOcean()
+def test_currents_are_free_of_divergence_and_move_with_their_sea_surface(time: float) -> None:
+    """Differences on the sphere: d(u)/dx + d(v cos)/cos dy = 0; slope = f0/g rot(current) in the local plane, less Du/Dt / g."""
+    h, radius, ocean = 1e-4, 6_363_827.0, StoryOcean(replace(OWN, balance="geostrophic"))
     metre = radius * math.pi / 180.0
     rng = np.random.default_rng(3)
     for lon, lat in zip(rng.uniform(-40, -35, 8), rng.uniform(-57.5, -54.5, 8), strict=True):
@@ -239,6 +239,16 @@ def test_currents_are_free_of_divergence_and_in_geostrophic_balance(time: float)
         north = (ocean.sea_level(lon, lat + h, time) - ocean.sea_level(lon, lat - h, time)) / (2 * h * metre)
         assert model_berg.slope_x[0] == pytest.approx(east, rel=1e-6, abs=1e-13)
         assert model_berg.slope_y[0] == pytest.approx(north, rel=1e-6, abs=1e-13)
+        (u, v), turn = point(lon, lat, time), math.tan(math.radians(lat)) / radius
+        around = [point(lon + s * h, lat, time) for s in (1, -1)], [point(lon, lat + s * h, time) for s in (1, -1)]
+        later = [point(lon, lat, time + s * 10.0) for s in (1, -1)]
+        rates = []
+        for k in (0, 1):
+            x, y = (around[0][0][k] - around[0][1][k]) / cos, around[1][0][k] - around[1][1][k]
+            rates.append((later[0][k] - later[1][k]) / 20.0 + (u * x + v * y) / (2 * h * metre))
+        StoryOcean().sample(model_berg, time)
+        assert 9.8 * (model_berg.slope_x[0] - east) == pytest.approx(-(rates[0] - turn * u * v), rel=1e-4, abs=1e-11)
+        assert 9.8 * (model_berg.slope_y[0] - north) == pytest.approx(-(rates[1] + turn * u * u), rel=1e-4, abs=1e-11)
 
 
 @pytest.mark.parametrize("numbers", [OWN, REFERENCE], ids=["own", "reference"])

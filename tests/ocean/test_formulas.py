@@ -54,8 +54,8 @@ def moved(e: Elements, east: float, north: float, latlon: bool) -> Elements:
 )
 @pytest.mark.parametrize("name", FLOWS)
 def test_a_current_is_in_balance_with_its_sea_surface(name: str, options: dict[str, Any]) -> None:
-    """That is f v = g d(eta)/dx and -f u = g d(eta)/dy, f of the place or of the plane."""
-    flow, e = FLOWS[name](**options), points(latlon=options.get("latlon", True))
+    """That is f v = g d(eta)/dx and -f u = g d(eta)/dy, f of the place or of the plane, where no acceleration is asked for."""
+    flow, e = FLOWS[name](balance="geostrophic", **options), points(latlon=options.get("latlon", True))
     flow.sample(e, 7200.0)
     latitude = options.get("latitude", e.lat)
     f = 2.0 * OMEGA * np.sin(np.radians(latitude)) * np.ones(e.size)
@@ -64,6 +64,58 @@ def test_a_current_is_in_balance_with_its_sea_surface(name: str, options: dict[s
     np.testing.assert_allclose(G * e.slope_y, -f * e.uo, rtol=1e-12, atol=1e-18)
     for shown, own in zip(flow.currents(e.lon, e.lat, 7200.0), (e.uo, e.vo), strict=True):
         np.testing.assert_array_equal(shown, own)
+
+
+def test_the_sea_surface_of_an_eddy_holds_its_curvature() -> None:
+    """Gradient wind, g d(eta)/dr = f v + v^2 / r, at rest; seen from the middle of one that travels, its own speed counts."""
+    f, plane = 2.0 * OMEGA * np.sin(np.radians(-56.0)), {"latlon": False, "latitude": -56.0}
+    for speed in (0.5, -1.0):
+        for eddy in (
+            Forcing.eddy((0.0, 0.0), 40e3, speed, **plane),
+            Forcing.eddy((-3e3, 1e3), 40e3, speed, (0.3, -0.1), **plane),
+        ):
+            e = points(latlon=False)
+            eddy.sample(e, 1e4)
+            spin = speed / 40e3 * np.exp(0.5 * (1.0 - (e.lon**2 + e.lat**2) / 40e3**2))
+            c = eddy.velocity
+            # (u - c) . grad u of the water that turns with spin(r): grad spin = -spin (x, y) / R^2
+            along = (e.uo - c[0]) * e.lon + (e.vo - c[1]) * e.lat
+            du = -spin * (e.vo - c[1]) + spin * e.lat * along / 40e3**2
+            dv = spin * (e.uo - c[0]) - spin * e.lon * along / 40e3**2
+            np.testing.assert_allclose(G * e.slope_x, f * e.vo - du, rtol=1e-7, atol=1e-13)
+            np.testing.assert_allclose(G * e.slope_y, -f * e.uo - dv, rtol=1e-7, atol=1e-13)
+            if not any(c):
+                r = np.hypot(e.lon, e.lat)
+                rise = (e.slope_x * e.lon + e.slope_y * e.lat) / r
+                np.testing.assert_allclose(G * rise, f * spin * r + spin**2 * r, rtol=1e-7, atol=1e-13)
+
+
+def test_the_sea_surface_of_a_sum_moves_all_of_its_water() -> None:
+    """Parts that travel at different velocities and a tide: differences in space and in time of the whole flow."""
+    plane: dict[str, Any] = {"latlon": False, "latitude": -56.0}
+    flow = (
+        Forcing.eddy((1e4, 0.0), 40e3, -0.6, (0.2, 0.1), **plane)
+        + Forcing.eddy((-2e4, 3e4), 30e3, 0.4, (-0.1, 0.0), **plane)
+        + Forcing.jet((0.0, 0.0), 60.0, 0.7, 30e3, **plane)
+        + Forcing.tide(0.3, 0.1, towards=30.0, **plane)
+    )
+    e, time, h = points(latlon=False), 7200.0, 10.0
+    flow.sample(e, time)
+    west, east = flow.currents(e.lon - h, e.lat, time), flow.currents(e.lon + h, e.lat, time)
+    south, north = flow.currents(e.lon, e.lat - h, time), flow.currents(e.lon, e.lat + h, time)
+    before, after = flow.currents(e.lon, e.lat, time - h), flow.currents(e.lon, e.lat, time + h)
+    f, size = 2.0 * OMEGA * np.sin(np.radians(-56.0)), 0.0
+    for k, (slope, coriolis) in enumerate(((e.slope_x, f * e.vo), (e.slope_y, -f * e.uo))):
+        rate = (after[k] - before[k] + e.uo * (east[k] - west[k]) + e.vo * (north[k] - south[k])) / (2.0 * h)
+        np.testing.assert_allclose(G * slope, coriolis - rate, rtol=1e-6, atol=1e-11)
+        size = max(size, float(np.abs(rate / coriolis).max()))
+    assert size > 0.2
+    # A part in geostrophic balance stays out of it, and so does a current whose slope is given.
+    aside = Forcing.jet((0.0, 0.0), 0.0, 1.0, 3e4, balance="geostrophic", **plane)
+    alone, both = points(latlon=False), points(latlon=False)
+    aside.sample(alone, time)
+    (flow + aside + Steady((0.3, 0.2), slope=(1e-6, 0.0))).sample(both, time)
+    np.testing.assert_allclose(both.slope_x, e.slope_x + alone.slope_x + 1e-6, atol=1e-15)
 
 
 @pytest.mark.parametrize("latlon", [True, False])
@@ -120,13 +172,13 @@ def test_a_front_sets_the_temperature_of_its_sides() -> None:
 
 def test_water_is_free_in_a_tide() -> None:
     """du/dt - f v = -g d(eta)/dx: the slopes move the water itself."""
-    tide, e = Forcing.tide(0.3, 0.1, towards=30.0, phase=40.0), points(3)
+    tide, e = Forcing.tide(0.3, 0.1, towards=30.0, phase=40.0, latlon=False, latitude=-56.0), points(3, latlon=False)
     step, time = 1.0, 9000.0
     now = []
     for t in (time - step, time, time + step):
         tide.sample(e, t)
         now.append([a.copy() for a in (e.uo, e.vo, e.slope_x, e.slope_y)])
-    f = 2.0 * OMEGA * np.sin(np.radians(e.lat))
+    f = 2.0 * OMEGA * np.sin(np.radians(-56.0))
     du, dv = ((now[2][k] - now[0][k]) / (2.0 * step) for k in (0, 1))
     np.testing.assert_allclose(du - f * now[1][1], -G * now[1][2], rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(dv + f * now[1][0], -G * now[1][3], rtol=1e-6, atol=1e-12)

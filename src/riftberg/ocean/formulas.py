@@ -1,12 +1,13 @@
 """Forcing by formula that is put together with ``+``: uniform, eddy, jet, shear, front, tide, seamount, slope, wind that turns.
 
 Each part adds its current, the slope of the sea surface that goes with it, its wind; of several sea floors the shallowest
-counts. A steady current stands in geostrophic balance with its sea surface, place by place::
+counts. The slope is the one that moves the water itself::
 
-    d(eta)/dx = f v / g,    d(eta)/dy = -f u / g,    f = 2 Omega sin(latitude)
+    g grad(eta) = -f k x u - Du/Dt,    f = 2 Omega sin(latitude)
 
-and a tide, which also changes in time, has ``d(eta)/dx = (f v - du/dt) / g`` and ``d(eta)/dy = -(f u + dv/dt) / g``: the
-slopes that move the water itself. Without them a berg does not follow the water, but drifts off to the side.
+where u is the sum of all formulas and D/Dt the derivative along its path: gradient-wind balance in an eddy, and in one that
+travels with c, ``Du/Dt = (u - c) . grad u``. Without these slopes a berg does not follow the water, but drifts off to the
+side. With ``balance="geostrophic"`` a part has the slope ``-f k x u / g`` alone and stays out of that sum.
 
 Positions are degrees and f is that of each place; with ``latitude`` f is that of one latitude, and with ``latlon=False``
 positions are metres on such a plane.
@@ -17,9 +18,9 @@ from __future__ import annotations
 import functools
 import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar, dataclass_transform
 
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
@@ -180,10 +181,13 @@ class Sum(Formula):
     def add_to(self, elements: Elements, time: float) -> None:
         """Add all parts."""
         for part in self.parts:
-            if isinstance(part, Formula):
+            if isinstance(part, Flow):
+                part.add_flow(elements, time)
+            elif isinstance(part, Formula):
                 part.add_to(elements, time)
             else:
                 part.sample(elements, time)
+        add_acceleration([part for part in self.parts if isinstance(part, Flow)], elements, time)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless all parts serve these elements from ``start`` to ``end`` (s)."""
@@ -271,8 +275,14 @@ class Part(Formula):
         return plain_value(value, fields_of(cls)[str(info.field_name)], metres=in_metres(info))
 
 
+@_formula
 class Flow(Part):
     """A formula whose current is balanced by the slope of the sea surface."""
+
+    balance: Annotated[
+        Literal["gradient", "geostrophic"],
+        about("", "of the sea surface: with the acceleration of the water (gradient wind), or with Coriolis alone"),
+    ] = Field(default="gradient", kw_only=True)
 
     @model_validator(mode="after")
     def _has_a_latitude(self) -> Flow:
@@ -292,26 +302,65 @@ class Flow(Part):
         """Return the current (m s-1) and its relative vorticity (s-1) at arrays of points."""
         raise NotImplementedError
 
-    def change(self, time: float) -> Pair:
-        """Return how fast the current changes everywhere, m s-2."""
-        return 0.0, 0.0
-
-    def add_to(self, elements: Elements, time: float) -> None:
-        """Add current, vorticity and the slope of the sea surface that goes with them."""
+    def add_flow(self, elements: Elements, time: float) -> None:
+        """Add current, vorticity and the slope of the sea surface that balances the Coriolis force."""
         place, e = elements.place, elements.environment
         u, v, vorticity = self.flow(place.lon, place.lat, time)
-        # Slopes that move this water itself: a berg would drift off to the side of water without them.
-        f, (du, dv) = self.coriolis(place.lat), self.change(time)
+        f = self.coriolis(place.lat)
         e.uo[:] += u
         e.vo[:] += v
         e.vorticity[:] += vorticity
-        e.slope_x[:] += (f * v - du) / GRAVITY
-        e.slope_y[:] -= (f * u + dv) / GRAVITY
+        e.slope_x[:] += f * v / GRAVITY
+        e.slope_y[:] -= f * u / GRAVITY
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add current, vorticity and the slope of the sea surface that moves this water."""
+        self.add_flow(elements, time)
+        add_acceleration([self], elements, time)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
         u, v, _ = self.flow(np.asarray(lon, np.float64), np.asarray(lat, np.float64), time)
         return u, v
+
+
+def add_acceleration(flows: Sequence[Flow], elements: Elements, time: float) -> None:
+    """Add the slope of the sea surface that accelerates the water of several formulas on its way."""
+    flows = [part for part in flows if part.balance == "gradient"]
+    if not flows:
+        return
+    place, e = elements.place, elements.environment
+    latlon = bool(flows[0].latlon)
+
+    def total(lon: Floats, lat: Floats, at: float) -> tuple[Floats, Floats]:
+        parts = [part.flow(lon, lat, at) for part in flows]
+        return np.sum([u for u, _, _ in parts], axis=0), np.sum([v for _, v, _ in parts], axis=0)
+
+    du, dv = along_path(total, place.lon, place.lat, time, latlon=latlon)
+    e.slope_x[:] -= du / GRAVITY
+    e.slope_y[:] -= dv / GRAVITY
+
+
+def along_path(
+    flow: Callable[[Floats, Floats, float], tuple[Floats, Floats]],
+    lon: Floats,
+    lat: Floats,
+    time: float,
+    *,
+    latlon: bool,
+) -> tuple[Floats, Floats]:
+    """Return the acceleration (m s-2, east and north) of water at arrays of points: the difference along its path.
+
+    Currents change over hours and kilometres, so a second on either side leaves an error of 1e-8 of it.
+    """
+    u, v = flow(lon, lat, time)
+    north = DEGREE * EARTH_RADIUS_A68 if latlon else 1.0
+    cos = np.maximum(np.cos(lat * DEGREE), 1e-6) if latlon else np.ones(np.shape(lon))
+    east = north * cos
+    # Local east turns along the path: a parallel is no great circle.
+    turn = np.sin(lat * DEGREE) / (cos * EARTH_RADIUS_A68) if latlon else 0.0 * cos
+    (u1, v1), (u0, v0) = (flow(lon + s * u / east, lat + s * v / north, time + s) for s in (1.0, -1.0))
+    return 0.5 * (u1 - u0) - turn * u * v, 0.5 * (v1 - v0) + turn * u * u
 
 
 def metres_from(point: Pair, lon: Floats, lat: Floats, latlon: bool) -> tuple[Floats, Floats]:
@@ -333,7 +382,7 @@ def heading(towards: float) -> Pair:
 class Uniform(Flow):
     """The same current, wind and sea ice everywhere, at all times."""
 
-    current: Annotated[Velocity, about("m s-1", "eastward and northward ocean current, in geostrophic balance")] = (
+    current: Annotated[Velocity, about("m s-1", "eastward and northward ocean current, with its sea surface")] = (
         0.0,
         0.0,
     )
@@ -356,9 +405,9 @@ class Uniform(Flow):
         one = np.ones(np.shape(lon))
         return self.current[0] * one, self.current[1] * one, 0.0 * one
 
-    def add_to(self, elements: Elements, time: float) -> None:
+    def add_flow(self, elements: Elements, time: float) -> None:
         """Add current, slope, wind and sea ice."""
-        super().add_to(elements, time)
+        super().add_flow(elements, time)
         e = elements.environment
         e.ua[:] += self.wind[0]
         e.va[:] += self.wind[1]
@@ -512,9 +561,9 @@ class Front(Straight):
         bell = -GRAVITY / f * 0.5 * self.step / self.width / np.cosh(np.clip(n, -300.0, 300.0)) ** 2
         return bell, -2.0 * np.tanh(n) * bell / self.width
 
-    def add_to(self, elements: Elements, time: float) -> None:
+    def add_flow(self, elements: Elements, time: float) -> None:
         """Add current and slope, and set the temperature of the water."""
-        super().add_to(elements, time)
+        super().add_flow(elements, time)
         if self.temperature is None:
             return
         east, north = heading(self.towards)
@@ -549,12 +598,6 @@ class Tide(Flow):
         u, v = self._along(*self._parts(time))
         one = np.ones(np.shape(lon))
         return u * one, v * one, 0.0 * one
-
-    def change(self, time: float) -> Pair:
-        """Return how fast the current changes, m s-2."""
-        omega = 2.0 * math.pi / self.period
-        c, s = self._cycle(time)
-        return self._along(-omega * self.major * s, omega * self.minor * c)
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
         """Return the level of the moment (m), the same everywhere; constituents are tides that are added up."""

@@ -2,8 +2,8 @@
 
 These currents are fitted, not measured: nobody observed the water under the berg. In local coordinates
 X = R cos(-55.8) (lon + 37.4), Y = R (lat + 55.8) with s days since 9 December 13:00 UTC, the current is
-``u = -psi_Y``, ``v = psi_X cos(-55.8) / cos(lat)``, which is free of divergence on the sphere, and the sea level is in
-geostrophic balance, ``eta = f0 psi / g``, with::
+``u = -psi_Y``, ``v = psi_X cos(-55.8) / cos(lat)``, which is free of divergence on the sphere. The slope of the sea surface is
+that of ``f0 psi / g`` less the acceleration of the water, ``Du/Dt / g``, with::
 
     psi = G (V x - U y) exp(-(r / Ld)^4)                                    the drift along the observed path
         + W Le^2 / 2 (1 - exp(-(r / Le)^2))                                 the eddy that turns the berg
@@ -15,7 +15,7 @@ that the tip, once it has been held by the shoal, stays behind. The shear is an 
 counter-current (Uc) at the middle of the berg; a uniform flow (Um) makes its pull on the whole berg vanish. It grows
 and decays with A(s). A wind, and a shoal on which the tip grounds, complete it: a bell whose depth is that of the keel
 (166 m) on a circle of 5.0 km. The form follows the shared description of the A68a
-story, whose own numbers (`REFERENCE`) belong to the numerics of the reference.
+story, whose own numbers (`REFERENCE`) belong to the numerics of the reference and have the geostrophic slope alone.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.ocean.forcing import DescribedForcing
+from riftberg.ocean.formulas import along_path
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 
@@ -69,6 +70,7 @@ class StoryNumbers:
     shear_flow: float = 0.0  # Uniform eastward current that goes with jet and counter-current, m s-1
     shear_start: float = -math.inf  # Days on which the shear has grown and decayed to half; each takes about a day
     wind: tuple[float, float] = (5.0, -2.0)  # Eastward and northward wind, m s-1
+    balance: Literal["gradient", "geostrophic"] = "gradient"  # Of the sea surface: with or without Du/Dt
     fitted_with: str = ""  # Numerics by which it was fitted, for titles, if not Riftberg's own
 
 
@@ -118,6 +120,7 @@ OWN = StoryNumbers(
 
 
 REFERENCE = StoryNumbers(
+    balance="geostrophic",
     fitted_with=" with the reference's numerics",
     path_x=(-3.04797e-4, 0.0129882, -0.197984, 1.30416, -4.19217, 23.207, -115.233),
     path_y=(2.24966e-4, -0.00939015, 0.144074, -0.951043, 1.36853, -0.696596, 86.7088),
@@ -245,6 +248,10 @@ class StoryOcean(DescribedForcing):
         """Fill the environment of the elements."""
         place, e = elements.place, elements.environment
         _fill(place.lon, place.lat, e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity, self.instant(time))
+        if self.numbers.balance == "gradient":
+            du, dv = along_path(self.currents, place.lon, place.lat, time, latlon=True)
+            e.slope_x[:] -= du / GRAVITY
+            e.slope_y[:] -= dv / GRAVITY
         e.ua[:], e.va[:] = self.numbers.wind
         self._fill_depth(place.lon, place.lat, e.depth)
 
@@ -259,7 +266,7 @@ class StoryOcean(DescribedForcing):
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
     def sea_level(self, lon: float, lat: float, time: float) -> float:
-        """Return the sea level (m) at one point, for tests and maps; its slope is what moves the berg."""
+        """Return the sea level (m) in geostrophic balance with the current at one point, for tests and maps."""
         metre = EARTH_RADIUS_A68 * DEGREE
         x, y = metre * math.cos(LATITUDE * DEGREE) * (lon - LONGITUDE), metre * (lat - LATITUDE)
         psi = stream(x, y, self.instant(time))[0]
