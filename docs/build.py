@@ -134,7 +134,7 @@ def experiment_page() -> str:
         text.append(f"## {name or 'top level'}\n")
         rows = []
         for key, field in fields.items():
-            if field.kw_only:  # of formulas: what a file takes from its parameters
+            if extra(field, "hidden"):  # of formulas: what a file takes from its parameters
                 continue
             needed = field.is_required()
             rows.append((code(field.alias or key), "needed" if needed else _default(field), extra(field, "unit"), limits(field),

@@ -152,6 +152,7 @@ class KernelParameters(NamedTuple):
     shared_shear_lever: Annotated[bool, "compatibility.shared_shear_lever"]
     bond_thickness_of_second: Annotated[bool, "compatibility.bond_thickness_of_second"]
     grid_position_round_trip: Annotated[bool, "compatibility.grid_position_round_trip"]
+    land_inset: float  # How far inside the water land puts an element back, as part of a cell
     swapped_implicit_velocity: Annotated[bool, "compatibility.swapped_implicit_velocity"]
     uncentred_half_kicks: Annotated[bool, "compatibility.uncentred_half_kicks"]
     explicit_contact_damping: Annotated[bool, "compatibility.explicit_contact_damping"]
@@ -414,6 +415,8 @@ class Parameters(Group):
             ground_quadratic=p.grounding.quadratic_coefficient if law == "quadratic" else 0.0,
             # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
             ground_on_substeps=multiple and p.grounding.on_substeps and p.stepping.explicit_substeps,
+            # The reference puts an element back by a twentieth of its cell, from where it runs ashore again.
+            land_inset=0.05 if p.compatibility.elements_stopped_alone else 1e-3,
             modulus=p.bonds.youngs_modulus / p.ice.density,
             contact_spring=FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
             # What a long step can resolve, where contact between bergs acts in it.

@@ -26,6 +26,8 @@ from twins import cells as twin
 
 PARAMS = Parameters().kernel_values()
 
+TWENTIETH = Parameters(compatibility={"elements_stopped_alone": True}).kernel_values()
+
 
 def lake(ni=8, nj=8, land=(), period=0.0, mask=None):
     """Cartesian grid of 1 km cells; ``land`` lists reference cells (i, j)."""
@@ -269,7 +271,7 @@ def test_moves_between_cells_agree_with_twin(make):
             expected = twin.adjust(plain, x, y, e.cell_i[n] - a.halo + 1, e.cell_j[n] - a.halo + 1)
         except ValueError:
             continue  # the reference stops there: no real root far outside a bent cell
-        found = adjust_cell(x, y, e.cell_i[n], e.cell_j[n], a)
+        found = adjust_cell(x, y, e.cell_i[n], e.cell_j[n], a, 0.05)
         assert (found[2] - a.halo + 1, found[3] - a.halo + 1, found[6]) == (expected[2], expected[3], expected[6])
         np.testing.assert_allclose(found[:2], expected[:2], rtol=1e-12)
         np.testing.assert_allclose(found[4:6], expected[4:6], rtol=1e-12, atol=1e-10)
@@ -283,10 +285,10 @@ def test_land_stops_an_element_five_percent_inside_its_cell():
     """A step east into land ends at xi = 0.95, a step south-west into land at (0.05, 0.05) (equations 8.1)."""
     a = lake(land=[(5, 4), (3, 4), (4, 3), (3, 3)]).arrays
     i = j = a.halo + 3
-    x, y, i1, j1, xi, eta, bounced = adjust_cell(4200.0, 3500.0, i, j, a)
+    x, y, i1, j1, xi, eta, bounced = adjust_cell(4200.0, 3500.0, i, j, a, 0.05)
     assert (i1, j1, bounced) == (i, j, True)
     np.testing.assert_allclose((x, y, xi, eta), (3950.0, 3500.0, 0.95, 0.5), rtol=1e-12)
-    x, y, i1, j1, xi, eta, bounced = adjust_cell(2900.0, 2900.0, i, j, a)
+    x, y, i1, j1, xi, eta, bounced = adjust_cell(2900.0, 2900.0, i, j, a, 0.05)
     assert (i1, j1, bounced) == (i, j, True)
     np.testing.assert_allclose((x, y, xi, eta), (3050.0, 3050.0, 0.05, 0.05), rtol=1e-12)
 
@@ -294,7 +296,7 @@ def test_land_stops_an_element_five_percent_inside_its_cell():
 def test_ring_of_a_closed_domain_is_land():
     """An element pushed over the northern end of the domain stays inside, since land lies beyond by default."""
     a = lake().arrays
-    _, y, _, j, _, _, bounced = adjust_cell(3500.0, 8300.0, a.halo + 3, a.halo + 7, a)
+    _, y, _, j, _, _, bounced = adjust_cell(3500.0, 8300.0, a.halo + 3, a.halo + 7, a, 0.05)
     assert bounced
     assert j == a.halo + 7
     assert y == pytest.approx(7950.0)
@@ -303,10 +305,10 @@ def test_ring_of_a_closed_domain_is_land():
 def test_more_than_four_cells_end_in_the_fourth():
     """Quirk Q42: a move over seven cells is clipped 5 % inside the fourth cell on the way, without a bounce."""
     a = lake(ni=12).arrays
-    x, y, i, j, xi, eta, bounced = adjust_cell(500.0 + 7000.0, 3500.0, a.halo, a.halo + 3, a)
+    x, y, i, j, xi, eta, bounced = adjust_cell(500.0 + 7000.0, 3500.0, a.halo, a.halo + 3, a, 0.05)
     assert (i, j, bounced) == (a.halo + 4, a.halo + 3, False)
     np.testing.assert_allclose((x, y, xi, eta), (4950.0, 3500.0, 0.95, 0.5), rtol=1e-12)
-    assert adjust_cell(500.0 + 4000.0, 3500.0, a.halo, a.halo + 3, a)[0] == 4500.0
+    assert adjust_cell(500.0 + 4000.0, 3500.0, a.halo, a.halo + 3, a, 0.05)[0] == 4500.0
 
 
 def test_settling_wraps_positions_and_pair_positions_by_one_period():
@@ -334,7 +336,7 @@ def test_settling_matches_moving_each_element_and_skips_static_ones():
     e.lon[:] += rng.uniform(-0.2, 0.2, 200)
     e.lat[:] += rng.uniform(-0.2, 0.2, 200)
     before = copy(e)
-    stopped = settle_elements(e, grid.arrays, PARAMS)
+    stopped = settle_elements(e, grid.arrays, TWENTIETH)
     count = 0
     for n in range(200):
         if before.static[n] >= 0.5:
@@ -344,7 +346,7 @@ def test_settling_matches_moving_each_element_and_skips_static_ones():
             )
             continue
         x, y, i, j, xi, eta, hit = adjust_cell(
-            before.lon[n], before.lat[n], before.cell_i[n], before.cell_j[n], grid.arrays
+            before.lon[n], before.lat[n], before.cell_i[n], before.cell_j[n], grid.arrays, 0.05
         )
         assert (e.lon[n], e.lat[n], e.cell_i[n], e.cell_j[n], e.xi[n], e.eta[n]) == (x, y, i, j, xi, eta)
         count += hit
@@ -358,7 +360,7 @@ def test_settling_leaves_velocities_alone():
     e.lon[:], e.lat[:], e.u[:] = 3900.0, 3500.0, 2.0
     grid.locate(e)
     e.lon[:] = 4100.0
-    assert settle_elements(e, grid.arrays, PARAMS) == 1
+    assert settle_elements(e, grid.arrays, TWENTIETH) == 1
     assert e.u[0] == 2.0
     assert e.lon[0] == pytest.approx(3950.0)
 

@@ -194,19 +194,19 @@ def _neighbour(mask: Floats, i: int, j: int) -> float:
 
 
 @kernel
-def _pulled_in(position: float) -> float:
+def _pulled_in(position: float, inset: float) -> float:
     if position >= 1.0:
-        return 0.95
-    return 0.05 if position < 0.0 else position
+        return 1.0 - inset
+    return inset if position < 0.0 else position
 
 
 @kernel
 def adjust_cell(
-    x: float, y: float, i: int, j: int, grid: GridArrays
+    x: float, y: float, i: int, j: int, grid: GridArrays, inset: float
 ) -> tuple[float, float, int, int, float, float, bool]:
     """Move a point that may have left its cell into the right one; land stops it, velocity is untouched (equations 8.1).
 
-    ``x``, ``y``: new position, degrees or m.
+    ``x``, ``y``: new position, degrees or m; ``inset``: how far inside the water land puts it back, as part of a cell.
     """
     xi, eta, inside = position_in_cell(x, y, i, j, grid)
     if inside:
@@ -220,16 +220,16 @@ def adjust_cell(
         if bounced:
             # After land was met the point goes back into the cell before the next one is looked for, as in the
             # reference.
-            xi, eta = _pulled_in(xi), _pulled_in(eta)
+            xi, eta = _pulled_in(xi, inset), _pulled_in(eta, inset)
             x, y = position_from_cell(xi, eta, i, j, grid)
         xi, eta, inside = position_in_cell(x, y, i, j, grid)
         if inside:
             break
     if inside and not bounced and mask[j, i] > 0.0:
         return x, y, i, j, xi, eta, False
-    xi = _pulled_in(xi)
+    xi = _pulled_in(xi, inset)
     # The reference compares eta otherwise than xi: exactly 1 stays, exactly 0 does not.
-    eta = 0.95 if eta > 1.0 else (0.05 if eta <= 0.0 else eta)
+    eta = 1.0 - inset if eta > 1.0 else (inset if eta <= 0.0 else eta)
     x, y = position_from_cell(xi, eta, i, j, grid)
     xi, eta, inside = position_in_cell(x, y, i, j, grid)
     return x, y, i, j, xi, eta, bounced
@@ -255,7 +255,7 @@ def settle_elements(elements: Elements, grid: GridArrays, params: KernelParamete
         )
         if inside:
             continue
-        x, y, i, j, xi, eta, bounced = adjust_cell(px[n], py[n], cell_i[n], cell_j[n], grid)
+        x, y, i, j, xi, eta, bounced = adjust_cell(px[n], py[n], cell_i[n], cell_j[n], grid, params.land_inset)
         stopped += bounced
         if grid.cyclic and (i < first or i >= behind):
             shift = grid.period if i < first else -grid.period

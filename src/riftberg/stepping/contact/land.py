@@ -1,9 +1,10 @@
 """Constraint of land: it stops a berg as a whole, together with all ice in its way (equations 8.1; Riftberg's own).
 
-Land is looked for at the end of a step. By then an element may have gone hundreds of metres too far, and is put back to a
-twentieth of a cell inside the water. Put back alone it would be pulled out of its lattice, or end deep inside the berg behind
-it, and the springs of ice would return that as metres a second: 43 m s-1 for a berg that a current of 0.3 m s-1 carried
-ashore. So the same correction moves all ice that is in the way: nothing is strained, and nothing pushed into another.
+Land is looked for at the end of a step. By then an element may have gone hundreds of metres too far, and is put back to the
+shore. Put back alone it would be pulled out of its lattice, or end deep inside the berg behind it, and the springs of ice
+would return that as metres a second: 43 m s-1 for a berg that a current of 0.3 m s-1 carried ashore. So the same correction
+moves all ice that is in the way: nothing is strained, and nothing pushed into another. All of it loses the velocity into the
+land at which its leading element arrived.
 """
 
 from __future__ import annotations
@@ -108,24 +109,35 @@ def _pairs_in_the_way(
 
 
 def apply_land_constraint(el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParameters) -> None:
-    """Find the cells of all elements at the end of a step; where land stops one, its berg is put back with it.
-
-    Velocities are untouched, as in the reference, and a single element that touches nothing is stopped as there.
-    """
+    """Find the cells of all elements at the end of a step; where land stops one, its berg is stopped and put back with it."""
     part = None
     for _ in range(MAX_PASSES):
         lon, lat = el.lon.copy(), el.lat.copy()
         settle_elements(el, grid, c)
         correction = land_corrections(el, lon, lat, c)
-        if not correction.any() or not (c.interactions or c.bonds_on):
+        if not correction.any():
             return
         if part is None:
             part = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
         leader = leading_elements(el, lon, lat, correction, part, c)[part]
-        followers = np.flatnonzero((leader >= 0) & (leader != np.arange(el.size)) & (el.static < 0.5))
+        moved = np.flatnonzero((leader >= 0) & (el.static < 0.5))
+        for u, v in ((el.u, el.v), (el.u_sync, el.v_sync)):
+            u[moved], v[moved] = stopped_by_land(
+                u[moved], v[moved], u[leader[moved]], v[leader[moved]], correction[leader[moved]]
+            )
+        followers = moved[leader[moved] != moved]
         if followers.size == 0:
             return
         _apply_correction(el, lon, lat, followers, leader[followers], c)
+
+
+def stopped_by_land(
+    u: Floats, v: Floats, u_ashore: Floats, v_ashore: Floats, correction: Floats
+) -> tuple[Floats, Floats]:
+    """Return velocities less the part of that of the element ashore that goes into the land, against its correction."""
+    out = correction / np.hypot(correction[:, :1], correction[:, 1:])
+    into = np.minimum(u_ashore * out[:, 0] + v_ashore * out[:, 1], 0.0)
+    return u - into * out[:, 0], v - into * out[:, 1]
 
 
 def _apply_correction(el: Elements, lon: Floats, lat: Floats, rows: Ints, leader: Ints, c: KernelParameters) -> None:

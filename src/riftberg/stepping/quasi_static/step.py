@@ -54,7 +54,7 @@ from riftberg.stepping.contact.islands import (
     scatter_peak_load,
     trapezoidal_correction,
 )
-from riftberg.stepping.contact.land import corrected_poses, land_corrections, leading_elements
+from riftberg.stepping.contact.land import corrected_poses, land_corrections, leading_elements, stopped_by_land
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
@@ -290,6 +290,25 @@ class LawsWithMemory(NamedTuple):
     faces: FaceContact | None = None
 
 
+class Ashore(NamedTuple):
+    """Fragments that land has put back."""
+
+    bodies: Ints
+    leading: Ints  # Their elements that went farthest over land
+    correction: Floats  # Of these, m east and north; shape (fragments, 2)
+
+
+def _stop_at_land(twist: Floats, levers: Floats, ashore: list[Ashore]) -> None:
+    """Take from fragments the velocity into the land that stops their leading elements."""
+    for bodies, leading, correction in ashore:
+        m, q = levers[leading], twist[bodies]
+        u, v = np.sum(m[:, 0:3] * q, axis=1), np.sum(m[:, 3:6] * q, axis=1)
+        du, dv = stopped_by_land(0.0 * u, 0.0 * v, u, v, correction)
+        # From the axes of the element to those of the centre: the inverse of a rotation.
+        twist[bodies, 0] += m[:, 0] * du + m[:, 3] * dv
+        twist[bodies, 1] += m[:, 1] * du + m[:, 4] * dv
+
+
 @dataclass
 class Trial:
     """A trial step from the state at its start; positions, rotation and damage in the model have followed it."""
@@ -504,12 +523,19 @@ class TimeStep:
             h, c.latlon, c.earth_radius, c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation,
             contact_bodies, contact_mean, work,
         )  # fmt: skip
-        new = self._constrained_by_land(new)
+        new, ashore = self._constrained_by_land(new)
 
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         self.model.forcing.sample(el, start.time + h)
         op, time, twist = self._operators(new), start.time + h, 2.0 * new.twist - bodies.twist
-        if phase is None:
+        if ashore and phase is None:
+            # Each half kick drives a body into the land that stops it.
+            _stop_at_land(new.twist, op.levers, ashore)
+            work.active[:] = True
+            check_converged(half_kick_newton(op, new.twist, twist, 0.5 * h, work))
+            _stop_at_land(twist, op.levers, ashore)
+            state = self._corrected(new, op, time, twist)
+        elif phase is None:
             state = self._corrected(new, op, time, twist, 0.5 * h)
         else:
             work.active[:] = True
@@ -521,6 +547,7 @@ class TimeStep:
             if ground is not None:
                 twist[ground.motion.bodies] = ground.motion.twist
                 phase = joined(phase if contact else None, ground.motion, bodies.body)
+            _stop_at_land(twist, op.levers, ashore)
             state = self._corrected(new, op, time, twist)
 
         state = self._in_equilibrium(state)
@@ -556,9 +583,9 @@ class TimeStep:
                 f"the velocities of bergs in contact did not settle at {self.model.date:%Y-%m-%d %H:%M}"
             ) from None
 
-    def _constrained_by_land(self, bodies: Bodies) -> Bodies:
+    def _constrained_by_land(self, bodies: Bodies) -> tuple[Bodies, list[Ashore]]:
         """Find the cells of the elements; where land stops one, its fragment is put back, with those in its way."""
-        el, c, grid = self.el, self.c, self.model.forcing.grid
+        el, c, grid, ashore = self.el, self.c, self.model.forcing.grid, []
         for n in range(5):  # a correction may lead onto other land
             if grid is None:
                 break
@@ -574,8 +601,10 @@ class TimeStep:
                 break
             leading = leading_elements(el, lon, lat, correction, bodies.body, c)
             bodies = bodies._replace(pose=corrected_poses(bodies.pose, el, lon, lat, leading, c))
+            stopped = np.flatnonzero(leading >= 0)
+            ashore.append(Ashore(stopped, leading[stopped], correction[leading[stopped]]))
         self._publish_positions(bodies)
-        return bodies
+        return bodies, ashore
 
     def _publish_positions(self, bodies: Bodies) -> None:
         """Let fragments see each other as they are without load."""
