@@ -62,6 +62,8 @@ html_math_renderer = "mathml"
 html_theme = "pydata_sphinx_theme"
 html_title = "Riftberg"
 html_extra_path = [os.environ["RIFTBERG_SITE_EXTRA"]]
+html_static_path = [str(ROOT / "docs" / "site" / "static")]
+html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_theme_options = {
     "show_prev_next": False,
@@ -70,3 +72,10 @@ html_theme_options = {
     "header_links_before_dropdown": 6,
 }
 copybutton_exclude = ".linenos, .gp, .go"
+
+
+def setup(app: Any) -> None:
+    """Crop thumbnails after sphinx-gallery, which runs with the usual priority of 500, has written them."""
+    from pictures import crop_thumbnails
+
+    app.connect("builder-inited", crop_thumbnails, priority=900)

@@ -16,6 +16,7 @@ from fakes import FakeModel
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
+from riftberg.viz import colours
 from riftberg.viz.replay import ReplayContent, chosen_records, pack, write_replay
 from viz.browser import drawn, opened, unpack, until
 
@@ -240,3 +241,23 @@ def test_the_page_draws_every_shape_and_place(tmp_path: Path) -> None:
         browser.execute_script("replay.go(replay.span)")
         drawn(browser)
         assert errors(browser) == []
+
+
+def test_land_is_on_the_plane_of_the_page(tmp_path: Path) -> None:
+    """Bug: all maps had coasts but the replay."""
+    from shapely import Point, Polygon
+
+    FakeModel(lon=-37.5, lat=-54.9).advance(
+        2, recorders=[RunWriter(tmp_path / "run.nc", every_hours=12, experiment="fake")]
+    )
+    content = ReplayContent(open_run(tmp_path / "run.nc"), title="", observed={})
+    coast = content._coast()
+    shapes = [Polygon(np.reshape(ring, (-1, 2))) for area in coast for ring in area["rings"] if len(ring) >= 8]
+    inland, sea = (
+        content.plane.forward(np.array(lon), np.array(lat)) for lon, lat in ((-36.4, -54.55), (-38.5, -55.2))
+    )
+    assert any(shape.contains(Point(*map(float, inland))) for shape in shapes)
+    assert not any(shape.contains(Point(*map(float, sea))) for shape in shapes)
+    assert {area["colour"] for area in coast} == {colours.LAND}
+    FakeModel(latlon=False).advance(1, recorders=[RunWriter(tmp_path / "metres.nc", every_hours=12, experiment="fake")])
+    assert not ReplayContent(open_run(tmp_path / "metres.nc"), title="", observed={})._coast()

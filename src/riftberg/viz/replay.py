@@ -28,6 +28,7 @@ from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
+from riftberg.viz.coast import coast_in
 from riftberg.viz.colours import FRAGMENTS, SMALL
 from riftberg.viz.style import degree_label
 
@@ -159,6 +160,7 @@ class ReplayContent:
             "peak": pack(tension.max(axis=1, initial=0.0), "uint16"),
             "water": self._currents(),
             "floor": self._floor(),
+            "coast": self._coast(),
             "graticule": self._graticule(),
             "observed": self._observed(),
         }
@@ -294,6 +296,17 @@ class ReplayContent:
             ],
             "shallow": shallow,
         }
+
+    def _coast(self) -> list[dict[str, Any]]:
+        """Return land and ice shelves around the run as rings on the plane."""
+        if not self.scene.latlon:
+            return []
+        areas, _ = coast_in(self.scene.grown(self.scene.box(), 0.8))
+        coast = []
+        for area, colour in areas:
+            rings = (np.asarray(ring.coords)[:, :2] for ring in (area.exterior, *area.interiors))
+            coast.append({"colour": colour, "rings": [_thinned(*self.plane.forward(*ring.T)) for ring in rings]})
+        return coast
 
     def _graticule(self) -> list[dict[str, Any]]:
         """Return meridians and parallels as lines on the plane."""
