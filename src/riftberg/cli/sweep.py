@@ -50,6 +50,10 @@ def sweep(
             "'fracture.normal_strength~lognormal(18 kPa, 20 %)', with --members. May be repeated.",
         ),
     ] = None,
+    design: Annotated[
+        Path | None,
+        typer.Option("--design", metavar="FILE.csv", help="Plan of another tool: names in the first line, then one member a line."),
+    ] = None,
     members: Members = None,
     plan: PlanName = None,
     seed: Seed = None,
@@ -100,16 +104,17 @@ def sweep(
         else:
             options = make_options(settings, days, data, without, numerics)
             draws = draws_of({"members": members, "plan": plan, "seed": seed})
-            store = _new(experiment, vary, output, options, every, cells, draws)
+            store = _new(experiment, vary, output, options, every, cells, draws, design)
         _run(store, scheduler, workers, draw=map_, quiet=quiet)
 
 
 def _new(
     experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float | None,
-    cells: float | None, draws: Draws,
+    cells: float | None, draws: Draws, design: Path | None,
 ) -> Store:  # fmt: skip
     """Return a sweep at its start, checked."""
     from riftberg.ensembles.sweep import Store, planned
+    from riftberg.ensembles.vary import read_design
 
     if experiment is None:
         raise InputError(
@@ -117,7 +122,10 @@ def _new(
         )
     if options.numerics == "both":
         raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
-    plan = planned(experiment, vary or [], options, every, cells, draws)
+    if design is not None and (vary or draws.number):
+        raise InputError("a design says itself what varies", where="--design", remedy="Leave --vary and --members out")
+    what = (vary or []) if design is None else read_design(design)
+    plan = planned(experiment, what, options, every, cells, draws, design=design is not None)
     folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
     check_folder(folder, RESULTS)
     return Store(folder, plan, resume=False)
@@ -146,7 +154,7 @@ def resumed(
     every = known["every"] / 3600.0
     draws = draws_of({"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")})
     plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"), draws,
-                   forecast=bool(known.get("forecast")))  # fmt: skip
+                   forecast=bool(known.get("forecast")), design=bool(known.get("design")))  # fmt: skip
     return Store(folder, plan, resume=True)
 
 

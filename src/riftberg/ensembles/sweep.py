@@ -20,7 +20,7 @@ from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import STOP, Job, Maker, Outcome, build_member
 from riftberg.ensembles.result import dataset_of, write_sweep
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, Varied, grouped, members_of, varied_of
+from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import BERG, changed
 from riftberg.experiments.registry import Options
@@ -185,6 +185,7 @@ class Plan:
     cells: float | None = None  # Width (degrees) of the cells on which each member writes
     draws: Draws = field(default_factory=Draws)  # How members are drawn
     forecast: bool = False  # A control is run too, and the result holds probabilities
+    design: bool = False  # Members are rows of a table, not combinations
 
     @property
     def named(self) -> str:
@@ -207,6 +208,7 @@ class Plan:
             "cells": self.cells,
             "vary": {v.name: v.plain() for v in self.varied},
             **({"forecast": True} if self.forecast else {}),
+            **({"design": True} if self.design else {}),
             **({"members": d.number, "plan": d.plan, "seed": d.seed} if (d := self.draws).number else {}),
         }
 
@@ -221,15 +223,18 @@ class Plan:
 
 def planned(
     experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None, cells: float | None = None,
-    draws: Draws | None = None, *, forecast: bool = False,
+    draws: Draws | None = None, *, forecast: bool = False, design: bool = False,
 ) -> Plan:  # fmt: skip
     """Check all of a sweep that can be checked before its first run; without an interval the usual one is taken."""
     named: Any = experiment if callable(experiment) else str(experiment)
     if isinstance(named, str) and named.endswith((".yaml", ".yml")):
         named = str(Path(named).absolute())
-    varied = varied_of(vary, free=callable(experiment))
     draws = draws or Draws()
-    members = members_of(varied, draws)
+    if design:
+        varied, members = designed(vary)
+    else:
+        varied = varied_of(vary, free=callable(experiment))
+        members = members_of(varied, draws)
     length = options.days
     if isinstance(named, str):
         from riftberg.experiments import build
@@ -269,7 +274,17 @@ def planned(
             remedy="Give a number above 0, at most the length of the runs",
         )  # fmt: skip
     return Plan(
-        named, options, varied, members, first, length, 3600.0 * every_hours, _cells(cells, first), draws, forecast
+        named,
+        options,
+        varied,
+        members,
+        first,
+        length,
+        3600.0 * every_hours,
+        _cells(cells, first),
+        draws,
+        forecast,
+        design,
     )
 
 

@@ -127,15 +127,16 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
 
 def _draw_dates(ax: Axes, result: xr.Dataset) -> None:
     """Draw the probability of a break-up and of the ground by date, with intervals and the control."""
-    from matplotlib.dates import date2num
+    from matplotlib import dates
 
+    moment: Any = dates.date2num
     time = result["time"].values
     for name, colour, word in (("p_broken", BROKEN, "broken up"), ("p_aground", GROUND, "been aground")):
         ax.fill_between(time, 100 * result[f"{name}_low"], 100 * result[f"{name}_high"], color=colour, alpha=0.18, lw=0)
         ax.plot(time, 100 * result[name], color=colour, lw=1.8, label=word)
     if "control_first_breakup" in result and not np.isnat(result["control_first_breakup"].values):
         ax.axvline(
-            date2num(result["control_first_breakup"].values), color="black", lw=1.0, ls="--", label="control breaks up"
+            moment(result["control_first_breakup"].values), color="black", lw=1.0, ls="--", label="control breaks up"
         )
     ax.set_ylim(0.0, 100.0)
     ax.set_xlim(time[0], time[-1])
