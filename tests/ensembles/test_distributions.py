@@ -218,3 +218,50 @@ def test_the_command_line_runs_a_design(tmp_path: Path) -> None:
     assert result["lon"].values[1, 0, 0] > result["lon"].values[0, 0, 0]
     again = CliRunner().invoke(app, ["sweep", "--resume", str(out), "--workers", "0", "--no-map"])
     assert "2 are done" in again.output
+
+
+@pytest.mark.compiled
+def test_parts_make_the_same_result_as_the_whole(tmp_path: Path) -> None:
+    common = [
+        "sweep",
+        "a68a",
+        "--vary",
+        "start.east~normal(0 km, 3 km)",
+        "--members",
+        "4",
+        "--days",
+        "0.1",
+        "--workers",
+        "0",
+        "--no-map",
+    ]
+    parts, whole = tmp_path / "parts", tmp_path / "whole"
+    for part in ("1/2", "2/2"):
+        said = CliRunner().invoke(app, [*common, "--part", part, "-o", str(parts)])
+        assert said.exit_code == 0, said.output
+        if part == "1/2":
+            early = CliRunner().invoke(app, ["sweep", "--join", str(parts), "--no-map"])
+            assert early.exit_code == 0, early.output
+            assert open_sweep(parts)["status"].values.tolist() == [0, 2, 0, 2]  # the others wait
+    assert CliRunner().invoke(app, ["sweep", "--join", str(parts), "--no-map"]).exit_code == 0
+    assert CliRunner().invoke(app, [*common, "-o", str(whole)]).exit_code == 0
+    assert open_sweep(parts)["lon"].values.tolist() == open_sweep(whole)["lon"].values.tolist()
+
+
+@pytest.mark.parametrize("part", ["0/2", "3/2", "half", "1/0", "-1/2"])
+def test_what_is_no_part_is_refused(part: str, tmp_path: Path) -> None:
+    vary = ["--vary", "fracture.normal_strength=14,18kPa"]
+    said = CliRunner().invoke(app, ["sweep", "a68a", *vary, f"--part={part}", "-o", str(tmp_path / "out")])
+    assert "is no part" in said.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_parts_of_different_sweeps_are_not_joined(tmp_path: Path) -> None:
+    assert "holds no parts" in CliRunner().invoke(app, ["sweep", "--join", str(tmp_path)]).output
+    for k, days in ((1, 1.0), (2, 2.0)):
+        folder = tmp_path / f"part-{k}-of-2"
+        folder.mkdir()
+        (folder / "sweep.json").write_text(f'{{"vary": {{}}, "experiment": "a68a", "days": {days}}}')
+    said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path)])
+    assert "parts of different sweeps" in " ".join(said.output.split())
+    assert not (tmp_path / "sweep.json").exists()

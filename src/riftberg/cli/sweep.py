@@ -52,7 +52,14 @@ def sweep(
     ] = None,
     design: Annotated[
         Path | None,
-        typer.Option("--design", metavar="FILE.csv", help="Plan of another tool: names in the first line, then one member a line."),
+        typer.Option("--design", metavar="FILE.csv", help="Plan of another tool: names in the first line, then a member a line."),
+    ] = None,
+    part: Annotated[
+        str | None,
+        typer.Option("--part", metavar="K/N", help="Run one part of N, as in job arrays; bring them together by --join."),
+    ] = None,
+    join: Annotated[
+        Path | None, typer.Option("--join", metavar="FOLDER", help="Make one result of the parts in a folder.")
     ] = None,
     members: Members = None,
     plan: PlanName = None,
@@ -97,20 +104,30 @@ def sweep(
             raise InputError(f"{workers} processes", where="--workers", remedy="Give 0 or more")
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(quiet)
-        from riftberg.ensembles.sweep import draws_of
+        from riftberg.ensembles.sweep import draws_of, join_parts
 
+        if join is not None:
+            if experiment is not None or resume is not None or part is not None:
+                raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
+            join_parts(join)
+            _run(resumed(join, None, None, None), scheduler, 0, draw=map_, quiet=quiet, run=False)
+            return
+        if resume is not None and part is not None:
+            raise InputError(
+                "a part goes on by itself", where="--resume", remedy="Name the folder of the part, without --part"
+            )
         if resume is not None:
             store = resumed(resume, experiment, vary, output, members, plan, seed)
         else:
             options = make_options(settings, days, data, without, numerics)
             draws = draws_of({"members": members, "plan": plan, "seed": seed})
-            store = _new(experiment, vary, output, options, every, cells, draws, design)
+            store = _new(experiment, vary, output, options, every, cells, draws, design, _part(part))
         _run(store, scheduler, workers, draw=map_, quiet=quiet)
 
 
 def _new(
     experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float | None,
-    cells: float | None, draws: Draws, design: Path | None,
+    cells: float | None, draws: Draws, design: Path | None, part: tuple[int, int] | None,
 ) -> Store:  # fmt: skip
     """Return a sweep at its start, checked."""
     from riftberg.ensembles.sweep import Store, planned
@@ -128,7 +145,17 @@ def _new(
     plan = planned(experiment, what, options, every, cells, draws, design=design is not None)
     folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
     check_folder(folder, RESULTS)
-    return Store(folder, plan, resume=False)
+    return Store(folder, plan, resume=False, part=part)
+
+
+def _part(text: str | None) -> tuple[int, int] | None:
+    """Read ``3/40``."""
+    if text is None:
+        return None
+    first, slash, second = text.partition("/")
+    if not (slash and first.strip().isdigit() and second.strip().isdigit() and 1 <= int(first) <= int(second)):
+        raise InputError(f"{text!r} is no part", where="--part", remedy="Give its number and how many there are: 3/40")
+    return int(first), int(second)
 
 
 def resumed(
@@ -158,7 +185,9 @@ def resumed(
     return Store(folder, plan, resume=True)
 
 
-def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool, quiet: bool) -> None:
+def _run(
+    store: Store, scheduler: str | None, workers: int | None, *, draw: bool, quiet: bool, run: bool = True
+) -> None:
     from riftberg.ensembles.sweep import run_sweep
     from riftberg.runs.progress import SweepBar
 
@@ -167,6 +196,8 @@ def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool
     bar = None if quiet else SweepBar(len(store.plan.members))
     with results_folder(store.folder, RESULTS):
         try:
+            if not run:
+                store.own = []
             result = run_sweep(store, scheduler=scheduler, workers=workers, bar=bar)
         except (KeyboardInterrupt, SystemExit):
             say(f"{len(store.done)} of {len(store.plan.members)} members are done. "
