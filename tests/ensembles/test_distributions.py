@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from riftberg import Iceberg, Model, Parameters, Steady, sweep
+from riftberg import Iceberg, Model, Parameters, Steady, open_sweep, sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.ensembles.vary import Draws, designed, members_of, read_design, varied_of
 from riftberg.errors import InputError
 
 STRENGTH = "fracture.normal_strength"
@@ -162,6 +162,36 @@ def test_a_latin_hypercube_takes_no_further_members(tmp_path: Path) -> None:
         sweep(drifting, vary, members=4, resume=True, **options)
 
 
+def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) -> None:
+    file = tmp_path / "plan.csv"
+    file.write_text("fracture.normal_strength,start.east\n18 kPa,1 km\n12000,1 km\n18 kPa,-2000\n")
+    varied, members = designed(read_design(file))
+    assert [v.name for v in varied] == [STRENGTH, "start.east"]
+    assert members == [
+        {STRENGTH: 18e3, "start.east": 1e3}, {STRENGTH: 12e3, "start.east": 1e3}, {STRENGTH: 18e3, "start.east": -2e3}
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("fracture.normal_strength\n", "holds no members"),
+        ("fracture.normal_strength,start.east\n1,2\n3\n", "line 3"),
+        ("fracture.strength\n1\n", "has no parameter 'strength'"),
+        ("start.thickness\n-1\n", "-1.0 is not possible"),
+        ("strength\n1\n", "not of the form group.name"),
+    ],
+)
+def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "plan.csv"
+    file.write_text(text)
+    out = tmp_path / "out"
+    said = CliRunner().invoke(app, ["sweep", "a68a", "--design", str(file), "-o", str(out), "--workers", "0"])
+    assert said.exit_code != 0
+    assert message in " ".join(said.output.split())
+    assert not out.exists()
+
+
 @pytest.mark.compiled
 def test_the_command_line_draws_and_says_what(tmp_path: Path) -> None:
     out = tmp_path / "s"
@@ -174,3 +204,64 @@ def test_the_command_line_draws_and_says_what(tmp_path: Path) -> None:
     more = CliRunner().invoke(app, ["sweep", "--resume", str(out), "--members", "3", "--workers", "0", "--no-map"])
     assert "3 members" in more.output
     assert "2 are done" in more.output
+
+
+@pytest.mark.compiled
+def test_the_command_line_runs_a_design(tmp_path: Path) -> None:
+    file, out = tmp_path / "plan.csv", tmp_path / "s"
+    file.write_text("fracture.normal_strength,start.east\n18 kPa,0\n18 kPa,2 km\n")
+    options = ["--design", str(file), "--days", "0.1", "--workers", "0", "-o", str(out), "--no-map"]
+    said = CliRunner().invoke(app, ["sweep", "a68a", *options])
+    assert said.exit_code == 0, said.output
+    result = open_sweep(out)
+    assert result["start_east"].values.tolist() == [0.0, 2000.0]
+    assert result["lon"].values[1, 0, 0] > result["lon"].values[0, 0, 0]
+    again = CliRunner().invoke(app, ["sweep", "--resume", str(out), "--workers", "0", "--no-map"])
+    assert "2 are done" in again.output
+
+
+@pytest.mark.compiled
+def test_parts_make_the_same_result_as_the_whole(tmp_path: Path) -> None:
+    common = [
+        "sweep",
+        "a68a",
+        "--vary",
+        "start.east~normal(0 km, 3 km)",
+        "--members",
+        "4",
+        "--days",
+        "0.1",
+        "--workers",
+        "0",
+        "--no-map",
+    ]
+    parts, whole = tmp_path / "parts", tmp_path / "whole"
+    for part in ("1/2", "2/2"):
+        said = CliRunner().invoke(app, [*common, "--part", part, "-o", str(parts)])
+        assert said.exit_code == 0, said.output
+        if part == "1/2":
+            early = CliRunner().invoke(app, ["sweep", "--join", str(parts), "--no-map"])
+            assert early.exit_code == 0, early.output
+            assert open_sweep(parts)["status"].values.tolist() == [0, 2, 0, 2]  # the others wait
+    assert CliRunner().invoke(app, ["sweep", "--join", str(parts), "--no-map"]).exit_code == 0
+    assert CliRunner().invoke(app, [*common, "-o", str(whole)]).exit_code == 0
+    assert open_sweep(parts)["lon"].values.tolist() == open_sweep(whole)["lon"].values.tolist()
+
+
+@pytest.mark.parametrize("part", ["0/2", "3/2", "half", "1/0", "-1/2"])
+def test_what_is_no_part_is_refused(part: str, tmp_path: Path) -> None:
+    vary = ["--vary", "fracture.normal_strength=14,18kPa"]
+    said = CliRunner().invoke(app, ["sweep", "a68a", *vary, f"--part={part}", "-o", str(tmp_path / "out")])
+    assert "is no part" in said.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_parts_of_different_sweeps_are_not_joined(tmp_path: Path) -> None:
+    assert "holds no parts" in CliRunner().invoke(app, ["sweep", "--join", str(tmp_path)]).output
+    for k, days in ((1, 1.0), (2, 2.0)):
+        folder = tmp_path / f"part-{k}-of-2"
+        folder.mkdir()
+        (folder / "sweep.json").write_text(f'{{"vary": {{}}, "experiment": "a68a", "days": {days}}}')
+    said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path)])
+    assert "parts of different sweeps" in " ".join(said.output.split())
+    assert not (tmp_path / "sweep.json").exists()

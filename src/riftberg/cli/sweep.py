@@ -50,6 +50,17 @@ def sweep(
             "'fracture.normal_strength~lognormal(18 kPa, 20 %)', with --members. May be repeated.",
         ),
     ] = None,
+    design: Annotated[
+        Path | None,
+        typer.Option("--design", metavar="FILE.csv", help="Plan of another tool: names in the first line, then a member a line."),
+    ] = None,
+    part: Annotated[
+        str | None,
+        typer.Option("--part", metavar="K/N", help="Run one part of N, as in job arrays; bring them together by --join."),
+    ] = None,
+    join: Annotated[
+        Path | None, typer.Option("--join", metavar="FOLDER", help="Make one result of the parts in a folder.")
+    ] = None,
     members: Members = None,
     plan: PlanName = None,
     seed: Seed = None,
@@ -93,23 +104,34 @@ def sweep(
             raise InputError(f"{workers} processes", where="--workers", remedy="Give 0 or more")
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(quiet)
-        from riftberg.ensembles.sweep import draws_of
+        from riftberg.ensembles.sweep import draws_of, join_parts
 
+        if join is not None:
+            if experiment is not None or resume is not None or part is not None:
+                raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
+            join_parts(join)
+            _run(resumed(join, None, None, None), scheduler, 0, draw=map_, quiet=quiet, run=False)
+            return
+        if resume is not None and part is not None:
+            raise InputError(
+                "a part goes on by itself", where="--resume", remedy="Name the folder of the part, without --part"
+            )
         if resume is not None:
             store = resumed(resume, experiment, vary, output, members, plan, seed)
         else:
             options = make_options(settings, days, data, without, numerics)
             draws = draws_of({"members": members, "plan": plan, "seed": seed})
-            store = _new(experiment, vary, output, options, every, cells, draws)
+            store = _new(experiment, vary, output, options, every, cells, draws, design, _part(part))
         _run(store, scheduler, workers, draw=map_, quiet=quiet)
 
 
 def _new(
     experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float | None,
-    cells: float | None, draws: Draws,
+    cells: float | None, draws: Draws, design: Path | None, part: tuple[int, int] | None,
 ) -> Store:  # fmt: skip
     """Return a sweep at its start, checked."""
     from riftberg.ensembles.sweep import Store, planned
+    from riftberg.ensembles.vary import read_design
 
     if experiment is None:
         raise InputError(
@@ -117,10 +139,23 @@ def _new(
         )
     if options.numerics == "both":
         raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
-    plan = planned(experiment, vary or [], options, every, cells, draws)
+    if design is not None and (vary or draws.number):
+        raise InputError("a design says itself what varies", where="--design", remedy="Leave --vary and --members out")
+    what = (vary or []) if design is None else read_design(design)
+    plan = planned(experiment, what, options, every, cells, draws, design=design is not None)
     folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
     check_folder(folder, RESULTS)
-    return Store(folder, plan, resume=False)
+    return Store(folder, plan, resume=False, part=part)
+
+
+def _part(text: str | None) -> tuple[int, int] | None:
+    """Read ``3/40``."""
+    if text is None:
+        return None
+    first, slash, second = text.partition("/")
+    if not (slash and first.strip().isdigit() and second.strip().isdigit() and 1 <= int(first) <= int(second)):
+        raise InputError(f"{text!r} is no part", where="--part", remedy="Give its number and how many there are: 3/40")
+    return int(first), int(second)
 
 
 def resumed(
@@ -146,11 +181,13 @@ def resumed(
     every = known["every"] / 3600.0
     draws = draws_of({"members": members or known.get("members"), "plan": known.get("plan"), "seed": known.get("seed")})
     plan = planned(known["experiment"], known["vary"], options, every, known.get("cells"), draws,
-                   forecast=bool(known.get("forecast")))  # fmt: skip
+                   forecast=bool(known.get("forecast")), design=bool(known.get("design")))  # fmt: skip
     return Store(folder, plan, resume=True)
 
 
-def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool, quiet: bool) -> None:
+def _run(
+    store: Store, scheduler: str | None, workers: int | None, *, draw: bool, quiet: bool, run: bool = True
+) -> None:
     from riftberg.ensembles.sweep import run_sweep
     from riftberg.runs.progress import SweepBar
 
@@ -159,6 +196,8 @@ def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool
     bar = None if quiet else SweepBar(len(store.plan.members))
     with results_folder(store.folder, RESULTS):
         try:
+            if not run:
+                store.own = []
             result = run_sweep(store, scheduler=scheduler, workers=workers, bar=bar)
         except (KeyboardInterrupt, SystemExit):
             say(f"{len(store.done)} of {len(store.plan.members)} members are done. "

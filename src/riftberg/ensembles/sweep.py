@@ -20,7 +20,7 @@ from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import STOP, Job, Maker, Outcome, build_member
 from riftberg.ensembles.result import dataset_of, write_sweep
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, Varied, grouped, members_of, varied_of
+from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import BERG, changed
 from riftberg.experiments.registry import Options
@@ -185,6 +185,7 @@ class Plan:
     cells: float | None = None  # Width (degrees) of the cells on which each member writes
     draws: Draws = field(default_factory=Draws)  # How members are drawn
     forecast: bool = False  # A control is run too, and the result holds probabilities
+    design: bool = False  # Members are rows of a table, not combinations
 
     @property
     def named(self) -> str:
@@ -207,6 +208,7 @@ class Plan:
             "cells": self.cells,
             "vary": {v.name: v.plain() for v in self.varied},
             **({"forecast": True} if self.forecast else {}),
+            **({"design": True} if self.design else {}),
             **({"members": d.number, "plan": d.plan, "seed": d.seed} if (d := self.draws).number else {}),
         }
 
@@ -221,15 +223,18 @@ class Plan:
 
 def planned(
     experiment: str | Path | Maker, vary: Any, options: Options, every_hours: float | None, cells: float | None = None,
-    draws: Draws | None = None, *, forecast: bool = False,
+    draws: Draws | None = None, *, forecast: bool = False, design: bool = False,
 ) -> Plan:  # fmt: skip
     """Check all of a sweep that can be checked before its first run; without an interval the usual one is taken."""
     named: Any = experiment if callable(experiment) else str(experiment)
     if isinstance(named, str) and named.endswith((".yaml", ".yml")):
         named = str(Path(named).absolute())
-    varied = varied_of(vary, free=callable(experiment))
     draws = draws or Draws()
-    members = members_of(varied, draws)
+    if design:
+        varied, members = designed(vary)
+    else:
+        varied = varied_of(vary, free=callable(experiment))
+        members = members_of(varied, draws)
     length = options.days
     if isinstance(named, str):
         from riftberg.experiments import build
@@ -269,7 +274,17 @@ def planned(
             remedy="Give a number above 0, at most the length of the runs",
         )  # fmt: skip
     return Plan(
-        named, options, varied, members, first, length, 3600.0 * every_hours, _cells(cells, first), draws, forecast
+        named,
+        options,
+        varied,
+        members,
+        first,
+        length,
+        3600.0 * every_hours,
+        _cells(cells, first),
+        draws,
+        forecast,
+        design,
     )
 
 
@@ -306,10 +321,13 @@ def _member_text(values: Mapping[str, Any]) -> str:
 class Store:
     """The folder of a sweep: its plan, and what is done."""
 
-    def __init__(self, folder: Path, plan: Plan, *, resume: bool) -> None:
-        self.folder, self.plan = folder, plan
+    def __init__(self, folder: Path, plan: Plan, *, resume: bool, part: tuple[int, int] | None = None) -> None:
+        self.folder, self.plan = folder if part is None else folder / f"part-{part[0]}-of-{part[1]}", plan
+        folder = self.folder
         self.members = folder / MEMBERS
         self.numbers = range(CONTROL if plan.forecast else 0, len(plan.members))
+        # Each part takes every n-th member, so that parts take equally long where the time depends on what is varied.
+        self.own = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
         self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
         self.done: dict[int, Outcome] = {}
         # Through JSON, as the plan that is read back: a tuple would differ from the list that it became.
@@ -376,7 +394,7 @@ class Store:
 
     def waiting(self) -> list[int]:
         """Return the members that are still to be run."""
-        return [k for k in self.numbers if k not in self.done]
+        return [k for k in self.own if k not in self.done]
 
     def stop(self) -> None:
         """Ask the members under way to save their states and stop."""
@@ -418,6 +436,40 @@ class Store:
                     f"control: {ds[f'control_{name}'].attrs.get('long_name', name)}"
                 )
         return ds
+
+
+def join_parts(folder: Path) -> int:
+    """Bring the members of all parts below a folder together in it, as one sweep, and return how many are there."""
+    parts = sorted(folder.glob("part-*-of-*")) if is_folder(folder) else []
+    plans = {path.name: read_plan(path) for path in parts}
+    if not plans:
+        raise InputError(
+            "holds no parts of a sweep", where=f"--join {folder}", remedy="Run them by --part 1/4 and the same --output"
+        )
+    first, *others = plans.items()
+    for name, plan in others:
+        if plan != first[1]:
+            raise InputError(
+                f"{first[0]} and {name} are parts of different sweeps",
+                where=f"--join {folder}",
+                remedy="Run them alike",
+            )
+    counts = {name.rpartition("-")[2] for name in plans}
+    if len(counts) > 1:
+        raise InputError(
+            f"parts of {' and '.join(sorted(counts))}",
+            where=f"--join {folder}",
+            remedy="Remove those that do not belong",
+        )
+    members = folder / MEMBERS
+    members.mkdir(exist_ok=True)
+    found = 0
+    for part in parts:
+        for file in sorted((part / MEMBERS).glob("*.json")):
+            write_text(members / file.name, file.read_text("utf-8"))
+            found += 1
+    write_text(folder / PLAN, json.dumps(first[1], indent=1) + "\n")
+    return found
 
 
 def read_plan(folder: Path) -> dict[str, Any]:

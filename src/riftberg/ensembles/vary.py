@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, get_args, get_origin
 
 import numpy as np
@@ -24,7 +26,7 @@ from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncerta
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, find_field
 from riftberg.parameters import group_now
-from riftberg.system.input_files import value_shown
+from riftberg.system.input_files import check_file, reading, value_shown
 from riftberg.system.limits import refuse_large
 
 MOST_MEMBERS: Final = 10_000
@@ -236,6 +238,46 @@ def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dic
             both = {**dict(zip(names, values, strict=True)), **once}
             members.append({name: both[name] for name in order} | own)
     return members
+
+
+def read_design(path: Path) -> dict[str, list[str]]:
+    """Return the columns of a plan made elsewhere: a table (CSV) with a name on top of each column and a member in each row."""
+    remedy = "Give names such as fracture.normal_strength in the first line, and one member in each further line"
+    check_file(path, remedy=remedy)
+    with reading(path, "no table that can be read", remedy):
+        rows = [
+            row for row in csv.reader(path.read_text("utf-8-sig").splitlines()) if any(cell.strip() for cell in row)
+        ]
+    if len(rows) < 2:
+        raise InputError("holds no members", where=str(path), remedy=remedy)
+    for number_, row in enumerate(rows[1:], start=2):
+        if len(row) != len(rows[0]) or not all(cell.strip() for cell in row):
+            raise InputError(
+                f"{len(row)} values for {len(rows[0])} names, or an empty one",
+                where=f"{path}, line {number_}",
+                remedy=remedy,
+            )
+    return {name.strip(): [row[k].strip() for row in rows[1:]] for k, name in enumerate(rows[0])}
+
+
+def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
+    """Return what a plan made elsewhere varies, and its members: one of each row."""
+    varied = []
+    for name, values in columns.items():
+        group, dot, key = name.partition(".")
+        settable = {**SETTABLE, **UNCERTAIN}
+        where = f"--design, {name}"
+        if not dot:
+            raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
+        group = group if group in UNCERTAIN else group_now(group, key)
+        field = find_field(group, key, where=where, settable=settable)
+        plain = tuple(given(value, settable[group], key, where=where) for value in values)
+        varied.append(Varied(f"{group}.{key}", plain, unit_of(field), field.description or ""))
+    members = [
+        dict(zip([v.name for v in varied], row, strict=True)) for row in zip(*(v.values for v in varied), strict=True)
+    ]
+    refuse_large(len(members), MOST_MEMBERS, "members", where="--design", remedy="Give fewer rows", kind=InputError)
+    return tuple(varied), members
 
 
 def _columns(drawn: Sequence[Varied], draws: Draws) -> dict[str, list[Any]]:

@@ -145,20 +145,19 @@ def read_spline(coefficients: Floats, periodic: bool, x: Floats, y: Floats, out:
             weights[1, 0], weights[1, 3] = -0.5 * s * s, 0.5 * t * t
             weights[1, 1], weights[1, 2] = -2.0 * t + 1.5 * t * t, 2.0 * s - 1.5 * s * s
             weights[2, 0], weights[2, 1], weights[2, 2], weights[2, 3] = s, 3.0 * t - 2.0, 3.0 * s - 2.0, t
-        for k in range(5):
-            out[k, n] = 0.0
+        value = east = north = east2 = north2 = 0.0
         for b in range(4):
             row = int(j) + b - 1
             row = row % rows if periodic else min(max(row, 0), rows - 1)
+            s0 = s1 = s2 = 0.0
             for a in range(4):
                 column = int(i) + a - 1
                 column = column % columns if periodic else min(max(column, 0), columns - 1)
                 c = coefficients[row, column]
-                out[0, n] += c * wx[0, a] * wy[0, b]
-                out[1, n] += c * wx[1, a] * wy[0, b]
-                out[2, n] += c * wx[0, a] * wy[1, b]
-                out[3, n] += c * wx[2, a] * wy[0, b]
-                out[4, n] += c * wx[0, a] * wy[2, b]
+                s0, s1, s2 = s0 + c * wx[0, a], s1 + c * wx[1, a], s2 + c * wx[2, a]
+            value, east, east2 = value + s0 * wy[0, b], east + s1 * wy[0, b], east2 + s2 * wy[0, b]
+            north, north2 = north + s0 * wy[1, b], north2 + s0 * wy[2, b]
+        out[0, n], out[1, n], out[2, n], out[3, n], out[4, n] = value, east, north, east2, north2
 
 
 class Shore:
@@ -300,9 +299,10 @@ class UncertainForcing(DescribedForcing):
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements, with the errors added."""
         self.forcing.sample(elements, time)
-        e, lon, lat = elements.environment, elements.place.lon, elements.place.lat
+        e, lat = elements.environment, elements.place.lat
+        x, y, scale = self.plane.forward(elements.place.lon, lat)
         if self._current is not None:
-            u, v, turn = self._flow(lon, lat, time)
+            u, v, turn = self._flow((x, y, scale), lat, time)
             e.uo[:] += u
             e.vo[:] += v
             e.vorticity[:] += turn
@@ -310,11 +310,11 @@ class UncertainForcing(DescribedForcing):
             e.slope_x[:] += f * v / GRAVITY
             e.slope_y[:] -= f * u / GRAVITY
         if self._wind is not None:
-            out, scale = self._read(self._wind, "wind", lon, lat, time)
+            out = self._read(self._wind, x, y, time)
             e.ua[:] -= out[2] * scale
             e.va[:] += out[1] * scale
         if self._has_floor:
-            e.depth[:] = self._depth_with_error(e.depth, lon, lat)
+            e.depth[:] = self._depth_with_error(e.depth, x, y)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
@@ -322,7 +322,8 @@ class UncertainForcing(DescribedForcing):
         if self._current is None:
             return u, v
         shape = np.shape(lon)
-        more = self._flow(np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float)), time)
+        flat = np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float))
+        more = self._flow(self.plane.forward(*flat), flat[1], time)
         return u + more[0].reshape(shape), v + more[1].reshape(shape)
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
@@ -330,37 +331,36 @@ class UncertainForcing(DescribedForcing):
         depth = np.asarray(self.forcing.depth(lon, lat), float)
         if not self._has_floor:
             return depth
-        flat = self._depth_with_error(depth.ravel(), np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float)))
+        x, y, _ = self.plane.forward(np.ravel(np.asarray(lon, float)), np.ravel(np.asarray(lat, float)))
+        flat = self._depth_with_error(depth.ravel(), x, y)
         return flat.reshape(depth.shape)
 
     def mean_errors(self, time: Floats, lon: Floats, lat: Floats) -> dict[str, float]:
         """Return the means of the errors along a track: m s-1 to the east and north, and m of depth."""
         means: dict[str, list[float]] = {}
         for t, x, y in zip(time, lon, lat, strict=True):
-            place = np.array([x]), np.array([y])
+            place = self.plane.forward(np.array([x]), np.array([y]))
             if self._current is not None:
-                u, v, _ = self._flow(*place, float(t))
+                u, v, _ = self._flow(place, np.array([y]), float(t))
                 means.setdefault("current_error_east", []).append(float(u[0]))
                 means.setdefault("current_error_north", []).append(float(v[0]))
             if self._wind is not None:
-                out, scale = self._read(self._wind, "wind", *place, float(t))
+                out, scale = self._read(self._wind, *place[:2], float(t)), place[2]
                 means.setdefault("wind_error_east", []).append(float(-out[2, 0] * scale[0]))
                 means.setdefault("wind_error_north", []).append(float(out[1, 0] * scale[0]))
             if self._floor is not None:
-                means.setdefault("floor_error_mean", []).append(
-                    float(self._read(self._floor, "floor", *place, 0.0)[0][0, 0])
-                )
+                means.setdefault("floor_error_mean", []).append(float(self._read(self._floor, *place[:2], 0.0)[0, 0]))
         return {name: float(np.mean(values)) for name, values in means.items()}
 
     @property
     def _has_floor(self) -> bool:
         return self._floor is not None or self.errors.floor_offset != 0.0 or self.errors.floor_scale != 1.0
 
-    def _depth_with_error(self, depth: Floats, lon: Floats, lat: Floats) -> Floats:
+    def _depth_with_error(self, depth: Floats, x: Floats, y: Floats) -> Floats:
         e = self.errors
         changed = depth * e.floor_scale + e.floor_offset
         if self._floor is not None:
-            out, _ = self._read(self._floor, "floor", lon, lat, 0.0)
+            out = self._read(self._floor, x, y, 0.0)
             changed = changed + out[0] * np.maximum(e.floor_spread, e.floor_share * depth)
         # Water stays water, and land land.
         return np.asarray(np.where(np.isfinite(depth) & (depth > 0.0), np.maximum(changed, 1e-3), depth))
@@ -369,25 +369,24 @@ class UncertainForcing(DescribedForcing):
         at = lat if self.fixed_latitude is None else np.full(np.shape(lat), self.fixed_latitude)
         return np.asarray(2.0 * EARTH_ROTATION * np.sin(at * DEGREE))
 
-    def _read(self, field: RandomField, name: str, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
-        """Return value and derivatives (per m of the plane) of a field at places, and the scale of the plane there."""
-        known = self._moment.get(name)
+    def _read(self, field: RandomField, x: Floats, y: Floats, time: float) -> Floats:
+        """Return value and derivatives (per m) of a field at places of the plane."""
+        known = self._moment.get(field.kind)
         if known is None or known[0] != time:
-            known = self._moment[name] = (time, field.at(time))
-        x, y, scale = self.plane.forward(lon, lat)
+            known = self._moment[field.kind] = (time, field.at(time))
         out = np.empty((5, x.size))
         read_spline(known[1], True, x / field.step, y / field.step, out)
         out[1:3] /= field.step
         out[3:] /= field.step**2
-        return out, scale
+        return out
 
-    def _flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
-        """Return the error of the current (m s-1) and its vorticity (s-1)."""
+    def _flow(self, place: tuple[Floats, Floats, Floats], lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
+        """Return the error of the current (m s-1) and its vorticity (s-1) at places of the plane."""
         assert self._current is not None
-        q, scale = self._read(self._current, "current", lon, lat, time)
+        x, y, scale = place
+        q = self._read(self._current, x, y, time)
         value, east, north, curve = q[0], q[1], q[2], q[3] + q[4]
         if self._shore is not None:
-            x, y, _ = self.plane.forward(lon, lat)
             t, step, half = np.empty((5, x.size)), self._shore.step, self._shore.half
             read_spline(self._shore.factor, False, x / step + half, y / step + half, t)
             # The level itself is brought to zero, so that the current along the shore stays balanced.
