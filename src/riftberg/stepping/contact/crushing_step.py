@@ -201,7 +201,7 @@ def _integrate_island(
 ) -> float:  # fmt: skip
     """Take one island through the step; returns its shortest sub-step, s."""
     body_of, levers, forcing, twist = island.body_of, island.levers, island.forcing, result.twist
-    left, shortest, elapsed = dt, dt, np.inf
+    left, shortest, elapsed, h = dt, dt, np.inf, np.inf
     while True:
         if elapsed >= REFRESH_FRACTION * dt or left <= 0.0:
             accumulate_impulse(island, about, elapsed, result.applied)
@@ -215,7 +215,7 @@ def _integrate_island(
             work.net_force[:, :] = 0.0
             add_forces(body_of, levers, twist, forcing, work.accelerations, work.force, work.net_force)
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
-        h = _longest_substep(island, faces, meeting, result, left, law, work)
+        h = _longest_substep(island, faces, meeting, result, left, h, law, work)
         if left - h < 1e-9 * dt:
             h = left
         shortest = min(shortest, h)
@@ -262,7 +262,8 @@ def _relative_velocity(
 
 @borrower
 def _longest_substep(
-    island: Island, faces: Faces, meeting: Floats, result: IslandResult, left: float, law: CrushingLaw, work: CrushingWorkspace
+    island: Island, faces: Faces, meeting: Floats, result: IslandResult, left: float, before: float, law: CrushingLaw,
+    work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Find the longest sub-step (s): by the gaps of the bodies that may meet, and by the frequency of those that do."""
     twist, path, mobility, limit = result.twist, result.path, island.matrices.mobility, left
@@ -311,6 +312,8 @@ def _longest_substep(
         if nearest <= 0.0:
             work.gap[k], work.bound[k] = 0.0, 0.0
             limit = min(limit, entry if meeting[k, PHASE] == APART and closing > SLOW else REST_STEP)
+            if meeting[k, PHASE] != APART:
+                limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
             if meeting[k, PHASE] == IMPACT:
                 impact = True
                 stiffness = face_stiffness(law.strength, thickness, meeting[k, CHORD], law.depth)

@@ -72,7 +72,7 @@ def _footprints_of(
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
     owner, rings = [], []
-    for k, cell in enumerate(_nearest_regions(xy, ice)):
+    for k, cell in enumerate(_nearest_regions(xy, ice, radius)):
         for polygon in shapely.get_parts(shapely.intersection(cell, ice)):
             if polygon.geom_type != "Polygon" or polygon.area < 1e-9 * radius * radius:
                 continue
@@ -88,15 +88,16 @@ def _footprints_of(
     return Footprints(el.body.id[rows], xy, size, np.array(owner, np.int64), start, corner)
 
 
-def _nearest_regions(xy: Floats, ice: Any) -> list[Any]:
+def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:
     """Return for each centre the region that is nearer to it than to any other."""
     west, south, east, north = ice.bounds
     frame = shapely.box(west - 1.0, south - 1.0, east + 1.0, north + 1.0)
     if len(xy) == 1:
         return [frame]
-    regions = shapely.voronoi_polygons(shapely.multipoints(xy), extend_to=frame, ordered=True)
-    # Regions are convex; round-off on a square lattice may cross two of their sides.
-    return list(shapely.convex_hull(shapely.get_parts(regions)))
+    # Four centres of a square lattice lie on one circle, and round-off then crosses the sides of regions: moved by a
+    # millionth of the lattice they do not.
+    moved = xy + 1e-6 * spacing * np.random.default_rng(0).uniform(-1.0, 1.0, xy.shape)
+    return list(shapely.get_parts(shapely.voronoi_polygons(shapely.multipoints(moved), extend_to=frame, ordered=True)))
 
 
 def _joined(parts: list[Footprints]) -> Footprints:
