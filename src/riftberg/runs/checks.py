@@ -439,7 +439,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "record_rows_of_elements_.+": Bound((None,), 0, "next_element - 1", once=True),
     "record_rows_of_bonds_.+": Bound((None,), 0, "next_bond - 1", once=True),
     "record_rows_change_.+": Bound((None,), 0, 1),
-    "sweep_track": Bound((None, 5)),
+    "sweep_track": Bound((None, 6)),
     "exchange_totals": Bound((4,)),
     "exchange_(start|held)": Bound((2,)),
     # Rows and columns are those of the grid of the exchange, which refuses others.
