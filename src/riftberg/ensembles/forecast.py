@@ -32,21 +32,21 @@ class DefaultError(NamedTuple):
 DEFAULTS: Final = (
     DefaultError("current 0.1 m/s, 50 km, 3 days", (
         "current_error.speed=0.1 m/s", "current_error.length=50 km", "current_error.time=3 day",
-    ), "a starting point: analyses differ from drifters by 0.1 to 0.2 m/s"),
+    ), "a round number to start from; compare products of your region"),
     DefaultError("wind 2 m/s, 300 km, 1 day", (
         "wind_error.speed=2 m/s", "wind_error.length=300 km", "wind_error.time=1 day",
-    ), "a starting point: reanalyses differ from ships and buoys by 1.5 to 2.5 m/s"),
-    DefaultError("thickness 15 %", ("start.thickness~lognormal(1, 15 %)",), "a starting point: altimetry over tabular bergs"),
+    ), "a round number to start from; compare products of your region"),
+    DefaultError("thickness 15 %", ("start.thickness~lognormal(1, 15 %)",), "a round number to start from"),
     DefaultError("start 3 km", (
         "start.east~normal(0 km, 3 km)", "start.north~normal(0 km, 3 km)",
     ), "scatterometer fixes scatter by 3 to 6 km; give less for outlines from images"),
-    DefaultError("strength 30 %", ("start.strength~lognormal(1, 30 %)",), "a starting point: tuned to one berg"),
+    DefaultError("strength 30 %", ("start.strength~lognormal(1, 30 %)",), "a round number to start from; the strength is tuned to one berg"),
 )  # fmt: skip
 """Errors of a forecast. None of them was fitted; most are round numbers to start from."""
 
 FLOOR: Final = DefaultError("floor 10 % or 30 m, 10 km", (
     "floor_error.share=0.1", "floor_error.spread=30 m", "floor_error.length=10 km",
-), "a starting point: charts between soundings")  # fmt: skip
+), "a round number to start from; soundings are sparse")  # fmt: skip
 """Left out where the ocean of a built-in experiment is a formula: its floor was fitted to a grounding, and is no chart."""
 
 LATTICE: Final = DefaultError("lattice turned and shifted", (
