@@ -39,7 +39,7 @@ DEFAULTS: Final = (
     DefaultError("thickness 15 %", ("start.thickness~lognormal(1, 15 %)",), "a round number to start from"),
     DefaultError("start 3 km", (
         "start.east~normal(0 km, 3 km)", "start.north~normal(0 km, 3 km)",
-    ), "scatterometer fixes scatter by 3 to 6 km; give less for outlines from images"),
+    ), "a round number to start from; more for scatterometer fixes, less for outlines from images"),
     DefaultError("strength 30 %", ("start.strength~lognormal(1, 30 %)",), "a round number to start from; the strength is tuned to one berg"),
 )  # fmt: skip
 """Errors of a forecast. None of them was fitted; most are round numbers to start from."""
