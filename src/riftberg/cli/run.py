@@ -25,7 +25,6 @@ from riftberg.cli.options import (
     within,
 )
 from riftberg.cli.terminal import EXIT_INTERRUPTED, announce_compilation, reported, say
-from riftberg.config.usual_ranges import of_records
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 from riftberg.system.atomic_files import refusal
@@ -217,6 +216,8 @@ def _tell(info: Info, model: Model, options: Options, wanted: RunOptions) -> Non
 
 def notices_of(info: Info, model: Model, options: Options, hours: float) -> list[str]:
     """Return what should be known before a run, a sentence each; of a test case no usual ranges but of what was changed."""
+    from riftberg.config.usual_ranges import of_records
+
     changed = {f"{group}.{name}" for group, values in options.changes.items() for name in values}
     unusual = getattr(model, "unusual", {})
     as_meant = {text for name, text in unusual.items() if info.story is not None and name not in changed}
