@@ -433,12 +433,12 @@ class Session:
 
     def _own_story(self, summary: dict[str, Any]) -> list[str]:
         """Return what a test case tells of itself, and put its figures into the summary."""
-        from riftberg.runs.run_file import open_run
+        from riftberg.runs.run_file import open_own
 
         story = self.info.story
         if story is None:
             return []
-        with open_run(self.folder) as dataset:
+        with open_own(self.folder / "run.nc") as dataset:
             if not story.fits(dataset):
                 return []
             found = story.read(dataset)
@@ -447,10 +447,10 @@ class Session:
             return lines
 
     def _draw(self) -> None:
-        from riftberg.runs.run_file import open_run
+        from riftberg.runs.run_file import open_own
         from riftberg.viz.map import draw_map
 
-        with open_run(self.folder) as dataset:
+        with open_own(self.folder / "run.nc") as dataset:
             if self.info.story is not None and self.info.story.fits(dataset):
                 self.info.story.draw(dataset, self.folder / "map.png", 150)
                 return
