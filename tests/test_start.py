@@ -111,6 +111,17 @@ def test_help_loads_no_command() -> None:
     assert said(code).endswith("[]")
 
 
+@pytest.mark.parametrize(
+    ("words", "unwanted"), [("--help", ("rich", "pydantic", "numpy")), ("experiments", ("rich", "numpy"))]
+)
+def test_help_and_the_list_of_experiments_load_nothing_heavy(words: str, unwanted: tuple[str, ...]) -> None:
+    code = (
+        f"import sys\nfrom riftberg.cli.main import app\ntry: app([{words!r}])\nexcept SystemExit: pass\n"
+        f"print([m for m in {unwanted} if m in sys.modules])"
+    )
+    assert said(code).endswith("[]")
+
+
 def test_the_application_lists_its_commands() -> None:
     assert [command.name for command in app.registered_commands] == list(SUMMARIES)
     assert all(command.callback is not None and command.callback.__doc__ for command in app.registered_commands)

@@ -16,7 +16,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.analytic import Steady
 from riftberg.runs.background import KeptWater, on_even_grid, stored_water, water_of
 from riftberg.runs.model import Model
-from riftberg.runs.run_file import RunWriter, memory_run, open_run
+from riftberg.runs.run_file import RunWriter, memory_run, open_own, open_run
 
 
 class Turning(FakeForcing):
@@ -125,3 +125,13 @@ def test_a_forcing_that_cannot_be_asked_leaves_the_map_without_water() -> None:
     water = KeptWater(object())  # type: ignore[arg-type]
     assert np.isnan(water.currents(np.zeros(3), np.zeros(3), 0.0)).all()
     assert np.isnan(water.depth(np.zeros(3), np.zeros(3))).all()
+
+
+def test_a_run_does_not_check_its_own_values_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    checked: list[Path] = []
+    monkeypatch.setattr("riftberg.runs.checks._check_values", lambda run, file: checked.append(file))
+    path = finished(tmp_path, FakeForcing())
+    open_own(path).close()
+    assert not checked
+    open_run(path).close()
+    assert checked == [path]

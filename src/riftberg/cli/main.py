@@ -56,8 +56,6 @@ def function_of(name: str) -> Callable[..., Any]:
 class Commands(TyperGroup):
     """The commands; an empty word, as of a variable that a script did not set, is no value of any of their options."""
 
-    _telling = False
-
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         self.commands = {name: TyperCommand(name, help=summary) for name, summary in SUMMARIES.items()}
@@ -81,17 +79,13 @@ class Commands(TyperGroup):
             raise
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command; for the help of all, one that does nothing but say what it is."""
-        command = super().get_command(ctx, cmd_name)
-        return command if command is None or self._telling else _loaded(cmd_name)
+        """Return a command, loaded."""
+        return _loaded(cmd_name) if super().get_command(ctx, cmd_name) else None
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the help of all commands."""
-        self._telling = True
-        try:
-            super().format_help(ctx, formatter)
-        finally:
-            self._telling = False
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write what each command does, in full and without loading it."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(SUMMARIES.items()))
 
 
 def _refusal(finding: Any) -> str:
@@ -108,7 +102,7 @@ def _refusal(finding: Any) -> str:
 def _alone(name: str) -> typer.Typer:
     from riftberg.cli.terminal import verbose
 
-    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     alone.command(name)(verbose(function_of(name)))
     return alone
 
@@ -147,6 +141,7 @@ app = App(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # half of the time of help goes into loading what draws frames around it
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 

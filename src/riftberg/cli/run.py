@@ -25,7 +25,6 @@ from riftberg.cli.options import (
     within,
 )
 from riftberg.cli.terminal import EXIT_INTERRUPTED, announce_compilation, reported, say
-from riftberg.config.usual_ranges import of_records
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 from riftberg.system.atomic_files import refusal
@@ -217,6 +216,8 @@ def _tell(info: Info, model: Model, options: Options, wanted: RunOptions) -> Non
 
 def notices_of(info: Info, model: Model, options: Options, hours: float) -> list[str]:
     """Return what should be known before a run, a sentence each; of a test case no usual ranges but of what was changed."""
+    from riftberg.config.usual_ranges import of_records
+
     changed = {f"{group}.{name}" for group, values in options.changes.items() for name in values}
     unusual = getattr(model, "unusual", {})
     as_meant = {text for name, text in unusual.items() if info.story is not None and name not in changed}
@@ -432,12 +433,12 @@ class Session:
 
     def _own_story(self, summary: dict[str, Any]) -> list[str]:
         """Return what a test case tells of itself, and put its figures into the summary."""
-        from riftberg.runs.run_file import open_run
+        from riftberg.runs.run_file import open_own
 
         story = self.info.story
         if story is None:
             return []
-        with open_run(self.folder) as dataset:
+        with open_own(self.folder / "run.nc") as dataset:
             if not story.fits(dataset):
                 return []
             found = story.read(dataset)
@@ -446,10 +447,10 @@ class Session:
             return lines
 
     def _draw(self) -> None:
-        from riftberg.runs.run_file import open_run
+        from riftberg.runs.run_file import open_own
         from riftberg.viz.map import draw_map
 
-        with open_run(self.folder) as dataset:
+        with open_own(self.folder / "run.nc") as dataset:
             if self.info.story is not None and self.info.story.fits(dataset):
                 self.info.story.draw(dataset, self.folder / "map.png", 150)
                 return

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg import constants
-from riftberg.errors import RiftbergError, RunError
+from riftberg.errors import RiftbergError
 from riftberg.runs.scene import filled_forward, on_one_branch, zonal_period
 from riftberg.state import Floats
-from riftberg.system.atomic_files import refusal, replacing
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:
+    import netCDF4
     import xarray as xr
 
     from riftberg.model import BareModel
@@ -52,14 +52,12 @@ _SHAPE = 2.0
 """Least width of the box over its height: screens are wide."""
 
 
-def append_background(path: str | Path, model: BareModel) -> bool:
-    """Add the background to a finished run file, by way of a copy that takes its name."""
-    path = Path(path)
-    with open_netcdf(path) as run:
-        seconds = np.asarray(run["time"][:])
-        names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
-        x, y = (np.ma.filled(run[name][:].astype(np.float64), np.nan).T for name in names)
-        units = {axis: str(run[name].units) for axis, name in zip(("time", "x", "y"), ("time", *names))}
+def add_background(run: netCDF4.Dataset, model: BareModel) -> None:
+    """Add the background to an open run file that has all its records; none where the forcing cannot be asked for maps."""
+    seconds = np.asarray(run["time"][:])
+    names = ("lon", "lat") if "lon" in run.variables else ("x", "y")
+    x, y = (run[name][:].astype(np.float64).T for name in names)
+    units = {axis: str(run[name].units) for axis, name in zip(("time", "x", "y"), ("time", *names))}
     # A track that crosses the seam must not make a box around the whole Earth.
     x = on_one_branch(filled_forward(x), np.isfinite(y), zonal_period(model.parameters))
     axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
@@ -68,15 +66,9 @@ def append_background(path: str | Path, model: BareModel) -> bool:
         currents = [model.forcing.currents(*np.meshgrid(*axes), float(t)) for t in times]
         depth = model.forcing.depth(*np.meshgrid(*fine))
     except _SILENT:
-        return False  # a picture without water is better than no run
-    if not (np.isfinite(np.array(currents)).any() or np.isfinite(depth).any()):
-        return False
-    try:
-        with replacing(path, copy=True) as copy, open_netcdf(copy, "a") as file:
-            _write(file.createGroup(GROUP), axes, fine, times, np.array(currents), np.asarray(depth), units)
-    except OSError as error:
-        raise RunError(f"cannot add the background to {path} ({refusal(error)}); the run itself is complete") from error
-    return True
+        return  # a picture without water is better than no run
+    if np.isfinite(np.array(currents)).any() or np.isfinite(depth).any():
+        _write(run.createGroup(GROUP), axes, fine, times, np.array(currents), np.asarray(depth), units)
 
 
 def _axes(x: Floats, y: Floats, latlon: bool, points: int) -> tuple[Floats, Floats]:

@@ -6,6 +6,7 @@ import json
 import platform
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, Final
 
@@ -94,9 +95,10 @@ CONTACT_VARIABLES: Final = (
 """Meetings of bergs, each written as ``contact_<name>``."""
 
 
-def element_history() -> list[Variable]:
+@cache
+def element_history() -> tuple[Variable, ...]:
     """Return the variables of the elements that every record holds, from the registry."""
-    return [v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE)]
+    return tuple(v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE))
 
 
 def dimensions_of_variables() -> dict[str, tuple[str, ...]]:
@@ -183,7 +185,7 @@ def _rows_of(ids: Ints, rows: Ints) -> Ints:
 
 def placed(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArray[Any]:
     """Return values by the rows of other identifiers; ``missing`` where there is no value."""
-    if np.array_equal(ids, rows):
+    if ids is rows or np.array_equal(ids, rows):
         return values
     row = _rows_of(ids, rows)
     column = np.full(rows.size, missing, values.dtype)

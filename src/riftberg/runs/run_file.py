@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from riftberg.config.values import required
 from riftberg.errors import InputError, RunError
-from riftberg.runs.background import append_background
+from riftberg.runs.background import add_background
 from riftberg.runs.checks import open_checked
 from riftberg.runs.derived import APPLIED, Means, added, define_ledgers, ledgers_of, values_now, write_fragment_melt
 from riftberg.runs.layout import (
@@ -193,8 +193,6 @@ class RunWriter:
             if model.time > self._latest + _ROUND:
                 self._take(model)
             self._flush(model, last=True)
-            if self.background:
-                append_background(self.path, model)
         finally:
             self._taken.give_back()
 
@@ -211,7 +209,7 @@ class RunWriter:
     def _take(self, model: BareModel) -> None:
         self._layout.follow(model.elements, model.bonds, SHAPE, BOND_LATEST)
         derived = {**self._means.values(model), **values_now(model, self._derived)}
-        self._held.append(_Record(model, self._peak, derived))
+        self._held.append(_Record(model, self._peak, derived, self._layout))
         self._latest = model.time
 
     def _schedule(self, model: BareModel) -> None:
@@ -321,6 +319,8 @@ class RunWriter:
                 if last and self._tracks and self._add_tracks:  # a berg lies in one piece, and cannot be appended to
                     fragments = {int(row["number"]): row for row in fragment_rows(model)}
                     write_tracks(file, ragged(self._tracks, fragments, _since(model), not self._names))
+                if last and self.background:
+                    add_background(file, model)
         except (OSError, RuntimeError) as error:  # HDF5 says the latter where a file may not grow
             raise RunError(f"cannot write {self.path} ({refusal(error)}); {self._good(model)}") from error
         self.records += len(self._held)
@@ -364,9 +364,7 @@ class RunWriter:
         columns: dict[str, NDArray[Any]] = {}
         for v in [*element_history(), *(_REGISTRY[name] for name in SHAPE)]:
             missing = MISSING if v.dtype == "i8" else np.nan
-            values = np.stack([placed(r.ids, r.elements[v.name], layout.ids, missing) for r in held], axis=1)
-            # As the file has them, so that the tracks are those that a reader finds from it.
-            columns[v.name] = values if v.name in SHAPE else values.astype(_stored_kind(v))
+            columns[v.name] = np.stack([placed(r.ids, r.elements[v.name], layout.ids, missing) for r in held], axis=1)
         for name in bond_history(model):
             columns[name] = np.stack([placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in held], axis=1)
         for name, values in columns.items():
@@ -411,15 +409,20 @@ def _peak_so_far(model: BareModel) -> Floats:
 
 
 class _Record:
-    """Copies of the variables of one time."""
+    """Copies of the variables of one time, as the file has them, so that the tracks are those that a reader finds from it."""
 
-    def __init__(self, model: BareModel, peak: Floats, derived: dict[str, Floats]) -> None:
+    def __init__(self, model: BareModel, peak: Floats, derived: dict[str, Floats], layout: Layout) -> None:
         self.time = float(model.time)
-        self.ids, self.bond_ids = model.elements.id.copy(), model.bonds.id.copy()
-        names = [*(v.name for v in element_history()), *SHAPE]
-        self.elements = {name: getattr(model.elements, name).copy() for name in names}
-        self.elements["u_sync"], self.elements["v_sync"] = model.velocity()
-        self.bonds = {name: getattr(model.bonds, name).astype("f4") for name in bond_history(model)}
+        elements, bonds = model.elements, model.bonds
+        # Identifiers of the layout itself where they are the same: `placed` then need not compare them for each variable.
+        self.ids = layout.ids if np.array_equal(elements.id, layout.ids) else elements.id.copy()
+        self.bond_ids = layout.bond_ids if np.array_equal(bonds.id, layout.bond_ids) else bonds.id.copy()
+        velocity = dict(zip(("u_sync", "v_sync"), model.velocity(), strict=True))
+        self.elements = {
+            v.name: velocity.get(v.name, getattr(elements, v.name)).astype(_stored_kind(v)) for v in element_history()
+        }
+        self.elements |= {name: getattr(elements, name).copy() for name in SHAPE}
+        self.bonds = {name: getattr(bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
         self.derived = derived
         self.ledger = values_now(model, ledgers_of(model))
@@ -462,6 +465,13 @@ def open_run(path: str | Path) -> xr.Dataset:
     return open_checked(file)
 
 
+def open_own(file: Path) -> xr.Dataset:
+    """Open a run file that this process has just written: what it holds need not be checked again."""
+    import riftberg.runs.accessor  # noqa: F401  (run.riftberg)
+
+    return open_checked(file, own=True)
+
+
 class _RunWithDataset(RunWriter):
     """Writer whose file can be had as a dataset; one without a name of its own lives in memory afterwards."""
 
@@ -472,7 +482,7 @@ class _RunWithDataset(RunWriter):
 
     def dataset(self) -> xr.Dataset:
         """Return what has been written."""
-        dataset = open_run(self.path)
+        dataset = open_own(self.path)
         if self._in_memory:
             dataset.load()
             dataset.close()
