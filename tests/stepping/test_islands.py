@@ -231,3 +231,31 @@ def test_slender_bergs_that_press_against_each_other_are_not_thrown_apart(spring
         x = np.sort(el.lon.reshape(3, -1).mean(axis=1))
         assert np.abs(np.diff(x) - SIZE).max() < 6.0
     assert model.contacts.rows
+
+
+def advanced(berg: Iceberg, step: float, **groups: Any) -> Model:
+    """A model after three hours in steps of ``step`` s."""
+    model = Model(
+        berg, Steady(current=(0.2, 0.05)), parameters({"time_step": step, **groups.pop("stepping", {})}, **groups)
+    )
+    model.advance(steps=round(10_800.0 / step))
+    return model
+
+
+@pytest.mark.parametrize("law", ["spring", "crushing"])
+def test_a_step_of_hours_in_which_bergs_meet_is_divided(law) -> None:
+    """Bug: steps of two hours shattered what half an hour left whole, and those of three hurled pieces out of the box."""
+    bergs = Iceberg.join([bonded(0.0, 0.3), bonded(11e3, 0.0)])
+    groups: dict[str, Any] = {"contact": {"law": law}, "stepping": BARE, "fracture": {"enabled": False}}
+    long, short = advanced(bergs, 10_800.0, **groups), advanced(bergs, 1800.0, **groups)
+    assert short.elements.u[-1] > 0.05  # they have met
+    np.testing.assert_allclose(long.elements.lon, short.elements.lon, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(long.elements.u, short.elements.u, rtol=0.0, atol=1e-9)
+
+
+def test_a_step_is_divided_by_the_inertial_period() -> None:
+    """13.8 hours at 60 degrees, of which a step is a sixth at most."""
+    earth = {"latlon": False, "period": 0.0, "f_plane": True, "reference_latitude": -60.0}
+    one, two = advanced(single(0.0, 0.3), 10_800.0, earth=earth), advanced(single(0.0, 0.3), 5400.0, earth=earth)
+    np.testing.assert_allclose(one.elements.lon, two.elements.lon, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(one.elements.u, two.elements.u, rtol=0.0, atol=1e-9)

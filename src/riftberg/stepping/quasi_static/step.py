@@ -115,6 +115,12 @@ That is the grounding step for touch-down (a few seconds in a step of half an ho
 contact, and the shortest interval between two cracks for overload (under half a second).
 """
 
+LONGEST_CONTACT_STEP = 1800.0
+"""Longest trial step (s) in which fragments touch: in longer ones the loads at its end are not those of the impact."""
+
+INERTIAL_PART = 1.0 / 6.0
+"""Longest trial step as a part of the inertial period, 2.3 h at 60 degrees."""
+
 MAX_LOW_RANK_UPDATES = 90
 """Rank of the correction for broken bonds beyond which the stiffness matrix is factored anew: about where that is quicker."""
 
@@ -360,6 +366,9 @@ class TimeStep:
         may_break = fracture.enabled and not (first_step and fracture.not_in_first_step)
         if may_break and first_step:
             self._propagate_crack()
+        coriolis = float(np.abs(self.state.operators.forcing.coriolis).max(initial=0.0))
+        if self.state.operators.forcing.media_act and coriolis > 0.0:
+            self._max_dt = min(self.dt, INERTIAL_PART * 2.0 * math.pi / coriolis)
         end, next_dt = self.start + self.dt, math.inf
         while (left := end - self.state.time) > 1e-9 * self.dt:
             # The rest in equal parts, so that the last one is no shorter than it must be.
@@ -379,9 +388,9 @@ class TimeStep:
 
         The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
 
-        1. The set of grounded elements changes in a step that is too long to resolve the drag of the sea floor. All loads
-           of the trial are then wrong, so it is rejected whatever else is in it, and the rest of the time step is taken in
-           shorter steps, in which all events are looked for again.
+        1. The set of grounded elements changes in a step that is too long to resolve the drag of the sea floor, or fragments
+           touch in one of hours. All loads of the trial are then wrong, so it is rejected whatever else is in it, and the
+           rest of the time step is taken in shorter steps, in which all events are looked for again.
         2. Touch-down. The floor acts at once and with full force, and stress is largest at that moment. Before a bond is
            judged, the step must end either just before the touch or just after it: in a longer step the load at its end
            would be that of a fragment that the floor has slowed already.
@@ -403,7 +412,11 @@ class TimeStep:
         trial = self._trial(start, h)
         if h > grounding_dt * (1.0 + 1e-9) and _grounded_set_changed(trial, aground):
             self._rollback(checkpoint)
-            self._max_dt = grounding_dt
+            self._max_dt = min(self._max_dt, grounding_dt)
+            return math.inf
+        if h > LONGEST_CONTACT_STEP * (1.0 + 1e-9) and trial.contact is not None and trial.contact.first.size:
+            self._rollback(checkpoint)
+            self._max_dt = LONGEST_CONTACT_STEP
             return math.inf
 
         if grounding_dt < self.dt and _newly_grounded(trial, aground):

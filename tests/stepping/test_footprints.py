@@ -1,0 +1,48 @@
+"""Footprints: they fill the outline whatever the lattice and its angle, and are convex."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from riftberg import Iceberg, Model, Parameters
+from riftberg.ocean.analytic import Steady
+from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
+
+
+def model(rotation: float, packing: str) -> Model:
+    berg = Iceberg.rectangle(
+        12e3, 9e3, thickness=200.0, radius=1000.0, placement=(19e3, 4e3), latlon=False, rotation=rotation, packing=packing
+    )  # fmt: skip
+    return Model(berg, Steady(), Parameters(earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}))
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("rotation", [0.0, 10.0, 20.0, 45.0, 77.7])
+def test_footprints_fill_the_outline_and_are_convex(rotation: float, packing: str) -> None:
+    """Bug: round-off on a square lattice turned by 20 degrees gave one element the whole berg."""
+    run = model(rotation, packing)
+    found = FootprintBook(run).follow(run)
+    rings = [shapely.Polygon(found.corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
+    area = np.bincount(found.owner, shapely.area(rings))
+    assert area.sum() == pytest.approx(108e6, rel=1e-9)
+    assert area.max() < 3.0 * area.min()
+    np.testing.assert_allclose(shapely.area(shapely.convex_hull(rings)), shapely.area(rings), rtol=1e-9)
+
+
+def test_footprints_turn_with_their_fragments() -> None:
+    """Two fragments at once lie as each by itself."""
+    run = model(20.0, "square")
+    el, found = run.elements, FootprintBook(run).follow(run)
+    turn = np.exp(0.3j) * ((el.lon - el.lon.mean()) + 1j * (el.lat - el.lat.mean()))
+    xy, body = np.column_stack([turn.real, turn.imag]), (np.arange(el.size) >= 20).astype(np.int64)
+    both = body_footprint(found, el, np.arange(el.size), xy, body)
+    for b in (0, 1):
+        rows = np.flatnonzero(body == b)
+        one = body_footprint(found, el, rows, xy)
+        mine = np.isin(both.owner, rows)
+        corner = np.repeat(mine, np.diff(both.start))
+        np.testing.assert_allclose(both.corner[corner], one.corner, atol=1e-6)
+        away = one.corner - xy[rows][np.repeat(one.owner, np.diff(one.start))]
+        assert np.hypot(*away.T).max() < 3e3
