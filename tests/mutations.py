@@ -15,7 +15,7 @@ each change, finds how long every test takes and which statements it reaches. A 
 reach it, the quickest first, and on the others of their files. Tests that fail, or take over ten seconds, on the unchanged
 source are left out. A test that no longer ends has noticed.
 
-A line of ``results.same.txt`` (``path:line  reason``) takes a change that means the same out of the count.
+`SAME` lists changes that mean the same; where they go unnoticed they do not count. Look at each that it takes out.
 """
 
 from __future__ import annotations
@@ -40,6 +40,8 @@ from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE, TESTS = ROOT / "src" / "riftberg", ROOT / "tests"
+
+SAME = TESTS / "mutations_same.txt"
 
 FOLDERS = ("physics", "stepping", "life", "ocean", "products", "bergs", "diagnostics", "runs")
 
@@ -369,14 +371,12 @@ def tests_for(change: Change, reach: dict[str, Any], budget: float) -> tuple[lis
 
 def report(path: Path) -> None:
     """Print shares by folder, and the changes that nobody noticed."""
-    same = path.with_suffix(".same.txt")
-    reasons = (
-        dict(line.split("  ", 1) for line in same.read_text().splitlines() if line.strip()) if same.exists() else {}
-    )
+    rows = [line.split(" | ") for line in SAME.read_text("utf-8").splitlines()]
+    reasons = {(name, kind): reason for name, kind, reason in rows}
     last = {(r["path"], r["start"]): r for r in map(json.loads, path.read_text().splitlines())}
     count: Counter[str] = Counter()
     for r in last.values():
-        alike = r["verdict"] != "noticed" and f"{r['path']}:{r['line']}" in reasons
+        alike = r["verdict"] != "noticed" and (r["path"], r["kind"]) in reasons
         for folder in (r["path"].split("/")[0], "all"):
             count[folder, "tried"] += 1
             count[folder, "same" if alike else r["verdict"]] += 1
@@ -388,7 +388,7 @@ def report(path: Path) -> None:
         )
     for r in sorted(last.values(), key=lambda r: (r["path"], r["line"])):
         if r["verdict"] != "noticed":
-            reason = reasons.get(f"{r['path']}:{r['line']}", "")
+            reason = reasons.get((r["path"], r["kind"]), "")
             print(f"  {r['path']}:{r['line']}  {r['kind']}:  {r['text']}{'   SAME: ' if reason else ''}{reason}")
 
 
