@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -429,6 +430,8 @@ class Session:
             files.append("map.png")
         for line in short_summary(summary, story):
             typer.echo(line)
+        for line in (summary.get("motion") or {}).get("lines", ()):
+            logging.getLogger(__name__).info(line)
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
 
     def _own_story(self, summary: dict[str, Any]) -> list[str]:
@@ -500,7 +503,9 @@ def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str
     ]
     if len(summary.get("collisions", [])) > 10:
         lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
-    ledgers = [f"  {line}" for name in ("ledger", "motion") for line in (summary.get(name) or {}).get("lines", ())]
+    ledgers = [f"  {line}" for line in (summary.get("ledger") or {}).get("lines", ())]
+    if summary.get("motion"):
+        ledgers.append(f"  {summary['motion']['closing']}")
     return [*lines, *(told or [_areas_line(summary)]), *ledgers]
 
 

@@ -686,7 +686,8 @@ class Compatibility(Group):
     elements_stopped_alone: bool = quantity(
         False,
         "",
-        "land stops each element for itself and leaves it its velocity, which tears bonded bergs apart and drives bergs together",
+        "land stops each element for itself and leaves it its velocity, which tears bonded bergs apart and pushes bergs "
+        "into each other",
         "equations 8.1",
     )
     stages_from_start: bool = quantity(

@@ -161,7 +161,7 @@ def motion_of(model: BareModel) -> dict[str, Any] | None:
     if getattr(model, "motion", None) is None:
         return None
     balance = model.motion.balance(model, model.remembered)
-    return {**balance.as_dict(), "lines": balance.lines()}
+    return {**balance.as_dict(), "closing": balance.closing(), "lines": balance.lines()}
 
 
 def write_summary(summary: dict[str, Any], path: str | Path) -> Path:

@@ -6,6 +6,8 @@ What is left over in a step is what elements did to each other; by Newton's thir
 Work of a force is its momentum times the mean of the velocities before and after it has acted; together they make the change of
 kinetic energy of a single element exactly. What is left over is the work of bonds and contacts: energy that goes into bonds, or
 is dissipated there.
+The impulse of supports is what their berg needs to stay in its place; they do no work.
+
 Sums over spheres are of eastward and northward parts, as the explicit schemes step them. A fragment of the quasi-static
 scheme keeps its own axes on its way, which turn against east and north: that shows as left over, some 1e-4 of what was given.
 """
@@ -25,17 +27,17 @@ from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
+from riftberg.stepping.forces.media import CORIOLIS, FORCES, SEA_FLOOR
 from riftberg.stepping.forces.sizes import interaction_sizes
 
 if TYPE_CHECKING:
     from riftberg.stepping.run_state import RunState
 
-GIVERS: Final = (*FORCES, "elements", "life", "other")
-"""What changes momentum and energy: forces from outside, elements among each other (with land), melt and births, processes of
-the user."""
+GIVERS: Final = (*FORCES, "loads", "supports", "time_step", "elements", "life", "other")
+"""What changes momentum and energy: forces from outside, given loads and the supports that hold them, the error of the time
+step in a Coriolis force that does no work, elements among each other (with land), melt and births, processes of the user."""
 
-ELEMENTS, OTHER = GIVERS.index("elements"), GIVERS.index("other")
+LOADS, SUPPORTS, TIME_STEP, ELEMENTS, OTHER = map(GIVERS.index, ("loads", "supports", "time_step", "elements", "other"))
 
 START, NOW, BONDS = len(GIVERS), len(GIVERS) + 1, len(GIVERS) + 2
 """Rows after those of the givers: stock at the start, stock now; elastic energy at the start and released by cracks."""
@@ -67,7 +69,7 @@ class MotionBalance(NamedTuple):
     @property
     def momentum_error(self) -> float:
         """Momentum that elements gave each other, as part of all that was given: 0 but for round-off and land."""
-        given = sum(np.hypot(*self.impulse[name]) for name in FORCES) + np.hypot(*self.momentum_start)
+        given = sum(np.hypot(*self.impulse[name]) for name in (*FORCES, "loads")) + np.hypot(*self.momentum_start)
         return float(np.hypot(*self.impulse["elements"]) / max(given, 1e-30))
 
     @property
@@ -80,6 +82,16 @@ class MotionBalance(NamedTuple):
     def as_dict(self) -> dict[str, Any]:
         """Return the ledger with what follows from it, for a summary."""
         return {**self._asdict(), "dissipated": self.dissipated, "momentum_error": self.momentum_error}
+
+    def closing(self) -> str:
+        """Return in one line to which part of what was given the ledger closes."""
+        lost = self.work["elements"] if self.dissipated is None else -self.dissipated
+        turned = max(sum(abs(w) for name, w in self.work.items() if name != "elements"), abs(self.kinetic_start), 1e-30)
+        ends = "between elements" if self.dissipated is None else "dissipated"
+        return (
+            f"motion: momentum closes to {self.momentum_error:.0e} of what was given; {ends} {abs(lost) / turned:.1g} "
+            "of the energy given"
+        )
 
     def lines(self) -> list[str]:
         """Return the ledger as two lines of text."""
@@ -254,7 +266,14 @@ class MotionLedger:
         """
         p, now = self.parameters, run.elements
         entries = _entries_in_substeps if p.stepping.scheme == "mts" else _entries_in_steps
-        was, stands, given = entries(before, now, applied, run)
+        was, stands, forces = entries(before, now, applied, run)
+        given = np.zeros((ELEMENTS, 3))
+        given[: len(FORCES)] = forces
+        # The Coriolis force stands across the velocity; what it does along the mean of two velocities is the step's error.
+        given[TIME_STEP, 2], given[CORIOLIS, 2] = given[CORIOLIS, 2], 0.0
+        _add_loads(given, before, now, run)
+        if (now.body.static >= 0.5).any() or (now.body.free_y < 0.5).any():
+            given[SUPPORTS, :2] = stands[:2] - was[:2] - given[:, :2].sum(axis=0)
         kept = self._begun(remembered, before, bonds_before, run, was)
         _enter_step(kept, was, stands, given)
         self._cracks(kept, before, bonds_before, run)
@@ -308,6 +327,16 @@ class MotionLedger:
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
             None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1],
         )  # fmt: skip
+
+
+def _add_loads(given: Floats, before: Elements, now: Elements, run: RunState) -> None:
+    """Add impulse and work of the loads on the elements, which act in the schemes with sub-steps of beams or in equilibrium."""
+    c, x, y = run.constants, now.body.load_x, now.body.load_y
+    if not (x.any() or y.any()) or not (c.rigid_bodies or (c.multiple_steps and c.dem)):
+        return
+    scaling, dt, place, was = now.life.mass_scaling, run.parameters.stepping.time_step, now.place, before.place
+    east, north = separations(Metric(c.latlon, c.earth_radius, c.period), place.lon, place.lat, was.lon, was.lat)
+    given[LOADS] += dt * (scaling * x).sum(), dt * (scaling * y).sum(), (scaling * (x * east + y * north)).sum()
 
 
 def _known(remembered: Mapping[str, Floats]) -> Floats | None:
