@@ -155,7 +155,7 @@ def _asked(name: str, named: bool) -> Asked:
             )
         end = experiment.start + timedelta(days=experiment.days)
         products = {str(Path(name).parent / entry.file): entry.product for entry in forcing.entries}
-        left_out = {"ssh"} if forcing.sea_level == "none" else set()
+        left_out = set() if forcing.sea_level == "files" else {"ssh"}
         left_out |= {"ua", "va"} if forcing.wind == "none" else set()
         max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))
         return Asked(

@@ -55,8 +55,8 @@ class FileForcing(Section):
     hold: float | None = key(
         None, "h", "how long first and last record are held, else half the time that a mean stands for", ge=0
     )
-    sea_level: Literal["files", "none"] = key(
-        "files", "", "none leaves it out: no slope of the sea surface, unannounced"
+    sea_level: Literal["files", "geostrophic", "none"] = key(
+        "files", "", "geostrophic: the slope that balances the current; none leaves it out: no slope, unannounced"
     )
     wind: Literal["files", "none"] = key("files", "", "none leaves it out: calm air, unannounced")
 
