@@ -6,15 +6,15 @@ A field is interpolated once in time and once in space (`riftberg.ocean.at_eleme
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, datetime
 from pathlib import PurePath
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, TypedDict
 
 import numpy as np
 import xarray as xr
 
-from riftberg.config.values import given, moment, number, required
+from riftberg.config.values import check_names, given, moment, number, required
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
@@ -33,6 +33,8 @@ from riftberg.ocean.product_records import DayMeans, ProductRecords
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.mesh import Mesh, NodeMesh, Places, mesh_of
+from riftberg.products.quantities import QUANTITIES
+from riftberg.products.reading import COORDINATES
 from riftberg.products.records import WAVES, check_pairs, doubtful_units, idle_fields, in_python, named, named_remarks
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
@@ -128,6 +130,20 @@ def served(records: ProductRecords) -> tuple[str, ...]:
     return tuple(name for name in FILLS if name in records.names and (name not in WAVES or "wave_x" in records.names))
 
 
+class DatasetOptions(TypedDict, total=False):
+    """Options of a forcing from datasets, as `DatasetForcing` and `DatasetForcing.from_xarray` document them."""
+
+    ice_density: float
+    draft: float
+    coastal_drift: float
+    grid: Grid | None
+    notices: Sequence[str]
+    max_gap: Any
+    hold: Any
+    sea_level: Literal["files", "geostrophic", "none"]
+    names: Mapping[str, str] | None
+
+
 class DatasetForcing(DescribedForcing):
     """Several products as one forcing; implements `riftberg.ocean.forcing.Forcing`.
 
@@ -194,6 +210,7 @@ class DatasetForcing(DescribedForcing):
         max_gap: Any = None,
         hold: Any = None,
         sea_level: Literal["files", "geostrophic", "none"] = "files",
+        names: Mapping[str, str] | None = None,
         **options: Any,
     ) -> DatasetForcing:
         """Return the forcing that datasets in memory, or opened by xarray, give.
@@ -214,6 +231,8 @@ class DatasetForcing(DescribedForcing):
         sea_level : str, optional
             ``"files"``: that of the datasets. ``"geostrophic"``: at each place the slope that balances the mean current over the
             draft and a day there (f/g times the current, turned by a right angle). ``"none"``: no slope.
+        names : mapping, optional
+            Variables by the quantity or coordinate that they hold, where the datasets do not say it: ``{"uo": "u", "vo": "v"}``.
         **options
             As for the class.
 
@@ -247,7 +266,7 @@ class DatasetForcing(DescribedForcing):
         }
         if sea_level not in ("files", "geostrophic", "none"):
             raise ForcingError(f"{sea_level!r} is no choice", where="sea_level", remedy="files, geostrophic or none")
-        given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several)]
+        given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several, names)]
         if sea_level != "files":
             given = [rest for ds in given if (rest := ds.drop_vars("ssh", errors="ignore")).data_vars]
         check_pairs(given)
@@ -531,6 +550,39 @@ class Forcing(formulas.Formula):
     turning_wind = formulas.TurningWind
 
     @staticmethod
+    def from_dataset(dataset: xr.Dataset, start: datetime | None = None, **names_and_options: Any) -> DatasetForcing:
+        """Return the forcing that one dataset gives whose variables are named here.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            In memory, or opened by any engine of xarray (netCDF, Zarr, OPeNDAP, kerchunk, icechunk).
+        start : datetime.datetime, optional
+            Date of the model's time 0 (UTC), as for `from_xarray`.
+        **names_and_options
+            Variables by quantity or coordinate (``uo="u", vo="v", lon="x"``), for what the dataset does not say by
+            itself, and options of `riftberg.DatasetForcing.from_xarray`.
+
+        Examples
+        --------
+        >>> import numpy as np, xarray as xr
+        >>> axes = {"lat": [-58.0, -56.0, -54.0], "lon": [-40.0, -37.0, -34.0]}
+        >>> mine = xr.Dataset({name: (("lat", "lon"), np.full((3, 3), 0.1), {"units": "m/s"}) for name in "ab"}, axes)
+        >>> forcing = Forcing.from_dataset(mine, "2020-12-09", uo="a", vo="b", sea_level="geostrophic")
+        >>> forcing.currents(np.array([-37.0]), np.array([-56.5]), 0.0)
+        (array([0.1]), array([0.1]))
+        """
+        required(
+            dataset, xr.Dataset, "a dataset of xarray, such as xarray.open_dataset(file)", where="Forcing.from_dataset",
+            kind=ForcingError,
+        )  # fmt: skip
+        known = (*QUANTITIES, *COORDINATES)
+        check_names(names_and_options, DatasetOptions, *known)
+        names = {key: name for key, name in names_and_options.items() if key in known}
+        options = {key: value for key, value in names_and_options.items() if key not in names}
+        return DatasetForcing.from_xarray(dataset, start, **{"names": names, **options})
+
+    @staticmethod
     def from_xarray(
         datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime | None = None, **options: Any
     ) -> DatasetForcing:
@@ -547,6 +599,7 @@ class Forcing(formulas.Formula):
         **options
             As for `riftberg.DatasetForcing`.
         """
+        check_names(options, DatasetOptions)
         products = list_of_datasets(datasets)
         return DatasetForcing.from_xarray(products, start, **options)
 

@@ -26,7 +26,7 @@ from riftberg.products.levels import uppermost
 from riftberg.products.mesh import AxesMesh, Located, NodeMesh
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
-from riftberg.products.registry import open_named
+from riftberg.products.registry import Choice, open_named
 from riftberg.products.repair import VALID
 from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.state import Floats
@@ -88,7 +88,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
         raise ForcingError(
             "no ocean current (uo, vo) in these files",
             where=", ".join(entry.file for entry in settings.entries),
-            remedy=f"They give {', '.join(fields)}; add a file of currents",
+            remedy=f"They give {', '.join(fields)}; add a file of currents, or name its variables (names: {{uo: u, vo: v}})",
         )
     records.check_pairs(datasets)  # only now: records without values may have parted the components
     deep = {*(("uo", "vo") if settings.currents == "draft" else ()), *(OVER_KEEL if run.melts else ())}
@@ -296,8 +296,8 @@ def _unused(opened: list[xr.Dataset], datasets: list[xr.Dataset], run: Run) -> l
     return said
 
 
-def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | None]]:
-    """Return all files with the product that is named for them."""
+def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, Choice]]:
+    """Return all files with the product or names that are given for them."""
     files = [(entry, sorted(glob.glob(str(folder / entry.file)))) for entry in entries]
     for entry, matches in files:
         if not matches:
@@ -306,7 +306,7 @@ def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | Non
                 where=f"the folder {folder.absolute()}",
                 remedy="Correct forcing.files or --data",
             )
-    return [(path, entry.product) for entry, matches in files for path in matches]
+    return [(path, entry.choice) for entry, matches in files for path in matches]
 
 
 def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.Dataset]:
