@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
 
 from riftberg.cli.options import Quiet, dates, pair, positive, results_folder
 from riftberg.cli.terminal import reported
-from riftberg.errors import InputError, RiftbergError
+from riftberg.errors import InputError, RiftbergError, nearest
+
+if TYPE_CHECKING:
+    from riftberg.products.registry import Choice
 
 EXIT_LACKING = 1
 
@@ -46,6 +49,14 @@ def doctor(
     product: Annotated[
         str | None, typer.Option("--product", help="Name of the product, instead of recognising it.")
     ] = None,
+    names: Annotated[
+        str | None,
+        typer.Option(
+            "--names",
+            metavar="QUANTITY=VARIABLE,...",
+            help="Variables of the files by quantity or coordinate, such as uo=u,vo=v; each file takes those that it holds.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Identify forcing files, check that they are sufficient for an experiment, list what is missing."""
@@ -57,18 +68,19 @@ def doctor(
         remedy = asked.remedy or "riftberg doctor 'data/*.nc', or --for my.yaml"
         raise InputError("no files were named", where="FILES", remedy=remedy)
     box, days = (pair(lon, "--lon") or asked.lon, pair(lat, "--lat") or asked.lat), dates(time) or asked.time
+    named, choices = _as_named(files or (), product, names)
     report = examine(
-        files or asked.files, lon=box[0], lat=box[1], time=days,
+        named or asked.files, lon=box[0], lat=box[1], time=days,
         needed=[*(name for name in NEEDED if name not in asked.spared), *(need or ())],
         wished=[name for name in ASSUMED if name not in asked.spared],
-        path=_path_of_run(run) or list(asked.path), product=product or asked.products,
+        path=_path_of_run(run) or list(asked.path), product=choices if names else product or asked.products,
         max_gap=asked.max_gap, hold=asked.hold,
     ) if files or asked.files else Report()  # fmt: skip
     # Who names another path, box or span than that of the experiment asks for more than a run does.
     if experiment and not (run or lon or lat or time) and (not files or experiment.endswith(_YAML)):
-        report.refusal, report.assumed = _tried(experiment, files or (), product)
+        report.refusal, report.assumed = _tried(experiment, named, choices)
     elif not experiment and not run and box[0] and box[1] and days:
-        report.refusal = _served(files or (), (box[0], box[1]), days, product) or None
+        report.refusal = _served(named, (box[0], box[1]), days, choices) or None
     typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
         raise typer.Exit(EXIT_LACKING)
@@ -85,7 +97,7 @@ class Asked(NamedTuple):
     lat: tuple[float, float] | None = None
     time: tuple[str, str] | None = None
     files: tuple[str, ...] = ()
-    products: dict[str, str | None] | None = None
+    products: dict[str, Choice] | None = None
     path: tuple[tuple[float, float], ...] = ()
     spared: frozenset[str] = frozenset()
     max_gap: float | None = None
@@ -96,12 +108,36 @@ class Asked(NamedTuple):
 _YAML = (".yaml", ".yml")
 
 
-def _tried(experiment: str, files: Sequence[str], product: str | None) -> tuple[str, list[str]]:
+def _as_named(files: Sequence[str], product: str | None, names: str | None) -> tuple[Sequence[str], dict[str, Choice]]:
+    """Return the files that patterns name, and for each the product and those of the names that it holds."""
+    if not names:
+        return files, dict.fromkeys(files, product)
+    from riftberg.products.reading import open_raw
+    from riftberg.products.registry import choice_of, expand
+
+    if not files:
+        raise InputError(
+            "no files were named", where="--names", remedy="Name them in the experiment file: names: {uo: u}"
+        )
+    pairs = [part.partition("=") for part in names.split(",")]
+    asked = {key.strip(): name.strip() for key, _, name in pairs}
+    choice_of(None, asked, where="--names")
+    files = expand(files)
+    held = {file: set(map(str, open_raw(file, chunked=False).variables)) for file in files}
+    if missing := set(asked.values()) - set().union(*held.values()):
+        everything = sorted(set().union(*held.values()))
+        remedy = f"{nearest(min(missing), everything)}They hold {', '.join(everything)}"
+        raise InputError(f"no file has a variable {min(missing)!r}", where="--names", remedy=remedy)
+    own = {file: {key: name for key, name in asked.items() if name in held[file]} for file in files}
+    return files, {file: choice_of(product, own[file], where="--names") for file in files}
+
+
+def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str]]:
     """Return why a run of an experiment does not start, and what would be assumed, as ``riftberg run`` has it."""
     from riftberg.cli.run import check_start, notices_of
     from riftberg.experiments import Options, build
 
-    options = Options(files=_entries(files, product))
+    options = Options(files=_entries(files, choices))
     try:
         model, info = build(experiment, options)
         check_start(model, info.days, info.output_every_hours)
@@ -110,25 +146,25 @@ def _tried(experiment: str, files: Sequence[str], product: str | None) -> tuple[
     return "", notices_of(info, model, options, info.output_every_hours)
 
 
-def _entries(files: Sequence[str], product: str | None) -> tuple[Any, ...]:
+def _entries(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any, ...]:
     from riftberg.ocean.files_schema import NamedFiles
 
     # A product that is not known is refused where the files are opened, as in a run.
-    return tuple(NamedFiles.model_construct(file=str(Path(file).absolute()), product=product) for file in files)
+    return tuple(NamedFiles.chosen(str(Path(file).absolute()), choices[file]) for file in files)
 
 
 def _served(
     files: Sequence[str],
     box: tuple[tuple[float, float], tuple[float, float]],
     days: tuple[str, str],
-    product: str | None,
+    choices: Mapping[str, Choice],
 ) -> str:
     """Return why files do not serve a run of a berg of usual draft in a box, wherever in it; empty if they do."""
     from riftberg.ocean.files_forcing import Run, forcing_from_files
     from riftberg.ocean.files_schema import FileForcing
     from riftberg.parameters import Ice
 
-    entries = list(_entries(files, product))
+    entries = list(_entries(files, choices))
     settings = FileForcing(kind="files", files=["any"], longitude=box[0], latitude=box[1])
     first, last = (datetime.fromisoformat(day) for day in days)
     asked = Run(first, last, np.array([200.0]), Ice().density)
@@ -154,8 +190,8 @@ def _asked(name: str, named: bool) -> Asked:
                 f"its forcing is of kind {forcing.kind!r}", where=f"--for {name}", remedy="It needs no files"
             )
         end = experiment.start + timedelta(days=experiment.days)
-        products = {str(Path(name).parent / entry.file): entry.product for entry in forcing.entries}
-        left_out = {"ssh"} if forcing.sea_level == "none" else set()
+        products = {str(Path(name).parent / entry.file): entry.choice for entry in forcing.entries}
+        left_out = set() if forcing.sea_level == "files" else {"ssh"}
         left_out |= {"ua", "va"} if forcing.wind == "none" else set()
         max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))
         return Asked(

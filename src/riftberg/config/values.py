@@ -407,8 +407,8 @@ def required(
         raise kind(f"{value_shown(value)} cannot be used here", where=where, remedy=f"Give {wanted}")
 
 
-def check_names(options: Mapping[str, Any], kind: type) -> None:
-    """Refuse arguments by name that a typed dict of options does not list, as Python does for those of a function.
+def check_names(options: Mapping[str, Any], kind: type, *also: str) -> None:
+    """Refuse arguments by name that a typed dict of options (and ``also``) does not list, as Python does for a function.
 
     Examples
     --------
@@ -420,7 +420,7 @@ def check_names(options: Mapping[str, Any], kind: type) -> None:
     TypeError: unexpected keyword argument 'lenght'. Did you mean 'length'? It may be length
 
     """
-    known = kind.__annotations__
+    known = (*also, *kind.__annotations__)
     for name in options:
         if name not in known:
             raise TypeError(f"unexpected keyword argument {name!r}. {nearest(name, known)}It may be {', '.join(known)}")

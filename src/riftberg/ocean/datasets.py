@@ -6,15 +6,16 @@ A field is interpolated once in time and once in space (`riftberg.ocean.at_eleme
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, datetime
 from pathlib import PurePath
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, TypedDict
 
 import numpy as np
 import xarray as xr
 
-from riftberg.config.values import given, moment, number, required
+from riftberg.config.values import check_names, given, moment, number, required
+from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
 from riftberg.ocean.at_elements import (
@@ -28,10 +29,12 @@ from riftberg.ocean.at_elements import (
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
-from riftberg.ocean.product_records import ProductRecords
+from riftberg.ocean.product_records import DayMeans, ProductRecords
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.mesh import Mesh, NodeMesh, Places, mesh_of
+from riftberg.products.quantities import QUANTITIES
+from riftberg.products.reading import COORDINATES
 from riftberg.products.records import WAVES, check_pairs, doubtful_units, idle_fields, in_python, named, named_remarks
 from riftberg.products.registry import in_memory
 from riftberg.state import Elements, Floats, Ints
@@ -54,6 +57,9 @@ FILLS: Final = {
 
 OVER_KEEL: Final = {"sst": "keel_temperature", "sss": "keel_salinity"}
 """Variables of the elements that hold the mean of a field over the draft, where it comes on levels."""
+
+WITHOUT_WIND_DRIFT: Final = ("ugos", "uo_mean_over_berg_depth")
+"""Variables of currents without levels that hold no drift of the uppermost metres."""
 
 VARIABLES: Final = tuple(name for names in FILLS.values() for name in names)
 
@@ -103,9 +109,39 @@ def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Pa
     return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), served(records))
 
 
+def balance_of(part: Part) -> Part:
+    """Return the part of currents as means over a day, whose geostrophic balance the sea surface keeps."""
+    return Part(part.mesh, DayMeans(part.records), ())
+
+
+def shallow_balance(balance: Part) -> list[str]:
+    """Return a notice where the slope of the sea surface comes from currents near the surface alone."""
+    if balance.records.has_levels or balance.original("uo") in WITHOUT_WIND_DRIFT:
+        return []
+    return [
+        f"{named(balance.records.ds) or balance.source}: the slope of the sea surface balances currents near the surface "
+        "(sea_level: geostrophic), whose wind drift has no slope: in ORAS5 this errs by 0.04 m/s, with means over the draft by "
+        "0.012 m/s"
+    ]
+
+
 def served(records: ProductRecords) -> tuple[str, ...]:
     """Return the fields (keys of `FILLS`) that records hold."""
     return tuple(name for name in FILLS if name in records.names and (name not in WAVES or "wave_x" in records.names))
+
+
+class DatasetOptions(TypedDict, total=False):
+    """Options of a forcing from datasets, as `DatasetForcing` and `DatasetForcing.from_xarray` document them."""
+
+    ice_density: float
+    draft: float
+    coastal_drift: float
+    grid: Grid | None
+    notices: Sequence[str]
+    max_gap: Any
+    hold: Any
+    sea_level: Literal["files", "geostrophic", "none"]
+    names: Mapping[str, str] | None
 
 
 class DatasetForcing(DescribedForcing):
@@ -123,6 +159,8 @@ class DatasetForcing(DescribedForcing):
         Current away from land (m s-1) that is added in cells of the currents with land at a corner.
     grid : Grid, optional
         Grid that stops elements at land; the fields do not need one.
+    balance : Part, optional
+        Currents (means over a day) with which the slope of the sea surface is in geostrophic balance, instead of a sea level.
     notices : sequence of str
         What should be known of it before a run.
 
@@ -143,11 +181,13 @@ class DatasetForcing(DescribedForcing):
         draft: float = 165.0,
         coastal_drift: float = 0.0,
         grid: Grid | None = None,
+        balance: Part | None = None,
         notices: Sequence[str] = (),
     ) -> None:
         wanted = "a list of parts, or take DatasetForcing.from_xarray"
         required(parts, (list, tuple), wanted, where="parts", kind=ForcingError)
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
+        self._balance = balance
         self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
         self.draft = number(draft, "m", where="draft", kind=ForcingError)
         self._density: float = given(ice_density, Ice, "density", where="ice_density", kind=ForcingError)
@@ -155,6 +195,9 @@ class DatasetForcing(DescribedForcing):
         for name in served:
             if served.count(name) > 1:
                 raise ForcingError(f"{name} comes from two products", where="forcing", remedy="Name one of them")
+        if balance is not None:
+            self.notices = (*self.notices, *shallow_balance(balance))
+            served.append("ssh")
         filled = {variable for name in served for variable in FILLS[name]}
         self._missing = tuple(name for name in VARIABLES if name not in filled)
 
@@ -166,6 +209,8 @@ class DatasetForcing(DescribedForcing):
         *,
         max_gap: Any = None,
         hold: Any = None,
+        sea_level: Literal["files", "geostrophic", "none"] = "files",
+        names: Mapping[str, str] | None = None,
         **options: Any,
     ) -> DatasetForcing:
         """Return the forcing that datasets in memory, or opened by xarray, give.
@@ -183,6 +228,11 @@ class DatasetForcing(DescribedForcing):
             the records.
         hold : float or str, optional
             How long the first and last record are held (s), else half the time that a mean stands for.
+        sea_level : str, optional
+            ``"files"``: that of the datasets. ``"geostrophic"``: at each place the slope that balances the mean current over the
+            draft and a day there (f/g times the current, turned by a right angle). ``"none"``: no slope.
+        names : mapping, optional
+            Variables by the quantity or coordinate that they hold, where the datasets do not say it: ``{"uo": "u", "vo": "v"}``.
         **options
             As for the class.
 
@@ -214,14 +264,27 @@ class DatasetForcing(DescribedForcing):
             for key, (value, name) in limits.items()
             if value is not None
         }
-        given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several)]
+        if sea_level not in ("files", "geostrophic", "none"):
+            raise ForcingError(f"{sea_level!r} is no choice", where="sea_level", remedy="files, geostrophic or none")
+        given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several, names)]
+        if sea_level != "files":
+            given = [rest for ds in given if (rest := ds.drop_vars("ssh", errors="ignore")).data_vars]
         check_pairs(given)
         begin = begin or _first_date(given)
         for ds in given:
             if "unread" in ds.attrs:
                 _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
         notices = [*named_remarks(given), *idle_fields(given), *doubtful_units(given)]
-        forcing = cls([product_part(ds, begin) for ds in given], **{"notices": notices, **options})
+        parts = [product_part(ds, begin) for ds in given]
+        if sea_level == "geostrophic":
+            currents = next((part for part in parts if "uo" in part.serves), None)
+            if currents is None:
+                raise ForcingError(
+                    "no dataset gives currents, which the sea surface could balance", where="sea_level: geostrophic",
+                    remedy="Add a dataset of currents, or leave sea_level away",
+                )  # fmt: skip
+            options = {"balance": balance_of(currents), **options}
+        forcing = cls(parts, **{"notices": notices, **options})
         forcing.start = begin
         return forcing
 
@@ -250,6 +313,16 @@ class DatasetForcing(DescribedForcing):
                 level = np.nan_to_num(_values(part, "ssh", places, time, None))
         if "depth" not in self._missing:
             elements.depth[:] += level
+        if self._balance is not None:
+            self._fill_balance(self._balance, elements, time)
+
+    def _fill_balance(self, part: Part, e: Elements, time: float) -> None:
+        """Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown."""
+        draft = draft_of(e.body.thickness, self._density) if part.records.has_levels else None
+        places = part.mesh.locate(e.lon, e.lat)
+        u, v = (np.nan_to_num(_values(part, name, places, time, draft)) for name in ("uo", "vo"))
+        per_speed = 2.0 * EARTH_ROTATION * np.sin(e.lat * DEGREE) / GRAVITY
+        e.slope_x[:], e.slope_y[:] = per_speed * v, -per_speed * u
 
     def _fill(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
         """Fill the variables of the elements that come from one field; 0 where it is unknown."""
@@ -391,6 +464,9 @@ class DatasetForcing(DescribedForcing):
         """Return what each product gives, on which points and at which times."""
         said = [_described(part) for part in self.parts]
         drift = [f"coastal drift {self.coastal_drift:g} m/s"] if self.coastal_drift > 0.0 else []
+        if self._balance is not None:
+            over = " over the draft and" if self._balance.records.has_levels else ""
+            said.append(f"slope of the sea surface: in geostrophic balance with the mean current{over} over a day")
         grid = [f"elements are stopped by the land of a grid of {self.grid.describe()}"] if self.grid else []
         text = "\n".join(["each product on its own points", *said, *drift, *grid, *self.notices])
         return text.replace("\n", "\n    ")
@@ -474,6 +550,39 @@ class Forcing(formulas.Formula):
     turning_wind = formulas.TurningWind
 
     @staticmethod
+    def from_dataset(dataset: xr.Dataset, start: datetime | None = None, **names_and_options: Any) -> DatasetForcing:
+        """Return the forcing that one dataset gives whose variables are named here.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            In memory, or opened by any engine of xarray (netCDF, Zarr, OPeNDAP, kerchunk, icechunk).
+        start : datetime.datetime, optional
+            Date of the model's time 0 (UTC), as for `from_xarray`.
+        **names_and_options
+            Variables by quantity or coordinate (``uo="u", vo="v", lon="x"``), for what the dataset does not say by
+            itself, and options of `riftberg.DatasetForcing.from_xarray`.
+
+        Examples
+        --------
+        >>> import numpy as np, xarray as xr
+        >>> axes = {"lat": [-58.0, -56.0, -54.0], "lon": [-40.0, -37.0, -34.0]}
+        >>> mine = xr.Dataset({name: (("lat", "lon"), np.full((3, 3), 0.1), {"units": "m/s"}) for name in "ab"}, axes)
+        >>> forcing = Forcing.from_dataset(mine, "2020-12-09", uo="a", vo="b", sea_level="geostrophic")
+        >>> forcing.currents(np.array([-37.0]), np.array([-56.5]), 0.0)
+        (array([0.1]), array([0.1]))
+        """
+        required(
+            dataset, xr.Dataset, "a dataset of xarray, such as xarray.open_dataset(file)", where="Forcing.from_dataset",
+            kind=ForcingError,
+        )  # fmt: skip
+        known = (*QUANTITIES, *COORDINATES)
+        check_names(names_and_options, DatasetOptions, *known)
+        names = {key: name for key, name in names_and_options.items() if key in known}
+        options = {key: value for key, value in names_and_options.items() if key not in names}
+        return DatasetForcing.from_xarray(dataset, start, **{"names": names, **options})
+
+    @staticmethod
     def from_xarray(
         datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime | None = None, **options: Any
     ) -> DatasetForcing:
@@ -490,6 +599,7 @@ class Forcing(formulas.Formula):
         **options
             As for `riftberg.DatasetForcing`.
         """
+        check_names(options, DatasetOptions)
         products = list_of_datasets(datasets)
         return DatasetForcing.from_xarray(products, start, **options)
 

@@ -32,7 +32,7 @@ from riftberg.products.records import (
     remarks,
     usual_interval,
 )
-from riftberg.products.registry import expand, joined, product_named, read_named
+from riftberg.products.registry import Choice, expand, joined, product_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.products.vectors import together
 from riftberg.products.window import extent_text, longitudes_near, utc, window, window_in_time
@@ -46,7 +46,8 @@ NEEDED = ("uo", "vo")
 """Fields without which no run starts; sea ice is optional (none = open water), depth only for grounding."""
 
 ASSUMED = {
-    "ssh": "no slope of the sea surface, which balances most of the Coriolis force on a large berg",
+    "ssh": "no slope of the sea surface, which balances most of the Coriolis force on a large berg "
+    "(unless sea_level is geostrophic)",
     "ua": "calm air",
     "va": "calm air",
 }
@@ -69,7 +70,7 @@ def doctor(
     time: tuple[Any, Any] | None = None,
     needed: Sequence[str] = NEEDED,
     path: Sequence[Span] | None = None,
-    product: str | Mapping[str, str | None] | None = None,
+    product: str | Mapping[str, Choice] | None = None,
     max_gap: float | None = None,
     hold: float | None = None,
     wished: Sequence[str] | None = None,
@@ -101,10 +102,10 @@ def doctor(
 
 
 def _entries(
-    files: Sequence[str | Path] | str | Path, product: str | Mapping[str, str | None] | None, report: Report
-) -> list[tuple[str, str | None]]:
-    """Return all files with the product named for them; note patterns that match nothing."""
-    entries: list[tuple[str, str | None]] = []
+    files: Sequence[str | Path] | str | Path, product: str | Mapping[str, Choice] | None, report: Report
+) -> list[tuple[str, Choice]]:
+    """Return all files with the product or names given for them; note patterns that match nothing."""
+    entries: list[tuple[str, Choice]] = []
     for stated in [files] if isinstance(files, str | Path) else files:
         try:
             names = expand(stated)
@@ -116,7 +117,7 @@ def _entries(
     return entries
 
 
-def _opened_entries(entries: Sequence[tuple[str, str | None]], report: Report) -> list[xr.Dataset]:
+def _opened_entries(entries: Sequence[tuple[str, Choice]], report: Report) -> list[xr.Dataset]:
     """Open what can be opened; note the rest in the report."""
     usable: list[list[tuple[xr.Dataset, Product]]] = []
     for number, (name, product) in enumerate(entries):

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
-from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, product_part, served
+from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, balance_of, product_part, served
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import Block, ProductRecords, check_not_empty, records_at_once
@@ -25,7 +26,7 @@ from riftberg.products.levels import uppermost
 from riftberg.products.mesh import AxesMesh, Located, NodeMesh
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
-from riftberg.products.registry import open_named
+from riftberg.products.registry import Choice, open_named
 from riftberg.products.repair import VALID
 from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.state import Floats
@@ -87,22 +88,28 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
         raise ForcingError(
             "no ocean current (uo, vo) in these files",
             where=", ".join(entry.file for entry in settings.entries),
-            remedy=f"They give {', '.join(fields)}; add a file of currents",
+            remedy=f"They give {', '.join(fields)}; add a file of currents, or name its variables (names: {{uo: u, vo: v}})",
         )
     records.check_pairs(datasets)  # only now: records without values may have parted the components
     deep = {*(("uo", "vo") if settings.currents == "draft" else ()), *(OVER_KEEL if run.melts else ())}
+    currents = next(ds for ds in datasets if "uo" in ds)
     datasets = [_as_needed(ds, deep) for ds in datasets]
-    if settings.spacing is None:
-        parts, grid = [product_part(ds, run.start, keel=float(run.drafts.max())) for ds in datasets], None
-    else:
-        model_grid = ModelGrid.of(settings, datasets, run)
-        parts, grid = [model_grid.part(ds, run) for ds in datasets], model_grid.grid
+    grid = None if settings.spacing is None else ModelGrid.of(settings, datasets, run)
+
+    def part(ds: xr.Dataset) -> Part:
+        return product_part(ds, run.start, keel=float(run.drafts.max())) if grid is None else grid.part(ds, run)
+
+    balance = None
+    if settings.sea_level == "geostrophic":  # over the draft also where the surface alone drives the berg
+        balance = balance_of(part(_as_needed(currents[["uo", "vo"]], {"uo", "vo"})))
+    parts = [part(ds) for ds in datasets]
     return DatasetForcing(
         parts,
         ice_density=run.ice_density,
         draft=float(run.drafts.mean()),
         coastal_drift=settings.coastal_drift,
-        grid=grid,
+        grid=None if grid is None else grid.grid,
+        balance=balance,
         notices=(*_notices(datasets, settings), *_unused(opened, datasets, run)),
     )
 
@@ -263,7 +270,7 @@ def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ..
     if "ssh" not in held and settings.sea_level == "files":
         notices.append(
             "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "
-            "is 0. With sea_level: none in forcing this is not said"
+            "is 0. With sea_level: geostrophic in forcing it balances the current, with sea_level: none this is not said"
         )
     if not held & {"ua", "taux"} and settings.wind == "files":
         notices.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
@@ -289,8 +296,8 @@ def _unused(opened: list[xr.Dataset], datasets: list[xr.Dataset], run: Run) -> l
     return said
 
 
-def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | None]]:
-    """Return all files with the product that is named for them."""
+def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, Choice]]:
+    """Return all files with the product or names that are given for them."""
     files = [(entry, sorted(glob.glob(str(folder / entry.file)))) for entry in entries]
     for entry, matches in files:
         if not matches:
@@ -299,7 +306,7 @@ def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, str | Non
                 where=f"the folder {folder.absolute()}",
                 remedy="Correct forcing.files or --data",
             )
-    return [(path, entry.product) for entry, matches in files for path in matches]
+    return [(path, entry.choice) for entry, matches in files for path in matches]
 
 
 def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.Dataset]:
@@ -310,7 +317,7 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
         pair = next((pair for pair in records.VECTORS if name in pair), (name,))
         return max(int(ds[part].attrs.get(records.PLACE, number)) for part in pair if part in ds.data_vars)
 
-    left_out = {"ssh"} if settings.sea_level == "none" else set()
+    left_out = set() if settings.sea_level == "files" else {"ssh"}
     held = {str(name) for ds in datasets for name in ds.data_vars}
     if settings.wind == "none" or {"ua", "va"} <= held:
         left_out |= {"taux", "tauy"} | ({"ua", "va"} if settings.wind == "none" else set())
@@ -354,7 +361,8 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
         ds = ds.assign_attrs({name: 3600.0 * hours for name, hours in limits.items() if hours is not None})
         records.check_ends(ds, np.array([first, last]))
         # So much more that a missing record at the edge can be bridged by those beyond it.
-        ds = window_in_time(ds, (first, last), records.gap_limit(ds))
+        day_means = settings.sea_level == "geostrophic" and "uo" in ds
+        ds = window_in_time(ds, (first, last), max(records.gap_limit(ds), 0.5 * SECONDS_PER_DAY * day_means))
     near = window(ds, _box(settings.longitude), settings.latitude, margin=margin)
     for axis in ("lat", "lon", "y", "x"):
         if near.sizes.get(axis, 2) < 2:

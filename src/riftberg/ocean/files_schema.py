@@ -2,22 +2,53 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import model_validator
 
 from riftberg.config.sections import Pair, Section, key
+from riftberg.config.values import UnfitError
+from riftberg.errors import ForcingError
+
+if TYPE_CHECKING:
+    from riftberg.products.registry import Choice
 
 
 class NamedFiles(Section):
-    """Files whose product is named."""
+    """Files whose product, or whose variables, are named."""
 
     file: str = key(..., "", "file or pattern", min_length=1)
     product: str | None = key(None, "", "name of the product, instead of recognising it")
 
+    names: dict[str, str] = key(
+        {}, "", "variable of a quantity or coordinate: {uo: u, vo: v}; quantities and lon, lat, time, depth"
+    )
+
+    @classmethod
+    def chosen(cls, file: str, choice: Choice) -> NamedFiles:
+        """Return files with their product, or names, as the readers take them; these are not checked."""
+        if choice is None or isinstance(choice, str):
+            return cls.model_construct(file=file, product=choice, names={})
+        if isinstance(choice, Mapping):
+            return cls.model_construct(file=file, product=None, names=dict(choice))
+        return cls.model_construct(file=file, product=choice.name, names=dict(choice.names))
+
+    @property
+    def choice(self) -> Choice:
+        """Product and names as the readers take them."""
+        from riftberg.products.registry import choice_of
+
+        return choice_of(self.product, self.names, where=f"names of {self.file}")
+
     @model_validator(mode="after")
     def _known(self) -> NamedFiles:
-        from riftberg.products.registry import PRODUCTS
+        from riftberg.products.registry import PRODUCTS, check_naming
+
+        try:
+            check_naming(self.names)
+        except ForcingError as error:
+            raise UnfitError(f"names: {error.what}", error.remedy) from error
 
         names = [product.name for product in PRODUCTS]
         if self.product is not None and self.product not in names:
@@ -32,7 +63,7 @@ class FileForcing(Section):
     files: list[str | NamedFiles] = key(
         ...,
         "",
-        "files or patterns of any products that Riftberg knows; {file: NAME, product: PRODUCT} names the product",
+        "files or patterns; {file: NAME, product: PRODUCT} names the product, {file: NAME, names: {uo: u}} the variables",
         min_length=1,
     )
     longitude: Pair = key(..., "degree", "west and east of what is needed")
@@ -55,8 +86,8 @@ class FileForcing(Section):
     hold: float | None = key(
         None, "h", "how long first and last record are held, else half the time that a mean stands for", ge=0
     )
-    sea_level: Literal["files", "none"] = key(
-        "files", "", "none leaves it out: no slope of the sea surface, unannounced"
+    sea_level: Literal["files", "geostrophic", "none"] = key(
+        "files", "", "geostrophic: the slope that balances the current; none leaves it out: no slope, unannounced"
     )
     wind: Literal["files", "none"] = key("files", "", "none leaves it out: calm air, unannounced")
 

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.config.places import latitude, longitude
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import SURFACE, Blend
 from riftberg.ocean.forcing import SharedLock
@@ -185,6 +186,52 @@ class ProductRecords:
         if "depth_below_surface" in block:  # land counts as depth 0, so that shores shoal
             block["depth_below_surface"] = np.nan_to_num(block["depth_below_surface"])
         return block
+
+
+class DayMeans(ProductRecords):
+    """Currents of other records as running means over a day, which shift inwards at the ends of a series.
+
+    Inertial motion, tides and gusts are faster: they have no slope of the sea surface in geostrophic balance.
+    """
+
+    def __init__(self, of: ProductRecords) -> None:
+        super().__init__(of.ds[["uo", "vo"]], of.start)
+        self._of, self._limits, self.dates, self.times, self._length = of, of.limits, of.dates, of.times, of._length
+
+    def _read(self, records: slice) -> Block:
+        numbers = range(*records.indices(len(self.times))) if self.times else range(1)
+        means = [self._mean(number) for number in numbers]
+        return {name: np.stack([mean[name] for mean in means]) for name in self.names}
+
+    def _mean(self, number: int) -> Block:
+        """Return the mean over a day around a record, of currents that change linearly from record to record."""
+        times = np.asarray(self.times)
+        if times.size < 2 or np.median(np.diff(times)) >= SECONDS_PER_DAY:
+            return self._of._record(number)
+        first = min(max(times[number] - 0.5 * SECONDS_PER_DAY, times[0]), max(times[-1] - SECONDS_PER_DAY, times[0]))
+        weights = _weights_over(times, float(first), float(min(first + SECONDS_PER_DAY, times[-1])))
+        near = {int(k): self._of._record(int(k)) for k in np.flatnonzero(weights)}
+        mean = {}
+        for name in self.names:
+            known = sum(weights[k] * np.isfinite(block[name]) for k, block in near.items())
+            total = sum(weights[k] * np.nan_to_num(block[name]) for k, block in near.items())
+            with np.errstate(invalid="ignore"):
+                mean[name] = np.asarray(total / np.where(known, known, np.nan))
+        return mean
+
+    def _check_gap(self, record: int, time: float) -> None:
+        self._of._check_gap(record, time)
+
+
+def _weights_over(times: Floats, first: float, last: float) -> Floats:
+    """Return the weights of records in the integral from ``first`` to ``last`` (s) of a series that is linear between them."""
+    begins, ends = times[:-1], times[1:]
+    low, high = np.maximum(begins, first), np.minimum(ends, last)
+    length, share = np.maximum(high - low, 0.0), (0.5 * (low + high) - begins) / (ends - begins)
+    weights = np.zeros(times.size)
+    weights[:-1] += length * (1.0 - share)
+    weights[1:] += length * share
+    return weights
 
 
 def records_at_once(values: float) -> int:

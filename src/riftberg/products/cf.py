@@ -7,7 +7,7 @@ projected and curvilinear grids. Documentation only: each file is taken at its w
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import xarray as xr
 
@@ -172,10 +172,12 @@ def _rank(quantity: str, name: str) -> int:
     return usual.index(name) if name in usual else len(usual)
 
 
-def _selected(ds: xr.Dataset) -> dict[str, tuple[str, str]]:
-    """Return the variable of each quantity, with a remark where others could be it too."""
+def _selected(ds: xr.Dataset, spared: Collection[str] = ()) -> dict[str, tuple[str, str]]:
+    """Return the variable of each quantity but those ``spared``, with a remark where others could be it too."""
     chosen: dict[str, tuple[str, str]] = {}
     for quantity in QUANTITIES:
+        if quantity in spared:
+            continue
         candidates = _candidates(ds, quantity)
         if not candidates:
             continue
@@ -184,7 +186,7 @@ def _selected(ds: xr.Dataset) -> dict[str, tuple[str, str]]:
             raise ForcingError(
                 f"{len(candidates)} variables could be {quantity} ({QUANTITIES[quantity].long_name}): {', '.join(candidates)}",
                 where=str(ds.encoding.get("source", "")),
-                remedy=f"Keep one of them, for example: ncks -x -v {','.join(others)} FILE OUT",
+                remedy=f"Name the right one: names: {{{quantity}: {first}}}, or --names {quantity}={first}",
             )
         remark = f"{quantity} is taken from {first}; {', '.join(others)} could be it too" if others else ""
         chosen[quantity] = (first, remark)

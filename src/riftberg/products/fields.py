@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.constants import SECONDS_PER_DAY
-from riftberg.errors import ForcingError
+from riftberg.errors import ForcingError, nearest
 from riftberg.products.cf import (
     above_ellipsoid,
     by_standard_name,
@@ -28,6 +28,12 @@ from riftberg.products.records import MEAN_OF
 from riftberg.products.repair import VALID, without_land
 from riftberg.products.roles import coordinates_of, standard_name, units_of
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
+
+NAMING = (
+    "Name the variables (names: {uo: u, vo: v} beside the file; --names uo=u,vo=v; in Python "
+    'Forcing.from_dataset(ds, uo="u", vo="v")), or give them CF standard names and units'
+)
+"""Remedy for files whose variables nothing recognises."""
 
 _KEPT = ("time", "depth", "lat", "lon", "y", "x", "grid_angle")
 _NOT_OF_THE_SEA = frozenset({"ua", "va", "taux", "tauy", "depth_below_surface"})
@@ -59,7 +65,7 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     parts: list[xr.Dataset] = []
     for key, fields in groups.items():
         part = xr.Dataset(fields)
-        away = turned_away(ds) if product.select is not None else ""
+        away = turned_away(ds.drop_vars(product.names.values(), errors="ignore")) if product.select is not None else ""
         told = "; ".join(dict.fromkeys(filter(None, [str(ds.attrs.get("told", "")), *remarks_by_field[key], away])))
         attributes: dict[str, Any] = {"crs_wkt": wkt[key], "told": told}
         if not parts:  # what concerns the whole file is said once
@@ -80,10 +86,17 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
 
 def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str, str, str]]:
     """Yield quantity, variable and remark for each canonical field in the file."""
+    if missing := [name for name in product.names.values() if name not in ds.variables]:
+        held = sorted(map(str, ds.variables))
+        raise ForcingError(
+            f"there is no variable {missing[0]!r}", where=where,
+            remedy=f"{nearest(missing[0], held)}It holds {', '.join(held)}",
+        )  # fmt: skip
+    choice = [(quantity, name, "") for quantity, name in product.names.items() if quantity in QUANTITIES]
     if product.select is not None:
-        choice = [(quantity, name, remark) for quantity, (name, remark) in product.select(ds).items()]
+        selected = product.select(ds, product.names)
+        choice += [(quantity, name, remark) for quantity, (name, remark) in selected.items()]
     else:
-        choice = []
         for source in product.sources:
             held = [name for name in source.names if name in ds.variables]
             if held and source.quantity not in {quantity for quantity, _, _ in choice}:
@@ -103,7 +116,7 @@ def _chosen(ds: xr.Dataset, product: Product, where: str) -> Iterable[tuple[str,
             f"holds no field that {product.name} offers ({', '.join(product.gives)}); it has "
             f"{', '.join(held) or 'nothing'}{others}",
             where=where,
-            remedy="Give the variables CF standard names and units"
+            remedy=NAMING
             if product.name == "cf"
             else "Give the file with the wanted variables, or name the right product",
         )

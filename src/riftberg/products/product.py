@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Set
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -83,8 +83,10 @@ class Product:
     left_out: tuple[str, ...] = ()  # Variables that are not taken on purpose, whatever their metadata say
     notes: tuple[str, ...] = ()  # Signs, stamps and quirks that a user should know, in plain words
     kind_matters: bool = True  # Whether a heading that speaks of a forecast or of near real time is worth a remark
-    # Returns the variable of each quantity in a decoded file, and a remark (empty if none), instead of ``sources``
-    select: Callable[[xr.Dataset], dict[str, tuple[str, str]]] | None = None
+    # Returns the variable of each quantity in a decoded file but some, and a remark (empty if none), instead of ``sources``
+    select: Callable[[xr.Dataset, Collection[str]], dict[str, tuple[str, str]]] | None = None
+    # Variable of a quantity or coordinate as the user names it, before all that a file says
+    names: Mapping[str, str] = field(default_factory=dict)
     # Longest interval (s) that records by themselves can show: those farther apart are snapshots of something faster.
     # Without it months, or a week where there are only two records
     longest_step: float | None = None

@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Hashable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -25,6 +25,14 @@ from riftberg.system.netcdf_lock import noted_as_open, open_lazily
 from riftberg.system.process import SETTINGS, own_filters
 
 CHUNK = "16MiB"
+COORDINATES: Final[dict[str, dict[str, str]]] = {
+    "lon": {"standard_name": "longitude"},
+    "lat": {"standard_name": "latitude"},
+    "time": {"standard_name": "time"},
+    "depth": {"standard_name": "depth", "positive": "down"},
+}
+"""Coordinates that a user may name beside the quantities, and what the variable then says of itself."""
+
 _OPENINGS = (
     (
         b"PK\x03\x04",
@@ -160,6 +168,7 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
     """Return what `read` does of a dataset that is open already, decoded or not."""
     for repair in REPAIRS:
         raw = repair(raw, path)
+    raw = _with_named_coordinates(raw, product.names)
     ds = product.reshape(within_valid_range(_decoded(product.mend(raw))))
     ds.encoding["source"] = path
     # The undecoded heading says these: decoding takes units and bounds out of the attributes.
@@ -210,6 +219,12 @@ def _decoded(raw: xr.Dataset) -> xr.Dataset:
             kept = {n: v.attrs for n, v in counting.items() if not _decodes(n, v)}
             bare = {n: {key: value for key, value in attrs.items() if key != "units"} for n, attrs in kept.items()}
             return _with_attributes(decode(_with_attributes(raw, bare)), kept)
+
+
+def _with_named_coordinates(raw: xr.Dataset, names: Mapping[str, str]) -> xr.Dataset:
+    """Return a file that says of each coordinate a user names what it is."""
+    said = {names[key]: attrs for key, attrs in COORDINATES.items() if names.get(key) in raw.variables}
+    return _with_attributes(raw, {name: {**raw[name].attrs, **attrs} for name, attrs in said.items()}) if said else raw
 
 
 def _decodes(name: Hashable, variable: xr.Variable) -> bool:

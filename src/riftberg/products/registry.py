@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from glob import glob
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from riftberg.errors import ForcingError
+from riftberg.errors import ForcingError, nearest
 from riftberg.products import cf, experiment, models, oceans, sea_floors, winds
 from riftberg.products.dates import settled
+from riftberg.products.fields import NAMING
 from riftberg.products.levels import uppermost
 from riftberg.products.product import Heading, Product, noted
-from riftberg.products.reading import canonical_parts, is_zarr, open_raw, read
+from riftberg.products.quantities import QUANTITIES
+from riftberg.products.reading import COORDINATES, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
@@ -67,6 +70,32 @@ def product_named(name: str) -> Product:
     raise ForcingError(f"there is no product {name!r}", where="product", remedy=f"Choose one of: {names}")
 
 
+Choice = str | Product | Mapping[str, str] | None
+"""Product of a file by name or itself, names of its variables by quantity or coordinate, or None: recognise it."""
+
+
+def check_naming(names: Mapping[str, str], *, where: str = "names") -> dict[str, str]:
+    """Return names of variables by quantity or coordinate; `ForcingError` where a key is neither, or a name no text."""
+    known = (*QUANTITIES, *COORDINATES)
+    for key, name in names.items():
+        if key not in known:
+            remedy = f"{nearest(str(key), known)}These are {', '.join(known)}"
+            raise ForcingError(f"{key!r} is no quantity or coordinate", where=where, remedy=remedy)
+        if not isinstance(name, str) or not name:
+            raise ForcingError(
+                f"{name!r} is no name of a variable", where=f"{where}, {key}", remedy=f"Such as {key}: u"
+            )
+    return dict(names)
+
+
+def choice_of(product: str | None, names: Mapping[str, str], *, where: str = "names") -> Choice:
+    """Return the product that a user names for a file, the names of its variables, or a product with such names."""
+    if not names:
+        return product
+    checked = check_naming(names, where=where)
+    return checked if product is None else replace(product_named(product), names=checked)
+
+
 def recognise(path: str | Path) -> Product:
     """Return the product that a file belongs to, told by its attributes, variables and dimensions."""
     with closing_files():
@@ -85,7 +114,7 @@ def recognise(path: str | Path) -> Product:
         where=str(path),
         remedy="Give a file of what a run takes"
         if away
-        else "Name the product (--product), or give the variables CF standard names",
+        else f"{NAMING}. Products that can be named (--product): {', '.join(product.name for product in PRODUCTS)}",
     )
 
 
@@ -156,22 +185,25 @@ def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool
 
 
 @closing_files(only_if_refused=True)
-def open_named(entries: Iterable[tuple[str, str | Product | None]]) -> list[xr.Dataset]:
-    """Open files as the products named beside them (None: recognise it), joined as `open_all` does.
+def open_named(entries: Iterable[tuple[str, Choice]]) -> list[xr.Dataset]:
+    """Open files as the products named beside them, joined as `open_all` does.
 
-    ``entries``: files ((path, product)).
+    ``entries``: files ((path, choice)).
     """
     read_files = (read_named(path, product, number) for number, (path, product) in enumerate(entries))
     return together(joined([part for parts in read_files for part in parts]))
 
 
-def read_named(path: str, product: str | Product | None, number: int) -> list[tuple[xr.Dataset, Product]]:
-    """Read one file as the product named for it (None: recognise it), with its place among the files on each field.
+def read_named(path: str, product: Choice, number: int) -> list[tuple[xr.Dataset, Product]]:
+    """Read one file as the product named for it, with its place among the files on each field.
 
     Of two files that give a field a run takes the later. Where a file does not look like the product named for it, an error
     says so.
     """
-    chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
+    if isinstance(product, Mapping):
+        chosen = _with_names(open_raw(path, chunked=False), product)
+    else:
+        chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
     try:
         parts = read(path, chosen)
     except ForcingError as error:
@@ -181,6 +213,11 @@ def read_named(path: str, product: str | Product | None, number: int) -> list[tu
         remedy = f"Name the right product, or none. Of {chosen.name}: {error.remedy}"
         raise ForcingError(what, where=error.where, remedy=remedy) from error
     return [(_placed(ds, number), chosen) for ds in parts]
+
+
+def _with_names(ds: xr.Dataset, names: Mapping[str, str]) -> Product:
+    """Return the product of a dataset with names of its variables; one that is not recognised is taken by CF."""
+    return replace(product_of(ds) or cf.PRODUCT, names=dict(names))
 
 
 def _placed(ds: xr.Dataset, number: int) -> xr.Dataset:
@@ -198,12 +235,21 @@ def joined(parts: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset]:
     return _merged([_settled(part, product) for part, product in whole])
 
 
-def in_memory(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """Return canonical datasets of others that are open already, one for each grid and set of records."""
+def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = None) -> list[xr.Dataset]:
+    """Return canonical datasets of others that are open already, one for each grid and set of records.
+
+    ``names``: of variables by quantity or coordinate; each dataset takes those that it holds.
+    """
+    asked = check_naming(names or {})
+    held = list(dict.fromkeys(str(name) for ds in datasets for name in ds.variables))
+    for name in asked.values():
+        if name not in held:
+            remedy = f"{nearest(name, held)}There are {', '.join(held)}"
+            raise ForcingError(f"there is no variable {name!r}", where="names", remedy=remedy)
     parts = [
         _settled(part, product)
         for number, ds in enumerate(datasets, 1)
-        for product in [product_of(ds) or cf.PRODUCT]
+        for product in [_with_names(ds, {key: name for key, name in asked.items() if name in ds.variables})]
         for part in canonical_parts(ds.copy(), product, _name_of(ds, number))
     ]
     return together(_merged(parts))
