@@ -40,7 +40,7 @@ DEFAULTS: Final = (
     DefaultError("start 3 km", (
         "start.east~normal(0 km, 3 km)", "start.north~normal(0 km, 3 km)",
     ), "a round number to start from; more for scatterometer fixes, less for outlines from images"),
-    DefaultError("strength 30 %", ("start.strength~lognormal(1, 30 %)",), "a round number to start from; the strength is tuned to one berg"),
+    DefaultError("strength 30 %", ("start.strength~lognormal(1, 30 %)",), "a round number to start from"),
 )  # fmt: skip
 """Errors of a forecast. None of them was fitted; most are round numbers to start from."""
 
