@@ -107,7 +107,9 @@ def test_of_three_ice_fields_the_usual_one_is_taken_and_the_others_are_named(tmp
 
 def test_of_three_unusual_ice_fields_a_choice_is_asked_for(tmp_path: Path) -> None:
     path = three_ice_fields(tmp_path, "ice_a", "ice_b", "ice_c")
-    with pytest.raises(ForcingError, match=r"3 variables could be ice_fraction .*ice_a, ice_b, ice_c.* Name the right one"):
+    with pytest.raises(
+        ForcingError, match=r"3 variables could be ice_fraction .*ice_a, ice_b, ice_c.* Name the right one"
+    ):
         open_all(path)
     assert "3 variables could be ice_fraction" in doctor(path).text()
 
