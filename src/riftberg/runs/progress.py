@@ -141,10 +141,11 @@ class NotebookBar:
     """A bar in a notebook: plain HTML that is exchanged in place, without widgets."""
 
     def __init__(self, total: float) -> None:
-        from IPython.display import HTML, display
+        from IPython import display
 
-        self._html, self.total = HTML, total
-        self._handle = display(HTML(self._page(0.0, "")), display_id=True)
+        shown: Any = display  # it has no types
+        self._html, self.total = shown.HTML, total
+        self._handle: Any = shown.display(shown.HTML(self._page(0.0, "")), display_id=True)
 
     def _page(self, done: float, text: str) -> str:
         return (
