@@ -125,7 +125,7 @@ def test_a_lost_run_goes_on_without_a_gap(
     assert_same_files(tmp_path / "whole", tmp_path / "part")
     with xr.open_dataset(tmp_path / "whole" / "run.nc") as run:
         steps = (run.fragment_birth_time.values[1:] - run.time.values[0]) / np.timedelta64(30, "m")
-        assert np.floor(steps).tolist() == ([] if name == "melts" else [39, 42])
+        assert np.floor(steps).tolist() == ([] if name == "melts" else [25, 33])
 
 
 @pytest.mark.parametrize("damage", ["cut", "garbage", "of another run"])

@@ -30,7 +30,7 @@ def test_numbers(result: dict[str, object]) -> None:
     assert result["areas_km2"] == [162.0, 54.0]
     assert result["largest_km2"] == 162.0
     assert result["riftberg"] == __version__
-    assert result["numerics"]["fracture"]["normal_strength"] == 11e3
+    assert result["numerics"]["fracture"]["normal_strength"] == 18e3
 
 
 def test_breakup(result: dict[str, object]) -> None:

@@ -81,7 +81,7 @@ def test_attributes_allow_the_run_to_be_repeated(run: tuple[FakeModel, Path]) ->
     attributes = open_run(run[1]).attrs
     assert attributes["Conventions"] == "CF-1.11"
     assert Parameters.model_validate_json(attributes["parameters_json"]) == run[0].parameters
-    assert "normal_strength = 11000.0 Pa" in attributes["parameters"]
+    assert "normal_strength = 18000.0 Pa" in attributes["parameters"]
     assert "eabq6974" in attributes["references"]
     assert "A uniform current" in attributes["references"]
     assert "made up for tests" in attributes["forcing"]

@@ -123,7 +123,7 @@ def test_noise_alone_lowers_the_score_of_a_bare_forecast(tmp_path: Path) -> None
     for k in range(8):
         write_track(
             tmp_path,
-            f"{'x' if k < 4 else 'a38'}{k}",
+            f"{'x' if k < 4 else 'a38'}{'abcdefgh'[k]}",
             np.array([-40.0, -56.0]) + np.cumsum(random.normal([0.05, 0.05], 0.08, (40, 2)), axis=0),
         )
     cases = tracks.read_cases(tmp_path)

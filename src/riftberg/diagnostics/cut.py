@@ -348,7 +348,8 @@ class Cut:
             if self.scene.latlon:
                 metre = DEGREE * self.scene.radius
                 east, north = east * metre * math.cos(ours[:, 1].mean() * DEGREE), north * metre
-            km = math.hypot(east, north) / 1e3
+            # The line begins and ends in the middle of a bond, half of one from the side of the ice.
+            km = math.hypot(east, north) / 1e3 * len(ours) / (len(ours) - 1)
             if km > longest.get("length", 0.0):
                 longest = {"length": km, "towards": math.degrees(math.atan2(east, north)) % 180.0}
         return longest

@@ -12,14 +12,14 @@ import xarray as xr
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
 from riftberg.runs.scene import Box
-from riftberg.viz import style
+from riftberg.viz import colours, style
 from riftberg.viz.panels import Map, widened
 from riftberg.viz.sweep import near
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BROKEN, GROUND = "#c0392b", "#8a6d3b"
+BROKEN, GROUND = colours.STRESS_LINE, colours.FRAGMENTS[5]
 """Colours of the probabilities of a break-up and of the ground."""
 
 
@@ -77,7 +77,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
         ax.plot(
             near(result["lon"].values[k, 0], first, True),
             result["lat"].values[k, 0],
-            color="#34495e",
+            color=colours.STRENGTH,
             lw=0.4,
             alpha=0.35,
             zorder=4,
@@ -105,7 +105,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
         ax.plot(
             centre[0] + x / cosine,
             centre[1] + y,
-            color="#1f4e79",
+            color=colours.ARROW,
             lw=1.2,
             zorder=5,
             label="90 % of positions" if n == 0 else None,
@@ -114,7 +114,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
             f"{result['lead'].values[k] / 24:.0f} d",
             centre,
             fontsize=8,
-            color="#1f4e79",
+            color=colours.ARROW,
             zorder=7,
             ha="center",
             va="center",
@@ -146,7 +146,7 @@ def _draw_dates(ax: Axes, result: xr.Dataset) -> None:
 def _draw_cracks(ax: Axes, result: xr.Dataset, notes: Sequence[str]) -> Any:
     """Draw the probability of a crack on the berg at the start."""
     x, y = result["own_x"].values / 1e3, result["own_y"].values / 1e3
-    ax.contourf(x, y, result["ice"].values, levels=[0.5, 1.5], colors=["#dfe9f2"], zorder=1)
+    ax.contourf(x, y, result["ice"].values, levels=[0.5, 1.5], colors=[colours.ICE], zorder=1)
     share = np.ma.masked_less(result["crack_probability"].values, 0.005)
     image = ax.pcolormesh(x, y, share, cmap="magma_r", vmin=0.0, vmax=max(0.1, float(share.max() or 0.1)), zorder=2)
     ax.set_aspect("equal")
