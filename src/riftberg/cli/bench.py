@@ -65,7 +65,9 @@ def bench(
             with suppress(InputError):  # these bonds, or this criterion, do not go with the scheme
                 rows[0]["other_schemes"].append(measure(build(experiment, other)[0], experiment=info.name, days=days))
         if whole and rows[0]["seconds_per_day"] * info.days < WHOLE_SECONDS:
-            rows[0]["whole_run"] = measure_whole(lambda: build(experiment, options))
+            rows[0]["whole_run"] = measure_whole(
+                lambda: build(experiment, options)[0], info.days, info.output_every_hours
+            )
     else:
         rows = list(_scaled(sizes, days, options))
     if as_json:

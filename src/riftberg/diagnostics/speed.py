@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from riftberg.parameters import Parameters
-    from riftberg.experiments import Info
     from riftberg.runs.model import Model
 
 
@@ -172,26 +171,25 @@ def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: f
     }
 
 
-def measure_whole(build: Callable[[], tuple[Model, Info]], *, repeats: int = 3) -> dict[str, Any]:
+def measure_whole(build: Callable[[], Model], days: float, every_hours: float, *, repeats: int = 3) -> dict[str, Any]:
     """Return the processor time of whole runs: what a day costs changes when a berg breaks, grounds or melts.
 
-    ``build`` makes the model anew, as nothing else takes it back to its start.
+    ``build`` makes the model anew, as nothing else takes it back to its start; ``every_hours``: interval of its records.
     """
     daily, written, sticks = [], [], []
     for _ in range(repeats):
-        model, info = build()
-        daily.append(_processor_days(model, info.days))
-        model, info = build()
+        daily.append(_processor_days(build(), days))
+        model = build()
         with tempfile.TemporaryDirectory() as folder:
             before = clock.process_time()
-            model.run(info.days, output=Path(folder) / "run.nc", every_hours=info.output_every_hours)
-            written.append((clock.process_time() - before) / info.days)
+            model.run(days, output=Path(folder) / "run.nc", every_hours=every_hours)
+            written.append((clock.process_time() - before) / days)
         sticks.append(yardstick_seconds_per_day(model, repeats=1, timer=clock.process_time))
-    totals = [sum(days) / info.days for days in daily]
+    totals = [sum(each) / days for each in daily]
     best = [min(same) for same in zip(*daily, strict=True)]  # other work on the machine only ever adds to a day
     dearest = sorted(range(len(best)), key=best.__getitem__, reverse=True)[:3]
     return {
-        "days": info.days,
+        "days": days,
         "seconds_per_day": min(totals),
         "slowest": max(totals),
         "yardsticks": min(totals) / min(sticks) if min(sticks) > 0.0 else None,
