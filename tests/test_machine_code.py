@@ -128,26 +128,64 @@ def test_a_processor_that_lacks_what_the_code_needs_does_without(
     kernels.shipped_folder.cache_clear()
 
 
-@pytest.mark.parametrize(
-    ("name", "old", "new"),
-    [("constants.py", '"""', '"""!'), ("physics/drag.py", "0.5", "0.25"), ("state/neighbours.py", "_FEW = 16", "_FEW = 17"),
-     ("compiled/parts.py", "counts=True", "counts=False")],
-)  # fmt: skip
-def test_any_changed_source_asks_for_other_code(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, old: str, new: str
-) -> None:
-    """Constants are frozen into machine code, so that stale code would give old results in silence."""
+FILES = {
+    "physics/numbers.py": "FACTOR = 2.0\n",
+    "physics/law.py": (
+        "from riftberg.compiled.kernels import kernel\nfrom riftberg.physics.numbers import FACTOR\n\n"
+        "@kernel\ndef law(x):\n    return FACTOR * x + 0.0\n"
+    ),
+    "physics/middle.py": (
+        "from riftberg.compiled.kernels import kernel\nfrom riftberg.physics import law as laws\n\n"
+        "law = laws.law\n\n@kernel\ndef middle(x):\n    return law(x)\n"
+    ),
+    "state/pair.py": "from typing import NamedTuple\n\nclass Pair(NamedTuple):\n    first: float\n    second: float\n",
+    "stepping/outer.py": (
+        "from riftberg.compiled.kernels import kernel\nfrom riftberg.physics.middle import middle\n\n"
+        "@kernel\ndef outer(pair):\n    return middle(pair.first)\n"
+    ),
+    "stepping/other.py": "from riftberg.compiled.kernels import kernel\n\n@kernel\ndef other(x):\n    return x + 1.0\n",
+}
+"""A kernel that calls another, that calls a law with a constant from elsewhere; and one beside them."""
+
+CALLS = """\
+from riftberg.state.pair import Pair
+from riftberg.stepping.outer import outer
+from riftberg.stepping.other import other
+result = outer(Pair(5.0, 7.0))
+print(result, bool(outer.stats.cache_hits), other(1.0), bool(other.stats.cache_hits))
+"""
+
+
+@pytest.mark.compiled
+def test_a_changed_source_is_compiled_anew_with_its_callers_and_nothing_else(tmp_path: Path) -> None:
+    """Numba freezes constants, laws and the order of fields into code: stale code would give old results in silence."""
     package = tmp_path / "riftberg"
     shutil.copytree(Path(kernels.__file__).parents[1], package, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(kernels, "__file__", str(package / "compiled" / "kernels.py"))
-    before = kernels.digest_of("any")
-    changed = package / name
-    text = changed.read_text("utf-8")
-    assert old in text
-    changed.write_text(text.replace(old, new, 1), "utf-8")
-    assert kernels.digest_of("any") != before
-    changed.write_text(text, "utf-8")
-    assert kernels.digest_of("any") == before != kernels.digest_of("other")
+    for name, text in FILES.items():
+        (package / name).write_text(text, "utf-8")
+
+    def called() -> str:
+        settings = {**os.environ, "PYTHONPATH": str(tmp_path), "RIFTBERG_CACHE": str(tmp_path / "cache")}
+        done = subprocess.run([sys.executable, "-c", CALLS], env=settings, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    assert called() == "10.0 False 2.0 False"
+    assert called() == "10.0 True 2.0 True"
+    for name, old, new, result in [
+        ("physics/numbers.py", "2.0", "3.0", 15.0),
+        ("physics/law.py", "* x", "* x * x", 75.0),
+        ("state/pair.py", "first: float\n    second", "second: float\n    first", 147.0),
+        ("physics/middle.py", "law(x)", "-law(x)", -147.0),
+    ]:
+        text = (package / name).read_text("utf-8")
+        assert old in text
+        (package / name).write_text(text.replace(old, new), "utf-8")
+        assert called() == f"{result} False 2.0 True", name
+        assert called() == f"{result} True 2.0 True", name
+    parts = package / "compiled" / "parts.py"  # how kernels are compiled is part of all of them
+    parts.write_text(parts.read_text("utf-8") + "\n", "utf-8")
+    assert called() == "-147.0 False 2.0 False"
 
 
 @pytest.mark.slow

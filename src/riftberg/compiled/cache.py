@@ -23,8 +23,9 @@ from numba.core import serialize
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
+from numba.core.types import BaseTuple
 
-from riftberg.system.atomic_files import replacing
+from riftberg.compiled.sources import digest_of_sources
 
 ENDING: Final = ".code"
 """Ending of the files."""
@@ -44,19 +45,17 @@ class KernelCache(NullCache):
     @cached_property
     def _source(self) -> str | None:
         """Which function this is; none where it stands in no file: the next one of that name may be another."""
-        code, package = self._function.__code__, self._function.__module__.startswith("riftberg.")
-        stamp = ""
-        if not package:  # the folder goes by the sources of the package, not by those of others
-            try:
-                stamp = hashlib.sha256(Path(code.co_filename).read_bytes()).hexdigest()
-            except OSError:
-                return None
+        code = self._function.__code__
+        try:
+            sources = digest_of_sources(Path(code.co_filename))
+        except OSError:
+            return None
         within = [cell.cell_contents for cell in self._function.__closure__ or ()]
         body = hashlib.sha256(code.co_code + serialize.dumps(within)).hexdigest()
-        return f"{self._function.__module__} {self._function.__qualname__} {code.co_firstlineno} {stamp} {body}"
+        return f"{self._function.__module__} {self._function.__qualname__} {code.co_firstlineno} {sources} {body}"
 
     def _name(self, sig: Any) -> str:
-        digest = hashlib.sha256(f"{self._source} {sig}".encode()).hexdigest()[:24]
+        digest = hashlib.sha256(f"{self._source} {sig} {_fields(sig)}".encode()).hexdigest()[:24]
         return f"{self._function.__module__}.{self._function.__name__}-{digest}{ENDING}"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -75,9 +74,16 @@ class KernelCache(NullCache):
         """Keep what was compiled for a signature, unless it holds addresses of this process or cannot be written."""
         if self._source is None or cres.lifted or cres.library.has_dynamic_globals:
             return
+        from riftberg.system.atomic_files import replacing  # not at the top: its sources do not decide on machine code
+
         data = serialize.dumps(_reduced(cres))
         with suppress(OSError), replacing(self._folders()[-1] / self._name(sig)) as path:
             path.write_bytes(data + hashlib.sha256(data).digest())
+
+
+def _fields(kinds: Any) -> list[Any]:
+    """Return the names of the fields of named tuples among types: their order is frozen into code, and types alone hide it."""
+    return [(getattr(kind, "fields", ()), _fields(tuple(kind))) for kind in kinds if isinstance(kind, BaseTuple)]
 
 
 def _reduced(cres: Any) -> Any:

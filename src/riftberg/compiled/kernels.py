@@ -5,8 +5,8 @@ Decisions, with their reasons
 * No fast-math: results must not change with the compiler, and NaN must stay visible.
 * ``error_model="numpy"``: a division does not branch, so loops vectorise.
 * The cache of numba looks only at the file of the outer function, so a change in a law called by a stepper would go
-  unnoticed. The cache folder therefore carries a digest of *all* sources of the package that hold kernels, of the versions
-  of numba and Python, and of the processor.
+  unnoticed. Here machine code goes by a digest of all sources that a kernel can take anything from, of the versions of numba
+  and Python, and of the processor.
 * No kernel that Python calls returns a named tuple. To make one, compiled code must run Python code, and where a signal
   waits (Ctrl-C) that code raises instead, which numba does not expect: the process dies of a segmentation fault. Plain
   tuples, numbers and arrays are made without Python code. A named tuple is put together by the Python function around
@@ -40,9 +40,6 @@ from riftberg.compiled.cache import ENDING, KernelCache
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
-KERNEL_PACKAGES = ("physics", "state", "stepping", "bergs", "ocean", "life", "coupling")
-"""Sub-packages whose sources decide whether cached machine code is still right."""
-
 KNOWN_NUMBA: Final = ("0.68.",)
 """Versions of numba for whose inside `riftberg.compiled.parts` is written; with others compiling takes three times as long."""
 
@@ -67,16 +64,11 @@ SHIPPED: Final = Path(__file__).with_name("machine_code")
 
 
 def digest_of(processor: str) -> str:
-    """Return the name of the folder for machine code of exactly these sources and tools for a processor."""
+    """Return the name of the folder for machine code made by exactly these tools for a processor; see `compiled.sources`."""
     tools = numba.__version__, llvm_version, sys.implementation.cache_tag, llvm.get_process_triple(), processor
     digest = hashlib.sha256(" ".join(map(str, tools)).encode())
-    root = Path(__file__).parents[1]
-    for package in KERNEL_PACKAGES:
-        for source in sorted((root / package).rglob("*.py")):
-            digest.update(source.read_bytes())
-    # The fields of `KernelParameters` are part of the machine code, and so is the way in which it is compiled.
-    for name in ("constants.py", "parameters.py", "compiled/kernels.py", "compiled/parts.py"):
-        digest.update((root / name).read_bytes())
+    for source in ("kernels.py", "parts.py"):  # the way in which kernels are compiled
+        digest.update(Path(__file__).with_name(source).read_bytes())
     return digest.hexdigest()[:16]
 
 
