@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -81,9 +81,10 @@ class KernelCache(NullCache):
             path.write_bytes(data + hashlib.sha256(data).digest())
 
 
-def _fields(kinds: Any) -> list[Any]:
+def _fields(kinds: Iterable[Any]) -> list[Any]:
     """Return the names of the fields of named tuples among types: their order is frozen into code, and types alone hide it."""
-    return [(getattr(kind, "fields", ()), _fields(tuple(kind))) for kind in kinds if isinstance(kind, BaseTuple)]
+    tuples: list[Any] = [kind for kind in kinds if isinstance(kind, BaseTuple)]
+    return [(getattr(kind, "fields", ()), _fields(kind)) for kind in tuples]
 
 
 def _reduced(cres: Any) -> Any:
