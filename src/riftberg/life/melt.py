@@ -253,14 +253,16 @@ def _foot_after(
 
 @kernel
 def melt_one(
-    row: Floats, mass: float, shape: tuple[float, float, float], bits: float, foot: float, rates: tuple[float, float, float],
+    row: Floats, ice: tuple[float, float, float], shape: tuple[float, float, float], rates: tuple[float, float, float],
     span: float, front: float, sea: _Sea, covered: int, values: LifeValues,
 ) -> None:  # fmt: skip
     """Melt the berg of one element and its bergy bits into a row of `Melted` (files, 1.6 to 1.9, 1.11).
 
-    ``span`` (m) is the size of the berg that the element belongs to: by it, pieces are small enough to break from an edge.
-    ``front`` (m) is the length of the outline of that berg along which the element melts; negative: it melts as a block.
+    ``ice``: mass of the element and of its bergy bits (kg), length of its foot (m). ``span`` (m) is the size of the berg that the
+    element belongs to: by it, pieces are small enough to break from an edge. ``front`` (m) is the length of the outline of that
+    berg along which the element melts; negative: it melts as a block.
     """
+    mass, bits, foot = ice
     thickness, width, length = shape
     base, sides, waves = rates
     if front >= 0.0:
@@ -345,7 +347,7 @@ def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
         bears = front[e] if values.by_front else -1.0
         rates = melt_rates(sea, lat[e], shape[0], span[e], depth[e], covered, bears, values)
         row[:] = 0.0
-        melt_one(row, mass[e], shape, bits[e], foot[e], rates, span[e], bears, sea, covered, values)
+        melt_one(row, (mass[e], bits[e], foot[e]), shape, rates, span[e], bears, sea, covered, values)
         melt_footloose_bits(row, shape[0], fl_bits[e], bergy[e], sea, values)
         for k in range(COLUMNS):
             out[k, e] = row[k]
