@@ -17,6 +17,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
+from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import (
     advance_slip,
     along_and_across,
@@ -31,7 +32,6 @@ from riftberg.physics.bonds import (
     torque_of,
 )
 from riftberg.physics.geometry import SMALL_ANGLE, cos_near, fast_sin, move, same_axes, sin_small
-from riftberg.parameters import KernelParameters
 from riftberg.state import Floats
 from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.substeps import drifted, floor_rate_at, kicked, mid_step_velocity
