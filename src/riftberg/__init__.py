@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
+    from riftberg.stepping.laws import Laws
     from riftberg.system.limits import allow_large
     from riftberg.viz.map import draw_map, draw_tracks
     from riftberg.viz.plots import draw_fragments, draw_stress
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Iceberg": "riftberg.bergs.iceberg",
+    "Laws": "riftberg.stepping.laws",
     "Model": "riftberg.runs.model",
     "Parameters": "riftberg.parameters",
     "A68A_2022": "riftberg.parameters",
@@ -67,6 +69,7 @@ __all__ = [
     "Forcing",
     "GriddedForcing",
     "Iceberg",
+    "Laws",
     "Model",
     "Parameters",
     "Steady",
