@@ -32,7 +32,7 @@ SUMMARIES: Final = {
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
     "verify": "Score an ensemble against observations: CRPS, energy score, coverage, ranks, spread, probability of break-up.",
     "verify-tracks": "Score drift models on observed tracks of giant bergs, beside staying put and constant velocity.",
-    "compare": "Compare runs: break-ups, bonds, and the daily distance from the observed positions.",
+    "compare": "Compare runs: how far apart they are by time, break-ups, bonds, and the distance from observed positions.",
     "why": "Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",
     "doctor": "Identify forcing files, check that they are sufficient for an experiment, list what is missing.",
     "fetch": "Download forcing files; an interrupted download resumes where it stopped.",
