@@ -91,7 +91,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     light = ("--set", "ice.density=700")
     for name, more in (("a", ()), ("b", light)):
         call("run", str(folder / "it.yaml"), "-o", str(folder / name), "-q", "--no-map", *more)
-    call("sweep", str(folder / "it.yaml"), "--vary", "ice.density=850,700", "-o", str(folder / "s"))
+    call("sweep", str(folder / "it.yaml"), "--vary", "ice.density=850,700", "-o", str(folder / "s"), "--workers", "0")
     return folder
 
 
@@ -109,7 +109,7 @@ def test_runs_and_members_of_a_sweep_are_compared_alike(runs: Path, tmp_path: Pa
     assert other["rotation"] == [None] * len(other["time"])
     with open_run(runs / "a") as one:
         found = one.riftberg.compare(open_sweep(runs / "s").isel(member=1))
-        assert found["distance"].values[-1] == pytest.approx(1e3 * run["distance_km"][-1], rel=1e-6)
+        assert found["distance"].values[-1] == pytest.approx(1e3 * run["distance_km"][-1], abs=2.0)
 
 
 def test_observations_stand_beside_runs_of_their_dates_alone(runs: Path, tmp_path: Path) -> None:

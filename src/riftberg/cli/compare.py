@@ -85,14 +85,16 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
     """Read runs and members of sweeps, and put them side by side."""
     from riftberg.diagnostics.compare import compare, member_compared, read_compared
 
-    first = _opened(runs[0])
-    known = _known(first, observed)
-    found = []
-    for run, name in zip(runs, names, strict=True):
-        if _member(run):
-            found.append(member_compared(_opened(run), name, known.fixes))
-        else:
-            found.append(read_compared(folder_of(run), name, known.fixes))
+    for run in runs:
+        if not _member(run):
+            check_file(folder_of(run) / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
+    known = _known(_opened(runs[0]), observed)
+    found = [
+        member_compared(_opened(run), name, known.fixes)
+        if _member(run)
+        else read_compared(folder_of(run), name, known.fixes)
+        for run, name in zip(runs, names, strict=True)
+    ]
     begin, end = (pick(pick(run.course.times) for run in found) for pick in (min, max))
     return compare(found, known.within(begin, end))
 
@@ -104,9 +106,7 @@ def _opened(run: Path) -> xr.Dataset:
 
     member = _member(run)
     if member is None:
-        folder = folder_of(run)
-        check_file(folder / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
-        return open_run(folder)
+        return open_run(folder_of(run))
     sweep = open_sweep(member[0])
     if member[1] not in sweep["member"].values:
         count = sweep.sizes["member"]

@@ -24,6 +24,7 @@ from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.outlines import axis_difference, best_pairs
 from riftberg.ocean.grid import haversine
 from riftberg.runs.checks import parameters_of, read_summary
+from riftberg.runs.layout import FILE
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, berg_position
 from riftberg.system.atomic_files import write_json
@@ -100,6 +101,17 @@ def differences(summaries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
     return rows
 
 
+def own_lines(texts: Sequence[str]) -> list[str]:
+    """Return of each text the lines that another one has not, the first few."""
+    lines = [[line.strip() for line in text.splitlines()] for text in texts]
+    found = []
+    for mine in lines:
+        own = [line for line in mine if line and any(line not in other for other in lines)]
+        more = f" and {len(own) - MOST_NAMED} lines more" if len(own) > MOST_NAMED else ""
+        found.append("; ".join(own[:MOST_NAMED]) + more)
+    return found
+
+
 def _value_text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
@@ -146,6 +158,7 @@ class ComparedRun:
     summary: dict[str, Any]
     days: list[RunDay]
     course: Course
+    file: str = ""  # Text of its experiment file
 
     def rms(self) -> tuple[float, float] | None:
         """Return root mean squares of distance (km) and of the difference of the axes (degrees); None without days."""
@@ -235,7 +248,8 @@ def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
         scene = Scene(dataset)
         days = [day for fix in fixes if (day := _day_of_fix(scene, fix)) is not None] if scene.latlon else []
         course = course_of(dataset)
-    return ComparedRun(name, summary, days, course)
+        file = str(dataset.attrs.get(FILE, ""))
+    return ComparedRun(name, summary, days, course, file)
 
 
 def member_compared(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
@@ -304,6 +318,8 @@ def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparis
         beside["observed"] = {**known.observed, **seen}
     cells: dict[str, list[str]] = {label: [""] * len(runs) for label in (*known.published, *known.observed)}
     cells |= differences([run.summary for run in runs])
+    if len({run.file for run in runs}) > 1 and all(run.file for run in runs):
+        cells["experiment file"] = own_lines([run.file for run in runs])
     large = [[event for event in run.summary["breakups"] if event["area_km2"] >= SMALL] for run in runs]
     events = aligned(large, runs[0].summary["numerics"]["earth"]) if runs else []
     for k, run in enumerate(runs):
@@ -317,6 +333,7 @@ def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparis
 _BREAK_UP: Final = "break-up"
 _RANK: Final = {
     "experiment": 0,
+    "experiment file": 0,
     "forcing": 0,
     "parameters that differ": 0,
     "further break-ups": 2,

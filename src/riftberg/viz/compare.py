@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Box
+from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import Map, widened
 from riftberg.viz.polar import POLAR
@@ -24,19 +25,18 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     """Draw the tracks, with the dates of the first run, the places of break-ups, and the observed track."""
     style.check_format(path)
     first = runs[0].course
-    lines = [(run.course.x, run.course.y) for run in runs]
-    seen = np.array([(fix.lon, fix.lat) for fix in fixes]).reshape(-1, 2).T
-    births = [np.array([(e["lon"], e["lat"]) for e in run.course.births]).reshape(-1, 2).T for run in runs]
+    points = [(run.course.x, run.course.y) for run in runs]
+    points += [_columns((e["lon"], e["lat"]) for e in run.course.births) for run in runs]
+    points.append(_columns((fix.lon, fix.lat) for fix in fixes))
     if first.latlon:  # all on the branch of the first
         middle = float(first.x.mean())
-        lines = [(x - 360.0 * np.round((x.mean() - middle) / 360.0), y) for x, y in lines]
-        seen, *births = ([x - 360.0 * np.round((x - middle) / 360.0), y] for x, y in (seen, *births))
-    latitude, plane = float(np.mean([y.mean() for _, y in lines])), None
+        points = [(x - 360.0 * np.round((x.mean() - middle) / 360.0) if x.size else x, y) for x, y in points]
+    latitude, plane = float(first.y.mean()), None
     if first.latlon and abs(latitude) > POLAR:
         true = 0.5 * (1.0 + math.sin(math.radians(abs(latitude))))
-        plane = ConformalPlane(float(lines[0][0].mean()), math.copysign(90.0, latitude), true * first.radius)
-        lines, births = ([plane.forward(*xy) for xy in some] for some in (lines, births))
-        seen = plane.forward(*seen)
+        plane = ConformalPlane(float(first.x.mean()), math.copysign(90.0, latitude), true * first.radius)
+        points = [plane.forward(*pair) for pair in points]
+    lines, births, seen = points[: len(runs)], points[len(runs) : -1], points[-1]
     x, y = (np.concatenate([line[k] for line in (*lines, seen)]) for k in (0, 1))
     latlon = first.latlon and plane is None
     least = 0.2 if latlon else 2e4
@@ -65,3 +65,8 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     for k, text in zip(records, style.moment_texts(first.times, records, hour=False), strict=True):
         labels.put(text, float(lines[0][0][k]), float(lines[0][1][k]), fontsize=9)
     return style.save_figure(figure, path)
+
+
+def _columns(places: Iterable[tuple[float, float]]) -> tuple[Floats, Floats]:
+    pairs = np.array(list(places), np.float64).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
