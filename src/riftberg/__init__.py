@@ -17,6 +17,7 @@ import importlib
 import logging
 from typing import TYPE_CHECKING, Any
 
+from riftberg.errors import with_nearest_names
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -100,4 +101,6 @@ def __getattr__(name: str) -> Any:
     """Load a public name from its home on first use."""
     if name not in _HOMES:
         raise AttributeError(f"module 'riftberg' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    found = with_nearest_names(getattr(importlib.import_module(_HOMES[name]), name))
+    globals()[name] = found
+    return found

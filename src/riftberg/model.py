@@ -16,6 +16,7 @@ import numpy as np
 from riftberg.bergs.bonding import Metric, count_bonds, refuse_overlap
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.report import card, portrait
+from riftberg.config.places import place_text
 from riftberg.config.usual_ranges import unusual
 from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
@@ -172,7 +173,7 @@ class BareModel(RunState):
         self.after_step: list[Process] = []
         self.remembered: dict[str, Floats] = {}
         self._visited = step_number > 0
-        check_state(self.elements, self.bonds)
+        check_state(self.elements, self.bonds, self.parameters.earth.latlon)
         check_strengths(self.bonds, parameters)
         refuse_fast_start(self.elements, parameters)
         check_water(forcing, parameters)
@@ -389,7 +390,7 @@ class BareModel(RunState):
         # Sizes in bins: melt changes every element in every step, the number of sub-steps only where that matters.
         coarse = size_bins(self.elements)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
-        check_state(self.elements, self.bonds)
+        check_state(self.elements, self.bonds, self.parameters.earth.latlon)
         measured = self.population.version != version and self._follow_rows(ids)
         if self._visited and not measured:
             measure_outlines(self.elements, self.constants)
@@ -676,7 +677,7 @@ def check_balance(forcing: Forcing, p: Parameters) -> None:
         )
 
 
-def check_state(elements: Elements, bonds: Bonds) -> None:
+def check_state(elements: Elements, bonds: Bonds, latlon: bool) -> None:
     """Refuse elements that cannot be stepped, before the first step."""
     for name in ("lon", "lat", "u", "v", "mass", "thickness", "length", "width", "spin", "rotation"):
         values = getattr(elements, name)
@@ -685,9 +686,10 @@ def check_state(elements: Elements, bonds: Bonds) -> None:
             bad |= values <= 0.0
         if bad.any():
             e = int(np.flatnonzero(bad)[0])
+            place = place_text(float(elements.lon[e]), float(elements.lat[e]), latlon=latlon, digits=5)
             raise InputError(
                 f"{name} is {values[e]:g}",
-                where=f"element {int(elements.id[e])} (row {e}) at {elements.lon[e]:.5f}, {elements.lat[e]:.5f}",
+                where=f"element {int(elements.id[e])} (row {e}) at {place}",
                 remedy="It must be a finite number"
                 + (" above zero" if name in ("mass", "thickness", "length", "width") else ""),
             )

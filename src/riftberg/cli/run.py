@@ -51,6 +51,9 @@ KEEP_MINUTES: Final = 10.0
 KEPT_APART: Final = ("--output", "-o", "--resume", "--data", "--keep-days", "--keep-minutes", "--set", "-s")
 """Options that belong to one run and not to its experiment, or that its file keeps in another way."""
 
+MOST_BERGS: Final = 6
+"""Bergs that have a line of results each; of more, the areas are listed."""
+
 BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
 
@@ -474,7 +477,7 @@ class Session:
             files.append("map.png")
         for line in short_summary(summary, story):
             typer.echo(line)
-        for line in (summary.get("motion") or {}).get("lines", ()):
+        for line in ledger_lines(summary):
             logging.getLogger(__name__).info(line)
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
 
@@ -547,10 +550,35 @@ def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str
     ]
     if len(summary.get("collisions", [])) > 10:
         lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
-    ledgers = [f"  {line}" for line in (summary.get("ledger") or {}).get("lines", ())]
-    if summary.get("motion"):
-        ledgers.append(f"  {summary['motion']['closing']}")
-    return [*lines, *(told or [_areas_line(summary)]), *ledgers]
+    return [*lines, *(told or _berg_lines(summary) or [_areas_line(summary)])]
+
+
+def ledger_lines(summary: dict[str, Any]) -> list[str]:
+    """Return the ledgers of ice, heat, momentum and energy, which --verbose shows."""
+    ice, motion = summary.get("ledger") or {}, summary.get("motion") or {}
+    return [*ice.get("lines", ()), *motion.get("lines", ()), *([motion["closing"]] if motion else [])]
+
+
+def _berg_lines(summary: dict[str, Any]) -> list[str]:
+    """Return what became of each berg, in a sentence; nothing where there are many, or where a summary does not say."""
+    from riftberg.config.places import drift_text, place_text
+
+    bergs, latlon = summary.get("bergs", []), summary["numerics"]["earth"]["latlon"]
+    if not bergs or len(bergs) > MOST_BERGS or any("drift_east_km" not in berg for berg in bergs):
+        return []
+    lines = []
+    for berg in bergs:
+        name = berg["name"] or ("the berg" if len(bergs) == 1 else f"berg {berg['number']}")
+        if not berg["fragments"]:
+            lines.append(f"  {name} melted away")
+            continue
+        drift = drift_text(1e3 * berg["drift_east_km"], 1e3 * berg["drift_north_km"])
+        place = place_text(berg["lon"], berg["lat"], latlon=latlon)
+        areas = _areas(berg["areas_km2"], berg["fragments"])
+        pieces = "one piece" if berg["fragments"] == 1 else f"{berg['fragments']} pieces"
+        melted = f"; {berg['melted_kg'] / 1e12:.3g} Gt melted" if berg["melted_kg"] else ""
+        lines.append(f"  {name} drifted {drift} to {place}, in {pieces} ({areas}){melted}")
+    return lines
 
 
 def _speed(summary: dict[str, Any]) -> str:
@@ -579,19 +607,23 @@ def _collision_line(event: dict[str, Any], latlon: bool) -> str:
 
 
 def _event_place(event: dict[str, Any], latlon: bool) -> str:
-    """Return where an event was: latitude and longitude, or x and y."""
-    if latlon:
-        return f"{event['lat']:.3f}, {(event['lon'] + 180.0) % 360.0 - 180.0:.3f}"
-    return f"x {event['lon'] / 1e3:.6g} km, y {event['lat'] / 1e3:.6g} km"
+    """Return where an event was."""
+    from riftberg.config.places import place_text
+
+    return place_text(event["lon"], event["lat"], latlon=latlon)
 
 
 def _areas_line(summary: dict[str, Any]) -> str:
-    """Return the areas of the pieces at the end, all in one unit."""
-    unit, name = (1.0, "km2") if summary["largest_km2"] >= 0.01 else (1e6, "m2")
-    numbers = [area * unit for area in summary["areas_km2"][:6]]
+    """Return the areas of the pieces at the end."""
+    return f"  {_counted(summary)} at the end: {_areas(summary['areas_km2'], summary['fragments'])}"
+
+
+def _areas(km2: Sequence[float], count: int) -> str:
+    """Return areas, largest first, all in one unit; ``count``: how many there are."""
+    unit, name = (1.0, "km2") if not km2 or km2[0] >= 0.01 else (1e6, "m2")
+    numbers = [area * unit for area in km2[:6]]
     areas = ", ".join(f"{area:.0f}" if area >= 9.5 else f"{area:.2g}" for area in numbers)
-    more = " ..." if summary["fragments"] > 6 else ""
-    return f"  {_counted(summary)} at the end: {areas}{more} {name}"
+    return f"{areas}{' ...' if count > len(numbers) else ''} {name}"
 
 
 def _counted(summary: dict[str, Any]) -> str:
