@@ -317,7 +317,7 @@ class StoryOcean(DescribedForcing):
         """Return what this ocean is, in plain words."""
         parts = ["a drift, an eddy", "a shear" if self.numbers.jet_speed else "no shear"]
         parts.append(
-            f"a shoal at {place_text(*self.numbers.shoal, latlon=True, digits=2)}" if self.has_shoal else "no shoal"
+            f"a shoal at {place_text(*self.numbers.shoal[:2], latlon=True, digits=2)}" if self.has_shoal else "no shoal"
         )
         return f"closed-form ocean for A68a ({', '.join(parts)}); {self.title}"
 
