@@ -65,7 +65,7 @@ def test_a_run_of_another_berg_under_the_name_of_a_beam_has_the_usual_pictures(m
         "--no-map",
     )
     assert result.exit_code == 0, result.output
-    assert "2 fragments at the end" in result.stdout
+    assert "in 2 pieces (162, 54 km2)" in result.stdout
     assert CliRunner().invoke(app, ["plot", "out", "-k", "story"]).exit_code == 2
     assert CliRunner().invoke(app, ["plot", "out", "-k", "timeline", "--format", "docx"]).exit_code == 2
 
@@ -91,7 +91,7 @@ def test_a_run_of_seconds_tells_seconds(monkeypatch: pytest.MonkeyPatch) -> None
     assert re.search(
         r"^short: 10 s, 2 elements, 0 of 1 bonds broken, [\d.e-]+ s of computing$", result.stdout, re.MULTILINE
     )
-    assert "1 fragment at the end: 0.5 m2" in result.stdout
+    assert "in one piece (0.5 m2)" in result.stdout
     assert "per day" not in result.stderr
 
 

@@ -159,6 +159,9 @@ class Melted(NamedTuple):
 
 COLUMNS = len(Melted._fields)
 
+NO_RATES: Final = np.zeros((3, 0))
+"""No melt law of one's own."""
+
 
 class _Sea(NamedTuple):
     """The sea at one element: speeds past the ice (m s-1), temperatures (degrees Celsius), salinity, sea ice."""
@@ -321,8 +324,11 @@ def melt_footloose_bits(
 
 
 @kernel
-def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
-    """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references."""
+def _melt_all(el: Elements, span: Floats, own: Floats, values: LifeValues) -> Floats:
+    """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references.
+
+    ``own``: rates (m s-1) by the law of a user, shape (3, elements) or (3, 0); NaN where the built-in law holds.
+    """
     body, life, around, u, v, lat = el.body, el.life, el.environment, el.motion.u, el.motion.v, el.place.lat
     mass, thickness, width, length = body.mass, body.thickness, body.width, body.length
     bond_count, static, depth, ice = body.bond_count, body.static, around.depth, around.ice_fraction
@@ -346,6 +352,12 @@ def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
         covered = covered_sides(bond_count[e], static[e], values)
         bears = front[e] if values.by_front else -1.0
         rates = melt_rates(sea, lat[e], shape[0], span[e], depth[e], covered, bears, values)
+        if own.shape[1] > 0:
+            base, sides, waves = rates
+            base = base if math.isnan(own[0, e]) else own[0, e]
+            sides = sides if math.isnan(own[1, e]) else own[1, e]
+            waves = waves if math.isnan(own[2, e]) else own[2, e]
+            rates = base, sides, waves
         row[:] = 0.0
         melt_one(row, (mass[e], bits[e], foot[e]), shape, rates, span[e], bears, sea, covered, values)
         melt_footloose_bits(row, shape[0], fl_bits[e], bergy[e], sea, values)
@@ -354,9 +366,9 @@ def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
     return out
 
 
-def melted(elements: Elements, values: LifeValues) -> Melted:
+def melted(elements: Elements, values: LifeValues, own: Floats = NO_RATES) -> Melted:
     """Return what one long step of melt does to the elements, which stay as they are."""
-    return Melted(*_melt_all(elements, base_spans(elements, values), values))
+    return Melted(*_melt_all(elements, base_spans(elements, values), own, values))
 
 
 def base_spans(elements: Elements, values: LifeValues) -> Floats:
@@ -389,10 +401,10 @@ class MeltStep(NamedTuple):
         return self.melted.water * self.scaling
 
 
-def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float]) -> MeltStep:
+def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float], own: Floats = NO_RATES) -> MeltStep:
     """Melt all elements by one long step and change them; those of which nothing is left are marked, not removed."""
     body, life = elements.body, elements.life
-    result = melted(elements, values)
+    result = melted(elements, values, own)
     place = Place(*(getattr(elements, name).copy() for name in Place._fields))
     step = MeltStep(
         body.id.copy(), place, life.mass_scaling.copy(), life.heat_density.copy(), life.start_mass.copy(),

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from riftberg.config.places import place_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
@@ -198,9 +199,10 @@ def place_points(product: Part, lon: Floats, lat: Floats) -> Located:
     outside = np.flatnonzero(there.outside)
     if outside.size:
         ds, first = product.records.ds, outside[0]
+        place = place_text(float(there.lon[first]), float(there.lat[first]), latlon=True, digits=2)
         raise ForcingError(
-            f"{outside.size} points of the model grid lie outside the data, the first at {there.lon[first]:g} E "
-            f"{there.lat[first]:g} N; the data cover {extent_text(ds)}",
+            f"{outside.size} points of the model grid lie outside the data, the first at {place}; the data cover "
+            f"{extent_text(ds)}",
             where=records.named(ds), remedy="Give files that cover the box, or take a smaller one",
         )  # fmt: skip
     return there

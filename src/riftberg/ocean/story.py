@@ -30,6 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
+from riftberg.config.places import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
@@ -318,7 +319,9 @@ class StoryOcean(DescribedForcing):
     def describe(self) -> str:
         """Return what this ocean is, in plain words."""
         parts = ["a drift, an eddy", "a shear" if self.numbers.jet_speed else "no shear"]
-        parts.append("a shoal at {:.2f} E, {:.2f} N".format(*self.numbers.shoal) if self.has_shoal else "no shoal")
+        parts.append(
+            f"a shoal at {place_text(*self.numbers.shoal[:2], latlon=True, digits=2)}" if self.has_shoal else "no shoal"
+        )
         return f"closed-form ocean for A68a ({', '.join(parts)}); {self.title}"
 
 
