@@ -23,7 +23,7 @@ def footprint(turn: float = 0.4) -> BodyFootprint:
     """Two square elements side by side, turned."""
     c, s = math.cos(turn), math.sin(turn)
     ring = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    corner = np.vstack([ring, ring + (1.0, 0.0)]) * SIDE @ np.array([[c, s], [-s, c]])
+    corner = np.vstack([ring, ring + np.array([1.0, 0.0])]) * SIDE @ np.array([[c, s], [-s, c]])
     return BodyFootprint(np.arange(2), np.arange(2), np.array([0, 4, 8]), corner)
 
 
@@ -140,6 +140,24 @@ def test_water_and_floor_carry_the_weight_together(bends: bool) -> None:
     given = [found.load.sum(), (found.load * y).sum(), -(found.load * x).sum()]
     np.testing.assert_allclose(hull.stiffness @ found.rise, given, rtol=1e-6, atol=1e-6 * given[0] * 1e3)
     assert found.load.sum() > 1e8
+
+
+def test_a_round_element_of_many_corners_rests_like_any() -> None:
+    """A disc of 90 corners, more than between two cuts, on a slope."""
+    around = np.linspace(0.0, 2.0 * math.pi, 90, endpoint=False)
+    corner, start, owner = (
+        600.0 * np.stack([np.cos(around), np.sin(around)], axis=1),
+        np.array([0, 90]),
+        np.zeros(1, int),
+    )
+    hull = hull_of(corner, start, owner, np.full(1, THICKNESS), np.full(1, 0.83 * THICKNESS))
+    overlap = np.column_stack([corner, 0.5 + 1e-3 * corner[:, 0]])
+    patches = Patches(start, overlap, owner, np.zeros((1, 2)), np.zeros((1, 3), np.int64))
+    none = np.zeros(0, np.int64)
+    found = press(patches, 1, hull, bed(bends=False), np.full(1, THICKNESS), none, none, np.zeros(3))
+    np.testing.assert_allclose(hull.stiffness[0] @ found.rise, found.load.sum(), rtol=1e-9)
+    assert found.x[0] > 100.0
+    assert found.y[0] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_loads_are_the_overlap_up_to_the_strength_of_the_bed() -> None:
