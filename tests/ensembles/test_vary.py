@@ -57,6 +57,8 @@ def test_lists_arrays_and_texts_in_python() -> None:
         (["fracture.normal_strength=14..24kPa:1"], "'1' is no number of values"),
         (["fracture.normal_strength=14..24kPa:2.5"], "'2.5' is no number of values"),
         (["fracture.normal_strength=24..14kPa:3"], "is not below"),
+        (["fracture.normal_strength=14kPa..24000:3"], "24000 has no unit, but 14kPa has"),
+        (["stepping.time_step=10 min,900"], "900 has no unit, but 10 min has"),
         (["fracture.normal_strength=14..24m:3"], "is in m, but this is measured in Pa"),
         (["fracture.normal_strength=14..24parsec:3"], "is not a unit that Riftberg knows"),
         (["fracture.normal_strength=soft..hard:3"], "'soft' is not a number"),
