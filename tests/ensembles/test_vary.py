@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -82,3 +84,12 @@ def test_what_cannot_be_varied_is_refused(vary: Any, message: str) -> None:
         members_of(varied_of(vary))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
+
+
+def test_what_the_documentation_varies_can_be_varied() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    pages = "\n".join(page.read_text() for page in (*docs.rglob("*.md"), docs.parent / "README.md"))
+    written = re.findall(r"--vary '?([a-z_]+\.[a-z_]+[~=][^'\n`]+?)(?:'| -|\n|`)", pages)
+    assert len(written) >= 7
+    for text in written:
+        assert varied_of([text.strip()])

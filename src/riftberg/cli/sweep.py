@@ -250,8 +250,10 @@ def told(result: xr.Dataset) -> list[str]:
             end = f"{float(member['pieces']):.0f} pieces, largest {float(member['largest_area']) / 1e6:.0f} km2"
             date = str(member["first_breakup"].values)[:16]
             lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date.replace('T', ' ')}"))
-        else:
+        elif int(member["status"]) == 1:
             lines.append(f"  {said}: failed: {member['message'].item()}")
+        else:
+            lines.append(f"  {said}: waits")
     if result.sizes["member"] > 20:
         lines.append(f"  and {result.sizes['member'] - 20} more, see sweep.nc")
     failed = int((result["status"] == 1).sum())
