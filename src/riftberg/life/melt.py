@@ -60,6 +60,7 @@ class LifeValues(NamedTuple):
     rolls: bool
     rolling_scheme: int
     tip: float
+    rolls_on: bool
     footloose: bool
     youngs: float
     strength: float
@@ -82,6 +83,7 @@ def life_values(p: Parameters) -> LifeValues:
         drag=melt.friction_drag,
         tide=melt.tide,
         as_reference=quirks.plain_basal_search,
+        scaled_laminar=quirks.scaled_laminar_layer,
     )
     return LifeValues(
         rho_ice=p.ice.density,
@@ -105,6 +107,7 @@ def life_values(p: Parameters) -> LifeValues:
         rolls=p.rolling.enabled,
         rolling_scheme=_SCHEMES[p.rolling.scheme],
         tip=p.rolling.tip,
+        rolls_on=quirks.rolls_on,
         footloose=p.footloose.enabled,
         youngs=p.footloose.youngs,
         strength=p.footloose.strength,
@@ -235,7 +238,7 @@ def bit_shape(thickness: float, values: LifeValues) -> tuple[float, float, float
     width = piece_width(thickness, values.youngs)
     if not (values.rolls or values.bits_always_roll):
         return thickness, width, ASPECT * width
-    return roll(thickness, width, ASPECT * width, values.rolling_scheme, values.tip, values.rho_ice)
+    return roll(thickness, width, ASPECT * width, values.rolling_scheme, values.tip, values.rho_ice, values.rolls_on)
 
 
 @kernel
@@ -289,7 +292,9 @@ def melt_one(
             left == 0.0,
         )  # fmt: skip
     if values.rolls and covered == 0:
-        row[13], row[14], row[15] = roll(thin, wide, long, values.rolling_scheme, values.tip, values.rho_ice)
+        row[13], row[14], row[15] = roll(
+            thin, wide, long, values.rolling_scheme, values.tip, values.rho_ice, values.rolls_on
+        )
 
 
 @kernel
