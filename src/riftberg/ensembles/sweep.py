@@ -406,7 +406,8 @@ class Store:
         kind = "Forecast" if plan.forecast else "Sweep"
         title = f"{kind} of {plan.named}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
         about = {"title": title, "experiment": plan.named, "parameters_json": plan.first.parameters.model_dump_json(),
-                 "comment": "parameters_json holds the parameters of the first member"}  # fmt: skip
+                 "comment": "parameters_json holds the parameters of the first member",
+                 **({"plan": plan.draws.plan} if plan.draws.number else {})}  # fmt: skip
         common: dict[str, Any] = {
             "start": plan.first.start, "days": plan.days, "every": plan.every,
             "latlon": plan.first.parameters.earth.latlon, "attributes": about,
