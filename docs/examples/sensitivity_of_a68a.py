@@ -1,6 +1,6 @@
 """Which input matters for A68a: Morris effects of fourteen inputs, Sobol' indices of the five that do most.
 
-python docs/examples/sensitivity_of_a68a.py OUTLINES.geojson FOLDER                 240 and 448 runs, a quarter of an hour
+python docs/examples/sensitivity_of_a68a.py OUTLINES.geojson FOLDER                 120 and 224 runs, ten minutes
 python docs/examples/sensitivity_of_a68a.py OUTLINES.geojson FOLDER --draws 2 2     to try it
 """
 
@@ -36,7 +36,7 @@ INPUTS = {
     "packing": "~choice(square, hexagonal)",
     "lattice_angle": "~uniform(0, 90)",
 }
-MOST = ("start.strength", "eddy", "shear", "start.north", "start.thickness")
+MOST = ("wind", "eddy", "start.east", "start.north", "start.strength")
 
 
 def a68a(
@@ -60,7 +60,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("observed", type=Path)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--draws", type=int, nargs=2, default=(16, 64), metavar=("MORRIS", "SOBOL"))
+    parser.add_argument("--draws", type=int, nargs=2, default=(8, 32), metavar=("MORRIS", "SOBOL"))
     given = parser.parse_args()
     observed = read_observed(given.observed)
     for method, draws, inputs in zip(("morris", "sobol"), given.draws, (INPUTS, {n: INPUTS[n] for n in MOST})):

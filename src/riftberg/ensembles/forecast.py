@@ -149,4 +149,4 @@ def forecast(
         return run_sweep(
             store, scheduler=options.get("scheduler"), workers=options.get("workers"),
             save_seconds=options.get("save_seconds", 60.0), bar=bar,
-        )  # fmt: skip
+        ).load()  # fmt: skip

@@ -97,7 +97,7 @@ def indices(ds: xr.Dataset, results: Mapping[str, Result], *, seed: int = 1) -> 
             "number": known.sum() if result.some else draws.size,
         }  # fmt: skip
         if result.some:
-            row |= _correlations(inputs, result.values, random)
+            row |= _correlations(inputs, result.values, size, random)
         elif draws.size > 1:
             row |= _effects(f[draws], x[:, draws], random) if plan == "morris" else _sobol(f[draws], random)
         for name, value in row.items():
@@ -160,23 +160,26 @@ def _sobol(f: Floats, random: np.random.Generator) -> dict[str, Any]:
     return {"first": first, **_bounds("first", drawn[0]), "total": total, **_bounds("total", drawn[1])}
 
 
-def _correlations(x: Mapping[str, Floats], y: Floats, random: np.random.Generator) -> dict[str, Any]:
-    """Return rank correlations of inputs with a result that some members have."""
+def _correlations(x: Mapping[str, Floats], y: Floats, size: int, random: np.random.Generator) -> dict[str, Any]:
+    """Return rank correlations of inputs with a result that some members have; ``size``: members of a draw."""
     from scipy.stats import rankdata
 
-    known = np.flatnonzero(np.isfinite(y))
-    if known.size < 4:
+    known = np.isfinite(y)
+    draws = np.unique(np.flatnonzero(known) // size)
+    if draws.size < 4:
         return {}
 
     def rho(rows: Any) -> Floats:
         ranks = np.stack([rankdata(values[rows]) for values in (*x.values(), y)])
         ranks -= ranks.mean(axis=1, keepdims=True)
-        length = np.sqrt((ranks**2).sum(axis=1))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray((ranks[:-1] @ ranks[-1]) / (length[:-1] * length[-1]))
+        length = np.maximum(np.sqrt((ranks**2).sum(axis=1)), 1e-300)
+        return np.asarray((ranks[:-1] @ ranks[-1]) / (length[:-1] * length[-1]))
 
-    drawn = np.stack([rho(random.choice(known, known.size)) for _ in range(BOOTSTRAPS // 5)])
-    return {"correlation": rho(known), **_bounds("correlation", drawn)}
+    # Members of one draw differ in one input, so that whole draws are drawn anew.
+    members = [np.flatnonzero(known[k * size : (k + 1) * size]) + k * size for k in draws]
+    again = random.integers(0, draws.size, (BOOTSTRAPS // 5, draws.size))
+    drawn = np.stack([rho(np.concatenate([members[k] for k in row])) for row in again])
+    return {"correlation": rho(np.flatnonzero(known)), **_bounds("correlation", drawn)}
 
 
 def sensitivity(
