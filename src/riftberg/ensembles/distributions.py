@@ -19,8 +19,13 @@ from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
 
-PLANS: Final = ("sobol", "random", "latin-hypercube")
-"""Ways to draw: Sobol' numbers (scrambled), independent ones, a Latin hypercube."""
+PLANS: Final = ("sobol", "random", "latin-hypercube", "morris", "saltelli")
+"""Ways to draw: Sobol' numbers (scrambled), independent ones, a Latin hypercube; two for `riftberg sensitivity`."""
+
+POINTS: Final = {"morris": 1, "saltelli": 2}
+"""Plans for sensitivity: members of a draw beside one for each input."""
+STEP: Final = 0.4
+"""Part of its distribution by which an input moves in the plan ``morris``."""
 
 ARGUMENTS: Final = {
     "lognormal": ("median", "standard deviation of the logarithm"),
@@ -207,10 +212,12 @@ def _checked(d: Distribution, where: str) -> Distribution:
     return d
 
 
-def shares(draws: int, dimensions: int, plan: str, seed: int) -> Floats:
+def shares(draws: int, dimensions: int, plan: str, seed: int, parts: Sequence[int] = ()) -> Floats:
     """Return the parts of the probability at which members draw, shape (draws, dimensions).
 
-    The first rows do not depend on how many follow, but for a Latin hypercube.
+    The first rows do not depend on how many follow, but for a Latin hypercube. Plans for sensitivity have several rows for each
+    draw: a point, the same with each input in turn taken from a second point, and for ``saltelli`` that second point.
+    ``parts``: numbers of each input, by default one.
     """
     if plan not in PLANS:
         raise InputError(f"{plan!r} is no plan", where="plan", remedy=f"{nearest(plan, PLANS)}Use {', '.join(PLANS)}")
@@ -223,6 +230,16 @@ def shares(draws: int, dimensions: int, plan: str, seed: int) -> Floats:
 
     if plan == "latin-hypercube":
         return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(draws))
+    if plan in POINTS:
+        # Morris: an input moves by 40 % of its distribution (a half would miss what repeats itself), in a radial design
+        # (Campolongo and others 2011). Saltelli and others (2010): the second point is independent.
+        both = shares(draws, dimensions * POINTS[plan], "sobol", seed)
+        first = both[:, :dimensions]
+        second = both[:, dimensions:] if plan == "saltelli" else first + np.where(first < 0.5, STEP, -STEP)
+        own = np.repeat(np.eye(len(parts) or dimensions, dtype=bool), parts or 1, axis=1)
+        turns = np.where(own, second[:, None, :], first[:, None, :])
+        blocks = [first[:, None], turns, second[:, None]][: POINTS[plan] + 1]
+        return np.concatenate(blocks, axis=1).reshape(-1, dimensions)
     # In whole powers of two, where Sobol' numbers are balanced; what is not needed is left out.
     whole = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed)).random_base2(
         max(int(np.ceil(np.log2(max(draws, 1)))), 0)

@@ -15,6 +15,7 @@ from pydantic.fields import FieldInfo
 
 from riftberg.config.values import allowed, given, kinds_of, native, number, required, unit_of
 from riftberg.ensembles.distributions import (
+    POINTS,
     Distribution,
     Limits,
     member_seed,
@@ -224,17 +225,21 @@ def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dic
     check_draws(varied, draws)
     listed, drawn = [v for v in varied if v.distribution is None], [v for v in varied if v.distribution is not None]
     count = float(np.prod([len(v.values) for v in listed], dtype=float)) * max(draws.number, 1)
+    if draws.plan in POINTS:
+        if count > draws.number:
+            raise InputError("lists of values", where=f"plan {draws.plan}", remedy="Use choice(value, value, ...)")
+        count *= len(drawn) + POINTS[draws.plan] + has_fields([v.name for v in listed])
     refuse_large(int(count), MOST_MEMBERS, "members", where="--vary", remedy="Give fewer values", kind=InputError)
     combinations = list(itertools.product(*(v.values for v in listed)))
     names, order = [v.name for v in listed], [v.name for v in varied]
     if not draws.number:
         return [dict(zip(names, values, strict=True)) for values in combinations]
-    columns = _columns(drawn, draws)
     seeded = has_fields(order) and SEED not in order
+    columns, seeds = _columns(drawn, draws, seeded)
     members = []
-    for k in range(draws.number):
+    for k, seed in enumerate(seeds):
         once = {name: values[k] for name, values in columns.items()}
-        own = {SEED: member_seed(draws.seed, k)} if seeded else {}
+        own = {SEED: seed} if seeded else {}
         for values in combinations:
             both = {**dict(zip(names, values, strict=True)), **once}
             members.append({name: both[name] for name in order} | own)
@@ -290,9 +295,12 @@ def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], 
     return tuple(varied), members
 
 
-def _columns(drawn: Sequence[Varied], draws: Draws) -> dict[str, list[Any]]:
-    """Return the drawn values of each parameter."""
-    share = shares(draws.number, sum(v.parts for v in drawn), draws.plan, draws.seed)
+def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[str, list[Any]], list[int]]:
+    """Return the drawn values of each parameter, and the seed of the random fields of each row."""
+    fields = seeded and draws.plan in POINTS  # there the random fields are one more input
+    widths = [v.parts for v in drawn] + [1] * fields
+    share = shares(draws.number, sum(widths), draws.plan, draws.seed, widths)
+    seeds = [int(row[-1] * 2**52) if fields else member_seed(draws.seed, k) for k, row in enumerate(share)]
     columns: dict[str, list[Any]] = {}
     first = 0
     for v in drawn:
@@ -305,7 +313,7 @@ def _columns(drawn: Sequence[Varied], draws: Draws) -> dict[str, list[Any]]:
         section = {**SETTABLE, **UNCERTAIN}.get(group)
         if key and section is not None:
             columns[name] = [given(value, section, key, where=f"--vary {name}") for value in values]
-    return columns
+    return columns, seeds
 
 
 def grouped(values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
