@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riftberg.errors import InputError, nearest
-from riftberg.experiments.changes import BERG, is_of_file
 from riftberg.experiments.registry import EXPERIMENTS, BuiltIn, Info, Numerics, Options, find, names
 
 if TYPE_CHECKING:
@@ -48,6 +47,8 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
     if options.fetch and not entry.fetches:
         with_files = ", ".join(other.name for other in EXPERIMENTS if other.fetches)
         raise InputError(f"{name} needs no files", where="--fetch", remedy=f"Leave it out; {with_files} need files")
+    from riftberg.experiments.changes import BERG, is_of_file  # the list of experiments does without NumPy
+
     for group, inner in options.changes.items():
         for key in inner:
             path = f"{group}.{key}" if key else group
