@@ -239,9 +239,17 @@ def _path_of_run(run: Path | None) -> list[tuple[float, float]] | None:
 PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")
 
 
+POSITIONS = ("byu", "usnic")
+
+
 @reported
 def fetch(
-    what: Annotated[str, typer.Argument(help=f"a68a (inputs of the published run, 1.3 GB), or {', '.join(PRODUCTS)}.")],
+    what: Annotated[
+        str,
+        typer.Argument(
+            help=f"a68a (inputs of the published run, 1.3 GB), {', '.join(PRODUCTS)}, or positions of bergs: byu, usnic."
+        ),
+    ],
     folder: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder.  [default: riftberg-data/NAME]")
     ] = None,
@@ -271,6 +279,13 @@ def fetch(
 
         with results_folder(folder):
             paths = fetch_a68a(folder, hourly=() if small else HOURLY, progress=not quiet)
+    elif what in POSITIONS:
+        from riftberg.fetching.positions import SOURCES, fetch_positions
+
+        with results_folder(folder):
+            paths = fetch_positions(what, folder, progress=not quiet)
+        typer.echo(f"{SOURCES[what].title}: {len(paths)} tables in {folder}; 'riftberg new BERG --date DAY' reads them")
+        return
     elif what in PRODUCTS:
         from riftberg.fetching.services import fetch_product
 
@@ -285,6 +300,8 @@ def fetch(
         with results_folder(folder):
             paths = fetch_product(what, folder, *box, span, fields=chosen, depth=depth, progress=not quiet)  # type: ignore[arg-type]
     else:
-        raise InputError(f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join(PRODUCTS)}")
+        raise InputError(
+            f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join((*PRODUCTS, *POSITIONS))}"
+        )
     for path in paths:
         typer.echo(path)
