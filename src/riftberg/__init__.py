@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.ensembles.forecast import forecast
     from riftberg.ensembles.result import open_cells, open_sweep
+    from riftberg.ensembles.sensitivity import sensitivity
     from riftberg.ensembles.sweep import sweep
     from riftberg.ocean.analytic import Steady
     from riftberg.ocean.datasets import DatasetForcing, Forcing
@@ -53,6 +54,7 @@ _HOMES = {
     "open_run": "riftberg.runs.run_file",
     "open_cells": "riftberg.ensembles.result",
     "open_sweep": "riftberg.ensembles.result",
+    "sensitivity": "riftberg.ensembles.sensitivity",
     "sweep": "riftberg.ensembles.sweep",
     "allow_large": "riftberg.system.limits",
     "draw_fragments": "riftberg.viz.plots",
@@ -85,6 +87,7 @@ __all__ = [
     "open_cells",
     "open_run",
     "open_sweep",
+    "sensitivity",
     "sweep",
 ]
 

@@ -26,7 +26,7 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
 from riftberg.state.numbering import by_identifier, changed_rows
-from riftberg.state.population import Population, Saved
+from riftberg.state.population import Population, Saved, cut_out
 from riftberg.stepping.explicit.stability import (
     assign_substeps,
     check_long_step,
@@ -107,6 +107,8 @@ class BareModel(RunState):
         Melt, rolling and footloose calving, where the parameters ask for them; acts before the processes above.
     motion : MotionLedger
         Momentum and mechanical energy by force; ``motion.balance(model, model.remembered)``.
+    departed : tuple of Elements and Bonds, or None
+        What left the grid over an open edge in the last step: whole bergs. Another model takes them with `append`.
     remembered : dict of str to array
         What recorders must know again to go on exactly; it is saved with the state.
     """
@@ -171,6 +173,7 @@ class BareModel(RunState):
         self.life = LifeProcess(parameters, own.melt) if lives(parameters) else None
         self.motion = MotionLedger(parameters)
         self.after_step: list[Process] = []
+        self.departed: tuple[Elements, Bonds] | None = None
         self.remembered: dict[str, Floats] = {}
         self._visited = step_number > 0
         check_state(self.elements, self.bonds, self.parameters.earth.latlon)
@@ -306,6 +309,7 @@ class BareModel(RunState):
             self._step()
 
     def _step(self) -> None:
+        self.departed = None
         if self.step_number == 0 and not self._visited:
             if not self.parameters.compatibility.zero_start:  # runs of the reference take what their driver hands over
                 self._check_forcing(1)
@@ -341,14 +345,17 @@ class BareModel(RunState):
             raise
 
     def _drop_lost(self) -> None:
-        """Take elements out that have left the grid over a closed edge, where the reference's rules hold (equations 8.1)."""
+        """Take out what has left the grid over an open edge: whole bergs; single elements by the reference's rules."""
         grid = self.forcing.grid
-        if grid is None or not self.parameters.compatibility.lost_over_edge:
+        if grid is None or (inside := grid.has_in_domain(self.elements)).all():
             return
-        inside = grid.has_in_domain(self.elements)
-        if not inside.all():
-            self.remove(self.elements.body.id[~inside])
-            self._follow_changes()
+        lost = ~inside
+        if not self.parameters.compatibility.lost_over_edge:
+            part = connected_parts(inside.size, self.bonds.first, self.bonds.second, self.bonds.status)
+            lost = np.isin(part, part[lost])
+        self.departed = cut_out(self.elements, self.bonds, np.flatnonzero(lost))[:2]
+        self.remove(self.elements.body.id[lost])
+        self._follow_changes()
 
     def _stepped_from(self, before: Elements) -> None:
         """Take the step of the scheme; whatever fails in a run that has flown apart, the reason is that."""

@@ -163,3 +163,15 @@ def test_bergs_that_miss_each_other_say_so() -> None:
 def test_stories_are_there_for_the_test_cases() -> None:
     told = {entry.name for entry in EXPERIMENTS if entry.load_story() is not None}
     assert told == {"supported-beam", "cantilever", "collision"}
+
+
+@pytest.mark.parametrize(("distance", "reach"), [(4000.0, 4000.0), (100.0, 3223.7)])
+def test_bergs_touch_at_the_distance_of_contact_or_where_their_elements_do(
+    tmp_path: Path, distance: float, reach: float
+) -> None:
+    """Hexagons of 9 km2 hold circles of 1611.9 m."""
+    model = Meeting()
+    model.parameters = model.parameters.changed(contact={"distance": distance})
+    model.advance(0.1, recorders=[RunWriter(tmp_path / "run.nc", every_hours=1)])
+    with open_run(tmp_path) as run:
+        assert approach(run).reach == pytest.approx(reach, rel=1e-4)

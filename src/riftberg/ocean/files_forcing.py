@@ -81,6 +81,11 @@ class Run(NamedTuple):
 @closing_files(only_if_refused=True)
 def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> DatasetForcing:
     """Return the forcing for a run."""
+    if settings.spacing is None and "every_hours" in settings.model_fields_set:
+        raise ForcingError(
+            "an interval without a model grid", where="forcing.every_hours",
+            remedy="Give spacing too, or leave it out: each product keeps its own grid and dates",
+        )  # fmt: skip
     opened = open_named(_paths(settings.entries, folder))
     # What the run does not take is left out before any values are read.
     datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]

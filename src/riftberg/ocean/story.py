@@ -286,8 +286,11 @@ class StoryOcean(DescribedForcing):
         _fill(x, y, u, v, a, b, c, self.instant(time))
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
-    def sea_level(self, lon: float, lat: float, time: float) -> float:
-        """Return the sea level (m) in geostrophic balance at one point, for tests and maps."""
+    def geostrophic_level(self, lon: float, lat: float, time: float) -> float:
+        """Return the sea level (m) in geostrophic balance at one point.
+
+        The floor is given below that level: it is not one that changes the depth, as a tide is.
+        """
         metre = EARTH_RADIUS_A68 * DEGREE
         x, y = metre * math.cos(LATITUDE * DEGREE) * (lon - LONGITUDE), metre * (lat - LATITUDE)
         psi = stream(x, y, self.instant(time))[0]
