@@ -280,9 +280,11 @@ def build_forcing(
             forcing = forcing.model_copy(update={"spacing": options.grid})
         if options.files:
             forcing = forcing.model_copy(update={"files": list(options.files)})
+        place = berg.elements.place.lon, berg.elements.place.lat
         run = Run.of(
-            experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled
-        )
+            experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled,
+            place=place if parameters.earth.latlon else None,
+        )  # fmt: skip
         return forcing_from_files(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
         return Sum(forcing.parts)
