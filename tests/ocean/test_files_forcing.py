@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from typer.testing import CliRunner
 
+from riftberg.cli.forcing_files import named_files
+from riftberg.cli.main import app
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.ocean.files_forcing import ModelGrid, Run
@@ -429,3 +432,37 @@ def test_half_a_box_is_refused(folder: Path) -> None:
     path.write_text(EXPERIMENT.replace("  latitude: [-57, -54]\n", ""))
     with pytest.raises(InputError, match="give longitude and latitude, or none of them"):
         build(str(path))
+
+
+def test_variables_of_any_name_are_named_for_a_run(folder: Path) -> None:
+    """Each file takes the names that it holds; one with names of its own keeps them."""
+    with xr.open_dataset(folder / "currents.nc") as ds:
+        bare = ds.rename(u="a", v="b").load()
+    for name in ("a", "b"):
+        bare[name].attrs = {"units": "m s-1"}
+    (folder / "currents.nc").unlink()
+    bare.to_netcdf(folder / "currents.nc")
+    with xr.open_dataset(folder / "sea_level.nc") as ds:
+        level = ds.rename(zos="c").load()
+    level["c"].attrs = {"units": "m"}
+    (folder / "sea_level.nc").unlink()
+    level.to_netcdf(folder / "sea_level.nc")
+    path = folder / "files.yaml"
+    path.write_text(EXPERIMENT.replace("sea_level.nc", "{file: sea_level.nc, names: {ssh: c}}"))
+    with pytest.raises(ForcingError, match="--names uo=u,vo=v"):
+        build(str(path))
+    model, _ = build(str(path), Options(files=named_files(str(path), "uo=a,vo=b", None)))
+    e = model.elements
+    model.forcing.grid.locate(e)
+    model.forcing.sample(e, 0.0)
+    np.testing.assert_allclose(e.uo, 0.1 + 0.01 * (e.lon + 39.0) + 0.05 * 13 / 12, atol=2e-6)
+    assert abs(e.slope_y).min() > 0.0
+    result = CliRunner().invoke(
+        app, ["run", str(path), "--names", "uo=a,vo=b", "-o", str(folder / "out"), "-q", "--no-map"]
+    )
+    assert result.exit_code == 0, result.output
+    for words, names in (("no file has a variable 'aa'", "uo=aa,vo=b"), ("the forcing has no files", "uo=a")):
+        experiment = str(path) if "aa" in names else "a68a"
+        result = CliRunner().invoke(app, ["run", experiment, "--names", names, "-o", str(folder / "no"), "-q"])
+        assert result.exit_code == 2
+        assert words in result.output

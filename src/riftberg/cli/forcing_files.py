@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 import typer
 
-from riftberg.cli.options import Quiet, dates, pair, positive, results_folder
+from riftberg.cli.options import Names, Quiet, dates, pair, positive, results_folder
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError, RiftbergError, nearest
 
@@ -49,14 +49,7 @@ def doctor(
     product: Annotated[
         str | None, typer.Option("--product", help="Name of the product, instead of recognising it.")
     ] = None,
-    names: Annotated[
-        str | None,
-        typer.Option(
-            "--names",
-            metavar="QUANTITY=VARIABLE,...",
-            help="Variables of the files by quantity or coordinate, such as uo=u,vo=v; each file takes those that it holds.",
-        ),
-    ] = None,
+    names: Names = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Identify forcing files, check that they are sufficient for an experiment, list what is missing."""
@@ -130,6 +123,23 @@ def _as_named(files: Sequence[str], product: str | None, names: str | None) -> t
         raise InputError(f"no file has a variable {min(missing)!r}", where="--names", remedy=remedy)
     own = {file: {key: name for key, name in asked.items() if name in held[file]} for file in files}
     return files, {file: choice_of(product, own[file], where="--names") for file in files}
+
+
+def named_files(experiment: str, names: str, data: Path | None) -> tuple[Any, ...]:
+    """Return the files of an experiment with the variables that are named; a product or names of its own stay."""
+    from riftberg.experiments.yaml_file import read_file
+    from riftberg.ocean.files_schema import FileForcing
+
+    forcing = read_file(Path(experiment))[0].forcing if experiment.endswith(_YAML) else None
+    if not isinstance(forcing, FileForcing):
+        raise InputError(
+            "the forcing has no files", where="--names", remedy="It is for experiment files with kind: files"
+        )
+    folder = data or Path(experiment).parent
+    known = {str(folder / entry.file): entry.choice for entry in forcing.entries if entry.product or entry.names}
+    free = [str(folder / entry.file) for entry in forcing.entries if str(folder / entry.file) not in known]
+    files, choices = _as_named(free, None, names)
+    return _entries([*known, *files], known | choices)
 
 
 def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str]]:
