@@ -11,8 +11,8 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg.cli.forcing_files import named_files
 from riftberg.cli.main import app
+from riftberg.cli.names import named_files
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.ocean.files_forcing import ModelGrid, Run

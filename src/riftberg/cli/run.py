@@ -121,7 +121,7 @@ def run(
     with allow_large(large):
         options = make_options(settings, days, data, without, numerics, fetch, grid)
         if names is not None:
-            from riftberg.cli.forcing_files import named_files
+            from riftberg.cli.names import named_files
 
             options = replace(options, files=named_files(experiment, names, data))
         positive(every, "--every", "hours", most=1e6)
