@@ -54,6 +54,7 @@ def named_files(experiment: str, names: str, data: Path | None) -> tuple[Any, ..
 
 
 def entries_of(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any, ...]:
+    """Return files as an experiment has them, each with its product or names."""
     from riftberg.ocean.files_schema import NamedFiles
 
     # A product that is not known is refused where the files are opened, as in a run.
