@@ -70,7 +70,7 @@ def test_lists_arrays_and_texts_in_python() -> None:
         (["stepping.substeps=1..2:3"], "no whole numbers"),
         (["fracture.enabled=0..1:2"], "a range of what is no number"),
         (["grounding.law=linear,cubic"], "'cubic' is not possible"),
-        (["stepping.fixed_velocity=1,2"], "holds several numbers"),
+        (["stepping.fixed_velocity=1,2"], "Allowed: 2 numbers"),
         (["fracture.normal_strength=14..24kPa:100000"], "this asks for 100000 members"),
         (["fracture.normal_strength=1..2:200", "fracture.shear_strength=1..2:200"], "this asks for 40000 members"),
         ({"fracture.normal_strength": 5.0}, "is no list of values"),

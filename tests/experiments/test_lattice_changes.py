@@ -64,8 +64,8 @@ def test_packing_and_size_of_a_file_can_be_changed_both_ways(path):
 
 
 @pytest.mark.parametrize(("setting", "message"), [
-    ("berg.thickness=300", "thickness"), ("berg.lattice_angl=3", "lattice_angle"), ("berg.offset=3,0", "offset"),
-    ("berg.radius=-1", "radius"), ("bergs.radius=1", "berg"),
+    ("berg.thicknes=300", "thickness"), ("berg.lattice_angl=3", "lattice_angle"), ("berg.offset=3,0", "offset"),
+    ("berg.radius=-1", "radius"), ("bergz.radius=1", "berg"),
 ])  # fmt: skip
 def test_what_is_no_key_of_a_lattice_is_refused_by_name(setting, message):
     with pytest.raises(InputError, match=message):

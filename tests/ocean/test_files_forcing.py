@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from typer.testing import CliRunner
 
+from riftberg.cli.main import app
+from riftberg.cli.names import named_files
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.ocean.files_forcing import ModelGrid, Run
@@ -399,3 +403,66 @@ def test_a_model_grid_too_large_is_refused_before_it_is_made(spacing: float, eve
     )
     with pytest.raises(ForcingError, match=words):
         ModelGrid.of(asked, [], Run.of(datetime(2020, 12, 16), 1.0, np.array([200.0]), 850.0))
+
+
+def test_a_box_that_is_not_given_reaches_as_far_as_the_fastest_current(folder: Path) -> None:
+    """Files alone, in one line: the run is that of the box around all, and a notice says which box was taken."""
+    head = EXPERIMENT.partition("forcing:")[0]
+    files = "[currents.nc, sea_level.nc, wind.nc, floor.nc]"
+    given, chosen = folder / "given.yaml", folder / "chosen.yaml"
+    given.write_text(f"{head}forcing: {{kind: files, files: {files}, longitude: [-43, -35], latitude: [-59, -52]}}\n")
+    chosen.write_text(f"{head}forcing: {files}\n")
+    one, other = (build(str(path)) for path in (given, chosen))
+    for model, info in (one, other):
+        model.advance(info.days)
+    np.testing.assert_array_equal(one[0].elements.lon, other[0].elements.lon)
+    (notice,) = [text for text in other[1].notices if "files are read from" in text]
+    # About 0.3 m/s to the east and 0.06 m/s to the north, half a day, and 50 km.
+    assert "the fastest current there, 0.3 m/s, carries a berg in 0.5 days" in notice
+    south, north, west, east = map(float, re.findall(r"([\d.]+) [SW]", notice))
+    assert 55.9 < south < 56.2
+    assert 54.8 < north < 55.05
+    assert 39.9 < west < 40.4
+    assert 37.6 < east < 38.1
+    assert not any("files are read from" in text for text in one[1].notices)
+
+
+def test_half_a_box_is_refused(folder: Path) -> None:
+    path = folder / "files.yaml"
+    path.write_text(EXPERIMENT.replace("  latitude: [-57, -54]\n", ""))
+    with pytest.raises(InputError, match="give longitude and latitude, or none of them"):
+        build(str(path))
+
+
+def test_variables_of_any_name_are_named_for_a_run(folder: Path) -> None:
+    """Each file takes the names that it holds; one with names of its own keeps them."""
+    with xr.open_dataset(folder / "currents.nc") as ds:
+        bare = ds.rename(u="a", v="b").load()
+    for name in ("a", "b"):
+        bare[name].attrs = {"units": "m s-1"}
+    (folder / "currents.nc").unlink()
+    bare.to_netcdf(folder / "currents.nc")
+    with xr.open_dataset(folder / "sea_level.nc") as ds:
+        level = ds.rename(zos="c").load()
+    level["c"].attrs = {"units": "m"}
+    (folder / "sea_level.nc").unlink()
+    level.to_netcdf(folder / "sea_level.nc")
+    path = folder / "files.yaml"
+    path.write_text(EXPERIMENT.replace("sea_level.nc", "{file: sea_level.nc, names: {ssh: c}}"))
+    with pytest.raises(ForcingError, match="--names uo=u,vo=v"):
+        build(str(path))
+    model, _ = build(str(path), Options(files=named_files(str(path), "uo=a,vo=b", None)))
+    e = model.elements
+    model.forcing.grid.locate(e)
+    model.forcing.sample(e, 0.0)
+    np.testing.assert_allclose(e.uo, 0.1 + 0.01 * (e.lon + 39.0) + 0.05 * 13 / 12, atol=2e-6)
+    assert abs(e.slope_y).min() > 0.0
+    result = CliRunner().invoke(
+        app, ["run", str(path), "--names", "uo=a,vo=b", "-o", str(folder / "out"), "-q", "--no-map"]
+    )
+    assert result.exit_code == 0, result.output
+    for words, names in (("no file has a variable 'aa'", "uo=aa,vo=b"), ("the forcing has no files", "uo=a")):
+        experiment = str(path) if "aa" in names else "a68a"
+        result = CliRunner().invoke(app, ["run", experiment, "--names", names, "-o", str(folder / "no"), "-q"])
+        assert result.exit_code == 2
+        assert words in result.output

@@ -101,6 +101,8 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
 
 def _opened(run: Path) -> xr.Dataset:
     """Return a run, or a member of a sweep."""
+    import numpy as np
+
     from riftberg.ensembles.result import open_sweep
     from riftberg.runs.run_file import open_run
 
@@ -111,7 +113,12 @@ def _opened(run: Path) -> xr.Dataset:
     if member[1] not in sweep["member"].values:
         count = sweep.sizes["member"]
         raise InputError(f"no member {member[1]}", where=str(run), remedy=f"It has {count}, counted from 0")
-    return sweep.sel(member=member[1])
+    one = sweep.sel(member=member[1])
+    if "start" in sweep.coords:  # times are those of member 0
+        one["time"] = one["time"] + (
+            np.datetime64(str(one["start"].item())) - np.datetime64(str(sweep["start"].values[0]))
+        )
+    return one
 
 
 def _known(first: xr.Dataset, observed: Path | None) -> Known:

@@ -6,14 +6,15 @@ import json
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 import typer
 
-from riftberg.cli.options import Quiet, dates, pair, positive, results_folder
+from riftberg.cli.names import as_named, entries_of
+from riftberg.cli.options import Names, Quiet, dates, pair, positive, results_folder
 from riftberg.cli.terminal import reported
-from riftberg.errors import InputError, RiftbergError, nearest
+from riftberg.errors import InputError, RiftbergError
 
 if TYPE_CHECKING:
     from riftberg.products.registry import Choice
@@ -49,14 +50,7 @@ def doctor(
     product: Annotated[
         str | None, typer.Option("--product", help="Name of the product, instead of recognising it.")
     ] = None,
-    names: Annotated[
-        str | None,
-        typer.Option(
-            "--names",
-            metavar="QUANTITY=VARIABLE,...",
-            help="Variables of the files by quantity or coordinate, such as uo=u,vo=v; each file takes those that it holds.",
-        ),
-    ] = None,
+    names: Names = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Identify forcing files, check that they are sufficient for an experiment, list what is missing."""
@@ -68,7 +62,7 @@ def doctor(
         remedy = asked.remedy or "riftberg doctor 'data/*.nc', or --for my.yaml"
         raise InputError("no files were named", where="FILES", remedy=remedy)
     box, days = (pair(lon, "--lon") or asked.lon, pair(lat, "--lat") or asked.lat), dates(time) or asked.time
-    named, choices = _as_named(files or (), product, names)
+    named, choices = as_named(files or (), product, names)
     report = examine(
         named or asked.files, lon=box[0], lat=box[1], time=days,
         needed=[*(name for name in NEEDED if name not in asked.spared), *(need or ())],
@@ -108,49 +102,18 @@ class Asked(NamedTuple):
 _YAML = (".yaml", ".yml")
 
 
-def _as_named(files: Sequence[str], product: str | None, names: str | None) -> tuple[Sequence[str], dict[str, Choice]]:
-    """Return the files that patterns name, and for each the product and those of the names that it holds."""
-    if not names:
-        return files, dict.fromkeys(files, product)
-    from riftberg.products.reading import open_raw
-    from riftberg.products.registry import choice_of, expand
-
-    if not files:
-        raise InputError(
-            "no files were named", where="--names", remedy="Name them in the experiment file: names: {uo: u}"
-        )
-    pairs = [part.partition("=") for part in names.split(",")]
-    asked = {key.strip(): name.strip() for key, _, name in pairs}
-    choice_of(None, asked, where="--names")
-    files = expand(files)
-    held = {file: set(map(str, open_raw(file, chunked=False).variables)) for file in files}
-    if missing := set(asked.values()) - set().union(*held.values()):
-        everything = sorted(set().union(*held.values()))
-        remedy = f"{nearest(min(missing), everything)}They hold {', '.join(everything)}"
-        raise InputError(f"no file has a variable {min(missing)!r}", where="--names", remedy=remedy)
-    own = {file: {key: name for key, name in asked.items() if name in held[file]} for file in files}
-    return files, {file: choice_of(product, own[file], where="--names") for file in files}
-
-
 def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str]]:
     """Return why a run of an experiment does not start, and what would be assumed, as ``riftberg run`` has it."""
     from riftberg.cli.run import check_start, notices_of
     from riftberg.experiments import Options, build
 
-    options = Options(files=_entries(files, choices))
+    options = Options(files=entries_of(files, choices))
     try:
         model, info = build(experiment, options)
         check_start(model, info.days, info.output_every_hours)
     except RiftbergError as error:
         return str(error), []
     return "", notices_of(info, model, options, info.output_every_hours)
-
-
-def _entries(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any, ...]:
-    from riftberg.ocean.files_schema import NamedFiles
-
-    # A product that is not known is refused where the files are opened, as in a run.
-    return tuple(NamedFiles.chosen(str(Path(file).absolute()), choices[file]) for file in files)
 
 
 def _served(
@@ -164,7 +127,7 @@ def _served(
     from riftberg.ocean.files_schema import FileForcing
     from riftberg.parameters import Ice
 
-    entries = list(_entries(files, choices))
+    entries = list(entries_of(files, choices))
     settings = FileForcing(kind="files", files=["any"], longitude=box[0], latitude=box[1])
     first, last = (datetime.fromisoformat(day) for day in days)
     asked = Run(first, last, np.array([200.0]), Ice().density)
@@ -239,9 +202,17 @@ def _path_of_run(run: Path | None) -> list[tuple[float, float]] | None:
 PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")
 
 
+POSITIONS = ("byu", "usnic")
+
+
 @reported
 def fetch(
-    what: Annotated[str, typer.Argument(help=f"a68a (inputs of the published run, 1.3 GB), or {', '.join(PRODUCTS)}.")],
+    what: Annotated[
+        str,
+        typer.Argument(
+            help=f"a68a (inputs of the published run, 1.3 GB), {', '.join(PRODUCTS)}, or positions of bergs: byu, usnic."
+        ),
+    ],
     folder: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder.  [default: riftberg-data/NAME]")
     ] = None,
@@ -271,6 +242,13 @@ def fetch(
 
         with results_folder(folder):
             paths = fetch_a68a(folder, hourly=() if small else HOURLY, progress=not quiet)
+    elif what in POSITIONS:
+        from riftberg.fetching.positions import SOURCES, fetch_positions
+
+        with results_folder(folder):
+            paths = fetch_positions(what, folder, progress=not quiet)
+        typer.echo(f"{SOURCES[what].title}: {len(paths)} tables in {folder}; 'riftberg new BERG --date DAY' reads them")
+        return
     elif what in PRODUCTS:
         from riftberg.fetching.services import fetch_product
 
@@ -285,6 +263,8 @@ def fetch(
         with results_folder(folder):
             paths = fetch_product(what, folder, *box, span, fields=chosen, depth=depth, progress=not quiet)  # type: ignore[arg-type]
     else:
-        raise InputError(f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join(PRODUCTS)}")
+        raise InputError(
+            f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join((*PRODUCTS, *POSITIONS))}"
+        )
     for path in paths:
         typer.echo(path)

@@ -20,6 +20,7 @@ from riftberg.version import __version__
 
 SUMMARIES: Final = {
     "run": "Run an experiment and write run.nc, summary.json and map.png.",
+    "new": "Write an experiment file for a named berg: place, size, products to fetch.",
     "rerun": "Repeat a run from the experiment file that it keeps, with other parameters or another length.",
     "sweep": "Run an ensemble: an experiment for every combination of parameter values, collected in one result.",
     "forecast": "Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs.",

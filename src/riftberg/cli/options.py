@@ -43,6 +43,13 @@ NumericsName = Annotated[
         "[default: own; reference for a68a-paper]",
     ),
 ]
+Names = Annotated[
+    str | None,
+    typer.Option(
+        "--names", metavar="QUANTITY=VARIABLE,...",
+        help="Variables of the files by quantity or coordinate, such as uo=u,vo=v; each file takes those that it holds.",
+    ),
+]  # fmt: skip
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 Members = Annotated[
     int | None,

@@ -16,6 +16,7 @@ import typer
 from riftberg.cli.options import (
     Data,
     Days,
+    Names,
     NumericsName,
     Quiet,
     Settings,
@@ -81,6 +82,7 @@ def run(
             help="Interpolate data files to a grid with cells of this width (degrees).  [default: their own grids]",
         ),
     ] = None,
+    names: Names = None,
     every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
     forces: Annotated[
         bool, typer.Option("--forces", help="Write the mean force of each medium between records.")
@@ -118,6 +120,10 @@ def run(
     """Run an experiment and write run.nc, summary.json and map.png."""
     with allow_large(large):
         options = make_options(settings, days, data, without, numerics, fetch, grid)
+        if names is not None:
+            from riftberg.cli.names import named_files
+
+            options = replace(options, files=named_files(experiment, names, data))
         positive(every, "--every", "hours", most=1e6)
         positive(keep_days, "--keep-days", "days", most=1e6)
         within(keep_minutes, "--keep-minutes", 0.0, 1e6)

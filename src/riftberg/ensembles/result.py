@@ -97,8 +97,12 @@ def dataset_of(
     if members and SEED in members[0] and variable_name(SEED) not in ds.coords:
         seeds = np.array([member[SEED] for member in members], dtype=np.int64)
         ds.coords[variable_name(SEED)] = ("member", seeds, {"long_name": "seed of the random fields of the member"})
-    _add_ends(ds, outcomes, count, start, means)
-    _add_fragments(ds, outcomes, listed, start, latlon)
+    later = np.zeros(count)
+    if "start" in ds.coords:
+        later = np.array([(datetime.fromisoformat(str(member["start"])) - start).total_seconds() for member in members])
+        ds["time"].attrs["comment"] = "dates of member 0; other members are as long after their own start"
+    _add_ends(ds, outcomes, later, start, means)
+    _add_fragments(ds, outcomes, listed, later, start, latlon)
     _add_tracks(ds, outcomes, listed, times, latlon)
     return ds
 
@@ -120,8 +124,10 @@ def variable_name(name: str) -> str:
 
 
 def _add_ends(
-    ds: xr.Dataset, outcomes: Mapping[int, Outcome], count: int, start: datetime, wanted: Sequence[str]
+    ds: xr.Dataset, outcomes: Mapping[int, Outcome], later: Floats, start: datetime, wanted: Sequence[str]
 ) -> None:
+    """Add how the members ended; ``later``: how much later than the first each begins, s."""
+    count = later.size
     status = np.full(count, STATUS["waiting"], dtype="i4")
     message = np.full(count, "", dtype=object)
     means = [name for name in MEANS if name in wanted or any(name in o.totals for o in outcomes.values())]
@@ -135,6 +141,8 @@ def _add_ends(
         rows = zip(outcome.fragments.get("birth_time", ()), outcome.fragments.get("parent", ()), strict=True)
         born = sorted(time for time, parent in rows if parent > 0)[:2]
         births[: len(born), number] = born
+    births += later
+    values["first_aground"] += later
     flags = {"flag_values": np.array(list(STATUS.values()), dtype="i4"), "flag_meanings": " ".join(STATUS)}
     ds["status"] = ("member", status, {"long_name": "how the member ended", **flags})
     ds["message"] = ("member", message, {"long_name": "why the member failed"})
@@ -171,8 +179,9 @@ def _place(latlon: bool) -> dict[str, tuple[str, dict[str, str]]]:
 
 
 def _add_fragments(
-    ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], start: datetime, latlon: bool
-) -> None:
+    ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], later: Floats, start: datetime,
+    latlon: bool,
+) -> None:  # fmt: skip
     shape = ds.sizes["member"], ds.sizes["fragment"]
     table = {name: np.full(shape, np.nan) for name in FRAGMENT}
     for number, outcome in outcomes.items():
@@ -184,7 +193,7 @@ def _add_fragments(
     for name, (unit, meaning) in _ABOUT.items():
         ds[f"fragment_{name}"] = (dims, table[name], {"units": unit, "long_name": meaning})
     birth = {"long_name": "time at which the fragment broke off; the start for a berg that was there"}
-    ds["fragment_birth_time"] = (dims, _dates(table["birth_time"], start), birth)
+    ds["fragment_birth_time"] = (dims, _dates(table["birth_time"] + later[:, None], start), birth)
     for name, (shown, about) in _place(latlon).items():
         ds[f"fragment_{shown}"] = (dims, table[name], {**about, "long_name": f"{about['long_name']} at birth"})
 

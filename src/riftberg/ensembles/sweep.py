@@ -22,8 +22,9 @@ from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of
 from riftberg.errors import InputError
-from riftberg.experiments.changes import BERG, changed
+from riftberg.experiments.changes import changed
 from riftberg.experiments.registry import Options
+from riftberg.parameters import Parameters
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.progress import SweepBar
 from riftberg.system.atomic_files import only_writer, replacing, write_text
@@ -257,7 +258,7 @@ def planned(
         # What the experiment sets itself, such as the packing of its bonds, cannot be varied.
         for model, values in ((first, members[0]), (last, members[-1])):
             for group, inner in grouped(values).items():
-                for key, value in inner.items() if group != BERG else ():
+                for key, value in inner.items() if group in Parameters.model_fields else ():
                     taken = getattr(getattr(model.parameters, group), key)
                     if taken != value and value:  # 0 and none mean: find it
                         raise InputError(

@@ -5,21 +5,13 @@ These are keys of `--vary` like the parameters, and hold for any experiment: the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
-from riftberg.bergs.bonding import Metric, separations
-from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.placement import turned
 from riftberg.config.sections import Section, key
 from riftberg.errors import InputError
+from riftberg.experiments.start import started
 from riftberg.ocean.errors import Errors, FieldError, UncertainForcing
-from riftberg.plane import EqualAreaPlane
-from riftberg.state import copy_state
 
 if TYPE_CHECKING:
     from riftberg.runs.model import Model
@@ -37,16 +29,18 @@ class Start(Section):
 
 
 class CurrentError(Section):
-    """Random error of the sea level with the current that balances it."""
+    """Error of the current: a factor, and a random error of the sea level with the current that balances it."""
 
+    scale: float = key(1.0, "1", "factor on the current and the slope of the sea surface everywhere", ge=0, le=10)
     speed: float = key(0.0, "m s-1", "standard deviation of each component of the current's error", ge=0, le=10)
     length: float = key(50e3, "m", "length L of the correlation exp(-r2 / 2 L2) of the level's error", gt=0, le=1e7)
     time: float = key(3 * 86400.0, "s", "time T of the correlation exp(-t / T)", gt=0, le=1e9)
 
 
 class WindError(Section):
-    """Random error of the wind, without divergence."""
+    """Error of the wind: a factor, and a random error without divergence."""
 
+    scale: float = key(1.0, "1", "factor on the wind everywhere", ge=0, le=10)
     speed: float = key(0.0, "m s-1", "standard deviation of each component of the wind's error", ge=0, le=100)
     length: float = key(300e3, "m", "length L of the correlation exp(-r2 / 2 L2) of the stream function", gt=0, le=1e7)
     time: float = key(86400.0, "s", "time T of the correlation exp(-t / T)", gt=0, le=1e9)
@@ -78,7 +72,7 @@ SEED: Final = "errors.seed"
 
 def is_uncertain(name: str) -> bool:
     """Whether a name is one of these, and no parameter."""
-    return name.partition(".")[0] in UNCERTAIN
+    return "." in name and name.partition(".")[0] in UNCERTAIN  # ``start`` alone is the date in an experiment file
 
 
 def has_fields(names: Any) -> bool:
@@ -96,16 +90,16 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
     if not keys:
         return model
     sections: dict[str, Any] = {group: kind(**keys.get(group, {})) for group, kind in UNCERTAIN.items()}
-    started = _started(model, sections["start"])
+    begun = _started(model, sections["start"])
     errors = _errors(sections)
     if errors != Errors(seed=errors.seed):
         earth = model.parameters.earth
         plane = earth.f_plane or not earth.latlon
-        started.forcing = UncertainForcing(
-            started.forcing, errors, started.elements, latlon=earth.latlon,
+        begun.forcing = UncertainForcing(
+            begun.forcing, errors, begun.elements, latlon=earth.latlon,
             latitude=earth.reference_latitude if plane else None,
         )  # fmt: skip
-    return started
+    return begun
 
 
 def _errors(sections: Mapping[str, Any]) -> Errors:
@@ -114,7 +108,8 @@ def _errors(sections: Mapping[str, Any]) -> Errors:
         current=FieldError(c.speed, c.length, c.time) if c.speed > 0.0 else None,
         wind=FieldError(w.speed, w.length, w.time) if w.speed > 0.0 else None,
         floor=FieldError(1.0, f.length) if f.spread > 0.0 or f.share > 0.0 else None,
-        floor_offset=f.offset, floor_scale=f.scale, floor_spread=f.spread, floor_share=f.share, seed=sections["errors"].seed,
+        floor_offset=f.offset, floor_scale=f.scale, floor_spread=f.spread, floor_share=f.share,
+        current_scale=c.scale, wind_scale=w.scale, seed=sections["errors"].seed,
     )  # fmt: skip
 
 
@@ -126,46 +121,7 @@ def _started(model: Model, start: Start) -> Model:
         raise InputError(
             "melt of a berg whose size is varied is not possible", where="start.size", remedy="Vary start.thickness"
         )
-    p = model.parameters
-    e, bonds = copy_state(model.elements, model.bonds)
-    metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
-    first, second = bonds.first, bonds.second
-
-    def lengths() -> Any:
-        return np.hypot(*separations(metric, e.lon[first], e.lat[first], e.lon[second], e.lat[second]))
-
-    before, share = lengths(), e.mass / e.mass.sum()
-    lon0, lat0 = float(share @ e.lon), float(share @ e.lat)
-    here = EqualAreaPlane(lon0, lat0, p.earth.radius, p.earth.latlon)
-    # A step of some kilometres on the plane of the old place gives the new point of contact.
-    lon1, lat1 = (float(a[0]) for a in here.inverse(np.array([start.east]), np.array([start.north])))
-    there = replace(here, lon0=lon1, lat0=lat1)
-
-    def moved(lon: Any, lat: Any) -> tuple[Any, Any]:
-        x, y = turned(*here.forward(lon, lat), start.turn)
-        return there.inverse(start.size * x, start.size * y)
-
-    e.lon[:], e.lat[:] = moved(e.lon, e.lat)
-    e.lon_pair[:], e.lat_pair[:] = e.lon, e.lat
-    if bonds.bond_length.size:
-        # Strains stay as they were: rest lengths follow the distances.
-        bonds.bond_length[:] *= lengths() / before
-    e.length[:] *= start.size
-    e.width[:] *= start.size
-    e.thickness[:] *= start.thickness
-    e.mass[:] *= start.thickness * start.size**2
-    bonds.strength[:] *= start.strength
-    outlines = tuple(_moved_outline(polygon, moved) for polygon in model.outlines)
-    berg = Iceberg(
-        e, bonds, p.bonds.packing, math.sqrt(float(e.length[0] * e.width[0])) / 2.0, latlon=p.earth.latlon,
-        earth_radius=p.earth.radius, bergs=model.fragments.bergs, outlines=outlines,
+    return started(
+        model, east=start.east, north=start.north, turn=start.turn, size=start.size, thickness=start.thickness,
+        strength=start.strength,
     )  # fmt: skip
-    again = type(model)(berg, model.forcing, p, model.start)
-    again.after_step = model.after_step
-    return again
-
-
-def _moved_outline(polygon: Any, moved: Any) -> Any:
-    import shapely
-
-    return shapely.transform(polygon, lambda points: np.column_stack(moved(points[:, 0], points[:, 1])))

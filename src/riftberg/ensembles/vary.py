@@ -25,7 +25,7 @@ from riftberg.ensembles.distributions import (
 )
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain
 from riftberg.errors import InputError
-from riftberg.experiments.changes import SETTABLE, find_field
+from riftberg.experiments.changes import SETTABLE, file_value, find_field, is_of_file
 from riftberg.parameters import group_now
 from riftberg.system.input_files import check_file, reading, value_shown
 from riftberg.system.limits import refuse_large
@@ -112,6 +112,8 @@ def _free(name: str, values: Any, where: str) -> Varied:
 
 def _of_parameter(name: str, values: Any, where: str) -> Varied:
     group, dot, key = name.partition(".")
+    if is_of_file(name):
+        return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
     settable = {**SETTABLE, **UNCERTAIN}
@@ -121,10 +123,34 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
     if isinstance(values, str) and values.startswith("~"):
         return _drawn(f"{group}.{key}", values[1:], field, settable[group], where)
     if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
-        raise InputError("this parameter holds several numbers", where=where, remedy="Vary it in Python, or by --set")
+        values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
     plain = [given(value, settable[group], key, where=where) for value in several]
     return Varied(f"{group}.{key}", _distinct(plain, where), unit_of(field), field.description or "")
+
+
+def _of_file(values: Any, where: str) -> list[Any]:
+    """Read values of a key of the experiment file: a range, or a list with commas, in which lists stand in brackets."""
+    if not isinstance(values, str):
+        return _listed(values, where)
+    if values.startswith("~"):
+        raise InputError(
+            "a distribution of a key of the experiment file", where=where,
+            remedy="Draw parameters, start, current_error and the like; of others give values",
+        )  # fmt: skip
+    bounds = _RANGE.match(values)
+    if bounds is None:
+        parts = [part.strip() for part in re.split(r",(?![^\[{]*[\]}])", values)]
+        return [file_value(part, where) for part in with_unit_of_last(parts, where)]
+    low, high, count = bounds.groups()
+    unit = re.sub(r"^[-+.\deE]+\s*", "", high)
+    if count is None or not count.strip().isdigit() or not 2 <= int(count) <= MOST_MEMBERS:
+        raise InputError(
+            "does not say how many values", where=where, remedy=f"Write the number, 2 or more: {low}..{high}:11"
+        )
+    first, last = (number(end.removesuffix(unit).strip(), "1", where=where) for end in (low, high))
+    spaced = np.linspace(first, last, int(count)).tolist()
+    return [f"{value:.12g} {unit}" if unit else value for value in spaced]
 
 
 def _drawn(name: str, text: str, field: FieldInfo, section: Any, where: str) -> Varied:

@@ -47,4 +47,20 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
     if options.fetch and not entry.fetches:
         with_files = ", ".join(other.name for other in EXPERIMENTS if other.fetches)
         raise InputError(f"{name} needs no files", where="--fetch", remedy=f"Leave it out; {with_files} need files")
-    return entry.load()(options)
+    from riftberg.experiments.changes import BERG, is_of_file  # the list of experiments does without NumPy
+
+    for group, inner in options.changes.items():
+        for key in inner:
+            path = f"{group}.{key}" if key else group
+            if is_of_file(path):
+                raise InputError(
+                    f"{name} has no experiment file with this key", where=path,
+                    remedy="Its parameters can be changed, and thickness, placement, rotation, shift, velocity and spin of berg",
+                )  # fmt: skip
+    model, info = entry.load()(options)
+    berg = {key: value for key, value in options.changes.get(BERG, {}).items() if key not in options.lattice}
+    if berg:
+        from riftberg.experiments.start import with_berg
+
+        model = with_berg(model, berg)
+    return model, info

@@ -2,25 +2,77 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from pydantic.fields import FieldInfo
 
-from riftberg.bergs.keys import LatticeKeys
+from riftberg.bergs.keys import BergKeys
 from riftberg.config.values import fields_of, given
 from riftberg.errors import InputError, nearest, together
 from riftberg.parameters import A68A_2022_KID, Parameters, group_now
+from riftberg.system.input_files import value_shown
 
 Changes = dict[str, dict[str, Any]]
 
 BERG: Final = "berg"
-"""Group of what may be changed of the lattice of an experiment's berg; all others are groups of parameters."""
+"""Group of what may be changed of an experiment's berg; all others are groups of parameters."""
 
 SETTABLE: Final[dict[str, Any]] = {
-    **{name: field.annotation for name, field in Parameters.model_fields.items()}, BERG: LatticeKeys
+    **{name: field.annotation for name, field in Parameters.model_fields.items()}, BERG: BergKeys
 }  # fmt: skip
 """Section of each group that ``--set`` and ``--vary`` know."""
+
+
+def is_of_file(name: str) -> bool:
+    """Whether a name is a path in an experiment file, such as ``forcing.eddy.speed`` or ``start``, and no parameter."""
+    group, _, key = name.partition(".")
+    return name == "start" or (group in ("bergs", "forcing") and bool(key)) or (group == BERG and "." in key)
+
+
+def file_value(text: str, where: str) -> Any:
+    """Return a value as an experiment file has it: a number, a text with a unit, a date as text, a list."""
+    import yaml
+
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{value_shown(text)} is no value of an experiment file", where=where) from error
+    return value if isinstance(value, bool | int | float | list | dict) else text
+
+
+def changed_document(values: dict[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return what an experiment file says with changes of its keys made; ``berg`` means each of several bergs."""
+    values = copy.deepcopy(values)
+    for group, inner in changes.items():
+        if group in Parameters.model_fields:
+            continue
+        for key, value in inner.items():
+            path = [group, *key.split(".")] if key else [group]
+            several = group == BERG and BERG not in values and isinstance(values.get("bergs"), list)
+            for at in [["bergs", k, *path[1:]] for k in range(len(values["bergs"]))] if several else [path]:
+                _put(values, at, value)
+    return values
+
+
+def _put(values: Any, path: list[Any], value: Any) -> None:
+    *way, last = path
+    inside = values
+    for part in way:
+        inside = inside[0] if isinstance(inside, list) and len(inside) == 1 and not str(part).isdigit() else inside
+        try:
+            inside = inside[int(part) if isinstance(inside, list) else part]
+        except (KeyError, IndexError, ValueError, TypeError) as error:
+            named = ".".join(map(str, path))
+            raise InputError(
+                f"the experiment file has no {part!r} there", where=named, remedy="Write the section first"
+            ) from error
+    inside = inside[0] if isinstance(inside, list) and len(inside) == 1 and not str(last).isdigit() else inside
+    try:
+        inside[int(last) if isinstance(inside, list) else last] = value
+    except (TypeError, ValueError, IndexError) as error:
+        raise InputError("no section that has keys stands there", where=".".join(map(str, path))) from error
 
 
 def parse_settings(settings: Iterable[str]) -> Changes:
@@ -42,6 +94,8 @@ def _parsed(setting: str) -> tuple[str, str, Any]:
     """Return group, name and value of a setting."""
     key, equals, text = setting.partition("=")
     group, dot, name = key.strip().partition(".")
+    if equals and is_of_file(key.strip()):
+        return group, name, file_value(text.strip(), f"--set {setting}")
     group = group_now(group, name)
     if not equals or not dot:
         raise InputError(
@@ -75,7 +129,9 @@ def find_field(group: str, name: str, *, where: str, settable: Mapping[str, Any]
 def changed(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]], *, where: str = "--set") -> Parameters:
     """Return parameters with changes made, or explain which is impossible."""
     try:
-        return parameters.changed(**{group: dict(values) for group, values in changes.items() if group != BERG})
+        return parameters.changed(
+            **{group: dict(values) for group, values in changes.items() if group in Parameters.model_fields}
+        )
     except InputError as error:
         named = f"{error.where} = " if error.where and error.where != where else ""
         raise InputError(named + error.what, where=where, remedy=error.remedy) from error

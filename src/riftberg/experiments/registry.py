@@ -48,7 +48,9 @@ class Options:
     @property
     def lattice(self) -> Mapping[str, Any]:
         """Changes of the lattice of the berg, as `riftberg.bergs.keys.LatticeKeys` has them."""
-        return self.changes.get("berg", {})
+        from riftberg.bergs.keys import LatticeKeys
+
+        return {key: value for key, value in self.changes.get("berg", {}).items() if key in LatticeKeys.model_fields}
 
     def apply(self, parameters: Parameters) -> Parameters:
         """Return parameters with the changes made."""

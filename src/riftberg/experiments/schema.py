@@ -248,6 +248,13 @@ class Experiment(Section):
     forcing: Forcing
     parameters: dict[str, Any] = key({}, "", "groups of parameters, and optionally a preset")
 
+    @field_validator("forcing", mode="before")
+    @classmethod
+    def _files_alone(cls, forcing: Any) -> Any:
+        """Take a list of files, or one, for forcing of that kind."""
+        files = [forcing] if isinstance(forcing, str) else forcing
+        return {"kind": "files", "files": files} if isinstance(files, list) else forcing
+
     @field_validator("days")
     @classmethod
     def _kept_in_files(cls, days: float, info: ValidationInfo) -> float:

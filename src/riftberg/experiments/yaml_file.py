@@ -15,7 +15,7 @@ from riftberg.bergs.keys import FieldOfBergs
 from riftberg.bergs.report import lost_in_lattice
 from riftberg.config.values import Place, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest
-from riftberg.experiments.changes import reference_numerics
+from riftberg.experiments.changes import changed_document, reference_numerics
 from riftberg.experiments.document import Document
 from riftberg.experiments.registry import Info, Options, find
 from riftberg.experiments.schema import (
@@ -51,17 +51,15 @@ SMALLEST_SPHERE = 1e6
 """Radius (m) of the sphere below which it is a slip of units."""
 
 
-def read_file(path: Path, lattice: Mapping[str, Any] | None = None) -> tuple[Experiment, Parameters, Document]:
+def read_file(
+    path: Path, changes: Mapping[str, Mapping[str, Any]] | None = None
+) -> tuple[Experiment, Parameters, Document]:
     """Read and check an experiment file; all that is wrong with it is reported at once.
 
-    ``lattice``: keys of its bergs that are to be other ones (`riftberg.bergs.keys.LatticeKeys`).
+    ``changes``: keys of its sections that are to be other ones, by section and path in it; parameters are left alone.
     """
     document = Document(Path(path), ", ".join(Experiment.model_fields))
-    values = {"name": _name_of(path), **document.values}
-    if lattice and isinstance(values.get("berg"), dict):
-        values["berg"] = {**values["berg"], **lattice}
-    if lattice and isinstance(values.get("bergs"), list):
-        values["bergs"] = [{**berg, **lattice} if isinstance(berg, dict) else berg for berg in values["bergs"]]
+    values = changed_document({"name": _name_of(path), **document.values}, changes or {})
     faults: list[tuple[Place, InputError]] = []
     parameters, experiment = Parameters(), None
     try:
@@ -123,7 +121,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     """Build the experiment of a YAML file."""
     from riftberg.runs.model import Model
 
-    experiment, parameters, _ = read_file(path, options.lattice)
+    experiment, parameters, _ = read_file(path, options.changes)
     if options.numerics == "reference":
         parameters = reference_numerics(parameters)
     parameters = options.apply(parameters)
@@ -282,9 +280,11 @@ def build_forcing(
             forcing = forcing.model_copy(update={"spacing": options.grid})
         if options.files:
             forcing = forcing.model_copy(update={"files": list(options.files)})
+        place = berg.elements.place.lon, berg.elements.place.lat
         run = Run.of(
-            experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled
-        )
+            experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled,
+            place=place if parameters.earth.latlon else None,
+        )  # fmt: skip
         return forcing_from_files(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
         return Sum(forcing.parts)

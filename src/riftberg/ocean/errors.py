@@ -221,6 +221,8 @@ class Errors:
     current: FieldError | None = None
     wind: FieldError | None = None
     floor: FieldError | None = None  # Its spread is 1; the sizes are those below
+    current_scale: float = 1.0  # On the current and the slope that balances it
+    wind_scale: float = 1.0
     floor_offset: float = 0.0  # m
     floor_scale: float = 1.0
     floor_spread: float = 0.0  # Least standard deviation of the random depth, m
@@ -282,7 +284,9 @@ class UncertainForcing(DescribedForcing):
     def describe(self) -> str:
         """Return what the forcing is, and which errors lie on it."""
         e, parts = self.errors, []
-        for word, error in (("current", e.current), ("wind", e.wind)):
+        for word, error, factor in (("current", e.current, e.current_scale), ("wind", e.wind, e.wind_scale)):
+            if factor != 1.0:
+                parts.append(f"{factor:g} x {word}")
             if error is not None:
                 days = "steady" if math.isinf(error.time) else f"{error.time / 86400.0:g} days"
                 parts.append(f"{word} {error.spread:g} m/s, {error.length / 1e3:g} km, {days}")
@@ -300,6 +304,10 @@ class UncertainForcing(DescribedForcing):
         """Fill the environment of the elements, with the errors added."""
         self.forcing.sample(elements, time)
         e, lat = elements.environment, elements.place.lat
+        for array in (e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity):
+            array[:] *= self.errors.current_scale
+        for array in (e.ua, e.va):
+            array[:] *= self.errors.wind_scale
         x, y, scale = self.plane.forward(elements.place.lon, lat)
         if self._current is not None:
             u, v, turn = self._flow((x, y, scale), lat, time)
@@ -318,7 +326,7 @@ class UncertainForcing(DescribedForcing):
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at arrays of points."""
-        u, v = self.forcing.currents(lon, lat, time)
+        u, v = (self.errors.current_scale * a for a in self.forcing.currents(lon, lat, time))
         if self._current is None:
             return u, v
         shape = np.shape(lon)

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from riftberg.config.places import place_text
-from riftberg.constants import SECONDS_PER_DAY
+from riftberg.config.places import box_text, place_text
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
 from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, balance_of, product_part, served
@@ -62,11 +62,15 @@ class Run(NamedTuple):
     thickness: Floats
     ice_density: float
     melts: bool = False
+    place: tuple[Floats, Floats] | None = None  # Longitude and latitude of the elements, degrees
 
     @classmethod
-    def of(cls, start: datetime, days: float, thickness: Floats, ice_density: float, *, melts: bool = False) -> Run:
+    def of(
+        cls, start: datetime, days: float, thickness: Floats, ice_density: float, *, melts: bool = False,
+        place: tuple[Floats, Floats] | None = None,
+    ) -> Run:  # fmt: skip
         """Return what a run of some days asks for."""
-        return cls(start, start + timedelta(days=days), thickness, ice_density, melts)
+        return cls(start, start + timedelta(days=days), thickness, ice_density, melts, place)
 
     @property
     def drafts(self) -> Floats:
@@ -87,6 +91,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
             remedy="Give spacing too, or leave it out: each product keeps its own grid and dates",
         )  # fmt: skip
     opened = open_named(_paths(settings.entries, folder))
+    settings, chosen = _with_box(settings, opened, run)
     # What the run does not take is left out before any values are read.
     datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]
     if not any("uo" in ds for ds in datasets):
@@ -116,7 +121,48 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
         coastal_drift=settings.coastal_drift,
         grid=None if grid is None else grid.grid,
         balance=balance,
-        notices=(*_notices(datasets, settings), *_unused(opened, datasets, run)),
+        notices=(*chosen, *_notices(datasets, settings), *_unused(opened, datasets, run)),
+    )
+
+
+FASTEST = 2.0
+"""Speed (m s-1) of a current in whose box the fastest one is looked for."""
+
+SPARE = 50e3
+"""Margin (m) of a box that is chosen, beyond the way of the fastest current."""
+
+
+def _with_box(settings: FileForcing, opened: Sequence[xr.Dataset], run: Run) -> tuple[FileForcing, tuple[str, ...]]:
+    """Return settings with a box as far around the berg as the fastest current carries it, and a notice that says so."""
+    if settings.longitude is not None:
+        return settings, ()
+    if run.place is None:
+        raise ForcingError("no box", where="forcing", remedy="Give longitude and latitude")
+    lon, lat = run.place
+    seconds = (run.end - run.start).total_seconds()
+
+    def around(speed: float) -> FileForcing:
+        way = (speed * seconds + SPARE) / (DEGREE * EARTH_RADIUS_A68)
+        south, north = max(float(lat.min()) - way, -90.0), min(float(lat.max()) + way, 90.0)
+        across = way / max(math.cos(max(abs(south), abs(north)) * DEGREE), 0.05)
+        west, east = float(lon.min()) - across, float(lon.max()) + across
+        if east - west >= 360.0:
+            west, east = -180.0, 180.0
+        return settings.model_copy(update={"longitude": (west, east), "latitude": (south, north)})
+
+    fastest = 0.0
+    for ds in opened:
+        for near in _near(uppermost(ds, ["uo", "vo"]), around(FASTEST), run)[:1] if "uo" in ds and "vo" in ds else ():
+            count = near.sizes.get("time", 1)  # a few dates stand for all, which would take long to read
+            some = near.isel(time=np.unique(np.linspace(0, count - 1, 6).astype(int))) if "time" in near.dims else near
+            sizes = [float(abs(some[name]).max()) for name in ("uo", "vo")]
+            fastest = max(fastest, math.hypot(*(0.0 if math.isnan(size) else size for size in sizes)))
+    found = around(min(fastest, FASTEST) or FASTEST)
+    (west, east), (south, north) = ((round(low, 2), round(high, 2)) for low, high in found.box)
+    days = seconds / SECONDS_PER_DAY
+    return found, (
+        f"files are read from {box_text(west, east, south, north)}: as far as the fastest current there, {fastest:.2g} m/s, "
+        f"carries a berg in {days:g} days; longitude and latitude in forcing give another box",
     )
 
 
@@ -148,7 +194,7 @@ class ModelGrid(NamedTuple):
             np.asarray(
                 low + settings.spacing * np.arange(max(1, round((high - low) / settings.spacing)) + 1), np.float64
             )
-            for low, high in (_box(settings.longitude), settings.latitude)
+            for low, high in (_box(settings.box[0]), settings.box[1])
         )
         hours = (run.end - run.start) / timedelta(hours=1)
         # Round-off must not add an interval beyond the end, for which no file need have records.
@@ -259,7 +305,7 @@ def _check_size(settings: FileForcing, run: Run) -> None:
     """Refuse a model grid of more cells or dates than anybody means, before any of them is made."""
     assert settings.spacing is not None
     files = ", ".join(entry.file for entry in settings.entries)
-    spans = [high - low for low, high in (_box(settings.longitude), settings.latitude)]
+    spans = [high - low for low, high in (_box(settings.box[0]), settings.box[1])]
     refuse_large(
         math.prod(span / settings.spacing for span in spans), MOST_CELLS, "cells of a model grid", size=BYTES_PER_CELL,
         where=f"forcing.spacing, for {files}", remedy="Give a wider spacing or a smaller box", kind=ForcingError,
@@ -370,7 +416,7 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
         # So much more that a missing record at the edge can be bridged by those beyond it.
         day_means = settings.sea_level == "geostrophic" and "uo" in ds
         ds = window_in_time(ds, (first, last), max(records.gap_limit(ds), 0.5 * SECONDS_PER_DAY * day_means))
-    near = window(ds, _box(settings.longitude), settings.latitude, margin=margin)
+    near = window(ds, _box(settings.box[0]), settings.box[1], margin=margin)
     for axis in ("lat", "lon", "y", "x"):
         if near.sizes.get(axis, 2) < 2:
             raise ForcingError(

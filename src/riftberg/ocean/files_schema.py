@@ -66,8 +66,10 @@ class FileForcing(Section):
         "files or patterns; {file: NAME, product: PRODUCT} names the product, {file: NAME, names: {uo: u}} the variables",
         min_length=1,
     )
-    longitude: Pair = key(..., "degree", "west and east of what is needed")
-    latitude: Pair = key(..., "degree", "south and north of what is needed")
+    longitude: Pair | None = key(
+        None, "degree", "west and east of what is needed; by default as far as the berg may drift"
+    )
+    latitude: Pair | None = key(None, "degree", "south and north of what is needed; likewise")
     spacing: float | None = key(
         None,
         "degree",
@@ -95,12 +97,24 @@ class FileForcing(Section):
     def _a_box(self) -> FileForcing:
         if any(entry == "" for entry in self.files):
             raise ValueError("files holds an empty name")
-        for name, (low, high), most in (("longitude", self.longitude, 540.0), ("latitude", self.latitude, 90.0)):
+        if (self.longitude is None) != (self.latitude is None):
+            raise ValueError("give longitude and latitude, or none of them")
+        for name, pair, most in (("longitude", self.longitude, 540.0), ("latitude", self.latitude, 90.0)):
+            if pair is None:
+                continue
+            low, high = pair
             if abs(low) > most or abs(high) > most:
                 raise ValueError(f"{name} = [{low:g}, {high:g}] is not in degrees; they go from {-most:g} to {most:g}")
             if name == "latitude" and low >= high:
                 raise ValueError(f"latitude = [{low:g}, {high:g}]: the southern one stands first")
         return self
+
+    @property
+    def box(self) -> tuple[Pair, Pair]:
+        """Longitudes and latitudes of what is needed, once they are chosen."""
+        assert self.longitude is not None
+        assert self.latitude is not None
+        return self.longitude, self.latitude
 
     @property
     def entries(self) -> list[NamedFiles]:

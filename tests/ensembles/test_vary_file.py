@@ -1,0 +1,114 @@
+"""What an experiment file says can be varied and set: berg, placement, start, forcing; of built-ins the berg."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from riftberg import open_sweep, sweep
+from riftberg.cli.compare import _opened
+from riftberg.ensembles.uncertain import with_errors
+from riftberg.ensembles.vary import varied_of
+from riftberg.errors import InputError
+from riftberg.experiments import Options, build
+from riftberg.experiments.changes import changed_document, parse_settings
+
+YAML = """start: 2020-12-09
+days: 0.125
+forcing: {kind: formula, uniform: {current: [0.3, 0.1], wind: [4, 2]}, eddy: [{centre: [-39.2, -55], radius: 30 km, speed: 0.2}]}
+berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39, -55], thickness: 200 m}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    (tmp_path / "it.yaml").write_text(YAML)
+    return str(tmp_path / "it.yaml")
+
+
+def tracks(result):
+    return result["lon"].values[:, 0], result["lat"].values[:, 0]
+
+
+def test_berg_placement_and_forcing_of_a_file_are_varied(file: str, tmp_path: Path) -> None:
+    vary = ("berg.placement=[-39, -55],[-38, -55]", "forcing.eddy.speed=0.2..0.4:2")
+    result = sweep(file, vary, every_hours=1, workers=0)
+    assert result["status"].values.tolist() == [0] * 4
+    lon, lat = tracks(result)
+    np.testing.assert_allclose(lon[:, 0], [-39.0, -39.0, -38.0, -38.0], atol=1e-3)
+    assert lat[1, -1] > lat[0, -1] + 1e-5  # east of an eddy that turns counter-clockwise
+    assert result["forcing_eddy_speed"].values.tolist() == [0.2, 0.4, 0.2, 0.4]
+    result = sweep(file, "berg.rectangle.length=9,18km", every_hours=1, workers=0)
+    np.testing.assert_allclose(result["fragment_area"].values[:, 0], [54e6, 108e6])
+
+
+def test_members_that_start_later_have_their_own_dates(file: str, tmp_path: Path) -> None:
+    result = sweep(file, "start=2020-12-09,2020-12-11 06:00", every_hours=1, workers=0, output=tmp_path / "s")
+    assert (result["fragment_birth_time"].diff("member") == np.timedelta64(54, "h")).all()
+    assert _opened(tmp_path / "s" / "sweep.nc#1")["time"].values[0] == np.datetime64("2020-12-11T06:00")
+    assert open_sweep(tmp_path / "s")["time"].values[0] == np.datetime64("2020-12-09")
+
+
+def test_current_and_wind_are_scaled(file: str) -> None:
+    model = build(file)[0]
+    plain = build(file)[0]
+    scaled = with_errors(model, {"current_error.scale": 2.0, "wind_error.scale": 0.5})
+    for one in (plain, scaled):
+        one.forcing.sample(one.elements, 0.0)
+    for name, factor in (("uo", 2.0), ("slope_x", 2.0), ("vorticity", 2.0), ("ua", 0.5)):
+        np.testing.assert_allclose(getattr(scaled.elements, name), factor * getattr(plain.elements, name))
+    assert "2 x current, 0.5 x wind" in scaled.forcing.describe()
+    u = scaled.forcing.currents(np.array([-39.0]), np.array([-55.0]), 0.0)[0]
+    np.testing.assert_allclose(u, 2.0 * plain.forcing.currents(np.array([-39.0]), np.array([-55.0]), 0.0)[0])
+
+
+def test_the_berg_of_a_built_in_experiment_is_changed() -> None:
+    plain = build("a68a")[0]
+    settings = ("berg.thickness=150 m", "berg.placement=[-40, -57]", "berg.rotation=90", "berg.velocity=[0.1, 0.2]")
+    other = build("a68a", Options(changes=parse_settings(settings)))[0]
+    e, was = other.elements, plain.elements
+    np.testing.assert_allclose(e.thickness, 150.0)
+    np.testing.assert_allclose(e.mass, 0.75 * was.mass)
+    share = e.mass / e.mass.sum()
+    assert [share @ e.lon, share @ e.lat] == pytest.approx([-40.0, -57.0], abs=2e-3)
+    assert [share @ e.u, share @ e.v] == pytest.approx([0.1, 0.2])
+    # Long in the other direction now.
+    stretch = [np.ptp(x.lon) * np.cos(np.radians(x.lat.mean())) / np.ptp(x.lat) for x in (was, e)]
+    assert stretch[0] > 1.5
+    assert stretch[1] < 0.7
+    assert len(other.outlines) == len(plain.outlines)
+    spinning = build("collision", Options(changes=parse_settings(["berg.spin=1e-5"])))[0].elements
+    assert set(spinning.spin) == {1e-5}
+    varied = varied_of("berg.thickness=150m,250m")
+    assert varied[0].values == (150.0, 250.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (["forcing.edy.speed=1"], "forcing.edy.speed: the experiment file has no 'edy' there"),
+        (["berg.rectangle.lenght=9 km"], "lenght: there is no such key. Did you mean 'length'"),
+        (["start=yesterday"], "start"),
+    ],
+)
+def test_what_the_file_cannot_say_is_refused(file: str, settings, words) -> None:
+    with pytest.raises(InputError, match=words):
+        build(file, Options(changes=parse_settings(settings)))
+
+
+def test_a_key_of_a_file_is_refused_for_a_built_in_experiment() -> None:
+    with pytest.raises(InputError, match="a68a has no experiment file with this key"):
+        build("a68a", Options(changes=parse_settings(["forcing.eddy.speed=1"])))
+    with pytest.raises(InputError, match="a distribution of a key of the experiment file"):
+        varied_of("forcing.eddy.speed~uniform(0, 1)")
+
+
+def test_several_bergs_are_changed_alike_or_one_by_its_number() -> None:
+    values = {"bergs": [{"thickness": 1.0}, {"thickness": 2.0}]}
+    assert changed_document(values, {"berg": {"thickness": 3.0}})["bergs"] == [{"thickness": 3.0}] * 2
+    assert changed_document(values, {"bergs": {"1.thickness": 3.0}})["bergs"] == [
+        {"thickness": 1.0},
+        {"thickness": 3.0},
+    ]

@@ -1,0 +1,157 @@
+"""Tables of named bergs: read by column, refused by name, and what ``riftberg new`` makes of them."""
+
+from __future__ import annotations
+
+import zipfile
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from riftberg.cli.main import app
+from riftberg.errors import InputError
+from riftberg.experiments.yaml_file import build_berg, read_file
+from riftberg.fetching import positions
+from riftberg.fetching.positions import known_at, read_berg
+
+TABLE = """date,ascat_1,ascat_2,ascat_3,nic_1,nic_2,nic_3,size_1,size_2
+2021001,-60.0,-50.0,1,0,0,0,0,0
+2021002,-60.5,-50.5,0,-60.4,-50.2,1,40,20
+2021003,-60.6,-50.6,0,0,0,0,0,0
+2021040,-61.0,-51.0,1,0,0,0,10,5
+2021200,-62.0,-52.0,1,0,0,0,0,0
+"""
+USNIC = (
+    "\ufeffIceberg,Length (NM),Width (NM),Latitude,Longitude,Remarks,Last Update\nX2,20,10,-65.5,40.25,,01/10/2021\n"
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "t").mkdir()
+    (tmp_path / "t" / "x1.csv").write_text(TABLE)
+    (tmp_path / "t" / "DownloadCurrent?pId=134").write_text(USNIC)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "t"
+
+
+def call(*arguments: str) -> Any:
+    return CliRunner().invoke(app, list(arguments))
+
+
+def test_a_row_gives_the_best_sensor_that_saw_the_berg_and_keeps_the_flag(folder: Path) -> None:
+    first, second, third, *_ = read_berg("X1", folder)
+    assert (first.sensor, first.seen, first.lon, first.lat, first.axes) == ("ascat", True, -50.0, -60.0, None)
+    assert (second.sensor, second.seen, second.lat) == ("nic", True, -60.4)  # that of the scatterometer is interpolated
+    assert second.axes == (40 * 1852.0, 20 * 1852.0)
+    assert (third.sensor, third.seen) == ("ascat", False)
+    (one,) = read_berg("x2", folder)
+    assert (one.date, one.lon, one.lat, one.axes) == (datetime(2021, 1, 10), 40.25, -65.5, (37040.0, 18520.0))
+
+
+def test_a_date_without_a_fix_or_a_size_is_answered_with_the_nearest(folder: Path) -> None:
+    rows = read_berg("X1", folder)
+    known = known_at("X1", rows, datetime(2021, 1, 4))
+    assert (known.fix.date, known.size.date) == (datetime(2021, 1, 2),) * 2
+    # Before it became smaller: the last size before the date counts.
+    assert known_at("X1", rows, datetime(2021, 2, 8)).size.axes[0] == 40 * 1852.0
+    with pytest.raises(
+        InputError, match=r"not seen within 3 days of 2021-01-20.*nearest dates are 2021-01-02 and 2021-02-09"
+    ):
+        known_at("X1", rows, datetime(2021, 1, 20))
+    with pytest.raises(
+        InputError, match="no size of X1 within 60 days of 2021-07-19; the nearest is of 2021-02-09: 19 km x 9 km"
+    ):
+        known_at("X1", rows, datetime(2021, 7, 19))
+    assert known_at("X1", rows, datetime(2021, 7, 19), sized=False).fix.lat == -62.0
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("x1", "date,lat,lon\n2021001,-60,-50\n", "columns date, lat, lon, which are not those of the BYU database"),
+        ("x1", "date,nic_1,nic_2\n2021-01-01,-60,-50\n", "'2021-01-01' is no date of the form YYYYDDD"),
+        ("x1", "date,nic_1,nic_2\n2021001,-60,fifty\n", "'fifty' is no number"),
+        (
+            "list",
+            "iceberg,date,lat,lon\nx1,2021-01-01,-60,-50\n",
+            "lacks the columns length.*of the US National Ice Center",
+        ),
+        ("x11", "date,nic_1,nic_2\n2021001,-60,-50\n", "no berg 'X1' in 1 tables.*Did you mean 'x11'"),
+    ],
+)
+def test_tables_with_other_columns_are_refused_by_name(name: str, text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / f"{name}.csv").write_text(text)
+    with pytest.raises(InputError, match=words) as caught:
+        read_berg("X1", tmp_path)
+    assert name in str(caught.value)
+
+
+def test_fetched_tables_are_unpacked_into_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fetched(name: str, digest: Any, folder: Path, base: str, *more: Any, **options: Any) -> Path:
+        with zipfile.ZipFile(folder / name, "w") as archive:
+            archive.writestr("updated7_consol/X1.csv", TABLE)
+            archive.writestr("updated7_consol/README.TXT", "words")
+            archive.writestr("../../outside.csv", TABLE)
+        return folder / name
+
+    monkeypatch.setattr(positions, "fetch_one", fetched)
+    result = call("fetch", "byu", "-o", str(tmp_path / "byu"), "-q")
+    assert result.exit_code == 0, result.output
+    assert "2 tables" in result.output
+    assert sorted(path.name for path in (tmp_path / "byu").glob("*.csv")) == ["outside.csv", "x1.csv"]
+    assert len(read_berg("X1", tmp_path / "byu")) == 5
+
+
+def test_an_experiment_is_written_that_reads_and_has_the_listed_size(folder: Path) -> None:
+    for shape, area in (("ellipse", 0.7854), ("rectangle", 1.0)):
+        result = call(
+            "new",
+            "X1",
+            "--date",
+            "2021-01-03",
+            "--tables",
+            "t",
+            "--shape",
+            shape,
+            "--azimuth",
+            "0",
+            "-o",
+            f"{shape}.yaml",
+        )
+        assert result.exit_code == 0, result.output
+        experiment, parameters, _ = read_file(Path(f"{shape}.yaml"))
+        made = build_berg(experiment, parameters, Path())
+        assert made.area == pytest.approx(area * 40 * 20 * 1852.0**2, rel=0.02)
+        assert made.centroid == pytest.approx((-50.2, -60.4), abs=0.02)
+        stretch = (made.elements.lat.max() - made.elements.lat.min()) * 111.2e3
+        assert stretch == pytest.approx(40 * 1852.0, rel=0.05)  # towards the north
+        assert experiment.forcing.latitude[0] < -65.0
+    assert "riftberg fetch glorys --lon -65,-35 --lat -67,-54 --time 2021-01-02,2021-01-15" in result.output
+    assert "Axes of 74 km and 37 km, listed by NIC on 2021-01-02, as a rectangle" in result.output
+
+
+def test_what_is_wrong_is_said(folder: Path) -> None:
+    for words, more in (
+        ("is no shape", ("--shape", "star")), ("is not two lengths", ("--size", "3 km")), ("no such folder", ("--tables", "no")),
+    ):  # fmt: skip
+        result = call("new", "X1", "--date", "2021-01-03", "--tables", "t", *more)
+        assert result.exit_code == 2
+        assert words in result.output
+    assert "'riftberg fetch byu'" in call("new", "X1", "--date", "2021-01-03").output
+
+
+@pytest.mark.parametrize(("berg", "date", "axes"), [("A68a", "2020-12-09", None), ("A76a", "2021-08-01", (73, 14))])
+def test_bergs_of_version_5(berg: str, date: str, axes: Any, shared: Path, tmp_path: Path) -> None:
+    file = tmp_path / "it.yaml"
+    result = call("new", berg, "--date", date, "--tables", str(shared / "data" / "tracks"), "-o", str(file))
+    assert result.exit_code == 0, result.output
+    experiment, parameters, _ = read_file(file)
+    made = build_berg(experiment, parameters, tmp_path)
+    if axes:
+        assert made.area == pytest.approx(0.7854 * axes[0] * axes[1] * 1852.0**2, rel=0.02)
+        assert made.centroid == pytest.approx((-59.3449, -74.5542), abs=0.1)
+    else:
+        assert made.centroid == pytest.approx((-39.3782, -55.0105), abs=0.05)
