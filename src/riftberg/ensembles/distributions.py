@@ -19,8 +19,13 @@ from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
 
-PLANS: Final = ("sobol", "random", "latin-hypercube")
-"""Ways to draw: Sobol' numbers (scrambled), independent ones, a Latin hypercube."""
+PLANS: Final = ("sobol", "random", "latin-hypercube", "morris", "saltelli")
+"""Ways to draw: Sobol' numbers (scrambled), independent ones, a Latin hypercube; two for `riftberg sensitivity`."""
+
+POINTS: Final = {"morris": 1, "saltelli": 2}
+"""Plans for sensitivity: members of a draw beside one for each input."""
+STEP: Final = 0.4
+"""Part of its distribution by which an input moves in the plan ``morris``."""
 
 ARGUMENTS: Final = {
     "lognormal": ("median", "standard deviation of the logarithm"),
@@ -31,6 +36,9 @@ ARGUMENTS: Final = {
 """What the numbers of each distribution are."""
 
 EXAMPLE: Final = "For example --vary 'fracture.normal_strength~lognormal(18 kPa, 20 %)'"
+
+_WIDEST: Final = 2.0
+"""Standard deviation of a logarithm above which a part of a hundred was meant: 20 for 20 %."""
 
 _CALL: Final = re.compile(r"\s*([\w' -]+?)\s*\((.*)\)\s*$", re.DOTALL)
 
@@ -138,21 +146,26 @@ def read_distribution(
     return _checked(Distribution(name, _numbers(name, parts, where, number), (), limits, text), where)
 
 
-def with_unit_of_last(parts: Sequence[str]) -> list[str]:
+def with_unit_of_last(parts: Sequence[str], where: str) -> list[str]:
     """Give numbers without a unit that of the last one: ``14..24kPa`` is not 14 Pa to 24 kPa."""
     last = _UNIT.match(parts[-1])
     unit = last[1].strip() if last else ""
-    if not unit:
-        return list(parts)
     # Only bare numbers take the unit of the last one; a part with a unit of its own keeps it.
     plain = [looks_like_quantity(part) and not (_UNIT.match(part) or ["", "x"])[1] for part in parts]
+    if not unit:
+        if plain[-1] and float(parts[-1]) != 0.0 and not all(plain):
+            raise InputError(
+                f"{parts[-1]} has no unit, but {parts[plain.index(False)]} has", where=where,
+                remedy="Write the unit behind the last number, for all, or behind each",
+            )  # fmt: skip
+        return list(parts)
     return [f"{part} {unit}" if bare else part for part, bare in zip(parts, plain, strict=True)]
 
 
 def _numbers(name: str, parts: list[str], where: str, number: Callable[[str], float]) -> tuple[float, ...]:
     spread = {"lognormal": 1, "normal": 1}.get(name)
     if spread is None:
-        return tuple(number(part) for part in with_unit_of_last(parts))
+        return tuple(number(part) for part in with_unit_of_last(parts, where))
     share = re.fullmatch(r"([-+.\deE]+)\s*%", parts[1])
     if share is not None:
         parts = [parts[0], str(float(share[1]) / 100.0)]
@@ -165,7 +178,10 @@ def _numbers(name: str, parts: list[str], where: str, number: Callable[[str], fl
                 f"{value_shown(parts[1])} is no standard deviation of a logarithm", where=where,
                 remedy="Give a number without a unit, such as 0.2 or 20 %",
             ) from error  # fmt: skip
-    return centre, abs(centre) * float(parts[1]) if share is not None else number(parts[1])
+    if share is not None:
+        return centre, abs(centre) * float(parts[1])
+    centre, deviation = (number(part) for part in with_unit_of_last(parts, where))
+    return centre, deviation
 
 
 def _checked(d: Distribution, where: str) -> Distribution:
@@ -178,6 +194,10 @@ def _checked(d: Distribution, where: str) -> Distribution:
         what = f"a median of {a[0]:g}, but a lognormal number is above 0"
     elif d.name in ("lognormal", "normal") and a[1] <= 0.0:
         what = f"a standard deviation of {a[1]:g}"
+    elif d.name == "lognormal" and a[1] > _WIDEST:
+        what = (
+            f"a standard deviation of the logarithm of {a[1]:g}, a factor of {np.exp(min(a[1], 700.0)):.2g} up and down"
+        )
     elif d.name == "uniform" and not a[0] < a[1]:
         what = f"{a[0]:g} is not below {a[1]:g}"
     elif d.name == "triangular" and not (a[0] <= a[1] <= a[2] and a[0] < a[2]):
@@ -192,10 +212,12 @@ def _checked(d: Distribution, where: str) -> Distribution:
     return d
 
 
-def shares(draws: int, dimensions: int, plan: str, seed: int) -> Floats:
+def shares(draws: int, dimensions: int, plan: str, seed: int, parts: Sequence[int] = ()) -> Floats:
     """Return the parts of the probability at which members draw, shape (draws, dimensions).
 
-    The first rows do not depend on how many follow, but for a Latin hypercube.
+    The first rows do not depend on how many follow, but for a Latin hypercube. Plans for sensitivity have several rows for each
+    draw: a point, the same with each input in turn taken from a second point, and for ``saltelli`` that second point.
+    ``parts``: numbers of each input, by default one.
     """
     if plan not in PLANS:
         raise InputError(f"{plan!r} is no plan", where="plan", remedy=f"{nearest(plan, PLANS)}Use {', '.join(PLANS)}")
@@ -208,6 +230,16 @@ def shares(draws: int, dimensions: int, plan: str, seed: int) -> Floats:
 
     if plan == "latin-hypercube":
         return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(draws))
+    if plan in POINTS:
+        # Morris: an input moves by 40 % of its distribution (a half would miss what repeats itself), in a radial design
+        # (Campolongo and others 2011). Saltelli and others (2010): the second point is independent.
+        both = shares(draws, dimensions * POINTS[plan], "sobol", seed)
+        first = both[:, :dimensions]
+        second = both[:, dimensions:] if plan == "saltelli" else first + np.where(first < 0.5, STEP, -STEP)
+        own = np.repeat(np.eye(len(parts) or dimensions, dtype=bool), parts or 1, axis=1)
+        turns = np.where(own, second[:, None, :], first[:, None, :])
+        blocks = [first[:, None], turns, second[:, None]][: POINTS[plan] + 1]
+        return np.concatenate(blocks, axis=1).reshape(-1, dimensions)
     # In whole powers of two, where Sobol' numbers are balanced; what is not needed is left out.
     whole = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed)).random_base2(
         max(int(np.ceil(np.log2(max(draws, 1)))), 0)

@@ -76,7 +76,16 @@ def forecast_plan(
     experiment: str | Path | Maker, vary: Mapping[str, Any] | Iterable[str], options: Options, every_hours: float | None,
     draws: Draws, *, defaults: bool = True, cells: float | None = None,
 ) -> Plan:  # fmt: skip
-    """Return the plan of a forecast: what is varied by the user comes before the errors of the same name."""
+    """Return the plan of a forecast."""
+    merged = forecast_errors(experiment, vary, defaults=defaults)
+    drawn = Draws(draws.number or MEMBERS, draws.plan, draws.seed)
+    return planned(experiment, merged, options, every_hours, cells, drawn, forecast=True)
+
+
+def forecast_errors(
+    experiment: object, vary: Mapping[str, Any] | Iterable[str], *, defaults: bool = True
+) -> dict[str, Any]:
+    """Return what a forecast varies: what the user gives comes before the errors of the same name."""
     free = callable(experiment)
     given = (
         dict(vary)
@@ -86,9 +95,7 @@ def forecast_plan(
     own = {
         v.name: v.plain() for error in (default_errors(experiment) if defaults else ()) for v in varied_of(error.vary)
     }
-    merged = {**own, **given}
-    drawn = Draws(draws.number or MEMBERS, draws.plan, draws.seed)
-    return planned(experiment, merged, options, every_hours, cells, drawn, forecast=True)
+    return {**own, **given}
 
 
 def forecast(
@@ -142,4 +149,4 @@ def forecast(
         return run_sweep(
             store, scheduler=options.get("scheduler"), workers=options.get("workers"),
             save_seconds=options.get("save_seconds", 60.0), bar=bar,
-        )  # fmt: skip
+        ).load()  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
@@ -46,10 +46,19 @@ def wilson(share: Any, number: float, level: float = LEVEL) -> tuple[Any, Any]:
 
 def counted(ds: xr.Dataset) -> tuple[xr.Dataset, Floats]:
     """Return the members that came to their end, and their weights, which add up to 1."""
-    done = ds.isel(member=np.flatnonzero(ds["status"].values == 0))
+    kept = np.flatnonzero(ds["status"].values == 0)
+    done = ds if kept.size == ds.sizes["member"] else ds.isel(member=kept)
     weight = np.asarray(done["weight"].values if "weight" in done.coords else np.ones(done.sizes["member"]), float)
     total = weight.sum()
     return done, weight / total if total > 0.0 else weight
+
+
+def tracks_of(done: xr.Dataset, weight: Floats) -> Iterator[tuple[Floats, Floats, Floats, Floats]]:
+    """Give weights, longitudes, latitudes and areas (member, fragment, time) of some members at a time."""
+    for first in range(0, done.sizes["member"], 100):
+        part = done.isel(member=slice(first, first + 100))
+        x_name, y_name = ("lon", "lat") if "lat" in done else ("x", "y")
+        yield weight[first : first + 100], part[x_name].values, part[y_name].values, part["area"].values
 
 
 def effective(weight: Floats) -> float:
@@ -87,12 +96,13 @@ def with_probabilities(
         # A member that never breaks has no date and stays in the denominator.
         happened = done[when].values[:, None] <= time[None, :]
         _add(ds, name, ("time",), weight @ happened, number)
-    area = done["area"].values
     bounds = np.array(AREA_CLASSES)
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
     ds["area_class_upper"] = ("area_class", bounds[1:], {"units": "m2", "long_name": "largest area of the class"})
-    in_class = np.array([((area >= low) & (area < high)).any(axis=1) for low, high in pairwise(bounds)])
-    _add(ds, "p_area", ("area_class", "time"), np.einsum("m,cmt->ct", weight, in_class), number)
+    share = np.zeros((bounds.size - 1, time.size))
+    for w, _, _, area in tracks_of(done, weight):
+        share += [w @ ((area >= low) & (area < high)).any(axis=1) for low, high in pairwise(bounds)]
+    _add(ds, "p_area", ("area_class", "time"), share, number)
     if "lat" in done:
         _add_presence(ds, done, weight)
         _add_cones(ds, done, weight)
@@ -121,48 +131,52 @@ def near(lon: Any, first: float) -> Any:
 
 def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     """Add the probability that any ice lies over a cell: fragments as discs of their areas."""
-    lon, lat, area = (done[name].values for name in ("lon", "lat", "area"))
-    known = np.isfinite(lon)
-    if not known.any():
-        return
-    lon = near(lon, float(lon[known][0]))
-    reach = np.sqrt(np.nanmax(area) / np.pi) / (DEGREE * EARTH_RADIUS_A68)
-    cosine = float(np.cos(np.nanmean(lat) * DEGREE))
-    west, east = np.nanmin(lon) - reach / cosine, np.nanmax(lon) + reach / cosine
-    south, north = np.nanmin(lat) - reach, np.nanmax(lat) + reach
+    first = float(done["lon"].isel(time=0, fragment=0).values[0])
+    west, south, east, north, largest = np.inf, np.inf, -np.inf, -np.inf, 0.0
+    for _, lon, lat, area in tracks_of(done, weight):
+        lon = near(lon, first)
+        west, east = min(west, np.nanmin(lon)), max(east, np.nanmax(lon))
+        south, north, largest = min(south, np.nanmin(lat)), max(north, np.nanmax(lat)), max(largest, np.nanmax(area))
+    reach = np.sqrt(largest / np.pi) / (DEGREE * EARTH_RADIUS_A68)
+    cosine = float(np.cos(0.5 * (south + north) * DEGREE))
+    west, east, south, north = west - reach / cosine, east + reach / cosine, south - reach, north + reach
     step = max((east - west) * cosine, north - south) / MOST_CELLS
     x = np.arange(west + 0.5 * step / cosine, east, step / cosine)
     y = np.arange(south + 0.5 * step, north, step)
-    presence = np.zeros((y.size, x.size, lon.shape[2]))
-    passes = np.zeros((y.size, x.size))
-    for m in range(lon.shape[0]):  # one member at a time: its fragments hold one cell once
-        ever = np.zeros((y.size, x.size), bool)
-        for k in range(lon.shape[2]):
-            there = np.zeros((y.size, x.size), bool)
-            for p in np.flatnonzero(known[m, :, k]):
-                radius = np.sqrt(area[m, p, k] / np.pi) / (DEGREE * EARTH_RADIUS_A68)
-                i0, i1 = np.searchsorted(x, (lon[m, p, k] - radius / cosine, lon[m, p, k] + radius / cosine))
-                j0, j1 = np.searchsorted(y, (lat[m, p, k] - radius, lat[m, p, k] + radius))
-                part = (((x[i0:i1] - lon[m, p, k]) * cosine) ** 2)[None, :] + ((y[j0:j1] - lat[m, p, k]) ** 2)[:, None]
-                there[j0:j1, i0:i1] |= part <= radius**2
-                there[int(np.abs(y - lat[m, p, k]).argmin()), int(np.abs(x - lon[m, p, k]).argmin())] = True
-            presence[:, :, k] += weight[m] * there
-            ever |= there
-        passes += weight[m] * ever
+    presence, passes = np.zeros((done.sizes["time"], y.size, x.size)), np.zeros((y.size, x.size))
+    there = np.zeros((y.size, x.size), bool)
+    for w, lon, lat, area in tracks_of(done, weight):
+        lon, radius = near(lon, first), np.sqrt(area / np.pi) / (DEGREE * EARTH_RADIUS_A68)
+        i, j = np.floor((lon - x[0]) / (step / cosine) + 0.5), np.floor((lat - y[0]) / step + 0.5)
+        for m in range(lon.shape[0]):  # one member at a time: its fragments hold one cell once
+            ever = np.zeros_like(there)
+            for k in range(lon.shape[2]):
+                there[:] = False
+                for p in np.flatnonzero(np.isfinite(lon[m, :, k])):
+                    u, v, r = lon[m, p, k], lat[m, p, k], radius[m, p, k]
+                    i0, i1 = np.searchsorted(x, (u - r / cosine, u + r / cosine))
+                    j0, j1 = np.searchsorted(y, (v - r, v + r))
+                    there[j0:j1, i0:i1] |= (((x[i0:i1] - u) * cosine) ** 2)[None] + ((y[j0:j1] - v) ** 2)[
+                        :, None
+                    ] <= r * r
+                    there[min(int(j[m, p, k]), y.size - 1), min(int(i[m, p, k]), x.size - 1)] = True
+                presence[k] += w[m] * there
+                ever |= there
+            passes += w[m] * ever
     ds.coords["cell_lon"] = ("cell_lon", x, {"units": "degrees_east", "standard_name": "longitude"})
     ds.coords["cell_lat"] = ("cell_lat", y, {"units": "degrees_north", "standard_name": "latitude"})
     about = {
         "units": "1",
         "long_name": "probability that ice lies over the cell then, fragments as discs of their areas",
     }
-    ds["presence"] = (("cell_lat", "cell_lon", "time"), np.clip(presence, 0.0, 1.0), about)
+    ds["presence"] = (("cell_lat", "cell_lon", "time"), np.clip(np.moveaxis(presence, 0, 2), 0.0, 1.0), about)
     about = {"units": "1", "long_name": "probability that ice lies over the cell at one of the times"}
     ds["passes"] = (("cell_lat", "cell_lon"), np.clip(passes, 0.0, 1.0), about)
 
 
 def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     """Add the ellipses of the position of the first berg: normal distribution with the members' mean and covariance."""
-    lon, lat = done["lon"].values[:, 0], done["lat"].values[:, 0]
+    lon, lat = (done[name].isel(fragment=0).values for name in ("lon", "lat"))
     lon = near(lon, float(lon[0, 0]))
     times = lon.shape[1]
     middle, spread, axes = np.full((2, times), np.nan), np.full((2, 2, times), np.nan), np.full((3, times), np.nan)
@@ -238,13 +252,14 @@ def _add_cracks(
 def _scenario_of_all(ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[float]]]) -> Any:
     """Return the scenario of each member: which pieces broke off, in which order, as far as three of them."""
     number = np.full(ds.sizes["member"], -1, dtype="i4")
+    wholes = np.nansum(ds["area"].isel(time=0).values, axis=1)
     signs = {}
     for k in np.flatnonzero(ds["status"].values == 0).tolist():
         born = np.flatnonzero(ds["fragment_parent"].values[k] > 0)
         born = born[np.argsort(ds["fragment_birth_time"].values[k, born], kind="stable")]
         area = ds["fragment_area"].values[k, born]
         # Crumbs are left out: less than a hundredth of the berg.
-        whole = np.nansum(ds["area"].values[k, :, 0])
+        whole = wholes[k]
         large = born[area >= 0.01 * whole][:3]
         rows = np.array(cracks.get(int(ds["member"].values[k]), []), float).reshape(-1, 4)
         start = ds["time"].values[0]
@@ -304,16 +319,18 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
     done, weight = counted(ds)
     found = []
     inputs = inputs_of(done)
+    x_name, y_name = ("lon", "lat") if "lat" in done else ("x", "y")
+    ends = np.column_stack([done[name].isel(fragment=0, time=-1).values for name in (x_name, y_name)])
+    wholes = np.nansum(done["area"].isel(time=0).values, axis=1)
     for number in np.unique(done["scenario"].values):
         rows = np.flatnonzero(done["scenario"].values == number)
-        x_name, y_name = ("lon", "lat") if "lat" in done else ("x", "y")
-        end = np.column_stack([done[name].values[rows, 0, -1] for name in (x_name, y_name)])
+        end = ends[rows]
         place = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
         member = int(rows[place])
         born = done["fragment_parent"].values[member] > 0
         order = np.argsort(done["fragment_birth_time"].values[member][born], kind="stable")
         sizes = done["fragment_area"].values[member][born][order]
-        sizes = sizes[sizes >= 0.01 * np.nansum(done["area"].values[member, :, 0])][:3]
+        sizes = sizes[sizes >= 0.01 * wholes[member]][:3]
         apart = _apart(inputs, rows)
         found.append(Scenario(
             int(number), float(weight[rows].sum()), int(done["member"].values[member]), tuple(map(float, sizes)), apart
@@ -369,7 +386,7 @@ def sources(ds: xr.Dataset) -> dict[str, float]:
     if "lat" not in done or done.sizes["member"] < 10:
         return {}
     inputs = inputs_of(done)
-    lon, lat = done["lon"].values[:, 0, -1], done["lat"].values[:, 0, -1]
+    lon, lat = (done[name].isel(fragment=0, time=-1).values for name in ("lon", "lat"))
     known = np.isfinite(lon) & (weight > 0.0)
     if known.sum() < 10:
         return {}

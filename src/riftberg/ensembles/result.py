@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +17,7 @@ from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, is_folder, reading
-from riftberg.system.netcdf_lock import open_lazily, write_dataset
+from riftberg.system.netcdf_lock import open_lazily, open_netcdf, write_dataset
 from riftberg.version import __version__
 
 STATUS: Final = {"done": 0, "failed": 1, "waiting": 2}
@@ -57,18 +57,25 @@ _ABOUT: Final = {
 
 def dataset_of(
     varied: Sequence[Varied], members: Sequence[Mapping[str, Any]], outcomes: Mapping[int, Outcome], *,
-    start: datetime, days: float, every: float, latlon: bool, attributes: Mapping[str, str],
+    start: datetime, days: float, every: float, latlon: bool, attributes: Mapping[str, str], first: int = 0,
+    fragments: int = 0, means: Sequence[str] = (),
 ) -> xr.Dataset:  # fmt: skip
-    """Return the result of a sweep.
+    """Return the result of a sweep, or of a block of its members.
 
-    ``days``, ``every``: length of the runs, days, and interval of the tracks, s.
+    ``days``, ``every``: length of the runs, days, and interval of the tracks, s; ``first``: number of the first of these members,
+    to which the keys of ``outcomes`` are added; ``fragments``, ``means``: room that other blocks need.
     """
     count = len(members)
     listed = {number: _listed(outcome) for number, outcome in outcomes.items()}
     most = max((len(rows) for rows in listed.values()), default=0)
+    most = max(most, fragments)
     times = np.arange(0.0, days * 86400.0 + 0.5 * every, every)
     ds = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "riftberg": __version__})
-    ds["member"] = ("member", np.arange(count), {"long_name": "number of the member", "standard_name": "realization"})
+    ds["member"] = (
+        "member",
+        np.arange(first, first + count),
+        {"long_name": "number of the member", "standard_name": "realization"},
+    )
     ds["fragment"] = ("fragment", np.arange(1, most + 1), {"long_name": "place of the fragment in the tables"})
     ds["time"] = (
         "time",
@@ -90,7 +97,7 @@ def dataset_of(
     if members and SEED in members[0] and variable_name(SEED) not in ds.coords:
         seeds = np.array([member[SEED] for member in members], dtype=np.int64)
         ds.coords[variable_name(SEED)] = ("member", seeds, {"long_name": "seed of the random fields of the member"})
-    _add_ends(ds, outcomes, count, start)
+    _add_ends(ds, outcomes, count, start, means)
     _add_fragments(ds, outcomes, listed, start, latlon)
     _add_tracks(ds, outcomes, listed, times, latlon)
     return ds
@@ -112,10 +119,12 @@ def variable_name(name: str) -> str:
     return name.replace(".", "_")
 
 
-def _add_ends(ds: xr.Dataset, outcomes: Mapping[int, Outcome], count: int, start: datetime) -> None:
+def _add_ends(
+    ds: xr.Dataset, outcomes: Mapping[int, Outcome], count: int, start: datetime, wanted: Sequence[str]
+) -> None:
     status = np.full(count, STATUS["waiting"], dtype="i4")
     message = np.full(count, "", dtype=object)
-    means = [name for name in MEANS if any(name in outcome.totals for outcome in outcomes.values())]
+    means = [name for name in MEANS if name in wanted or any(name in o.totals for o in outcomes.values())]
     values = {name: np.full(count, np.nan) for name in ("wall_time", "first_aground", *TOTALS, *means)}
     births = np.full((2, count), np.nan)
     for number, outcome in outcomes.items():
@@ -204,31 +213,62 @@ def _add_tracks(
     ds["aground"] = (dims, touching, {"units": "1", "long_name": "1 where an element of the fragment is aground"})
 
 
-def write_sweep(ds: xr.Dataset, path: str | Path) -> Path:
-    """Write the result of a sweep: NetCDF, or Zarr where the name ends so (with the extra ``products``)."""
+def write_sweep(ds: xr.Dataset, path: str | Path, *, more: bool = False) -> Path:
+    """Write the result of a sweep: NetCDF, or Zarr where the name ends so (with the extra ``products``).
+
+    ``more``: add its variables to those that are in the file.
+    """
     path = Path(path)
-    since = f"seconds since {ds['time'].values[0].astype('datetime64[s]').item():%Y-%m-%d %H:%M:%S}"
+    encoding = _encoding(ds)
+    if path.suffix == ".zarr":
+        dated = {name: value for name, value in encoding.items() if "calendar" in value}
+        # Texts of a fixed length, as a file gives them back, have no place in the standard of Zarr.
+        texts = {name: ds[name].astype(object) for name in ds.variables if ds[name].dtype.kind == "U"}
+        ds.assign(texts).drop_encoding().to_zarr(path, mode="w", encoding=dated, consolidated=False)
+        return path
+    write_dataset(ds, path, encoding=encoding, more=more)
+    return path
+
+
+def write_blocks(blocks: Iterable[xr.Dataset], path: Path) -> None:
+    """Write the result of a sweep from blocks of its members, one after another."""
+    for k, ds in enumerate(blocks):
+        if k == 0:
+            write_dataset(ds, path, encoding=_encoding(ds), unlimited_dims=["member"])
+            continue
+        zero = ds["time"].values[0]
+        with open_netcdf(path, "a") as file:
+            first = len(file.dimensions["member"])
+            for name, variable in ds.variables.items():
+                if "member" in variable.dims:
+                    values = variable.values
+                    if values.dtype.kind == "M":  # as `_encoding` says
+                        values = np.where(np.isnat(values), np.nan, (values - zero) / np.timedelta64(1, "s"))
+                    file[str(name)][first : first + len(values)] = values
+
+
+def _encoding(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
+    start = ds["time"].values[0] if "time" in ds else ds["init"].values
+    since = f"seconds since {start.astype('datetime64[s]').item():%Y-%m-%d %H:%M:%S}"
     dated = {"units": since, "calendar": "proleptic_gregorian", "dtype": "float64"}
     encoding: dict[str, dict[str, Any]] = {
         str(name): dict(dated) for name, variable in ds.variables.items() if variable.dtype.kind == "M"
     }
-    if path.suffix == ".zarr":
-        ds.to_zarr(path, mode="w", encoding=encoding, consolidated=False)
-        return path
     for name, variable in ds.data_vars.items():
         if variable.dtype.kind == "f":
             encoding[str(name)] = {"zlib": variable.ndim > 1, "complevel": 1, "_FillValue": np.nan}
-    write_dataset(ds, path, encoding=encoding)
-    return path
+    return encoding
 
 
-def open_sweep(path: str | Path) -> xr.Dataset:
+def open_sweep(path: str | Path, *, tracks: bool = True) -> xr.Dataset:
     """Open the result of a sweep.
 
     Parameters
     ----------
     path : path
         ``sweep.nc``, ``sweep.zarr`` or ``forecast.nc``, or the folder that holds it.
+    tracks : bool, optional
+        Read the tracks too; otherwise they stay in the file until they are used, for ensembles of thousands.
 
     Returns
     -------
@@ -250,7 +290,7 @@ def open_sweep(path: str | Path) -> xr.Dataset:
     else:
         file = path / ("forecast.nc" if (path / "forecast.nc").exists() else "sweep.nc") if is_folder(path) else path
         check_file(file, remedy=remedy)
-        ds = _loaded(file, remedy)
+        ds = _loaded(file, remedy) if tracks else _without_tracks(file, remedy)
     if "member" not in ds.dims or "status" not in ds:
         raise InputError("not the result of a sweep", where=str(path), remedy=remedy)
     return ds
@@ -309,4 +349,14 @@ def _loaded(file: Path, remedy: str) -> xr.Dataset:
     with reading(file, "not readable as NetCDF", remedy):
         ds: xr.Dataset = open_lazily(file).load()
         ds.close()
+    return ds
+
+
+def _without_tracks(file: Path, remedy: str) -> xr.Dataset:
+    """Return a result in memory but for its tracks."""
+    with reading(file, "not readable as NetCDF", remedy):
+        ds: xr.Dataset = open_lazily(file)
+        for name, variable in ds.variables.items():
+            if not {"member", "time"} <= set(variable.dims):
+                ds[name].load()
     return ds

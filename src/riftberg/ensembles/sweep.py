@@ -17,8 +17,8 @@ import xarray as xr
 from riftberg.config.values import check_names, native, number
 from riftberg.ensembles.cluster import computed, connected
 from riftberg.ensembles.distributions import PLANS
-from riftberg.ensembles.member import STOP, Job, Maker, Outcome, build_member
-from riftberg.ensembles.result import dataset_of, write_sweep
+from riftberg.ensembles.member import STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
+from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of
 from riftberg.errors import InputError
@@ -26,7 +26,7 @@ from riftberg.experiments.changes import BERG, changed
 from riftberg.experiments.registry import Options
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.progress import SweepBar
-from riftberg.system.atomic_files import only_writer, write_text
+from riftberg.system.atomic_files import only_writer, replacing, write_text
 from riftberg.system.input_files import check_file, is_folder, reading, value_shown
 from riftberg.system.limits import large_allowed
 from riftberg.system.process import Hold, held
@@ -41,6 +41,9 @@ PLAN: Final = "sweep.json"
 
 MEMBERS: Final = "members"
 """Folder of what is done."""
+
+BLOCK: Final = 250
+"""Members that are in memory at once while the result is written."""
 
 CONTROL: Final = -1
 """Number of the run of a forecast in which nothing is varied."""
@@ -144,7 +147,7 @@ def sweep(
     with TemporaryDirectory(prefix="riftberg-sweep-") if output is None else nullcontext(output) as folder:
         store = Store(Path(folder).absolute(), plan, resume=resume)
         bar = SweepBar(len(plan.members)) if progress else None
-        return run_sweep(store, bar=bar, **where)
+        return run_sweep(store, bar=bar, **where).load()
 
 
 def draws_of(options: Mapping[str, Any]) -> Draws:
@@ -186,6 +189,7 @@ class Plan:
     draws: Draws = field(default_factory=Draws)  # How members are drawn
     forecast: bool = False  # A control is run too, and the result holds probabilities
     design: bool = False  # Members are rows of a table, not combinations
+    digest: str = ""  # Checksum of the experiment file
 
     @property
     def named(self) -> str:
@@ -207,6 +211,7 @@ class Plan:
             "numerics": o.numerics,
             "cells": self.cells,
             "vary": {v.name: v.plain() for v in self.varied},
+            **({"digest": self.digest} if self.digest else {}),
             **({"forecast": True} if self.forecast else {}),
             **({"design": True} if self.design else {}),
             **({"members": d.number, "plan": d.plan, "seed": d.seed} if (d := self.draws).number else {}),
@@ -217,7 +222,7 @@ class Plan:
         values = {} if number == CONTROL else self.members[number]
         return Job(
             number, values, self.experiment, self.options, self.days, self.every, folder, save_seconds,
-            large_allowed(), self.cells,
+            large_allowed(), self.cells, self.digest,
         )  # fmt: skip
 
 
@@ -285,6 +290,7 @@ def planned(
         draws,
         forecast,
         design,
+        digest_of(named),
     )
 
 
@@ -329,7 +335,8 @@ class Store:
         # Each part takes every n-th member, so that parts take equally long where the time depends on what is varied.
         self.own = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
         self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
-        self.done: dict[int, Outcome] = {}
+        self.done: dict[int, str] = {}  # Status of the members that are done; what they came to is in their files
+        self._fragments, self._means = 0, set[str]()  # What the result has room for
         # Through JSON, as the plan that is read back: a tuple would differ from the list that it became.
         described = json.loads(json.dumps(plan.described(), default=str))
         where = str(folder)
@@ -351,12 +358,17 @@ class Store:
                         f"holds {known['members']} members", where=where, remedy="Give that number, or a larger one"
                     )
                 different = []
+            if "digest" in different:
+                raise InputError(f"{plan.named} has changed since the sweep began", where=where, remedy=UNDO)
             if different:
                 raise InputError(
                     f"holds another sweep: {different[0]} is {value_shown(known.get(different[0]))}", where=where,
                     remedy=f"Here it is {value_shown(described[different[0]])}; name another folder",
                 )  # fmt: skip
-            self.done = self._read()
+            for number in self.numbers:
+                outcome = self.outcome(number)
+                if outcome is not None and outcome.status == "done":
+                    self._count(outcome)
         elif resume:
             raise InputError("holds no sweep that could be gone on with", where=where, remedy="Leave --resume out")
         self._described = described
@@ -375,22 +387,22 @@ class Store:
         (self.members / STOP).unlink(missing_ok=True)
         write_text(self.folder / PLAN, json.dumps(self._described, indent=1) + "\n")
 
-    def _read(self) -> dict[int, Outcome]:
-        """Return the members that are done; what cannot be read is done again."""
-        outcomes = {}
-        for path in sorted(self.members.glob("*.json")):
-            try:
-                outcome = Outcome(**json.loads(path.read_text("utf-8")))
-            except (ValueError, TypeError, OSError):
-                continue
-            if outcome.status == "done" and outcome.number in self.numbers:
-                outcomes[outcome.number] = outcome
-        return outcomes
+    def outcome(self, number: int) -> Outcome | None:
+        """Return what a member came to; what cannot be read is done again."""
+        try:
+            return Outcome(**json.loads((self.members / f"{number:05d}.json").read_text("utf-8")))
+        except (ValueError, TypeError, OSError):
+            return None
 
     def keep(self, outcome: Outcome) -> None:
         """Keep what a member came to."""
-        self.done[outcome.number] = outcome
         write_text(self.members / f"{outcome.number:05d}.json", json.dumps(asdict(outcome)))
+        self._count(outcome)
+
+    def _count(self, outcome: Outcome) -> None:
+        self.done[outcome.number] = outcome.status
+        self._fragments = max(self._fragments, min(len(outcome.fragments.get("number", ())), MOST_LISTED))
+        self._means.update(name for name in MEANS if name in outcome.totals)
 
     def waiting(self) -> list[int]:
         """Return the members that are still to be run."""
@@ -400,42 +412,54 @@ class Store:
         """Ask the members under way to save their states and stop."""
         (self.members / STOP).touch()
 
-    def result(self) -> xr.Dataset:
-        """Return what there is, as one dataset."""
+    def write(self) -> None:
+        """Write the result, a block of members at a time: memory does not grow with their number."""
         plan = self.plan
         kind = "Forecast" if plan.forecast else "Sweep"
         title = f"{kind} of {plan.named}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
         about = {"title": title, "experiment": plan.named, "parameters_json": plan.first.parameters.model_dump_json(),
-                 "comment": "parameters_json holds the parameters of the first member"}  # fmt: skip
+                 "comment": "parameters_json holds the parameters of the first member",
+                 **({"plan": plan.draws.plan} if plan.draws.number else {})}  # fmt: skip
         common: dict[str, Any] = {
             "start": plan.first.start, "days": plan.days, "every": plan.every,
             "latlon": plan.first.parameters.earth.latlon, "attributes": about,
         }  # fmt: skip
-        outcomes = {number: outcome for number, outcome in self.done.items() if number != CONTROL}
-        ds = dataset_of(plan.varied, plan.members, outcomes, **common)
-        if not plan.forecast:
-            return ds
-        from riftberg.ensembles.probability import with_probabilities
+        cracks: dict[int, Any] = {}
 
-        e, earth = plan.first.elements, plan.first.parameters.earth
-        plane = EqualAreaPlane(float(e.lon.mean()), float(e.lat.mean()), earth.radius, earth.latlon)
-        ice = *plane.forward(e.lon, e.lat), float(np.sqrt(np.mean(e.length * e.width)))
-        ds = with_probabilities(ds, {number: outcome.cracks for number, outcome in outcomes.items()}, ice)
-        control = self.done.get(CONTROL)
-        if control is not None and control.status == "done":
-            alone = dataset_of((), [{}], {0: replace(control, number=0)}, **common).isel(member=0, drop=True)
-            names = [
-                name for name in ("lon", "lat", "x", "y", "area", "first_breakup", "largest_area") if name in alone
-            ]
-            for name in names:
-                values = (
-                    alone[name].rename(fragment="control_fragment") if "fragment" in alone[name].dims else alone[name]
-                )
-                ds[f"control_{name}"] = values.drop_vars("control_fragment", errors="ignore")
-                ds[f"control_{name}"].attrs["long_name"] = (
-                    f"control: {ds[f'control_{name}'].attrs.get('long_name', name)}"
-                )
-        return ds
+        def blocks() -> Iterator[xr.Dataset]:
+            for first in range(0, len(plan.members), BLOCK):
+                members = plan.members[first : first + BLOCK]
+                read = {k: self.outcome(first + k) for k in range(len(members)) if first + k in self.done}
+                outcomes = {k: outcome for k, outcome in read.items() if outcome is not None}
+                cracks.update({first + k: np.array(outcome.cracks) for k, outcome in outcomes.items()})
+                yield dataset_of(plan.varied, members, outcomes, first=first, fragments=self._fragments,
+                                 means=sorted(self._means), **common)  # fmt: skip
+
+        with replacing(self.file) as part:
+            write_blocks(blocks(), part)
+            if plan.forecast:
+                from riftberg.ensembles.probability import with_probabilities
+
+                e, earth = plan.first.elements, plan.first.parameters.earth
+                plane = EqualAreaPlane(float(e.lon.mean()), float(e.lat.mean()), earth.radius, earth.latlon)
+                ice = *plane.forward(e.lon, e.lat), float(np.sqrt(np.mean(e.length * e.width)))
+                known = open_sweep(part, tracks=False)
+                ds = with_probabilities(known, cracks, ice).assign(self._control(common))
+                known.close()
+                write_sweep(ds.drop_vars(list(known.variables)), part, more=True)
+
+    def _control(self, common: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the run of a forecast in which nothing is varied."""
+        control = self.outcome(CONTROL)
+        if control is None or control.status != "done":
+            return {}
+        alone = dataset_of((), [{}], {0: replace(control, number=0)}, **common).isel(member=0, drop=True)
+        found = {}
+        for name in (n for n in ("lon", "lat", "x", "y", "area", "first_breakup", "largest_area") if n in alone):
+            values = alone[name].drop_vars("fragment", errors="ignore")
+            values = values.rename(fragment="control_fragment") if "fragment" in values.dims else values
+            found[f"control_{name}"] = values.assign_attrs(long_name=f"control: {values.attrs.get('long_name', name)}")
+        return found
 
 
 def join_parts(folder: Path) -> int:
@@ -460,6 +484,12 @@ def join_parts(folder: Path) -> int:
             f"parts of {' and '.join(sorted(counts))}",
             where=f"--join {folder}",
             remedy="Remove those that do not belong",
+        )
+    if (folder / PLAN).exists() and read_plan(folder) != first[1]:
+        raise InputError(
+            "holds another sweep than its parts",
+            where=f"--join {folder}",
+            remedy="Move the parts to a folder of their own",
         )
     members = folder / MEMBERS
     members.mkdir(exist_ok=True)
@@ -486,7 +516,7 @@ def run_sweep(
     store: Store, *, scheduler: Any = None, workers: int | None = None, save_seconds: float = 60.0,
     bar: SweepBar | None = None,
 ) -> xr.Dataset:  # fmt: skip
-    """Run the members that wait, and return and write the result."""
+    """Run the members that wait, write the result, and return it with its tracks still in the file."""
     workers = native(workers)
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 0):
         raise InputError(f"{workers!r} processes", where="workers", remedy="Give a whole number, 0 or more")
@@ -495,17 +525,15 @@ def run_sweep(
     _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))
     # Without a job no cluster is started, which takes seconds.
     alone = (workers == 0 and scheduler is None) or not jobs
-    result = xr.Dataset()
     with held() as hold, nullcontext() if alone else connected(scheduler, workers) as client, store.taken():
         try:
             _collect(store, jobs, client, hold, bar)
         finally:  # what is done is kept, also after Ctrl-C
             (store.members / STOP).unlink(missing_ok=True)
-            result = store.result()
-            write_sweep(result, store.file)
+            store.write()
             if bar is not None:
                 bar.stop()
-    return result
+    return open_sweep(store.file, tracks=False)
 
 
 def _collect(store: Store, jobs: list[Job], client: Any, hold: Hold, bar: SweepBar | None) -> None:

@@ -93,9 +93,9 @@ class SweepBar:
         elif sys.stderr.isatty():
             self._bar = TerminalBar(total)
 
-    def show(self, done: Mapping[int, Any]) -> None:
-        """Show how many outcomes there are."""
-        failed = sum(outcome.status == "failed" for outcome in done.values())
+    def show(self, done: Mapping[int, str]) -> None:
+        """Show how many members have a status."""
+        failed = sum(status == "failed" for status in done.values())
         text = f"{len(done)} of {self.total} members" + (f", {failed} failed" if failed else "")
         if self._bar is not None:
             self._bar.show(len(done), text)

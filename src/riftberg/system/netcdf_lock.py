@@ -256,18 +256,21 @@ def closing_files(*, only_if_refused: bool = False) -> Iterator[None]:
             outer.extend(opened)
 
 
-def write_dataset(dataset: xr.Dataset, path: str | Path, **options: Any) -> None:
-    """Write a dataset of xarray as a NetCDF file, which is there as a whole or not at all."""
+def write_dataset(dataset: xr.Dataset, path: str | Path, *, more: bool = False, **options: Any) -> None:
+    """Write a dataset of xarray as a NetCDF file, which is there as a whole or not at all.
+
+    ``more``: add its variables to those in a file that nobody else knows yet.
+    """
     from xarray.backends import NetCDF4DataStore
 
     _LOG.debug("writing %s", path)
     dataset = dataset.compute()
-    with replacing(Path(path)) as part, _told_truly(part):
+    with nullcontext(Path(path)) if more else replacing(Path(path)) as part, _told_truly(part):
         with NETCDF:
             _close_texts()
         # `to_netcdf` takes a lock of its own choice. Where a program has a client of dask, that is one which the client's
         # scheduler gives: a file on this machine would wait for another, and fail with a scheduler that is gone.
-        store = NetCDF4DataStore.open(os.fspath(part), mode="w", lock=NETCDF)  # type: ignore[no-untyped-call]
+        store = NetCDF4DataStore.open(os.fspath(part), mode="a" if more else "w", lock=NETCDF)  # type: ignore[no-untyped-call]
         file = store.ds
         try:
             dataset.dump_to_store(store, **options)

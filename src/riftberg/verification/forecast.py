@@ -131,6 +131,24 @@ def verified(
     )  # fmt: skip
 
 
+def drift_error(
+    ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, hour: float | None = None
+) -> Floats:
+    """Return the mean distance (km) of each member's berg from the observed positions after the start."""
+    times = ensemble["time"].values.astype("datetime64[ns]")
+    first = times[0].astype("datetime64[us]").item()
+    lon, lat = (ensemble[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
+    _, seen = _positions(observed, berg, str(observed.source), first, hour)
+    apart = [
+        np.linalg.norm(_at(times, lon, lat, np.datetime64(when, "ns"), place), axis=-1)
+        for when, place in seen.items()
+        if times[0] < np.datetime64(when, "ns") <= times[-1]
+    ]
+    if not apart:
+        raise InputError("no position during the runs", where=str(observed.source), remedy="Observe the berg then")
+    return np.asarray(np.mean(apart, axis=0))
+
+
 def _by_weight(ensemble: xr.Dataset, done: Any) -> Any:
     """Return the members that count, as often as their weights say (systematic resampling)."""
     if "weight" not in ensemble.coords and "weight" not in ensemble:

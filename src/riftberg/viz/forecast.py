@@ -73,10 +73,12 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
         zorder=1.5,
     )
     first = float(lon[0])
-    for k in np.flatnonzero(result["status"].values == 0)[:200]:
+    shown = np.flatnonzero(result["status"].values == 0)[:200]
+    tracks = [result[name].isel(fragment=0, member=shown).values for name in ("lon", "lat")]
+    for x, y in zip(*tracks, strict=True):
         ax.plot(
-            near(result["lon"].values[k, 0], first, True),
-            result["lat"].values[k, 0],
+            near(x, first, True),
+            y,
             color=colours.STRENGTH,
             lw=0.4,
             alpha=0.35,

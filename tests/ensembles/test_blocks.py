@@ -1,0 +1,81 @@
+"""The result of a sweep is written in blocks of members: the same file, in memory that does not grow with their number."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
+from riftberg.ensembles import sweep as module
+from riftberg.ensembles.forecast import forecast_plan
+from riftberg.ensembles.sweep import CONTROL, Store
+from riftberg.ensembles.vary import Draws
+from riftberg.experiments.registry import Options
+
+from .made import outcome
+
+
+def drifting() -> Model:
+    """Return two elements in a current."""
+    berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Steady(current=(0.2, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
+
+
+def filled(folder: Path, members: int, days: int = 4) -> Store:
+    """Return a forecast whose members are done, without a run; every third breaks up, and the last but one is missing."""
+    plan = forecast_plan(drifting, (), Options(days=float(days)), 24.0, Draws(members))
+    store = Store(folder, plan, resume=False)
+    store.folder.mkdir(parents=True, exist_ok=True)
+    store.begin()
+    random = np.random.default_rng(1)
+    for k in range(CONTROL, members):
+        lon, lat = (np.cumsum([first, *random.normal(0.0, 0.05, days)]).tolist() for first in (-37.0, -56.0))
+        means = {"current_error_east": 0.1, "floor_error_mean": 0.2} if k % 2 else None
+        if k != members - 2:
+            store.keep(outcome(k, lon, lat, broken=1.5 if k % 3 == 0 else None, means=means))
+    return store
+
+
+def test_blocks_make_the_same_file_as_one_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for size in (2, 100):
+        monkeypatch.setattr(module, "BLOCK", size)
+        filled(tmp_path / f"{size}", 7).write()
+    few, whole = (open_sweep(tmp_path / f"{size}") for size in (2, 100))
+    xr.testing.assert_identical(few, whole)
+    assert few["member"].values.tolist() == list(range(7))
+    assert few["status"].values.tolist() == [0] * 5 + [2, 0]
+    assert np.isfinite(few["lon"].values[:, 0, -1]).tolist() == [True] * 5 + [False, True]
+    assert str(few["first_breakup"].values[0]) == "2020-12-10T12:00:00.000000000"
+    assert np.isnat(few["first_breakup"].values[1])
+    assert {"start_thickness", "errors_seed", "weight", "lead", "init"} <= set(few.coords)
+    assert few["p_broken"].values[-1] == pytest.approx(3 / 6)
+    lazy = open_sweep(tmp_path / "2", tracks=False)
+    assert not lazy["lon"].variable._in_memory
+    assert lazy["p_broken"].variable._in_memory
+    xr.testing.assert_identical(lazy.load(), few)
+    lazy.close()
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_members(tmp_path: Path) -> None:
+    peaks = []
+    for members in (500, 2000):
+        done = subprocess.run([sys.executable, "-m", "ensembles.test_blocks", str(members), str(tmp_path / f"{members}")],
+                              check=True, capture_output=True, text=True, cwd=Path(__file__).parents[1])  # fmt: skip
+        peaks.append(float(done.stdout.split()[-1]))
+    assert peaks[1] - peaks[0] < 40.0, peaks  # MB; the tracks of 1500 members more are 40 times 1.2 MB in memory
+
+
+if __name__ == "__main__":
+    import time
+
+    store = filled(Path(sys.argv[2]), int(sys.argv[1]), days=60)
+    began = time.process_time()
+    store.write()
+    print(time.process_time() - began, "s", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)

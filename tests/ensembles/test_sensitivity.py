@@ -1,0 +1,203 @@
+"""Indices of functions whose indices are known, against scipy too; the command and its figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.stats import qmc, sobol_indices
+from typer.testing import CliRunner
+
+import riftberg
+from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg.cli.main import app
+from riftberg.cli.sensitivity import told
+from riftberg.diagnostics.observed import Fix, Observations
+from riftberg.ensembles.distributions import STEP
+from riftberg.ensembles.sensitivity import Result, indices, results_of
+from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.errors import InputError
+from riftberg.verification.forecast import drift_error
+from riftberg.viz.sensitivity import draw_sensitivity
+
+from .made import forecast_of, outcome
+
+ANGLE = f"~uniform({-np.pi}, {np.pi})"
+
+
+def drawn(vary: dict[str, str], plan: str, draws: int) -> tuple[xr.Dataset, Any]:
+    """Return a sweep without runs, and the inputs of its members."""
+    members = members_of(varied_of(vary, free=True), Draws(draws, plan, 1))
+    ds = xr.Dataset({"status": ("member", np.zeros(len(members)))}, attrs={"plan": plan})
+    x = {name: np.array([values[name] for values in members]) for name in vary}
+    for name, values in x.items():
+        ds.coords[name] = ("member", values, {"distribution": "uniform", "parameter": name})
+    return ds, x
+
+
+def ishigami(a: Any, b: Any, c: Any) -> Any:
+    return np.sin(a) + 7.0 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
+
+
+def test_sobol_indices_of_ishigami() -> None:
+    ds, x = drawn(dict.fromkeys("abc", ANGLE), "saltelli", 1024)
+    found = indices(ds, {"f": Result(ishigami(**x), "1")}).isel(result=0)
+    # Ishigami and Homma (1990), from the integrals.
+    assert found["first"].values == pytest.approx([0.3139, 0.4424, 0.0], abs=0.05)
+    assert found["total"].values == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.05)
+    assert (found["total_low"] < [0.5576, 0.4424, 0.2437]).all()
+    assert (found["total_high"] > [0.5576, 0.4424, 0.2437]).all()
+    assert (found["first_low"] < [0.3139, 0.4424, 0.0]).all()
+    assert (found["first_high"] > [0.3139, 0.4424, 0.0]).all()
+
+
+def test_sobol_indices_are_those_of_scipy() -> None:
+    ds, x = drawn(dict.fromkeys("abc", ANGLE), "saltelli", 256)
+    f = ishigami(**x).reshape(256, 5)
+    found = indices(ds, {"f": Result(f.ravel(), "1")}).isel(result=0)
+    known = sobol_indices(func={"f_A": f[:, 0], "f_B": f[:, -1], "f_AB": f[:, 1:-1].T[:, None]}, n=256)
+    assert found["first"].values == pytest.approx(np.ravel(known.first_order), abs=1e-12)
+    assert found["total"].values == pytest.approx(np.ravel(known.total_order), abs=1e-12)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    """90 % intervals of the total index of ``3 a + b``, 0.9 and 0.1, over plans with other seeds."""
+    inside = []
+    for seed in range(60):
+        share = qmc.Sobol(4, rng=np.random.default_rng(seed)).random(64)
+        a, b = share[:, :2], share[:, 2:]
+        f = [3.0 * p[:, 0] + p[:, 1] for p in (a, np.c_[b[:, 0], a[:, 1]], np.c_[a[:, 0], b[:, 1]], b)]
+        ds = xr.Dataset({"status": ("member", np.zeros(256))}, attrs={"plan": "saltelli"})
+        for name in "ab":
+            ds.coords[name] = ("member", np.zeros(256), {"distribution": "uniform"})
+        one = indices(ds, {"f": Result(np.stack(f, axis=1).ravel(), "1")}, seed=seed).isel(result=0)
+        inside.append(float(one["total_low"][0]) < 0.9 < float(one["total_high"][0]))
+    assert 0.8 <= np.mean(inside) <= 1.0
+
+
+def test_morris_effects_of_a_linear_model_and_of_ishigami() -> None:
+    ds, x = drawn({"a": "~uniform(0, 1)", "b": "~uniform(0, 2)", "c": "~uniform(5, 6)"}, "morris", 32)
+    found = indices(ds, {"f": Result(3.0 * x["a"] - 2.0 * x["b"], "1")}).isel(result=0)
+    assert found["effect"].values == pytest.approx([3.0 * STEP, 4.0 * STEP, 0.0])
+    assert found["signed_effect"].values == pytest.approx([3.0 * STEP, -4.0 * STEP, 0.0])
+    assert found["scatter"].values == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    ds, x = drawn(dict.fromkeys("abc", ANGLE), "morris", 1024)
+    found = indices(ds, {"f": Result(ishigami(**x), "1")}).isel(result=0)
+    # Mean of |7 (sin(b + h)^2 - sin(b)^2)| over a full turn, h = 0.4 x 2 pi: 7 x |sin(h)| x 2 / pi.
+    assert float(found["effect"][1]) == pytest.approx(14.0 / np.pi * abs(np.sin(2.0 * np.pi * STEP)), rel=0.02)
+    assert float(found["effect"][2]) > 1.0
+    assert abs(float(found["signed_effect"][2])) < 0.1 * float(found["effect"][2])  # even in c
+    assert float(found["scatter"][2]) > float(found["effect"][2])
+
+
+def test_a_draw_with_a_failed_member_counts_in_nothing() -> None:
+    ds, x = drawn(dict.fromkeys("abc", ANGLE), "saltelli", 64)
+    f = ishigami(**x)
+    whole = indices(ds, {"f": Result(f, "1")}).isel(result=0)
+    worse = np.concatenate([f, [np.nan, 1e9, 1e9, 1e9, 1e9]])
+    more = xr.concat([ds, ds.isel(member=slice(5))], "member")
+    more.attrs = ds.attrs
+    found = indices(more, {"f": Result(worse, "1")}).isel(result=0)
+    assert int(found["number"]) == 64
+    assert found["first"].values == pytest.approx(whole["first"].values)
+
+
+def test_what_only_some_have_is_said_of_these() -> None:
+    ds, x = drawn(dict.fromkeys("ab", "~uniform(0, 1)"), "morris", 64)
+    found = indices(ds, {"date": Result(np.where(x["a"] > 0.5, x["a"] ** 3, np.nan), "day", some=True),
+                         "none": Result(np.full(len(x["a"]), np.nan), "day", some=True),
+                         "same": Result(np.ones(len(x["a"])), "1")})  # fmt: skip
+    one = found.sel(result="date")
+    assert float(one["share"]) == pytest.approx((x["a"] > 0.5).mean())
+    assert one["correlation"].values[0] == pytest.approx(1.0)
+    assert abs(one["correlation"].values[1]) < 0.2
+    assert one["correlation_low"].values[1] < 0.0 < one["correlation_high"].values[1]
+    lines = told(found)
+    assert "% that have one): a 1 (1 to 1)" in lines[0]
+    assert "too few members have it" in lines[1]
+    assert "the same in all runs" in lines[2]
+
+
+def test_results_of_members() -> None:
+    places = [-37.0] * 5, [-56.0] * 5
+    ds = forecast_of([outcome(0, *places, broken=1, aground=3.0), outcome(1, *places)], 4)
+    found = results_of(ds, [2.0])
+    assert found["broken by day 2"].values.tolist() == [1.0, 0.0]
+    assert found["aground by day 2"].values.tolist() == [0.0, 0.0]
+    assert found["largest area at the end"].values.tolist() == [100.0, 100.0]
+    assert found["date of the first break-up"].values == pytest.approx([1.0, np.nan], nan_ok=True)
+    assert np.isfinite(found["lon of the first break-up"].values).tolist() == [True, False]
+    assert "broken by day 4" in results_of(ds)
+
+
+def test_the_error_of_the_drift_is_the_mean_distance() -> None:
+    ds = forecast_of(
+        [outcome(0, [-37.0] * 5, [-56.0] * 5), outcome(1, [-37.0] * 5, [-56.0, -55.0, -54.0, -53.0, -52.0])], 4
+    )
+    dates = ds["time"].values.astype("datetime64[us]").tolist()
+    seen = Observations(Path("seen.csv"), fixes=tuple(Fix("a", day, False, -37.0, -56.0) for day in dates))
+    # A degree of latitude is 111.2 km; after 1 to 4 days 2.5 degrees on average.
+    assert drift_error(ds, seen) == pytest.approx([0.0, 2.5 * 111.195], abs=0.5)
+    late = Observations(Path("seen.csv"), fixes=(Fix("a", dates[-1].replace(year=2022), False, -37.0, -56.0),))
+    with pytest.raises(InputError, match="no position during the runs"):
+        drift_error(ds, late)
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(InputError, match="not drawn for it"):
+        indices(xr.Dataset({"status": ("member", [0])}), {})
+    with pytest.raises(InputError, match="is no method"):
+        riftberg.sensitivity("a68a", method="fast")  # type: ignore[arg-type]
+    lists = varied_of(["start.turn~normal(0, 5)", "fracture.normal_strength=14,18kPa"])
+    with pytest.raises(InputError, match="lists of values"):
+        members_of(lists, Draws(4, "morris", 1))
+
+
+def test_random_fields_and_pairs_of_numbers_are_inputs_of_their_own() -> None:
+    varied = varied_of(["current_error.speed=0.1 m/s", "berg.offset~uniform(0, 1)", "start.turn~normal(0, 5)"])
+    members = members_of(varied, Draws(3, "morris", 1))
+    assert len(members) == 3 * 4
+    changes = [
+        [name for name in ("berg.offset", "start.turn", "errors.seed") if members[k][name] != members[0][name]]
+        for k in range(4)
+    ]
+    assert changes == [[], ["berg.offset"], ["start.turn"], ["errors.seed"]]
+    assert members_of(varied, Draws(5, "morris", 1))[:12] == members  # more draws leave the first as they are
+
+
+def drifting(speed: float = 0.1, strength: float = 1.0) -> Model:
+    """Return two elements in a current; the strength does nothing."""
+    berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Steady(current=(speed, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
+
+
+def test_a_function_of_inputs(tmp_path: Path) -> None:
+    vary = {"speed": "~uniform(0.1, 0.2)", "strength": "~uniform(0.5, 1)"}
+    found = riftberg.sensitivity(
+        drifting, vary, members=2, days="6 h", every_hours=3, workers=0, default_errors=False,
+        results={"east": lambda ds: ds["lon"].values[:, 0, -1]},
+    )  # fmt: skip
+    effect = found["effect"].sel(result="east").values
+    assert effect[0] > 1e-3
+    assert effect[1] == 0.0
+    assert found["input"].values.tolist() == ["speed", "strength"]
+    assert draw_sensitivity(found, tmp_path / "s.png", title="two", dpi=50).stat().st_size > 5_000
+
+
+@pytest.mark.compiled
+def test_the_command_writes_table_and_figure(tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    words = ["sensitivity", "a68a", "--no-default-errors", "--vary", "start.turn~normal(0, 5)", "--days", "0.25"]
+    said = CliRunner().invoke(app, [*words, "--method", "sobol", "--draws", "2", "-o", str(out)])
+    assert said.exit_code == 0, said.output
+    assert "6 runs of 0.25 days" in said.output
+    assert (out / "sensitivity.png").exists()
+    table = (out / "sensitivity.csv").read_text("utf-8").splitlines()
+    assert table[0].startswith("result,input,unit,share")
+    assert any(line.startswith("largest stress over strength,start.turn") for line in table)
+    again = CliRunner().invoke(app, ["sensitivity", "--resume", str(out), "--at-day", "0.1", "--no-figure"])
+    assert again.exit_code == 0, again.output
+    assert "broken by day 0.1" in again.output
