@@ -52,7 +52,12 @@ def totals(model: Model) -> tuple[np.ndarray, float, float]:
 
 def dissipated(model: Model) -> float:
     """Plastic work and friction of the faces since the start, J: what a restart keeps of it."""
-    return float(model._stepper.state_dict()["meeting_dissipated"][0])
+    booked = float(model._stepper.state_dict()["meeting_dissipated"][0])
+    if model.step_number:
+        ledger = model.motion.balance(model, model.remembered)
+        assert ledger.crushed == booked
+        assert not booked or f"crushing and friction {-booked:+.3g}" in " ".join(ledger.lines())
+    return booked
 
 
 @pytest.mark.parametrize(
@@ -119,6 +124,9 @@ def test_an_oblique_impact(friction: float, left: float, dt: float) -> None:
     assert np.abs(after - momentum).max() < 1e-12 * np.abs(momentum).max()
     assert abs(turning - angular) < 1e-8 * model.elements.mass.sum() * 0.3 * 10e3
     assert (np.diff(spent) >= 0.0).all()
+    # No medium acts: what elements lost to each other is that, and what is left of it the error of the time steps.
+    ledger = model.motion.balance(model, model.remembered)
+    assert ledger.work["elements"] + ledger.crushed == pytest.approx(0.0, abs=0.02 * (energy - remains))
     # What is let go along a chord that has become shorter is not booked: 0.3 % of it, 1.2 % in steps of 60 s.
     assert spent[-1] == pytest.approx(energy - remains, rel=0.02)
 

@@ -175,6 +175,11 @@ class QuasiStaticStepper:
         """See `riftberg.stepping.stepper.Stepper.touched`."""
         return self._touched
 
+    @property
+    def crushed(self) -> float:
+        """See `riftberg.stepping.stepper.Stepper.crushed`."""
+        return 0.0 if self._faces is None else float(self._faces.meetings.dissipated[0])
+
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
         bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
