@@ -456,7 +456,8 @@ class TimeStep:
                 trial.state = self._in_equilibrium(trial.state._replace(load=peak_load))
             self._accept(start, trial, cracks=True)
             self._propagate_crack()  # from the most critical bond, if any: where contact presses has shifted a little
-            return next_dt
+            # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
+            return next_dt if self.faces is None else min(next_dt, max(8.0 * trial.h, shortest))
 
         if self._overload(self._end(trial)) <= 0.0:
             self._accept(start, trial)
