@@ -181,7 +181,7 @@ def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(d
 @pytest.mark.slow
 @pytest.mark.parametrize(("dt", "modulus"), CASES)
 def test_what_shatters_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
-    """At 500 Pa; half a minute each, two for all."""
+    """At 500 Pa; 10 to 60 s each, three minutes and a half in all."""
     assert abs(broken_in_converging_current("500 Pa", dt, modulus) - 82) <= 4
 
 
