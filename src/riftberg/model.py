@@ -324,7 +324,9 @@ class BareModel(RunState):
             if self.elements.size:
                 self._stepped_from(saved.elements)
                 # The ledgers see the state before the step; contacts need it too, for the speed before bergs touched.
-                self.motion.moved(saved.elements, saved.bonds, self, self._stepper.applied, self.remembered)
+                self.motion.moved(
+                    saved.elements, saved.bonds, self, self._stepper.applied, self.remembered, self._stepper.crushed
+                )
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
                 )

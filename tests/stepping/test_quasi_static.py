@@ -8,6 +8,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.diagnostics.speed import square_berg
 from riftberg.errors import RunError
+from riftberg.ocean.analytic import Steady
 from riftberg.ocean.datasets import Forcing
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
@@ -27,6 +28,7 @@ from riftberg.stepping.bodies.pose import (
     tangent_coordinates,
 )
 from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.lattice import equilibrium
 from riftberg.stepping.lattice.equilibrium import (
     StiffnessSolver,
     Supports,
@@ -363,3 +365,37 @@ def test_a_step_that_was_taken_back_is_taken_again_as_if_it_had_not_failed(where
     for name, array in smooth.elements.arrays().items():
         np.testing.assert_array_equal(array, getattr(rough.elements, name), err_msg=name)
     np.testing.assert_array_equal(smooth.bonds.status, rough.bonds.status)
+
+
+class Stretching(Steady):
+    """A current that pulls a berg apart along x."""
+
+    def sample(self, elements, time) -> None:
+        """Fill the environment."""
+        super().sample(elements, time)
+        elements.uo[:] = elements.lon / 60e3
+
+
+@pytest.mark.compiled
+def test_a_crack_runs_through_thin_ice_up_to_its_last_bond(monkeypatch) -> None:
+    """Bug: ice 10 m thick ended in a RunError. On their last bond the halves turn far, and round-off with them."""
+    berg = Iceberg.rectangle(240e3, 22.5e3, thickness=10.0, radius=750.0, latlon=False)
+    e, b = berg.elements, berg.bonds
+    across = (e.lon[b.first] < -1.0) != (e.lon[b.second] < -1.0)
+    b.status[across & (0.5 * (e.lat[b.first] + e.lat[b.second]) > 5e3)] = 1
+
+    def pulled() -> Model:
+        p = Parameters(
+            earth={"latlon": False, "period": 0.0}, fracture={"normal_strength": "3 kPa"},
+            stepping={"time_step": 1800.0}, bonds={"elasticity": "bonds"},
+        )  # fmt: skip
+        model = Model(berg, Stretching(), p)
+        model.step()
+        return model
+
+    model = pulled()
+    broken = model.bonds.status != 0
+    assert broken[across].all()
+    monkeypatch.setattr(equilibrium, "ROUND_OFF", 0.0)
+    with pytest.raises(RunError, match="not in equilibrium"):
+        pulled()

@@ -52,7 +52,12 @@ def totals(model: Model) -> tuple[np.ndarray, float, float]:
 
 def dissipated(model: Model) -> float:
     """Plastic work and friction of the faces since the start, J: what a restart keeps of it."""
-    return float(model._stepper.state_dict()["meeting_dissipated"][0])
+    booked = float(model._stepper.state_dict()["meeting_dissipated"][0])
+    if model.step_number:
+        ledger = model.motion.balance(model, model.remembered)
+        assert ledger.crushed == booked
+        assert not booked or f"crushing and friction {-booked:+.3g}" in " ".join(ledger.lines())
+    return booked
 
 
 @pytest.mark.parametrize(
@@ -119,6 +124,9 @@ def test_an_oblique_impact(friction: float, left: float, dt: float) -> None:
     assert np.abs(after - momentum).max() < 1e-12 * np.abs(momentum).max()
     assert abs(turning - angular) < 1e-8 * model.elements.mass.sum() * 0.3 * 10e3
     assert (np.diff(spent) >= 0.0).all()
+    # No medium acts: what elements lost to each other is that, and what is left of it the error of the time steps.
+    ledger = model.motion.balance(model, model.remembered)
+    assert ledger.work["elements"] + ledger.crushed == pytest.approx(0.0, abs=0.02 * (energy - remains))
     # What is let go along a chord that has become shorter is not booked: 0.3 % of it, 1.2 % in steps of 60 s.
     assert spent[-1] == pytest.approx(energy - remains, rel=0.02)
 
@@ -134,6 +142,47 @@ def test_a_restart_within_an_impact_goes_on_bit_for_bit(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(again.elements, name), getattr(model.elements, name))
     assert dissipated(again) == dissipated(model) > 0.0
     assert speeds(model)[1] > 0.05
+
+
+class Converging(Steady):
+    """A current of 0.3 m/s towards one place, 40 km away from it."""
+
+    def sample(self, elements, time) -> None:
+        """Fill the environment."""
+        super().sample(elements, time)
+        elements.uo[:], elements.vo[:] = -0.3 * elements.lon / 40e3, -0.3 * elements.lat / 40e3
+
+
+def broken_in_converging_current(strength: str, dt: float, modulus: float) -> int:
+    """Bonds that break of three bergs of 16 x 10 km, which a current brings together within two days."""
+    bergs = [
+        Iceberg.rectangle(16e3, 10e3, thickness=200.0, radius=1000.0, latlon=False, placement=place, rotation=turn)
+        for place, turn in (((-16e3, -3e3), 10.0), ((12e3, 8e3), 70.0), ((6e3, -16e3), -30.0))
+    ]
+    p = Parameters(
+        earth={"latlon": False, "period": 0.0}, contact={"law": "crushing"}, stepping={"time_step": dt},
+        bonds={"youngs_modulus": modulus}, fracture={"normal_strength": strength},
+    )  # fmt: skip
+    model = Model(Iceberg.join(bergs), Converging(), p)
+    model.advance(days=2.0)
+    return int((model.bonds.status != 0).sum())
+
+
+CASES = [(450.0, 5e6), (1800.0, 5e6), (10800.0, 5e6), (1800.0, 1e7), (1800.0, 9e9)]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("dt", "modulus"), CASES)
+def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
+    """At 700 Pa, half the largest stress of the impacts, 23 of 201 bonds break."""
+    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 23) <= 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("dt", "modulus"), CASES)
+def test_what_shatters_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
+    """At 500 Pa; 10 to 60 s each, three minutes and a half in all."""
+    assert abs(broken_in_converging_current("500 Pa", dt, modulus) - 82) <= 4
 
 
 def test_schemes_without_it_refuse_it_by_name() -> None:

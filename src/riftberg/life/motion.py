@@ -40,7 +40,8 @@ step in a Coriolis force that does no work, elements among each other (with land
 LOADS, SUPPORTS, TIME_STEP, ELEMENTS, OTHER = map(GIVERS.index, ("loads", "supports", "time_step", "elements", "other"))
 
 START, NOW, BONDS = len(GIVERS), len(GIVERS) + 1, len(GIVERS) + 2
-"""Rows after those of the givers: stock at the start, stock now; elastic energy at the start and released by cracks."""
+"""Rows after those of the givers: stock at the start, stock now; elastic energy at the start, released by cracks, lost by
+crushing."""
 
 KEPT: Final = "motion_ledger"
 """Name under which a restart keeps the ledger."""
@@ -65,6 +66,9 @@ class MotionBalance(NamedTuple):
     # Elastic energy that bonds held before the step in which they broke; in the quasi-static scheme that of the cracks.
     # J
     released: float
+    crushed: (
+        float  # Plastic work and friction of faces that crush each other, J: a part of what is lost between elements
+    )
 
     @property
     def momentum_error(self) -> float:
@@ -103,7 +107,12 @@ class MotionBalance(NamedTuple):
         work = [f"{name.replace('_', ' ')} {w:+.3g}" for name, w in self.work.items() if name != "elements" and w]
         ends = [f"kinetic {self.kinetic_start:.3g} to {self.kinetic_now:.3g}"]
         if self.dissipated is None:
-            ends.append(f"between elements {self.work['elements']:+.3g}")
+            between = self.work["elements"]
+            ends.append(f"between elements {between:+.3g}")
+            if self.crushed:
+                ends[-1] += (
+                    f" (crushing and friction {-self.crushed:+.3g}, time steps and land {between + self.crushed:+.3g})"
+                )
         else:
             ends.append(
                 f"in bonds {self.elastic_start:.3g} to {self.elastic_now:.3g}, dissipated {self.dissipated:.3g}"
@@ -258,11 +267,11 @@ class MotionLedger:
 
     def moved(
         self, before: Elements, bonds_before: Bonds, run: RunState, applied: Floats,
-        remembered: MutableMapping[str, Floats],
+        remembered: MutableMapping[str, Floats], crushed: float,
     ) -> None:  # fmt: skip
         """Enter a step of motion.
 
-        ``applied``: mean accelerations, m s-2 (shape (elements, forces, 2)).
+        ``applied``: mean accelerations, m s-2 (shape (elements, forces, 2)); ``crushed``: as `Stepper.crushed`, J.
         """
         p, now = self.parameters, run.elements
         entries = _entries_in_substeps if p.stepping.scheme == "mts" else _entries_in_steps
@@ -277,6 +286,7 @@ class MotionLedger:
         kept = self._begun(remembered, before, bonds_before, run, was)
         _enter_step(kept, was, stands, given)
         self._cracks(kept, before, bonds_before, run)
+        kept[BONDS, 2] = crushed
         remembered[KEPT] = kept
 
     def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
@@ -325,7 +335,7 @@ class MotionLedger:
             (rows[START][0], rows[START][1]), (rows[NOW][0], rows[NOW][1]),
             {name: (row[0], row[1]) for name, row in zip(GIVERS, rows, strict=False)}, rows[START][2], rows[NOW][2],
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
-            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1],
+            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[BONDS][2],
         )  # fmt: skip
 
 

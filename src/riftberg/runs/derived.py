@@ -90,7 +90,7 @@ def _motion_by_force(model: BareModel) -> Sequence[Any]:
 
 def _motion_totals(model: BareModel) -> Sequence[Any]:
     b = model.motion.balance(model, model.remembered)
-    return *b.momentum_now, b.kinetic_now, b.released
+    return *b.momentum_now, b.kinetic_now, b.released, b.crushed
 
 
 def _energy_in_bonds(model: BareModel) -> Sequence[Any]:
@@ -122,6 +122,7 @@ MOTION: Final = (
         Variable("momentum_y", "N s", "northward momentum of all bergs"),
         Variable("kinetic_energy", "J", "kinetic energy of all bergs, with that of spin"),
         Variable("cracks_energy", "J", "elastic energy that broken bonds have released since the start"),
+        Variable("crushing_energy", "J", "plastic work and friction of faces that crush each other since the start"),
     ), _motion_totals, "total"),
 )  # fmt: skip
 """The ledger of momentum and energy."""

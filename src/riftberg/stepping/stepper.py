@@ -35,6 +35,10 @@ class Stepper(Protocol):
     def touched(self) -> tuple[Ints, Ints]:
         """Rows of the pairs of elements of different bergs that were in contact in the last long step."""
 
+    @property
+    def crushed(self) -> float:
+        """Plastic work and friction of faces that crush each other since the start, J; 0 in schemes without that law."""
+
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
 
@@ -44,6 +48,8 @@ class Stepper(Protocol):
 
 class Stateless:
     """Schemes that need nothing beside the state."""
+
+    crushed = 0.0
 
     def state_dict(self) -> dict[str, Any]:
         """Return nothing."""
