@@ -299,6 +299,24 @@ def test_the_stream_function_is_that_of_the_docstring() -> None:
     assert np.array([now.u, now.v]) == pytest.approx(n.drift_gain * (there - here) / 120.0, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.parametrize("day", [2.0, 7.5, 8.1, 15.0])
+def test_the_drift_is_that_of_its_centre(day: float) -> None:
+    """With the surge of day 7.8; the gain makes the drift faster than its centre."""
+    ocean, h = StoryOcean(), 30.0
+    now, (here, there) = ocean.instant(day * DAY), (ocean.instant(day * DAY + s * h) for s in (-1.0, 1.0))
+    for speed, way in ((now.u, there.x - here.x), (now.v, there.y - here.y)):
+        assert speed == pytest.approx(OWN.drift_gain * way / (2.0 * h), rel=1e-4, abs=1e-5)
+
+
+def test_longitudes_may_count_to_360() -> None:
+    lat = np.array([-55.5, -56.2])
+    west, east = (
+        StoryOcean().currents(lon, lat, 3.0 * DAY) for lon in (np.array([-39.0, -37.5]), np.array([321.0, 322.5]))
+    )
+    np.testing.assert_allclose(west, east, rtol=1e-9)
+    assert np.hypot(*west).min() > 0.01
+
+
 def test_the_controls_change_only_their_part() -> None:
     lon, lat = np.array([OWN.shoal[0]]), np.array([OWN.shoal[1]])
     assert StoryOcean().depth(lon, lat)[0] == pytest.approx(120.0)

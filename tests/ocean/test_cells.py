@@ -11,6 +11,7 @@ from ocean.grids import ALL, bent, cap, degrees, scattered, square_lakes
 from riftberg.ocean.cells import (
     adjust_cell,
     find_cell,
+    locate_points,
     point_in_cell,
     position_from_cell,
     position_in_cell,
@@ -387,3 +388,15 @@ def test_round_trip_has_the_operation_order_of_the_specification():
         assert (e.xi[n], e.eta[n]) == twin.position(plain, x, y, i, j)[:2]
     assert np.any(e.lon != old.lon)
     np.testing.assert_allclose(e.lon, old.lon, rtol=1e-15, atol=1e-11)
+
+
+@pytest.mark.parametrize("west", [0.0, -180.0, 185.0])
+def test_points_are_found_on_a_grid_nearly_once_round_the_earth(west: float) -> None:
+    """It does not close, so that a longitude must come to the one turn on which the grid lies."""
+    lon, lat = np.meshgrid(west + np.arange(0.0, 351.0, 10.0), np.arange(-70.0, -49.0, 5.0))
+    grid = Grid.from_corners(lon, lat, includes_southwest=True).arrays
+    x = np.concatenate([west + np.arange(1.0, 350.0, 7.0) + turn for turn in (-360.0, 0.0, 360.0)])
+    y, found, inside = np.full(x.size, -61.0), np.zeros((2, x.size), np.int64), np.zeros((2, x.size))
+    locate_points(x, y, grid, True, *found, *inside)
+    assert (found[0] >= 0).all()
+    np.testing.assert_allclose(inside[0], ((x - west) % 10.0) / 10.0, atol=1e-9)

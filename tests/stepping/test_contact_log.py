@@ -137,3 +137,10 @@ def test_the_log_is_that_of_one_pair_after_the_other(seed: int) -> None:
     assert len(plain.suppressed) > 5
     assert [[row.first, row.second, row.time, row.end] for row in log.rows] == plain.met
     assert log.suppressed == plain.suppressed
+
+
+def test_bergs_meet_at_the_speed_of_one_against_the_other() -> None:
+    el, log = elements((1, 2)), ContactLog()
+    el.u[:], el.v[:] = (0.3, -0.1), (0.5, 0.2)
+    log.update(el, pair(0, 1), 0.0, 1800.0, FragmentTree([fragment(1), fragment(2)]), P)
+    assert log.rows[0].speed == pytest.approx(0.5)

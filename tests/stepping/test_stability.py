@@ -13,7 +13,7 @@ from riftberg.errors import InputError, RunError
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.explicit.stability import choose_substeps, critical_time_step
+from riftberg.stepping.explicit.stability import choose_substeps, critical_time_step, size_bins
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.lattice.modes import largest_eigenvalue, substep_matrix
 
@@ -249,3 +249,27 @@ def test_contact_that_the_long_step_cannot_bear_is_refused(scheme) -> None:
         assert np.abs(allowed.elements.u).max() <= 0.21
     if scheme == "mts":
         bergs_with(1e-5, substeps=True).advance(steps=3)
+
+
+def test_the_bins_of_sizes_see_what_changes_the_critical_step() -> None:
+    """A fifth of mass, thickness or area; not a thousandth, unless an edge of a bin lies there."""
+    elements = _berg(side=2).elements
+    before = size_bins(elements)
+    for name, changed in (("mass", 0), ("thickness", 1), ("length", 3)):
+        values = getattr(elements, name)
+        kept = values.copy()
+        values *= 0.5
+        assert (size_bins(elements)[changed] < before[changed]).all()
+        values[:] = kept
+    for now, then in zip(size_bins(elements), before, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+def test_a_fixed_number_of_sub_steps_is_checked_wherever_they_are_explicit() -> None:
+    berg = _berg()
+    few = _parameters(bonds={"law": "spring"}, stepping={"time_step": 1800.0, "substeps": 1, "explicit_substeps": True})
+    sizes = interaction_sizes(berg.elements, few.kernel_values())
+    with pytest.raises(InputError, match="longer than the stable"):
+        choose_substeps(few.changed(compatibility={"zero_start": False}), berg.elements, berg.bonds, sizes)
+    implicit = few.changed(stepping={"explicit_substeps": False}, compatibility={"zero_start": False})
+    assert choose_substeps(implicit, berg.elements, berg.bonds, sizes) == 1

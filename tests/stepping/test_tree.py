@@ -104,3 +104,13 @@ def test_thousands_of_pieces_of_one_name_are_numbered_in_one_go() -> None:
     tree.update(elements, bonds, 1800.0, CONSTANTS)
     assert elements.berg[[0, 2, 5]].tolist() == [1, count + 1, count + 2]
     assert [row.name for row in tree.rows[-2:]] == [f"field.{count}", f"field.{count + 1}"]
+
+
+def test_bergs_have_the_names_that_were_given_and_pieces_those_of_their_bergs() -> None:
+    elements, bonds = row_of_ice(10)
+    bonds.status[5] = 2
+    tree = FragmentTree(bergs=[("west", 6), ("east", 4)])
+    tree.update(elements, bonds, 0.0, CONSTANTS)
+    bonds.status[[1, 7]] = 1
+    tree.update(elements, bonds, 1800.0, CONSTANTS)
+    assert [(f.name, f.parent) for f in tree.rows] == [("west", 0), ("east", 0), ("west.1", 1), ("east.1", 2)]

@@ -143,3 +143,6 @@ def test_bad_beds_are_refused_by_name() -> None:
     model = berg_model(floor=flat(DRAFT - 3.0), speed=0.0)
     with pytest.raises(InputError, match="3 m below the sea floor"):
         model.step()
+    with pytest.raises(InputError, match="below the sea floor"):
+        berg_model(floor=flat(DRAFT - 1.05), speed=0.0).step()
+    berg_model(floor=flat(DRAFT - 0.95), speed=0.0).step()
