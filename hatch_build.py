@@ -1,11 +1,13 @@
 """Version of what is built: that of the git tag, and without tag or git the line in ``src/riftberg/version.py``.
 
 Between tags it names the commit: 0.2.0 and three commits make 0.2.0+3.g1a2b3c4. Wheel and sdist carry it in their metadata
-and in their own copy of that line.
+and in their own copy of that line. A wheel that is built with ``RIFTBERG_MACHINE_CODE=FOLDER`` also holds the machine code that
+``python -m riftberg.compiled.machine_code FOLDER`` has made.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import tempfile
@@ -66,6 +68,9 @@ class VersionInside(BuildHookInterface):  # type: ignore[type-arg]
         copy.write_text(LINE.sub(f'__version__ = "{self.metadata.version}"', text), "utf-8")
         inside = SOURCE if self.target_name == "sdist" else SOURCE.relative_to("src")
         build_data["force_include"][str(copy)] = inside.as_posix()
+        code = os.environ.get("RIFTBERG_MACHINE_CODE")
+        if code and self.target_name == "wheel":
+            build_data["force_include"][str(Path(code).resolve())] = "riftberg/compiled/machine_code"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove the copy."""

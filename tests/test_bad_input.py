@@ -81,7 +81,7 @@ def test_times_outside_the_forcing(tmp_path: Path) -> None:
 
 
 def test_berg_outside_the_grid(tmp_path: Path) -> None:
-    words = ("element 1 at (-45.0", "outside the grid", "covers -40 to -38")
+    words = ("element 1 at 55.0", "S, 45.0", "outside the grid", "covers 56 S to 54 S, 40 W to 38 W")
     refused(Model(berg((-45.0, -55.0)), ocean()), tmp_path, BergError, *words)
 
 

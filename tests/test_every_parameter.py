@@ -398,6 +398,8 @@ TRIALS: Final[dict[str, Trial]] = {
     "compatibility.plain_kid_branch": _quirk(VERLET),
     "compatibility.bits_melt_at_zero_rates": _quirk(with_(MELT, melt={"bits_fraction": 0.5}, compatibility={"zero_rates": True})),
     "compatibility.plain_basal_search": _quirk(with_(SHELF, melt={"const_gamma": False})),
+    "compatibility.scaled_laminar_layer": _quirk(with_(SHELF, melt={"base": "two_equation"})),
+    "compatibility.rolls_on": _quirk(with_(ROLLS, ice={"density": 700.0}), more={"thickness": 500.0, "width": 505.0}),
     "compatibility.element_length_in_base_law": _quirk(TURBULENT),
     "compatibility.half_west_rim": _quirk(BITS, more={**CUT, "steps": 6}),
     "compatibility.bits_always_roll": _quirk(with_(BITS, rolling={"enabled": False}), more=CUT),

@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
@@ -330,20 +329,3 @@ def test_passing_names_are_never_shared(tmp_path: Path) -> None:
         one.write_text("1")
         other.write_text("2")
     assert (tmp_path / "a.txt").read_text() in ("1", "2")
-
-
-def test_codes_of_different_signatures_never_share_a_file(tmp_path: Path) -> None:
-    """An index that was begun anew once gave the old code of another signature, until the new one was written."""
-    from riftberg.compiled.cache import SharedFiles
-
-    def files(stamp: Any) -> SharedFiles:
-        return SharedFiles(str(tmp_path), "law-1.py311", stamp)
-
-    files(1).save("double", "code for double")
-    files(2).save("single", "code for single")
-    assert files(2).load("single") == "code for single"
-    assert files(2).load("double") is None
-    assert files(1).load("double") is None
-    assert len(list(tmp_path.glob("*.nbc"))) == 2
-    files(2).save("single", "code for single")
-    assert len(list(tmp_path.glob("*.nbc"))) == 2

@@ -147,7 +147,7 @@ def test_a_kernel_that_kernels_call_is_a_part_of_their_code(tmp_path: Path) -> N
     again = said(KERNELS, tmp_path, RIFTBERG_CACHE=str(tmp_path / "cache"))
     assert first == "6.0 0 1 True"
     assert again == "6.0 0 0 False"
-    assert len(list(tmp_path.rglob("*.nbc"))) == 1
+    assert len(list(tmp_path.rglob("*.code"))) == 1
 
 
 @pytest.mark.compiled

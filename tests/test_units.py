@@ -40,6 +40,8 @@ from riftberg.config.units import parse_unit, to_unit
         ("2 hrs", "s", 7200.0),
         ("1.5 kilometres", "m", 1500.0),
         ("3 °C", "degC", 3.0),
+        ("\N{MINUS SIGN}3.5 km", "m", -3500.0),  # as word processors write it
+        ("1e\N{MINUS SIGN}3 m", "m", 1e-3),
         ("15 deg/h", "degree h-1", 15.0),
     ],
 )

@@ -17,6 +17,7 @@ import importlib
 import logging
 from typing import TYPE_CHECKING, Any
 
+from riftberg.errors import with_nearest_names
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
+    from riftberg.stepping.laws import Laws
     from riftberg.system.limits import allow_large
     from riftberg.viz.map import draw_map, draw_tracks
     from riftberg.viz.plots import draw_fragments, draw_stress
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Iceberg": "riftberg.bergs.iceberg",
+    "Laws": "riftberg.stepping.laws",
     "Model": "riftberg.runs.model",
     "Parameters": "riftberg.parameters",
     "A68A_2022": "riftberg.parameters",
@@ -69,6 +72,7 @@ __all__ = [
     "Forcing",
     "GriddedForcing",
     "Iceberg",
+    "Laws",
     "Model",
     "Parameters",
     "Steady",
@@ -100,4 +104,6 @@ def __getattr__(name: str) -> Any:
     """Load a public name from its home on first use."""
     if name not in _HOMES:
         raise AttributeError(f"module 'riftberg' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    found = with_nearest_names(getattr(importlib.import_module(_HOMES[name]), name))
+    globals()[name] = found
+    return found

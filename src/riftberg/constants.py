@@ -57,5 +57,8 @@ EARTH_RADIUS_A68: Final = 6_363_827.0
 
 SECONDS_PER_DAY: Final = 86_400.0
 
-LATENT_HEAT: Final = 3.34e5
-"""Latent heat of fusion, J kg-1 (files, 0.1 HLF)."""
+LATENT_HEAT: Final = 3.335e5
+"""Latent heat of fusion, J kg-1, in the law of the base (files, 1.5) and in all budgets of heat."""
+
+LATENT_HEAT_KID: Final = 3.34e5
+"""The same in the heat that KID gives to the ocean (files, 0.1 HLF)."""

@@ -16,6 +16,7 @@ import numpy as np
 from riftberg.bergs.bonding import Metric, count_bonds, refuse_overlap
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.report import card, portrait
+from riftberg.config.places import place_text
 from riftberg.config.usual_ranges import unusual
 from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
@@ -25,7 +26,7 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
 from riftberg.state.numbering import by_identifier, changed_rows
-from riftberg.state.population import Population, Saved
+from riftberg.state.population import Population, Saved, cut_out
 from riftberg.stepping.explicit.stability import (
     assign_substeps,
     check_long_step,
@@ -37,6 +38,7 @@ from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.outline import measure_outlines
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
+from riftberg.stepping.laws import Laws, WithForce
 from riftberg.stepping.new_elements import complete_state, sample_new_elements
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper
@@ -82,6 +84,8 @@ class BareModel(RunState):
     start : date, optional
         Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp; by default
         that of the forcing, if it counts from a date.
+    laws : Laws, optional
+        A force, a melt law and a fracture criterion of one's own.
 
     Attributes
     ----------
@@ -103,6 +107,8 @@ class BareModel(RunState):
         Melt, rolling and footloose calving, where the parameters ask for them; acts before the processes above.
     motion : MotionLedger
         Momentum and mechanical energy by force; ``motion.balance(model, model.remembered)``.
+    departed : tuple of Elements and Bonds, or None
+        What left the grid over an open edge in the last step: whole bergs. Another model takes them with `append`.
     remembered : dict of str to array
         What recorders must know again to go on exactly; it is saved with the state.
     """
@@ -113,6 +119,8 @@ class BareModel(RunState):
         forcing: Forcing,
         parameters: Parameters | None = None,
         start: datetime | date | str | np.datetime64 | None = None,
+        *,
+        laws: Laws | None = None,
     ) -> None:
         asked = Parameters() if parameters is None else parameters
         check_arguments(berg, forcing, asked)
@@ -129,7 +137,9 @@ class BareModel(RunState):
         elements, bonds = copy_state(berg.elements, berg.bonds)
         sized = _with_constant_size(packed, elements, bonds)
         stepped = with_nonresonant_step(elements, bonds, sized)
-        self._begin(Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs, outlines=berg.outlines)
+        self._begin(
+            Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs, outlines=berg.outlines, laws=laws
+        )
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
             refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
@@ -138,30 +148,35 @@ class BareModel(RunState):
     def going_on(
         cls, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float,
         step_number: int, fragments: Sequence[Fragment], bergs: Sequence[tuple[str, int]] = (),
-        contacts: ContactLog | None = None,
+        contacts: ContactLog | None = None, laws: Laws | None = None,
     ) -> Self:  # fmt: skip
         """Return a model that stands at a state reached before."""
         model = cls.__new__(cls)
-        model._begin(population, forcing, parameters, start, time, step_number, fragments, bergs)
+        model._begin(population, forcing, parameters, start, time, step_number, fragments, bergs, laws=laws)
         model.contacts = ContactLog() if contacts is None else contacts
         return model
 
     def _begin(
         self, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float = 0.0,
         step_number: int = 0, fragments: Sequence[Fragment] = (), bergs: Sequence[tuple[str, int]] = (),
-        outlines: tuple[Any, ...] = (),
+        outlines: tuple[Any, ...] = (), laws: Laws | None = None,
     ) -> None:  # fmt: skip
         """Check the state and set up the stepper."""
+        own = Laws() if laws is None else laws
+        required(own, Laws, "Laws(force=..., melt=..., fracture=...)", where="Model, laws")
+        own.check(parameters)
         super().__init__(
-            population, forcing, parameters, parameters.kernel_values(), FragmentTree(list(fragments), bergs), start,
-            time, step_number, outlines=outlines,
+            population, forcing if own.force is None else WithForce(forcing, own.force), parameters,
+            parameters.kernel_values(), FragmentTree(list(fragments), bergs), start, time, step_number, outlines=outlines,
+            laws=own,
         )  # fmt: skip
-        self.life = LifeProcess(parameters) if lives(parameters) else None
+        self.life = LifeProcess(parameters, own.melt) if lives(parameters) else None
         self.motion = MotionLedger(parameters)
         self.after_step: list[Process] = []
+        self.departed: tuple[Elements, Bonds] | None = None
         self.remembered: dict[str, Floats] = {}
         self._visited = step_number > 0
-        check_state(self.elements, self.bonds)
+        check_state(self.elements, self.bonds, self.parameters.earth.latlon)
         check_strengths(self.bonds, parameters)
         refuse_fast_start(self.elements, parameters)
         check_water(forcing, parameters)
@@ -179,8 +194,11 @@ class BareModel(RunState):
                 measure_outlines(self.elements, self.constants)
             if forcing.grid is not None:
                 forcing.grid.check_cells(self.elements)
-            # The same values as in the file, unless the run failed because its forcing was at fault.
+            # The same values as in the file, unless the run failed because its forcing was at fault. A force of one's own may
+            # have been taken at velocities that are no more: it stays.
+            kept = self.elements.environment.own_x.copy(), self.elements.environment.own_y.copy()
             self._stepper.sample_forcing(self)
+            self.elements.environment.own_x[:], self.elements.environment.own_y[:] = kept
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
@@ -291,6 +309,7 @@ class BareModel(RunState):
             self._step()
 
     def _step(self) -> None:
+        self.departed = None
         if self.step_number == 0 and not self._visited:
             if not self.parameters.compatibility.zero_start:  # runs of the reference take what their driver hands over
                 self._check_forcing(1)
@@ -326,14 +345,17 @@ class BareModel(RunState):
             raise
 
     def _drop_lost(self) -> None:
-        """Take elements out that have left the grid over a closed edge, where the reference's rules hold (equations 8.1)."""
+        """Take out what has left the grid over an open edge: whole bergs; single elements by the reference's rules."""
         grid = self.forcing.grid
-        if grid is None or not self.parameters.compatibility.lost_over_edge:
+        if grid is None or (inside := grid.has_in_domain(self.elements)).all():
             return
-        inside = grid.has_in_domain(self.elements)
-        if not inside.all():
-            self.remove(self.elements.body.id[~inside])
-            self._follow_changes()
+        lost = ~inside
+        if not self.parameters.compatibility.lost_over_edge:
+            part = connected_parts(inside.size, self.bonds.first, self.bonds.second, self.bonds.status)
+            lost = np.isin(part, part[lost])
+        self.departed = cut_out(self.elements, self.bonds, np.flatnonzero(lost))[:2]
+        self.remove(self.elements.body.id[lost])
+        self._follow_changes()
 
     def _stepped_from(self, before: Elements) -> None:
         """Take the step of the scheme; whatever fails in a run that has flown apart, the reason is that."""
@@ -375,7 +397,7 @@ class BareModel(RunState):
         # Sizes in bins: melt changes every element in every step, the number of sub-steps only where that matters.
         coarse = size_bins(self.elements)
         changed = changed_rows(self.elements.body.id, coarse, ids, self._seen_coarse)
-        check_state(self.elements, self.bonds)
+        check_state(self.elements, self.bonds, self.parameters.earth.latlon)
         measured = self.population.version != version and self._follow_rows(ids)
         if self._visited and not measured:
             measure_outlines(self.elements, self.constants)
@@ -662,7 +684,7 @@ def check_balance(forcing: Forcing, p: Parameters) -> None:
         )
 
 
-def check_state(elements: Elements, bonds: Bonds) -> None:
+def check_state(elements: Elements, bonds: Bonds, latlon: bool) -> None:
     """Refuse elements that cannot be stepped, before the first step."""
     for name in ("lon", "lat", "u", "v", "mass", "thickness", "length", "width", "spin", "rotation"):
         values = getattr(elements, name)
@@ -671,9 +693,10 @@ def check_state(elements: Elements, bonds: Bonds) -> None:
             bad |= values <= 0.0
         if bad.any():
             e = int(np.flatnonzero(bad)[0])
+            place = place_text(float(elements.lon[e]), float(elements.lat[e]), latlon=latlon, digits=5)
             raise InputError(
                 f"{name} is {values[e]:g}",
-                where=f"element {int(elements.id[e])} (row {e}) at {elements.lon[e]:.5f}, {elements.lat[e]:.5f}",
+                where=f"element {int(elements.id[e])} (row {e}) at {place}",
                 remedy="It must be a finite number"
                 + (" above zero" if name in ("mass", "thickness", "length", "width") else ""),
             )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.raster import read_raster
+from riftberg.bergs.raster import check_on_globe, read_raster
 from riftberg.bergs.report import principal_axes
 from riftberg.errors import BergError, RiftbergError
 
@@ -105,6 +105,17 @@ def test_a_geotiff_in_degrees_is_the_grid_that_it_holds(tmp_path):
     np.testing.assert_array_equal(raster.values, values[::-1])
     berg = Iceberg.from_mask(path, thickness=200.0)
     assert berg.centroid == pytest.approx((-39.0, -55.0), abs=0.01)
+
+
+@pytest.mark.parametrize("beyond", [0.5, 0.52])
+def test_a_grid_may_end_half_a_cell_beyond_a_pole(tmp_path, beyond):
+    """The last row of cells of one degree has its middle at the pole or half a cell beyond it, not farther."""
+    path = write(tmp_path / "mask.tif", np.ones((5, 10)), 0.0, 90.5 + beyond, 1.0, crs="EPSG:4326")
+    if beyond == 0.5:
+        check_on_globe(read_raster(path))
+    else:
+        with pytest.raises(BergError, match=r"latitude 90\.52 is beyond the globe"):
+            check_on_globe(read_raster(path))
 
 
 @pytest.mark.parametrize(

@@ -390,7 +390,7 @@ def test_an_option_that_a_constructor_does_not_take_is_refused(make, name):
         make(**{name: 1.0})
 
 
-@pytest.mark.parametrize("offset", [(3.0, 0.0), (0.0, -0.5), (float("nan"), 0.0), (-39.3, -55.5), 0.5])
+@pytest.mark.parametrize("offset", [(3.0, 0.0), (0.0, 1.05), (0.0, -0.5), (float("nan"), 0.0), (-39.3, -55.5), 0.5])
 def test_a_lattice_is_shifted_by_at_most_one_pitch(offset):
     """A shift by three pitches left 9 km of the outline empty without a word; one in metres or degrees all of it."""
     with pytest.raises(BergError, match="offset"):
@@ -402,3 +402,21 @@ def test_a_shift_by_a_whole_pitch_is_none(offset):
     here, there = (Iceberg.rectangle(30e3, 15e3, thickness=200.0, offset=o).elements for o in (offset, (0.0, 0.0)))
     np.testing.assert_array_equal(here.lon, there.lon)
     np.testing.assert_array_equal(here.lat, there.lat)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "fault"), [((1000.0, 0.0), "10 m s-1"), ((0.1,), "missing"), ((0.1, 0.2, 0.3), "2 numbers")]
+)
+def test_a_velocity_is_two_numbers_that_ice_can_have(velocity, fault):
+    with pytest.raises(BergError, match=f"velocity.*{fault}"):
+        Iceberg.rectangle(30e3, 15e3, thickness=200.0, velocity=velocity)
+
+
+def test_description_gives_the_range_of_a_thickness_that_varies():
+    x = 3000.0 * np.arange(3)
+    berg = Iceberg.from_points(x, np.zeros(3), thickness=[100.0, 150.0, 200.0], density=820.0, latlon=False)
+    draft = [0.8 * h for h in (100.0, 200.0)]
+    assert (
+        f"thickness: 100.0 to 200.0 m, draft {draft[0]:.1f} to {draft[1]:.1f} m, freeboard 20.0 to 40.0 m"
+        in berg.describe()
+    )

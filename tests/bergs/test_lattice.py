@@ -84,7 +84,9 @@ def test_elements_are_sorted_across_the_short_side_first():
 
 def test_cells_give_themselves_back():
     column, row = cells_of_rows([(0, 1, 3), (1, 0, 0), (1, 2, 4)])
-    lattice = fill(cells_region(column, row, 3000.0), 1500.0, "square")[0]
+    region = cells_region(column, row, 3000.0)
+    lattice = fill(region, 1500.0, "square")[0]
+    assert region.centroid == pytest.approx((lattice.x.mean(), lattice.y.mean()), rel=1e-12)
     got = set(zip((lattice.x // 3000).tolist(), (lattice.y // 3000).tolist(), strict=True))
     assert got == set(zip(column.tolist(), row.tolist(), strict=True))
 

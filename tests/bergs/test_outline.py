@@ -138,12 +138,16 @@ def test_outline_that_crosses_itself_is_refused_or_mended():
     assert berg.report["area_error"] == pytest.approx(0.0, abs=0.03)
 
 
-def test_jump_across_the_date_line_is_refused_and_0_to_360_works():
-    east = [(179.5, -65.0), (-179.5, -65.0), (-179.5, -64.7), (179.5, -64.7)]
-    with pytest.raises(BergError, match="0 to 360"):
-        Iceberg.from_outline(east, thickness=200.0)
-    berg = Iceberg.from_outline([(lon % 360, lat) for lon, lat in east], thickness=200.0)
-    assert berg.centroid[0] == pytest.approx(180.0, abs=0.01)
+@pytest.mark.parametrize(
+    ("west", "east", "goes_on"),
+    [(179.5, -179.5, (179.5, 180.5)), (359.5, 0.5, (-0.5, 0.5))],  # date line, Greenwich
+)
+def test_longitudes_that_jump_are_refused_and_those_that_go_on_work(west, east, goes_on):
+    with pytest.raises(BergError, match=r"jumps by more than 180 degrees of longitude\. Let its longitudes go on"):
+        Iceberg.from_outline([(west, -65.0), (east, -65.0), (east, -64.7), (west, -64.7)], thickness=200.0)
+    west, east = goes_on
+    berg = Iceberg.from_outline([(west, -65.0), (east, -65.0), (east, -64.7), (west, -64.7)], thickness=200.0)
+    assert berg.centroid[0] == pytest.approx(0.5 * (west + east), abs=0.01)
 
 
 @pytest.mark.parametrize(

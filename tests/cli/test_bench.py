@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fakes import FakeModel
-from riftberg.cli.bench import sizes_between
+from riftberg.cli.bench import sizes_between, whole_line
 from riftberg.cli.main import app
 from riftberg.diagnostics import speed
 from riftberg.errors import InputError
@@ -27,7 +27,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeModel:
 
 
 def test_json_has_every_documented_key(fake: FakeModel) -> None:
-    result = CliRunner().invoke(app, ["bench", "fake", "--json"])
+    result = CliRunner().invoke(app, ["bench", "fake", "--json", "--days", "1"])
     assert result.exit_code == 0, result.output
     row: dict[str, Any] = json.loads(result.stdout)
     text = speed.__doc__ or ""
@@ -38,6 +38,33 @@ def test_json_has_every_documented_key(fake: FakeModel) -> None:
     assert row["seconds_per_day"] > 0.0
     assert 20.0 < row["memory_mb"] < 5000.0
     assert row["relative_to_yardstick"] == pytest.approx(row["seconds_per_day"] / row["yardstick_seconds_per_day"])
+
+
+def test_a_whole_run_is_timed_day_by_day_and_with_output() -> None:
+    result = CliRunner().invoke(app, ["bench", "collision", "--json", "--set", "stepping.scheme=quasi_static"])
+    assert result.exit_code == 0, result.output
+    whole = json.loads(result.stdout)["whole_run"]
+    assert 0.0 < whole["seconds_per_day"] <= whole["slowest"]
+    assert whole["seconds_per_day"] < whole["with_output"]["seconds_per_day"] <= whole["with_output"]["slowest"]
+    dearest = whole["dearest_days"]
+    assert sum(day["seconds"] for day in dearest) <= whole["slowest"] * whole["days"]
+    assert [day["seconds"] for day in dearest] == sorted((day["seconds"] for day in dearest), reverse=True)
+    assert "dearest: day" in whole_line(whole)
+
+
+def test_days_of_a_whole_run_follow_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A day that costs more stands first, with its own number, and the last may be a part of a day."""
+    model, spent = FakeModel(), [0.0]
+    dt = model.parameters.stepping.time_step
+
+    def step() -> None:
+        spent[0] += 5.0 if 86_400.0 <= model.time < 2 * 86_400.0 else 1.0
+        model.time += dt
+
+    monkeypatch.setattr(model, "step", step)
+    monkeypatch.setattr(speed.clock, "process_time", lambda: spent[0])
+    a_day = 86_400.0 / dt
+    assert speed._processor_days(model, 2.5) == pytest.approx([a_day, 5 * a_day, a_day / 2])  # type: ignore[arg-type]
 
 
 def test_a_scheme_is_set_and_told() -> None:
@@ -80,7 +107,7 @@ def test_the_yardstick_is_the_same_for_all_schemes(monkeypatch: pytest.MonkeyPat
 
 
 def test_line_for_people(fake: FakeModel) -> None:
-    result = CliRunner().invoke(app, ["bench", "fake"])
+    result = CliRunner().invoke(app, ["bench", "fake", "--days", "1"])
     assert "fake: 24 elements, 37 bonds" in result.stdout
     assert "yardstick" in result.stdout
 

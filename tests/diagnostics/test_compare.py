@@ -7,11 +7,12 @@ import math
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from fakes import FakeModel
-from riftberg.diagnostics.compare import Known, compare, observed_part, read_compared, with_hours
+from riftberg.diagnostics.compare import Known, aligned, compare, observed_part, read_compared, with_hours
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize, write_summary
 from riftberg.errors import InputError
@@ -122,3 +123,19 @@ def test_days_without_an_hour_get_one_and_interpolated_ones_are_left_out() -> No
 def test_a_folder_without_a_summary_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no summary.json.*riftberg run"):
         read_compared(tmp_path, "x", [])
+
+
+@pytest.mark.parametrize(
+    ("changes", "same"),
+    [
+        ({}, True), ({"time": "2020-12-14T12:00:00"}, True), ({"time": "2020-12-14T18:00:00"}, False),
+        ({"lat": -55.0 + 149e3 / METRES}, True), ({"lat": -55.0 + 155e3 / METRES}, False), ({"area_km2": 210.0}, True),
+        ({"area_km2": 220.0}, False), ({"grounded": False}, False),
+    ],
+)  # fmt: skip
+def test_break_ups_are_the_same_within_four_days_150_km_and_four_times_the_area(
+    changes: dict[str, Any], same: bool
+) -> None:
+    event = {"time": "2020-12-10T13:00:00", "lon": -38.6, "lat": -55.0, "area_km2": 54.0, "grounded": True}
+    rows = aligned([[event], [event | changes]], {"latlon": True, "radius": 6_363_827.0})
+    assert len(rows[0]) == (1 if same else 2)

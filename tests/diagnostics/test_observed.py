@@ -79,6 +79,17 @@ def test_byu_tracks_are_read_by_name(tmp_path: Path) -> None:
     ]
 
 
+def test_a_sensor_without_both_coordinates_saw_nothing(tmp_path: Path) -> None:
+    """Another sensor has its say then; a column that is not there makes no position either."""
+    path = tmp_path / "a68d.csv"
+    path.write_text(
+        "date,ascat_1,ascat_2,ascat_3,qscat_1,nic_1,nic_2,nic_3\n"
+        "2020353,-55.1,,1,-55.2,-55.5,-36.4,1\n"
+        "2020354,,-37.2,1,-55.2,-55.6,-36.3,1\n"
+    )
+    assert [(f.when.day, f.lat, f.lon) for f in read_observed(path).fixes] == [(18, -55.5, -36.4), (19, -55.6, -36.3)]
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 def test_score_and_berg_read_the_same_table(tmp_path: Path, separator: str) -> None:
     """Bug: with semicolons a berg was made of it, but it could not be scored."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from riftberg.diagnostics.compare import aligned, differences
+from riftberg.diagnostics.compare import aligned, differences, own_lines
 
 EARTH = {"latlon": True, "radius": 6.371e6}
 
@@ -75,3 +75,10 @@ def test_only_differences_are_told() -> None:
     assert (
         differences([many, few])["parameters that differ"][0] == "fracture.a 2, fracture.b 2, fracture.c 2 and 2 more"
     )
+
+
+def test_of_two_files_the_lines_that_differ_are_named() -> None:
+    one = "days: 1\nberg:\n  thickness: 200 m\n"
+    assert own_lines([one, one.replace("200", "250")]) == ["thickness: 200 m", "thickness: 250 m"]
+    assert own_lines([one, "a: 1\nb: 1\nc: 1\nd: 1\n"])[1] == "a: 1; b: 1; c: 1 and 1 lines more"
+    assert own_lines([one, one]) == ["", ""]

@@ -30,7 +30,7 @@ PIECE = slice(18, 24)
 
 def made(path: Path, **how: Any) -> xr.Dataset:
     """Run the fake berg for two days."""
-    model = FakeModel(turn_per_day=0.0, **how)
+    model = FakeModel(**{"turn_per_day": 0.0, **how})
     model.advance(2, recorders=[RunWriter(path, every_hours=1, experiment="fake")])
     return open_run(path)
 
@@ -90,6 +90,20 @@ def test_opposite_pulls_are_carried_as_tension(run: xr.Dataset, monkeypatch: pyt
     assert abs(load.couple["ocean drag"]) < 3e9 * 30.0
     assert load.stress["ocean drag"] == pytest.approx(3e9 / (200.0 * 9e3), rel=0.06)
     assert load.tension_recorded == pytest.approx(3e9, rel=1e-3)
+
+
+@pytest.mark.parametrize("turn", [-35.0, 50.0, 130.0])
+def test_tension_and_shear_are_those_along_the_cut_however_the_berg_lies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, turn: float
+) -> None:
+    """The berg has turned when it breaks; the pull is along its long axis, the drag across it, both in balance."""
+    run = made(tmp_path / "run.nc", turn_per_day=turn)
+    c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    for along, across in ((5e8, 0.0), (0.0, 5e8)):
+        east, north = along * c - across * s, along * s + across * c
+        load = explained(run, monkeypatch, field((east, north), (-east / 3.0, -north / 3.0))).decisive
+        assert load.tension["ocean drag"] == pytest.approx(6.0 * along, rel=0.02, abs=3e8)
+        assert (abs(load.shear["ocean drag"]) > 4e8) == (across > 0.0)
 
 
 def test_a_push_is_negative_tension(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -203,6 +217,25 @@ def test_a_control_in_which_another_piece_breaks_off_is_told_with_both_areas(run
     assert why.removed_by(breakup, run) == told
     breakup.members = away
     assert why.removed_by(breakup, run) == "removed"
+
+
+def test_a_piece_that_differs_by_less_than_a_tenth_is_the_same(tmp_path: Path) -> None:
+    run = made(tmp_path / "run.nc", ny=12)
+    (breakup,) = why.explain(run).breakups
+    whole = breakup.members
+    breakup.members = [*whole, next(int(n) for n in run["trajectory"].values if n not in whole)]
+    assert len(breakup.members) == 25
+    assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.021, True), (0.019, False)])
+def test_causes_below_a_fiftieth_of_the_largest_are_not_named(run: xr.Dataset, share: float, named: bool) -> None:
+    (breakup,) = why.explain(run).breakups
+    stress = dict.fromkeys(breakup.decisive.stress, 0.0) | {"ocean drag": 20e3, "wind drag": -share * 20e3}
+    breakup.decisive = dataclasses.replace(breakup.decisive, stress=stress)
+    (text,) = why.words(why.Reasons("", "", [breakup], 0, 18e3))
+    assert "ocean drag +20.0 kPa" in text
+    assert ("wind drag -0.4 kPa" in text) == named
 
 
 def test_words_json_and_figure(run: xr.Dataset, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ def drifting(speed: float = 0.2) -> Model:
     [
         ("lognormal(18 kPa, 20 %)", (18e3 * np.exp(-0.256310), 18e3, 18e3 * np.exp(0.256310))),
         ("normal(18 kPa, 2 kPa)", (15436.9, 18e3, 20563.1)),
+        ("normal(18, 2 kPa)", (15436.9, 18e3, 20563.1)),  # the unit of the last number is that of all
         ("normal(18 kPa, 10 %)", (15693.2, 18e3, 20306.8)),
         ("uniform(10, 20 kPa)", (11e3, 15e3, 19e3)),
         ("triangular(10, 15, 20 kPa)", (10e3 + 5e3 * np.sqrt(0.2), 15e3, 20e3 - 5e3 * np.sqrt(0.2))),
@@ -92,6 +94,10 @@ def test_what_is_impossible_is_cut_off_and_told() -> None:
         ("fracture.normal_strength~lognormal(18 kPa)", "has 1 numbers"),
         ("fracture.normal_strength~gauss(18 kPa, 2 kPa)", "is no distribution"),
         ("fracture.normal_strength~normal(18 m, 2 m)", "is in m, but this is measured in Pa"),
+        ("fracture.normal_strength~normal(18 kPa, 2)", "2 has no unit, but 18 kPa has"),
+        ("fracture.normal_strength~triangular(14 kPa, 18 kPa, 24e3)", "24e3 has no unit, but 14 kPa has"),
+        ("start.east~uniform(-5 km, 5)", "5 has no unit, but -5 km has"),
+        ("fracture.normal_strength~lognormal(18 kPa, 20)", "a standard deviation of the logarithm of 20"),
         ("fracture.enabled~uniform(0, 1)", "no number with decimals"),
         ("start.south~normal(0, 3 km)", "no parameter 'south'"),
         ("current_error.length=0", "0.0 is not possible"),
@@ -111,6 +117,9 @@ def test_a_distribution_needs_members_and_members_a_distribution() -> None:
         members_of(varied_of(["current_error.speed=0.1"]))
     with pytest.raises(InputError, match="nothing is drawn"):
         members_of(varied_of([f"{STRENGTH}=14,18kPa"]), Draws(4))
+    for draws in (Draws(seed=2), Draws(plan="random")):
+        with pytest.raises(InputError, match="plan, seed: nothing is drawn"):
+            members_of(varied_of([f"{STRENGTH}=14,18kPa"]), draws)
 
 
 def test_a_berg_starts_where_how_and_as_strong_as_its_member_says() -> None:
@@ -180,6 +189,7 @@ def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) ->
         ("fracture.strength\n1\n", "has no parameter 'strength'"),
         ("start.thickness\n-1\n", "-1.0 is not possible"),
         ("strength\n1\n", "not of the form group.name"),
+        ("start.east,start.north, start.east\n1,2,3\n", "line 1: start.east stands twice"),
     ],
 )
 def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> None:
@@ -190,6 +200,39 @@ def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> Non
     assert said.exit_code != 0
     assert message in " ".join(said.output.split())
     assert not out.exists()
+
+
+def test_each_row_of_a_design_has_random_fields_of_its_own_unless_it_names_the_seed() -> None:
+    _, members = designed({"current_error.speed": ["0.1", "0.1", "0.2"]})
+    assert len({m["errors.seed"] for m in members}) == 3
+    _, drawn = designed({"wind_error.speed": ["1", "2"], "start.east": ["0", "1 km"]})
+    assert [m["errors.seed"] for m in drawn] == [m["errors.seed"] for m in members[:2]]  # they depend on the row alone
+    _, given = designed({"current_error.speed": ["0.1", "0.2"], "errors.seed": ["7", "7"]})
+    assert [m["errors.seed"] for m in given] == [7, 7]
+
+
+@pytest.mark.parametrize("options", [["--days", "3"], ["--set", "drag.water=1"], ["--every", "2"], ["--seed", "4"]])
+@pytest.mark.parametrize("command", ["sweep", "forecast"])
+def test_what_a_sweep_that_goes_on_keeps_cannot_be_given_anew(command: str, options: list[str], tmp_path: Path) -> None:
+    said = CliRunner().invoke(app, [command, "--resume", str(tmp_path), *options])
+    assert said.exit_code == 2
+    assert f"Leave out {options[0]}" in " ".join(said.output.split())
+
+
+@pytest.mark.parametrize(("command", "holds"), [("sweep", "forecast"), ("forecast", "sweep")])
+def test_a_forecast_goes_on_as_forecast_and_a_sweep_as_sweep(command: str, holds: str, tmp_path: Path) -> None:
+    plan = {"experiment": "a68a", "vary": {}, "days": 1.0, "forecast": holds == "forecast"}
+    (tmp_path / "sweep.json").write_text(json.dumps(plan))
+    said = CliRunner().invoke(app, [command, "--resume", str(tmp_path)])
+    assert said.exit_code == 2
+    assert f"holds a {holds}. Go on by 'riftberg {holds} --resume'" in " ".join(said.output.split())
+
+
+@pytest.mark.parametrize("options", [["--days", "3"], ["--members", "4"], ["--vary", "start.east=1,2"]])
+def test_parts_are_joined_as_they_are(options: list[str], tmp_path: Path) -> None:
+    said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path), *options])
+    assert said.exit_code == 2
+    assert "Give --join FOLDER alone" in " ".join(said.output.split())
 
 
 @pytest.mark.compiled

@@ -156,6 +156,8 @@ def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
         ('{"type": "Point", "coordinates": [-36000, -5600000]}', "5nm", "are no degrees"),
         ('{"type": "Point", "coordinates": [-36, -56]}', "-5nm", "Give a distance"),
         ('{"type": "Point", "coordinates": [-36, -56]}', "5kPa", "is in kPa"),
+        ('{"type": "Point", "coordinates": [-36, -56]}', "5", "a number without a unit. Give 5nm or 5km"),
+        ('{"type": "Point", "coordinates": [-36, -56]}', " 0.5 ", "a number without a unit"),
     ],
 )
 def test_bad_places_are_refused_and_nothing_is_written(

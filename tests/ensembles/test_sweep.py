@@ -19,9 +19,10 @@ from typer.testing import CliRunner
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
 from riftberg.cli.main import app
+from riftberg.cli.sweep import told
 from riftberg.ensembles.member import Job, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
-from riftberg.ensembles.sweep import planned
+from riftberg.ensembles.sweep import Store, join_parts, planned
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 
@@ -206,6 +207,54 @@ def test_impossible_combinations_and_what_an_experiment_keeps_are_refused(tmp_pa
         planned(tmp_path / "hexagons.yaml", ["bonds.packing=square,hexagonal"], Options(), 6.0)
     with pytest.raises(InputError, match="no experiment of this name"):
         planned("a86a", ["fracture.normal_strength=14,18kPa"], Options(), 6.0)
+
+
+@pytest.fixture
+def experiment(tmp_path: Path) -> Path:
+    """Return the file of a small experiment."""
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "start: 2020-12-15\ndays: 0.05\nberg: {rectangle: {length: 6 km, width: 3 km}, placement: [-37, -56], thickness: 200}\n"
+        "forcing: {kind: constant, current: [0.2, 0.0]}\n"
+    )
+    return file
+
+
+@pytest.mark.parametrize("old", ["0.2, 0.0", "thickness: 200", "days: 0.05"])
+def test_an_experiment_that_changes_on_the_way_is_not_mixed_with_what_is_done(
+    old: str, experiment: Path, tmp_path: Path
+) -> None:
+    vary = ["fracture.normal_strength=14,18kPa"]
+    plan = planned(experiment, vary, Options(), 1.0)
+    store = Store(tmp_path / "out", plan, resume=False)
+    store.begin()
+    store.keep(run_member(plan.job(0, store.members, 60.0)))
+    assert store.done[0].status == "done", store.done[0].message
+    experiment.write_text(experiment.read_text().replace(old, old.replace("2", "3").replace("5", "6")))
+    other = run_member(plan.job(1, store.members, 60.0))
+    assert other.status == "failed"
+    assert "this file has changed since the sweep began" in other.message
+    with pytest.raises(InputError, match=r"mine\.yaml has changed since the sweep began"):
+        Store(tmp_path / "out", planned(experiment, vary, Options(days=0.05), 1.0), resume=True)
+
+
+@pytest.mark.parametrize("there", ["fracture.normal_strength=14,18,30kPa", "start.east=1,2"])
+def test_parts_are_not_joined_into_another_sweep(there: str, experiment: Path, tmp_path: Path) -> None:
+    Store(tmp_path / "out", planned(experiment, [there], Options(), 1.0), resume=False).begin()
+    vary = ["fracture.normal_strength=14,18,24kPa"]
+    Store(tmp_path / "out", planned(experiment, vary, Options(), 1.0), resume=False, part=(1, 1)).begin()
+    before = (tmp_path / "out" / "sweep.json").read_text()
+    with pytest.raises(InputError, match="holds another sweep than its parts"):
+        join_parts(tmp_path / "out")
+    assert (tmp_path / "out" / "sweep.json").read_text() == before
+
+
+def test_members_of_other_parts_wait_and_have_not_failed(experiment: Path, tmp_path: Path) -> None:
+    plan = planned(experiment, ["fracture.normal_strength=14,18kPa"], Options(), 1.0)
+    lines = "\n".join(told(Store(tmp_path, plan, resume=False, part=(1, 2)).result()))
+    assert "0 failed" in lines
+    assert lines.count("waits") == 2
+    assert "failed:" not in lines
 
 
 def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -57,6 +59,8 @@ def test_lists_arrays_and_texts_in_python() -> None:
         (["fracture.normal_strength=14..24kPa:1"], "'1' is no number of values"),
         (["fracture.normal_strength=14..24kPa:2.5"], "'2.5' is no number of values"),
         (["fracture.normal_strength=24..14kPa:3"], "is not below"),
+        (["fracture.normal_strength=14kPa..24000:3"], "24000 has no unit, but 14kPa has"),
+        (["stepping.time_step=10 min,900"], "900 has no unit, but 10 min has"),
         (["fracture.normal_strength=14..24m:3"], "is in m, but this is measured in Pa"),
         (["fracture.normal_strength=14..24parsec:3"], "is not a unit that Riftberg knows"),
         (["fracture.normal_strength=soft..hard:3"], "'soft' is not a number"),
@@ -80,3 +84,12 @@ def test_what_cannot_be_varied_is_refused(vary: Any, message: str) -> None:
         members_of(varied_of(vary))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
+
+
+def test_what_the_documentation_varies_can_be_varied() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    pages = "\n".join(page.read_text() for page in (*docs.rglob("*.md"), docs.parent / "README.md"))
+    written = re.findall(r"--vary '?([a-z_]+\.[a-z_]+[~=][^'\n`]+?)(?:'| -|\n|`)", pages)
+    assert len(written) >= 7
+    for text in written:
+        assert varied_of([text.strip()])

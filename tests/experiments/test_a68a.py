@@ -239,8 +239,12 @@ def test_currents_are_free_of_divergence_and_in_balance_with_the_sea_surface(tim
         model_berg = story_model(Options(), ocean=ocean).elements
         model_berg.lon[:], model_berg.lat[:] = lon, lat
         ocean.sample(model_berg, time)
-        east = (ocean.sea_level(lon + h, lat, time) - ocean.sea_level(lon - h, lat, time)) / (2 * h * metre * cos)
-        north = (ocean.sea_level(lon, lat + h, time) - ocean.sea_level(lon, lat - h, time)) / (2 * h * metre)
+        east = (ocean.geostrophic_level(lon + h, lat, time) - ocean.geostrophic_level(lon - h, lat, time)) / (
+            2 * h * metre * cos
+        )
+        north = (ocean.geostrophic_level(lon, lat + h, time) - ocean.geostrophic_level(lon, lat - h, time)) / (
+            2 * h * metre
+        )
         if gradient_wind:
             (u, v), later = point(lon, lat, time), 30.0
             for k, slope in ((0, "east"), (1, "north")):

@@ -240,6 +240,10 @@ BERG_MISTAKES = [
     ("strength: {uniform: 1}", "line 8, berg.strength.uniform", "Allowed: a number >= 0 and < 1"),
     ("strength: {weibull: 5, normal: 0.1}", "line 8, berg.strength", "exactly one of weibull, normal"),
     ("strength: {weibull: 5, seed: -1}", "line 8, berg.strength.seed", "Allowed: a whole number >= 0"),
+    ("rifts: [{points: [[0, 1], [2, 3]], crs: EPSG:3031}]", "line 8, berg.rifts.0", "points of a rift have no crs"),
+    ("rifts: [{points: [[0, 1], [2, 3]], threshold: 1}]", "line 8, berg.rifts.0", "points of a rift have no threshold"),
+    ("strength: {weibull: 5, variable: s}", "line 8, berg.strength", "variable is that of a map; weibull has none"),
+    ("strength: {normal: 0.1, variable: s}", "line 8, berg.strength", "variable is that of a map; normal has none"),
     ("strength: {seed: 1}", "line 8, berg.strength", "exactly one of weibull, normal"),
 ]
 
@@ -316,6 +320,15 @@ def test_a_list_of_bergs_and_formulas(tmp_path: Path) -> None:
         ("name: A", "name: berg 2", "bergs", "two bergs are called"),
         ("velocity: [0.1, 0.0]\nforcing", "radius: 100 m\nforcing", "bergs.2", "a field of bergs has no radius"),
         ("number: 12", "number: 0", "bergs.2.field.number", "0"),
+        ("sizes: tournadre", "between: [1e5, 1e6]", "bergs.2.field", "between is that of sizes: tournadre"),
+        ("sizes: tournadre", "sizes: tournadre, between: [1e6, 1e5]", "bergs.2.field", "areas between 1e+06 and 100000"),
+        ("name: A", "thickness: heights.nc", "bergs.0", "a berg from a rectangle takes no map of thickness"),
+        ("velocity: [0.1, 0.0]\nforcing", "thickness: heights.nc\nforcing", "bergs.2", "from a field takes no map of thickness"),
+        ("period: 12 h", "period: 12.42", "forcing.tide.0.period", "Allowed: a number >= 600, in s"),
+        ("period: 12 h", "minor: -0.2", "forcing.tide.0", "minor = -0.2 m/s is faster than major = 0.1 m/s"),
+        ("  turning_wind", "  slope: {point: [-37, -56], towards: 0, gradient: 0.01, depth: 300, between: [500, 100]}\n"
+         "  turning_wind",
+         "forcing.slope.0", "between = [500.0, 100.0] is not in order"),
         ("area: [-36.5, -36.0,", "area: [-36.0, -36.5,", "bergs.2.field", "area"),
         ("radius: 40 km, speed: -0.5", "radius: 40 km", "forcing.eddy.0.speed", "missing"),
         ("speed: -0.5", "sped: -0.5", "forcing.eddy.0.sped", "Did you mean 'speed'"),

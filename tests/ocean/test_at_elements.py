@@ -17,7 +17,7 @@ from riftberg.ocean.at_elements import (
     fill_vorticity,
 )
 from riftberg.plane import unit_vectors
-from riftberg.products.mesh import AxesMesh, CurvilinearMesh, Mesh, Places, goes_round_in_x
+from riftberg.products.mesh import AxesMesh, CurvilinearMesh, Mesh, NodeMesh, Places, goes_round_in_x
 from riftberg.state import Floats
 from twins.at_elements import value_at
 
@@ -192,3 +192,30 @@ def test_drift_leads_away_from_land_on_any_grid() -> None:
     assert (du[shore] > 0.0).all()  # the land is in the west
     np.testing.assert_array_equal(np.hypot(du, dv)[~shore], 0.0)
     assert np.hypot(du, dv).max() <= 0.1 * np.sqrt(2.0) + 1e-12
+
+
+@pytest.mark.parametrize(("seam", "closed"), [(0.18, False), (0.21, True), (1.0, True), (1.45, True), (1.6, False)])
+def test_a_grid_goes_round_where_its_seam_is_about_a_step_wide(seam: float, closed: bool) -> None:
+    """A seam of less than a fifth of a step is a column that is given twice, one of more than one and a half a gap."""
+    step = 360.0 / (60.0 + seam)
+    assert goes_round_in_x(unit_vectors(*np.meshgrid(step * np.arange(61), LAT))) == closed
+
+
+@pytest.mark.parametrize(("apart", "held"), [(2.9, True), (3.1, False)])
+def test_scattered_nodes_reach_three_of_their_distances(apart: float, held: bool) -> None:
+    lon, lat = (q.ravel() for q in np.meshgrid(0.1 * np.arange(20), 0.1 * np.arange(20)))
+    places = NodeMesh(lon, lat).locate(np.array([1.0]), np.array([-0.1 * apart]))
+    assert (places.row[0] >= 0) == held
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6, 2.0])
+def test_places_within_half_a_step_of_the_edge_have_the_value_of_the_edge(angle: float) -> None:
+    """The field is not continued beyond its points; farther out there is nothing."""
+    mesh = turned(angle)
+    lon, lat = mesh.points.lon, mesh.points.lat
+    field = (lon + 2.0 * lat)[None]
+    for edge, inner in (((0, 9), (1, 9)), ((-1, 9), (-2, 9)), ((9, 0), (9, 1)), ((9, -1), (9, -2))):
+        for part, known in ((0.3, True), (0.8, False)):
+            out = [np.array([q[edge] + part * (q[edge] - q[inner])]) for q in (lon, lat)]
+            found = values(Blend(field, field, 0.0, SURFACE, np.nan), mesh.locate(*out))[0]
+            assert found == pytest.approx(field[0][edge], abs=1e-9) if known else np.isnan(found)

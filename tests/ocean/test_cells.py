@@ -115,7 +115,7 @@ def test_inverse_bilinear_undoes_bilinear(shift, xi, eta, turn, size):
     corners = corners @ np.array([[c, s], [-s, c]])
     weights = np.array([(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta])
     x, y = weights @ corners
-    found = inverse_bilinear(x, y, 0.0, *corners.ravel())
+    found = inverse_bilinear(x, y, 0.0, *map(tuple, corners))
     a, b = found
     back = np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b]) @ corners
     np.testing.assert_allclose(back, (x, y), rtol=0, atol=1e-9 * 10.0**size)
@@ -126,7 +126,7 @@ def test_inverse_bilinear_of_almost_parallel_edges_in_metres_keeps_its_digits():
     corners = np.array([(4e5, 3e5), (4.05e5, 3e5 + 1e-6), (4.05e5, 3.05e5), (4e5, 3.05e5 + 2e-6)])
     for xi, eta in ((0.1, 0.9), (0.7, 0.2)):
         weights = np.array([(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta])
-        found = inverse_bilinear(*(weights @ corners), 0.0, *corners.ravel())
+        found = inverse_bilinear(*(weights @ corners), 0.0, *map(tuple, corners))
         np.testing.assert_allclose(found, (xi, eta), atol=1e-12)
 
 
@@ -135,7 +135,9 @@ def test_inverse_bilinear_of_a_cell_turned_by_ninety_degrees():
     c, s = np.cos(np.pi / 2), np.sin(np.pi / 2)
     corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) @ np.array([[c, s], [-s, c]]) * 1000.0
     weights = np.array([0.7 * 0.4, 0.3 * 0.4, 0.3 * 0.6, 0.7 * 0.6])
-    np.testing.assert_allclose(inverse_bilinear(*(weights @ corners), 0.0, *corners.ravel()), (0.3, 0.6), rtol=1e-13)
+    np.testing.assert_allclose(
+        inverse_bilinear(*(weights @ corners), 0.0, *map(tuple, corners)), (0.3, 0.6), rtol=1e-13
+    )
 
 
 @pytest.mark.parametrize("make", ALL)

@@ -346,6 +346,14 @@ def test_levels_act_over_the_draft_on_the_products_own_grid(folder: Path) -> Non
     np.testing.assert_allclose(model.elements.uo, mean_to(200.0 * model.parameters.ice.density / 1025.0), rtol=1e-6)
 
 
+def test_an_interval_of_a_model_grid_without_the_grid_is_refused(folder: Path) -> None:
+    path = folder / "files.yaml"
+    path.write_text(OWN.replace("  latitude:", "  every_hours: 3\n  latitude:"))
+    with pytest.raises(ForcingError, match=r"forcing.every_hours: an interval without a model grid. Give spacing too"):
+        build(str(path))
+    build(str(path), Options(grid=0.25))  # --grid is that grid
+
+
 def test_a_berg_that_leaves_the_data_is_told_where(folder: Path) -> None:
     (folder / "files.yaml").write_text(OWN.replace("[-39.0, -55.5]", "[-44.5, -55.5]"))
     with pytest.raises(ForcingError, match=r"element \d+ at \(-44\.\d+, -55\.\d+\) is outside of the data of uo"):

@@ -169,7 +169,7 @@ def test_locating_brings_longitudes_to_those_of_the_grid():
 
 def test_an_element_outside_is_refused_with_its_place():
     """The message names element, position and what the grid covers."""
-    with pytest.raises(BergError, match=r"element 2 at \(-5, 30\) lies outside the grid.*covers 0 to 80"):
+    with pytest.raises(BergError, match=r"element 2 at x -5 m, y 30 m lies outside the grid.*covers x 0 to 80 m"):
         Grid.cartesian(8, 8, 10.0).locate(placed((5.0, 5.0), (-5.0, 30.0)))
 
 
@@ -177,7 +177,7 @@ def test_an_element_on_land_is_refused():
     """The message says that it lies on land."""
     mask = np.ones((8, 8))
     mask[2, 1] = 0.0
-    with pytest.raises(BergError, match=r"element 1 at \(15, 25\) lies on land"):
+    with pytest.raises(BergError, match=r"element 1 at x 15 m, y 25 m lies on land"):
         Grid.cartesian(8, 8, 10.0, mask=mask).locate(placed((15.0, 25.0)))
 
 
@@ -253,7 +253,7 @@ def test_description_says_what_the_grid_is():
     """Size, kind, extent and land in plain words."""
     text = degrees(np.random.default_rng(0), land=0.0).describe()
     assert "12 x 10 cells, general, longitude and latitude, closed" in text
-    assert "from 321.875 to 323.375 and -56.125 to -54.875 degrees" in text
+    assert "from 56.125 S to 54.875 S, 38.125 W to 36.625 W" in text
     assert "0.0 % land" in text
     assert "cyclic, period 11000 m" in square_lakes(np.random.default_rng(0)).describe()
 

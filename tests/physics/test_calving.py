@@ -52,7 +52,7 @@ def test_stores_equal_twin_and_lose_nothing() -> None:
         want = twin.fill(ice, heat, flux, heat_flux, area, south, fractions, dt)
         before = ice.sum(), heat.sum()
         left, heat_left = np.zeros(shape), np.zeros(shape)
-        stored, warmth = calving.fill_stores(ice, heat, flux, heat_flux, area, south, *fractions, dt, left, heat_left)
+        stored, warmth = calving.fill_stores(ice, heat, flux, heat_flux, area, south, fractions, dt, left, heat_left)
         for got, expected in zip((ice, heat, left, heat_left), want, strict=True):
             assert_same(got, expected)
         arrived = (flux * area).sum() * dt

@@ -135,7 +135,7 @@ def test_mass_bound_for_land_and_beyond_closed_ends_goes_to_wet_cells() -> None:
 
 
 def test_a_berg_at_the_pole_keeps_its_shares() -> None:
-    """Beyond 89 degrees the plane touches the pole: every image is finite, and all is given to cells."""
+    """At the pole meridians are no parallels: every image is finite, and all is given to cells."""
     lon, lat = np.meshgrid(np.arange(10.0, 361.0, 10.0), np.arange(86.5, 90.1, 0.5))
     grid = Grid.from_corners(lon[1:], lat[1:], latlon=True, period=360.0)
     got = covered(grid, 40.0, 89.4, spreading.HEXAGON, 8e4, 8e4, 0.0)
@@ -163,6 +163,20 @@ def test_small_bergs_beside_each_edge_of_a_straight_cell_equal_twin(shape: str, 
         assert (got > 1e-9).sum() == (1 if east == north else 4 if 0.5 not in (east, north) else 2)
 
 
+def seen_from_above(points: np.ndarray, at: tuple[float, float]) -> np.ndarray:
+    """Metres east and north of a place (degrees), as seen from far above it."""
+    east, north = np.radians(points).T
+    from_centre = 6.371e6 * np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)])
+    a, b = np.radians(at)
+    to_east, to_north = [-np.sin(a), np.cos(a), 0.0], [-np.sin(b) * np.cos(a), -np.sin(b) * np.sin(a), np.cos(b)]
+    return np.stack([to_east @ from_centre, to_north @ from_centre], axis=-1)
+
+
+def shares_seen_from_above(grid: Grid, at: tuple[float, float], shape: str, *sides: float) -> np.ndarray:
+    cells = [seen_from_above(corners, at) for corners in cell_polygons(grid)]
+    return twin.shares((0.0, 0.0), twin.corners(shape, *sides), cells, np.ones(len(cells), bool))
+
+
 @pytest.mark.parametrize("hemisphere", [1.0, -1.0])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_shares_beside_a_pole_equal_twin(shape: str, hemisphere: float) -> None:
@@ -174,22 +188,25 @@ def test_shares_beside_a_pole_equal_twin(shape: str, hemisphere: float) -> None:
     grid = Grid.from_corners(
         lon, lat, latlon=True, regular=False, cyclic=False, includes_southwest=True, radius_for_metrics=radius
     )
-    cells = [
-        np.array([[x[b, a], y[b, a]] for b, a in ((j, i), (j, i + 1), (j + 1, i + 1), (j + 1, i))])
-        for j in range(8)
-        for i in range(8)
-    ]
     for seed in range(12):
         r = np.random.default_rng(seed)
         centre = r.uniform(12e3, 45e3, 2) * r.choice([-1.0, 1.0], 2)
-        place = np.arctan2(centre[1], centre[0])
-        east = np.array([-np.sin(place), np.cos(place)])
-        north = -hemisphere * np.array([np.cos(place), np.sin(place)])
-        length, width, angle = 40e3, 9e3, r.uniform(-np.pi, np.pi)
-        points = twin.corners(shape, length, width, angle) @ np.array([east, north])
-        here = np.degrees(place), hemisphere * (90.0 - np.degrees(np.hypot(*centre) / radius))
-        got = covered(grid, *here, SHAPES[shape], length, width, angle)
-        np.testing.assert_allclose(got.ravel(), twin.shares(centre, points, cells, np.ones(64, bool)), atol=1e-9)
+        at = np.degrees(np.arctan2(centre[1], centre[0])), hemisphere * (90.0 - np.degrees(np.hypot(*centre) / radius))
+        sides = 40e3, 9e3, r.uniform(-np.pi, np.pi)
+        got = covered(grid, *at, SHAPES[shape], *sides)
+        np.testing.assert_allclose(got.ravel(), shares_seen_from_above(grid, at, shape, *sides), atol=1e-9)
+
+
+@pytest.mark.parametrize("latitude", [-81.0, 85.0, -88.0, 88.8])
+def test_shares_of_cells_of_a_quarter_degree_near_the_poles_equal_twin(latitude: float) -> None:
+    """Straight meridians would give shares that are 1e-3 to 1e-2 off here."""
+    lon, lat = np.meshgrid(np.arange(0.0, 60.1, 1.0), latitude + 0.25 * np.arange(-4.4, 4.5))
+    grid = Grid.from_corners(
+        lon, lat, latlon=True, period=360.0, cyclic=False, includes_southwest=True, radius_for_metrics=6.371e6
+    )
+    at, sides = (30.3, latitude + 0.04), (30e3, 30e3, 0.4)
+    got = covered(grid, *at, spreading.RECTANGLE, *sides)
+    np.testing.assert_allclose(got.ravel(), shares_seen_from_above(grid, at, "rectangle", *sides), atol=1e-9)
 
 
 def test_reference_rectangle_equals_twin() -> None:

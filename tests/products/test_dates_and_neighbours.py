@@ -526,6 +526,12 @@ def test_dates_beside_that_cannot_be_decoded_spoil_no_others(tmp_path: Path) -> 
     assert forced(written(tmp_path, ds), day(1.5))[0] == pytest.approx(0.15, abs=1e-3)
 
 
+def test_times_of_scan_lines_date_no_records(tmp_path: Path) -> None:
+    ds = dated(growing(np.arange(4)), np.arange(4))
+    ds = ds.assign_coords(scan_time=("lat", np.arange(float(ds.sizes["lat"])), {"units": "s", "standard_name": "time"}))
+    assert forced(written(tmp_path, ds), day(1.5))[0] == pytest.approx(0.15, abs=1e-3)
+
+
 @pytest.mark.parametrize("how", ["no variable", "missing", "start and length"])
 def test_the_heading_dates_a_single_record(tmp_path: Path, how: str) -> None:
     """DUACS: a dimension of time of length 1 without a date, which the heading tells."""

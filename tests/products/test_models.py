@@ -16,6 +16,8 @@ from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_all, open_product
+from riftberg.products.registry import recognise
+from riftberg.products.window import window
 
 TURN = np.deg2rad(35.0)
 CENTRE = -39.0
@@ -101,14 +103,19 @@ def along(lon: Any, lat: Any) -> tuple[Any, Any]:
     return east * np.cos(TURN) + north * np.sin(TURN), -east * np.sin(TURN) + north * np.cos(TURN)
 
 
-def roms(path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bool = True) -> list[Path]:
+def roms(
+    path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bool = True, transform: int = 0
+) -> list[Path]:
     """Write a ROMS file: C grid, s levels, angle; perhaps with the grid in a file of its own, as CROCO has it."""
     j, i = np.mgrid[0:50, 0:50]
     rho, at_u, at_v = (positions(*a) for a in ((j, i), (j[:, :-1], i[:, :-1] + 0.5), (j[:-1] + 0.5, i[:-1])))
     s = np.array([-0.875, -0.625, -0.375, -0.125, -0.005])
+    # Depths over 400 m, as the two transforms of ROMS have them (Shchepetkin and McWilliams 2005, 2009).
+    c, hc = (-(s**2), 200.0) if transform else (s, 20.0)
+    share = {0: s, 1: (hc * s + (400.0 - hc) * c) / 400.0, 2: (hc * s + 400.0 * c) / (hc + 400.0)}[transform]
     u, v = along(*at_u)[0], along(*at_v)[1]
     up = ("s_rho",) if levels else ()
-    sheared = (lambda q: (1.0 + s)[:, None, None] * q) if levels else (lambda q: q)
+    sheared = (lambda q: (1.0 + share)[:, None, None] * q) if levels else (lambda q: q)
     grid = {
         "lon_rho": (("eta_rho", "xi_rho"), rho[0], {"units": "degree_east"}),
         "lat_rho": (("eta_rho", "xi_rho"), rho[1], {"units": "degree_north"}),
@@ -118,12 +125,12 @@ def roms(path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bo
     fields = {
         "u": (("ocean_time", *up, "eta_u", "xi_u"), sheared(u)[None], {"units": "meter second-1"}),
         "v": (("ocean_time", *up, "eta_v", "xi_v"), sheared(v)[None], {"units": "meter second-1"}),
-        "hc": ((), 20.0),
-        "Vtransform": ((), 2),
-        "Cs_r": (("s_rho",), s),
+        "hc": ((), hc),
+        "Vtransform": ((), transform or 2),
+        "Cs_r": (("s_rho",), c),
     }
     words = {
-        "standard_name": "ocean_s_coordinate_g2",
+        "standard_name": "ocean_s_coordinate" if transform else "ocean_s_coordinate_g2",
         "positive": "up",
         "formula_terms": "s: s_rho C: Cs_r depth: h depth_c: hc",
     }
@@ -138,13 +145,13 @@ def roms(path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bo
     return files
 
 
-@pytest.mark.parametrize("options", [{}, {"grid_apart": True}, {"angle": False}])
-def test_roms_currents_are_turned_and_stand_on_depths(options: dict[str, bool], tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [{}, {"grid_apart": True}, {"angle": False}, {"transform": 1}, {"transform": 2}])
+def test_roms_currents_are_turned_and_stand_on_depths(options: dict[str, Any], tmp_path: Path) -> None:
     [ds] = [part for part in open_all(roms(tmp_path, **options)) if "uo" in part]
     e = elements(CENTRE)
     found = at_points(ds[["uo", "vo"]].assign_attrs(ds.attrs), e.lon.reshape(3, 3), e.lat.reshape(3, 3))
     east, north = truth("uo", e.lon.reshape(3, 3), e.lat.reshape(3, 3), CENTRE)
-    # With C = s the levels lie at s h: at 200 m the shear leaves half of the surface current.
+    # The shear is linear in depth: at 200 m it leaves half of the surface current.
     for depth, share in ((5.0, 1.0 - 5.0 / 400.0), (200.0, 0.5)):
         np.testing.assert_allclose(found["uo"].sel(depth=depth)[0], share * east, atol=3e-3)
         np.testing.assert_allclose(found["vo"].sel(depth=depth)[0], share * north, atol=3e-3)
@@ -345,3 +352,32 @@ def test_layouts_of_other_producers(kind: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(ds[north], 0.0, atol=1e-12)
     later = np.timedelta64(6, "h") if kind == "cfgrib" else np.timedelta64(24, "h")
     assert ds["time"].values[1] == np.datetime64("2020-12-16") + later
+
+
+def test_a_wrf_file_has_its_places_and_its_wind(tmp_path: Path) -> None:
+    lon, lat = np.meshgrid(CENTRE + np.arange(5.0), -57.0 + np.arange(4.0))
+    dims = ("south_north", "west_east")
+    wind = {name: (dims, np.ones((4, 5)), {"units": "m s-1"}) for name in ("U10", "V10")}
+    places = {"XLONG": (dims, lon), "XLAT": (dims, lat)}
+    xr.Dataset(wind | places).to_netcdf(tmp_path / "wrf.nc")
+    assert recognise(tmp_path / "wrf.nc").name == "wrf"
+    xr.Dataset(wind).to_netcdf(tmp_path / "wind.nc")
+    assert recognise(tmp_path / "wind.nc").name != "wrf"
+    xr.Dataset(places).to_netcdf(tmp_path / "places.nc")
+    with pytest.raises(ForcingError, match="not recognised"):
+        recognise(tmp_path / "places.nc")
+
+
+@pytest.mark.parametrize("edge", ["south", "north", "west", "east"])
+def test_nodes_around_a_box_are_kept_with_it(tmp_path: Path, edge: str) -> None:
+    """At its edges the cut field is the whole one."""
+    whole = next(part for part in open_all(fvcom(tmp_path)) if "ssh" in part)[["ssh"]]
+    west, east, south, north = CENTRE - 0.5, CENTRE + 0.5, -55.9, -55.1
+    part = window(whole, (west, east), (south, north), margin=0.02)
+    assert part.sizes["node"] < whole.sizes["node"] / 10
+    along = np.linspace(0.0, 1.0, 40)
+    lon = {"west": west, "east": east}.get(edge, west + along * (east - west))
+    lat = {"south": south, "north": north}.get(edge, south + along * (north - south))
+    at = [q.reshape(1, -1) for q in np.broadcast_arrays(lon, lat)]
+    found = [at_points(ds, *at)["ssh"].values for ds in (whole, part)]
+    np.testing.assert_allclose(*found, rtol=0.0, atol=1e-12)

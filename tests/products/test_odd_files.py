@@ -546,6 +546,27 @@ def test_currents_along_the_axes_of_a_map_are_turned(tmp_path: Path, name: str, 
         arrives(written(tmp_path, on_map(name, mapping=mapping, positions=positions, flipped=flipped)), ("uo", "vo"))
 
 
+def test_a_map_whose_axes_only_count_is_read_by_its_positions(tmp_path: Path) -> None:
+    ds = on_map("Lambert", mapping=True, positions=True, flipped=False)
+    for axis in "xy":
+        ds[axis] = (axis, np.arange(ds.sizes[axis]), {"standard_name": f"projection_{axis}_coordinate"})
+    arrives(written(tmp_path, ds), ("uo", "vo"))
+
+
+@pytest.mark.parametrize("leaning", ["lat", "lon"])
+def test_a_grid_of_which_one_axis_leans_is_not_straight(tmp_path: Path, leaning: str) -> None:
+    """Rows that leave their parallel, or columns their meridian, and the other of the two does not."""
+    ds = plain(names=("uo", "vo"))
+    x, y = np.meshgrid(ds["lon"].values, ds["lat"].values)
+    lon, lat = (x, y + 0.2 * (x - CENTRE)) if leaning == "lat" else (x + 0.2 * (y + 55.5), y)
+    bent = ds.drop_vars(["lon", "lat"]).rename(lat="row", lon="column")
+    places = {"lon": (lon, "degrees_east"), "lat": (lat, "degrees_north")}
+    bent = bent.assign_coords({name: (("row", "column"), q, {"units": unit}) for name, (q, unit) in places.items()})
+    for name in ("uo", "vo"):
+        bent[name] = bent[name].copy(data=np.broadcast_to(truth(name, lon, lat), bent[name].shape))
+    arrives(written(tmp_path, bent), ("uo", "vo"))
+
+
 def test_currents_along_a_map_that_is_not_described_are_refused(tmp_path: Path) -> None:
     bare = on_map("Lambert", mapping=False, positions=False, flipped=False)
     refused(written(tmp_path, bare), "no latitudes and longitudes are given for along_x")

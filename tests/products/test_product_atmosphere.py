@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 from products import product_files as files
+from products.test_odd_files import AIR, plain, refused, written
 from riftberg.errors import ForcingError
 from riftberg.products import open_all, open_product, recognise
 
@@ -218,3 +219,11 @@ def test_jra55_from_grib_by_ncl(tmp_path: Path) -> None:
     assert ds.attrs["product"] == "jra55"
     np.testing.assert_allclose(ds["ua"].values[0], [[2.0, 3.0], [0.0, 1.0]])
     assert ds["lon"].values[0] == pytest.approx(-38.25)
+
+
+@pytest.mark.parametrize("kind", ["isobaricInhPa", "hybrid", "isobaricInPa"])
+def test_a_wind_that_grib_puts_on_a_pressure_or_model_level_is_refused(tmp_path: Path, kind: str) -> None:
+    ds = plain(names=AIR)
+    for name in AIR:
+        ds[name].attrs["GRIB_typeOfLevel"] = kind
+    refused(written(tmp_path, ds), f"on a pressure or model level ({kind.lower()})")

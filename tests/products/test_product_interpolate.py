@@ -104,7 +104,7 @@ def test_dates_outside_the_records_are_refused_unless_held() -> None:
 
 def test_targets_outside_the_data_are_refused() -> None:
     with pytest.raises(
-        ForcingError, match=r"1 points of the model grid lie outside the data, the first at -30 E -56 N"
+        ForcingError, match=r"1 points of the model grid lie outside the data, the first at 56.00 S, 30.00 W"
     ):
         at_points(plane(0.01, -0.02), np.array([-38.0, -30.0]), np.array([-56.0]))
 

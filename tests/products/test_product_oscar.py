@@ -99,5 +99,5 @@ def test_daily_means_serve_their_own_day_but_no_more(tmp_path: Path) -> None:
 
 def test_window_that_misses_the_data_says_what_they_cover(tmp_path: Path) -> None:
     ds = open_product(files.oscar_v2(tmp_path))
-    with pytest.raises(ForcingError, match=r"cover -38\.\.-37\.25 E, -56\.5\.\.-56 N"):
+    with pytest.raises(ForcingError, match=r"cover 56\.5 S to 56 S, 38 W to 37\.25 W"):
         window(ds, (10.0, 20.0), (-60.0, -50.0))

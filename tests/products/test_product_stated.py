@@ -25,7 +25,11 @@ def raw(time: dict[str, str] | None = None, **attributes: str) -> xr.Dataset:
         (raw({"delta_t": "0000-00-00 06:00:00"}), "a.nc", 6 * 3600.0),
         (raw({"delta_t": "0000-01-00 00:00:00"}), "a.nc", MONTH_SECONDS),
         (raw(time_coverage_resolution="P1D"), "a.nc", SECONDS_PER_DAY),
+        (raw(frequency="1hr"), "a.nc", 3600.0),
         (raw(frequency="3hr"), "a.nc", 3 * 3600.0),
+        (raw(frequency="6hr"), "a.nc", 6 * 3600.0),
+        (raw(frequency="day"), "a.nc", SECONDS_PER_DAY),
+        (raw(frequency="mon"), "a.nc", MONTH_SECONDS),
         (raw(title="Monthly mean fields for product GLOBAL_MULTIYEAR_PHY_001_030"), "a.nc", MONTH_SECONDS),
         (raw(title="daily mean fields, updated Daily"), "a.nc", SECONDS_PER_DAY),
         (raw(id="cmems_mod_glo_phy_my_0.083deg_P1M-m"), "a.nc", MONTH_SECONDS),
@@ -63,6 +67,10 @@ def test_the_interval_is_the_shortest_of_what_is_known() -> None:
     assert own_interval(series(1, 6, averaging_seconds=SECONDS_PER_DAY)) == SECONDS_PER_DAY
     assert own_interval(series(1, 2, stated_seconds=MONTH_SECONDS)) == SECONDS_PER_DAY
     assert own_interval(series(1, 6, interval_seconds=3600.0)) == 3600.0
+    # Two records that are 20 days apart may be snapshots of something faster; many, or what a file states, are not.
+    assert own_interval(series(1, 21)) == SECONDS_PER_DAY
+    assert own_interval(series(1, 21, 41, 61, 81)) == 20 * SECONDS_PER_DAY
+    assert own_interval(series(1, 21, stated_seconds=MONTH_SECONDS)) == 20 * SECONDS_PER_DAY
     assert gap_limit(series(1, 2, 3)) == 2.5 * SECONDS_PER_DAY
     assert gap_limit(series(1, 2, 3, max_gap_seconds=7.0)) == 7.0
     assert cover_of(series(1, 2, averaging_seconds=SECONDS_PER_DAY)) == tuple(dates(0.5, 2.5))

@@ -14,7 +14,7 @@ from fakes import FakeForcing, FakeModel
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
 from riftberg.ocean.analytic import Steady
-from riftberg.runs.background import KeptWater, on_even_grid, stored_water, water_of
+from riftberg.runs.background import GROUP, KeptWater, on_even_grid, stored_water, water_of
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, memory_run, open_own, open_run
 
@@ -135,3 +135,27 @@ def test_a_run_does_not_check_its_own_values_again(tmp_path: Path, monkeypatch: 
     assert not checked
     open_run(path).close()
     assert checked == [path]
+
+
+@pytest.mark.parametrize("size", [(2, 8), (8, 2), (4, 4)])
+def test_the_box_of_the_water_is_centred_on_the_track_and_twice_as_wide_as_high(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    """For a berg that lies along its way or across it."""
+    path = finished(tmp_path, Turning(), 2.2, nx=size[0], ny=size[1], latlon=False, turn_per_day=0.0, break_time=np.inf)
+    with xr.open_dataset(path) as run, xr.open_dataset(path, group=GROUP) as water:
+        for axis in ("x", "y"):
+            track, box = run[axis].values, water[axis].values
+            assert 0.5 * (box[0] + box[-1]) == pytest.approx(0.5 * (track.min() + track.max()), abs=1.0)
+            extent = np.ptp(track, axis=0 if track.shape[0] == run.sizes["trajectory"] else 1).max()
+            assert track.min() - box[0] > 0.1 * extent
+        assert np.ptp(water["x"].values) >= 1.999 * np.ptp(water["y"].values)
+
+
+def test_a_run_that_begins_late_has_water_every_six_hours_too(tmp_path: Path) -> None:
+    model = FakeModel()
+    model.forcing = Turning()
+    model.advance(1.0)
+    model.advance(1.0, recorders=[RunWriter(tmp_path / "run.nc", every_hours=6)])
+    with xr.open_dataset(tmp_path / "run.nc", group=GROUP, decode_times=False) as water:
+        np.testing.assert_allclose(np.diff(water["time"].values), 21_600.0)

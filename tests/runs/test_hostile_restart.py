@@ -247,3 +247,12 @@ def test_cells_that_no_grid_has_are_refused_without_a_grid_too(file: Path, name:
     spoil(file, f"element_{name}", value)
     with pytest.raises(InputError, match=f"element_{name}.*not a whole number from -1 to 1000000"):
         load_state(file)
+
+
+def test_a_restart_of_two_bergs_with_outlines_is_taken(tmp_path: Path) -> None:
+    """Outlines belong to any fragment, up to the one with the largest number."""
+    bergs = [Iceberg.rectangle("9 km", "6 km", thickness="200 m", placement=(lon, -56.0)) for lon in (-37.2, -36.8)]
+    model = Model(Iceberg.join(bergs), ocean(), Parameters(melt={"enabled": True}), start="2020-12-09")
+    model.advance(steps=1)
+    state = load_state(model.save(tmp_path / "two.restart.nc"))
+    assert sorted(np.unique(state.extra["front_bergs"]).tolist()) == [1, 2]

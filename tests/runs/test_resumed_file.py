@@ -55,6 +55,8 @@ def assert_goes_on(whole: Path, resumed: Path, *, first: float) -> None:
     a, dims, said = contents(whole)
     b, dims_b, said_b = contents(resumed)
     assert dims == dims_b
+    for attributes in (said, said_b):  # a state names also the parameters that follow from those that were set
+        attributes.pop("command", None)
     assert said == said_b
     times = a["time"][a["time"] >= first]
     extra = np.setdiff1d(b["time"], a["time"])

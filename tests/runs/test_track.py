@@ -82,3 +82,13 @@ def test_a_berg_on_the_seam_of_a_channel_is_put_together() -> None:
     assert found.azimuth == pytest.approx(
         berg_position(np.array([-1.0, 0.5, 0.5, -0.5]) * 1e3, y, np.full(4, 1e6), latlon=False).azimuth
     )
+
+
+def test_a_resumed_track_has_the_days_before_at_their_dates() -> None:
+    whole, before, after = (DailyTrack() for _ in range(3))
+    FakeModel(turn_per_day=0.0).advance(3.0, recorders=[whole])
+    model = FakeModel(turn_per_day=0.0)
+    model.remembered = {}
+    model.advance(1.5, recorders=[before])
+    model.advance(1.5, recorders=[after])
+    assert after.rows == whole.rows

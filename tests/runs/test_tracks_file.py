@@ -42,6 +42,10 @@ def test_the_group_is_a_contiguous_ragged_array(path: Path) -> None:
         assert set(tracks["area"].values[17:]) == {6 * 9e6}
         assert all(tracks[name].attrs["units"] for name in ("u", "v", "spin", "mass", "length", "azimuth"))
         assert "second moments" in tracks["length"].attrs["long_name"]
+    with netCDF4.Dataset(path) as file:
+        rows = [v for v in file["tracks"].variables.values() if v.dimensions == ("index",) and v.name != "time"]
+        assert {v.name for v in rows if v.coordinates == "time"} >= {"lon", "lat", "u", "v", "area", "mass", "aground"}
+        assert [v.name for v in rows if v.coordinates != "time"] == []
 
 
 def test_trajan_and_clouddrift_open_it(path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Steady
+from riftberg import Iceberg, Laws, Model, Steady
 from riftberg.parameters import A68A_2022
 from riftberg.stepping.forces import media
 from riftberg.stepping.forces.media import FORCES, MEDIA, SEA_FLOOR, Medium, allocate_surroundings, find_surroundings
@@ -37,6 +37,11 @@ PLOUGH = {"law": "quadratic", "quadratic_coefficient": 2e3}
 LAWS = {"linear": {}, "quadratic": {"grounding": PLOUGH}}
 
 
+def uneven(elements, time):
+    """A force of one's own, another one on each element, so that bonds have to share it."""
+    return 3e5 * elements.body.id, -2e5 * elements.body.id
+
+
 def model(scheme, *, depth=150.0, **changes):
     """Return a berg of two by two elements adrift in everything, aground unless the water is deep."""
     p = A68A_2022.changed(
@@ -46,7 +51,7 @@ def model(scheme, *, depth=150.0, **changes):
     for group, values in changes.items():
         p = p.changed(**{group: values})
     berg = Iceberg.rectangle(6e3, 6e3, thickness=200.0, latlon=False, offset=(0.0, 0.0), velocity=(0.5, 0.2))
-    return Model(berg, Steady(**SEA, depth=depth), p)
+    return Model(berg, Steady(**SEA, depth=depth), p, laws=Laws(force=uneven))
 
 
 def momentum(m):

@@ -21,7 +21,6 @@ from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import lattice, parameters
 
 P = parameters()
-LAW = (P.poisson, P.objective_damping, P.no_shear, P.linear_bending, P.flat_relative_velocity, P.latlon)
 
 
 def show(made: BondTiles, el: Any, dt: float = 0.0) -> None:
@@ -74,7 +73,7 @@ def applied(made: BondTiles, count: int, elements: int) -> None:
     for b in made.in_use[:count]:
         block, ends, sums = parts(made, b, elements)
         tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
-        tile_kernels.apply_bond_law(block, made.scratch, ends, 10.0, *LAW, P.earth_radius, P.period)
+        tile_kernels.apply_bond_law(block, made.scratch, ends, 10.0, P, P.period)
         tile_kernels.accumulate_first_ends(block, made.scratch, sums)
 
 

@@ -59,7 +59,8 @@ def freezing(salinity, pressure):
 class Layer:
     """The boundary layer at a base: friction velocity, depth and exchange coefficients."""
 
-    def __init__(self, speed, f, least, drag, tide):
+    def __init__(self, speed, f, least, drag, tide, scaled=True):
+        self.scaled = scaled  # the laminar term is divided by 0.4 too, as in the reference
         self.u = max(least, np.sqrt(drag * (speed**2 + tide**2)))
         self.h = 10.0 if f == 0.0 or abs(f) * 10.0 <= 0.4 * self.u else 0.4 * self.u / abs(f)
         self.molecular = [12.5 * (NU / k) ** (2.0 / 3.0) - 6.0 for k in (KT, KS)]
@@ -68,7 +69,7 @@ class Layer:
     def gammas(self, flux=0.0):
         n = np.sqrt(1.0 + 0.052 / 0.2 * self.h * 0.4 / self.u**3 * max(flux, 0.0))
         log = np.log(self.r) - 2.0 * np.log(n) if self.r > n**2 and self.r > 1.0 else 0.0
-        turbulent = (log + 0.5 * n / 0.052 - 1.0) / 0.4
+        turbulent = (log - 1.0) / 0.4 + 0.5 * n / 0.052 / (0.4 if self.scaled else 1.0)
         return [1.0 / (m + turbulent) for m in self.molecular]
 
 

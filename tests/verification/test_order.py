@@ -89,6 +89,8 @@ WIND = Steady(current=(0.3, 0.1), wind=(8.0, 3.0))
         ("tide, lagged forcing (Q5)", Tide(), -55.0, "mts", {"compatibility": {"forcing_lag": True}}, 1.0),
         pytest.param("drag and Coriolis", WIND, -55.0, "runge_kutta", {}, 1.0, marks=pytest.mark.slow),
         ("drag and Coriolis", WIND, -55.0, "verlet", {}, 1.0),
+        ("drag and Coriolis", WIND, -55.0, "quasi_static", {}, 2.0),
+        ("tide", Tide(), -55.0, "quasi_static", {}, 2.0),
     ],
 )
 def test_order_in_the_long_step(agrees, what, forcing, latitude, scheme, groups, asked) -> None:
@@ -96,3 +98,13 @@ def test_order_in_the_long_step(agrees, what, forcing, latitude, scheme, groups,
     shorter = 8.0 if scheme == "runge_kutta" else 1.0
     got = order([drifted(dt / shorter, forcing, latitude, scheme, **groups) for dt in STEPS])
     agrees(f"order in the long step, {scheme}, {what}", asked, got, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "most"), [("quasi_static", 55.0), ("mts", 25.0), ("verlet", 130.0), ("runge_kutta", 20.0)]
+)
+def test_all_schemes_come_to_the_place_of_a_fine_step(agrees, scheme, most) -> None:
+    """Steps of 450 s against one of 12.5 s with `mts`, two days, 53 km; the table of the numerics page."""
+    fine, coarse = drifted(12.5, WIND, -55.0), drifted(450.0, WIND, -55.0, scheme)
+    assert math.hypot(*fine) == pytest.approx(53.7e3, rel=0.01)
+    agrees(f"two days by steps of 450 s, {scheme}: error (m)", 0.0, math.hypot(*(coarse - fine)), abs=most)

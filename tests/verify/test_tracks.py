@@ -176,7 +176,7 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
     assert {"west", "east", "south", "north", "first", "last"} <= set(rows[0])
     with (tmp_path / "made.csv").open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow(tracks.COLUMNS)
+        table.writerow(["Berg", " START", *tracks.COLUMNS[2:]])  # names count without case and blanks
         for row in rows:
             for east in (-0.1, 0.1):
                 table.writerow([row["berg"].lower(), row["start"], row["lead_days"], float(row["start_lon"]) + east,
@@ -203,6 +203,9 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
         (["tracks", "--error", "nan"], "nan is not possible"),
         (["tracks", "--model", "nothing"], "'nothing' names no function"),
         (["tracks", "--model", "no_module_here:f"], "No module named"),
+        (["tracks", "--model", "typing_error:f"], "SyntaxError"),
+        (["tracks", "--model", "leaves:f"], "SystemExit: 3"),
+        (["tracks", "--model", "divides:f"], "A38B, 2003-01-04: the model fails: ZeroDivisionError"),
         (["tracks", "--forecasts", "short.csv"], "no forecast. Forecast every row"),
         (["tracks", "--forecasts", "other.csv"], "no column 'berg'"),
         (["tracks", "--between", "1999-01-01,1999-02-01"], "no case"),
@@ -212,6 +215,12 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
 def test_bad_input_is_one_clear_sentence(words, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     three_bergs(tmp_path)
     (tmp_path / "short.csv").write_text("berg,start,lead_days,lon,lat\nA38B,2003-01-04,1,-40,-55\n")
+    for name, text in (
+        ("typing_error", "def f(start, dates)\n"), ("leaves", "raise SystemExit(3)\n"),
+        ("divides", "def f(start, dates):\n    return 1 / 0\n"),
+    ):  # fmt: skip
+        (tmp_path / f"{name}.py").write_text(text)
+    monkeypatch.setattr("sys.dont_write_bytecode", True)
     (tmp_path / "other.csv").write_text("name,date\nA38B,2003-01-04\n")
     (tmp_path / "torn").mkdir()
     (tmp_path / "torn" / "torn.csv").write_text("qscat_1,qscat_2,qscat_3,date\nx,2,1,2003001\n")

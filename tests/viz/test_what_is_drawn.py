@@ -26,6 +26,7 @@ from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.background import stored_water
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
+from riftberg.stepping.fragments.tree import Fragment
 from riftberg.viz import animate, colours, plots, style
 from riftberg.viz import score as score_picture
 from riftberg.viz.map import draw_map
@@ -672,3 +673,34 @@ def test_track_of_a_melting_berg_is_a_line(run: xr.Dataset) -> None:
     x, _ = Scene(run.assign(width=melting)).track_line(1)
     whole, _ = Scene(run).track_line(1)
     assert np.isnan(x).sum() == np.isnan(whole).sum() < 3
+
+
+class Fleet(FakeModel):
+    """Fourteen bergs in a row, each smaller than the one before."""
+
+    def __init__(self) -> None:
+        super().__init__(14, 1, turn_per_day=0.0, break_time=np.inf)
+        area = np.linspace(9e6, 5e6, 14)[::-1]
+        e = self.elements
+        e.berg[:] = np.arange(1, 15)
+        e.length[:] = e.width[:] = np.sqrt(area)
+        self.fragments.rows[:] = [
+            Fragment(k + 1, 0, 0.0, -39.0, -55.0, 1, float(area[k]), float(area[k]) * 170e3, 0, False)
+            for k in range(14)
+        ]
+
+
+def test_of_many_bergs_the_largest_are_named(tmp_path: Path) -> None:
+    scene = Scene(finished(Fleet(), tmp_path))
+    assert scene.numbers == [14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3]
+
+
+@pytest.mark.parametrize("record", [None, 0, 5])
+def test_the_box_of_a_map_holds_the_ice_on_all_sides(run: xr.Dataset, record: int | None) -> None:
+    scene = Scene(run)
+    box, half = scene.box(record), 0.5 * SIDE / 1e3 * scene.units_per_km()
+    rows = slice(None) if record is None else [record]
+    x, y = scene.x[rows], scene.y[rows]
+    wide = half * scene.stretch(float(y.mean()))
+    assert (box.west, box.east) == pytest.approx((x.min() - wide, x.max() + wide), abs=2e-4)
+    assert (box.south, box.north) == pytest.approx((y.min() - half, y.max() + half), abs=2e-4)

@@ -41,6 +41,11 @@ TRIES: Final = 2000
 SIZES: Final = ("gladstone", "tournadre")
 
 
+def aspect_of(sizes: Any) -> float:
+    """Return the length over the width of bergs of a distribution: the classes are of long bergs, all others of squares."""
+    return ASPECT if isinstance(sizes, str) and sizes == "gladstone" else 1.0
+
+
 def areas(count: int, sizes: Any, random: np.random.Generator, between: tuple[float, float]) -> Floats:
     """Return plan areas of bergs, m2.
 

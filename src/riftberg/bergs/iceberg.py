@@ -418,8 +418,8 @@ class Iceberg(BondedBerg):
         area : tuple of float
             West, east, south and north, degrees (m if not ``latlon``).
         sizes : {"gladstone", "tournadre"} or array_like
-            Distribution of the sizes: the ten classes of Gladstone et al. (2001), or the power law of areas of Tournadre
-            et al. (2016); or areas (m2) to draw from. See `riftberg.bergs.fields`.
+            Distribution of the sizes: the ten classes of Gladstone et al. (2001), 1.5 times as long as wide; or squares: the
+            power law of areas of Tournadre et al. (2016), or areas (m2) to draw from. See `riftberg.bergs.fields`.
         seed : int, optional
             The same seed gives the same field. One is drawn if none is given; the report names it.
         thickness : float or array_like, optional
@@ -451,12 +451,16 @@ class Iceberg(BondedBerg):
         plan = fields.areas(n, sizes, random, between)
         heights = fields.thickness_of(plan) if thickness is None else thickness
         settings = berg_options(options, FieldOptions, heights)
-        # Squares of any turn keep clear of each other where their corners do.
+        aspect = fields.aspect_of(sizes)
+        # Rectangles of any turn keep clear of each other where their corners do.
+        reach = np.sqrt(0.25 * (aspect + 1.0 / aspect) * plan)
         metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
-        x, y = fields.places(np.sqrt(0.5 * plan), area, gap, metric, random)
+        x, y = fields.places(reach, area, gap, metric, random)
         berg = cls.from_points(
             x, y, thickness=heights, radius=0.5 * np.sqrt(plan), pieces=np.arange(n), **options
         )  # fmt: skip
+        berg.elements.length[:] *= np.sqrt(aspect)
+        berg.elements.width[:] /= np.sqrt(aspect)
         report = {"source": f"field of {n} bergs", "sizes": sizes if isinstance(sizes, str) else "given", "seed": seed}
         return replace(berg, report=report, bergs=tuple((f"{k + 1}", 1) for k in range(n)))
 

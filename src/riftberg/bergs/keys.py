@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypedDict
 
 import numpy as np
-from pydantic import AfterValidator, ValidationError
+from pydantic import AfterValidator, ValidationError, model_validator
 
 from riftberg.config.sections import PLACE, Pair, Position, Section, Shift, Velocity, at_most, key
 from riftberg.config.units import looks_like_quantity
@@ -185,6 +185,12 @@ class FieldOfBergs(Section):
     between: Pair = key((0.1e6, 10e6), "m2", "least and largest area of the power law (tournadre)")
     gap: float = key(0.0, "m", "least distance between bergs", ge=0)
     seed: int = key(1, "", "the same seed gives the same field", ge=0)
+
+    @model_validator(mode="after")
+    def _sizes_between(self) -> FieldOfBergs:
+        if "between" in self.model_fields_set and self.sizes != "tournadre":
+            raise ValueError(f"between is that of sizes: tournadre; {self.sizes} has sizes of its own")
+        return self
 
 
 class LatticeRows(Section):

@@ -308,7 +308,9 @@ def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
     for ring in _ring_coordinates(geometry):
         if abs(np.diff(ring[:, 0])).max() > 180:
             raise BergError(
-                "the outline jumps across the date line", where=where, remedy="Write its longitudes from 0 to 360"
+                "the outline jumps by more than 180 degrees of longitude",
+                where=where,
+                remedy="Let its longitudes go on: 179, 181 across the date line, and -1, 1 across Greenwich",
             )
     if not geometry.is_valid:
         if not repair:

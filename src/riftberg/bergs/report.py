@@ -9,7 +9,7 @@ import numpy as np
 
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.config.places import latitude, longitude
+from riftberg.config.places import place_text
 from riftberg.constants import DEGREE
 from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats
@@ -30,7 +30,7 @@ def describe(berg: BondedBerg) -> str:
     lines.append(
         f"  thickness: {_range(e.thickness)} m, draft {_range(draft)} m, freeboard {_range(e.thickness - draft)} m"
     )
-    place = f"{lon:.4f} E, {lat:.4f} N" if berg.latlon else f"x {lon:g} m, y {lat:g} m"
+    place = place_text(lon, lat, latlon=berg.latlon, digits=4)
     lines.append(f"  centroid: {place}")
     long_axis, short_axis, azimuth = principal_axes(berg)
     lines.append(
@@ -66,7 +66,7 @@ def one_line(berg: BondedBerg) -> str:
     """Return elements, size, bonds, pieces and place of a berg in one line."""
     e = berg.elements
     lon, lat = berg.centroid
-    place = f"{latitude(lat, 3)}, {longitude(lon, 3)}" if berg.latlon else f"x {lon:g} m, y {lat:g} m"
+    place = place_text(lon, lat, latlon=berg.latlon)
     bonds, pieces = int((berg.bonds.status == 0).sum()), int(e.berg.max())
     return (
         f"{len(e.id)} {_kinds(berg)} elements of radius {_radii(berg)} m, {berg.area / 1e6:.6g} km2, "

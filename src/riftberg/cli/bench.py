@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 """Numbers of elements that ``--scaling`` goes through."""
 
+WHOLE_SECONDS = 10.0
+"""Seconds up to which a whole run is timed, six times in all; estimated from its first day."""
+
 ALIKE = ("mts", "quasi_static")
 """Schemes that take the same long steps, with bonds as beams."""
 
@@ -30,7 +33,10 @@ def bench(
     experiment: Annotated[str, typer.Argument(help="A built-in experiment or a YAML file.")] = "a68a",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     settings: Settings = None,
-    days: Annotated[float, typer.Option("--days", help="Simulated days to time.")] = 1.0,
+    days: Annotated[
+        float | None,
+        typer.Option("--days", help="Simulated days to time.  [default: the first day, then the whole experiment]"),
+    ] = None,
     scaling: Annotated[
         str | None,
         typer.Option(
@@ -43,9 +49,11 @@ def bench(
     """Measure seconds per simulated day, compilation and memory, relative to a reference workload."""
     import json
 
-    from riftberg.diagnostics.speed import measure
+    from riftberg.diagnostics.speed import measure, measure_whole
     from riftberg.experiments import build
 
+    whole = days is None
+    days = 1.0 if days is None else days
     positive(days, "--days", "days", most=1000.0)
     options = make_options(settings, None, None, None)
     sizes = None if scaling is None else sizes_between(scaling)
@@ -56,6 +64,10 @@ def bench(
         for other in _others(model, options):
             with suppress(InputError):  # these bonds, or this criterion, do not go with the scheme
                 rows[0]["other_schemes"].append(measure(build(experiment, other)[0], experiment=info.name, days=days))
+        if whole and rows[0]["seconds_per_day"] * info.days < WHOLE_SECONDS:
+            rows[0]["whole_run"] = measure_whole(
+                lambda: build(experiment, options)[0], info.days, info.output_every_hours
+            )
     else:
         rows = list(_scaled(sizes, days, options))
     if as_json:
@@ -64,6 +76,8 @@ def bench(
     for row in rows:
         for told in (row, *row["other_schemes"]):
             typer.echo(line(told))
+        if row["whole_run"]:
+            typer.echo(whole_line(row["whole_run"]))
 
 
 def _others(model: Model, options: Options) -> list[Options]:
@@ -102,4 +116,15 @@ def line(row: dict[str, Any]) -> str:
         f"{row['time_step']:g} s, {row['seconds_per_day']:.3g} s per day"
         f"{ratio} (yardstick {row['yardstick_seconds_per_day']:.3g} s), "
         f"first step {row['compile_seconds']:.3g} s, {room}"
+    )
+
+
+def whole_line(row: dict[str, Any]) -> str:
+    """Return the measurement of a whole run in one line."""
+    output = row["with_output"]
+    ratio = f" = {row['yardsticks']:.2f} yardsticks" if row["yardsticks"] else ""
+    days = ", ".join(f"day {day['day']} {day['seconds']:.3g} s" for day in row["dearest_days"])
+    return (
+        f"  all {row['days']:g} days, processor time: {row['seconds_per_day']:.3g} to {row['slowest']:.3g} s per day{ratio}, "
+        f"with output {output['seconds_per_day']:.3g} to {output['slowest']:.3g} s; dearest: {days}"
     )

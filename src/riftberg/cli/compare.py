@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -15,14 +15,25 @@ from riftberg.errors import InputError
 from riftberg.system.input_files import check_file, is_folder, reading
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from riftberg.diagnostics.compare import Comparison, Known
+
+
+PICTURES: Final = ("comparison.json", "comparison.png", "tracks.png")
+"""Files that a comparison may write into its folder."""
 
 
 @reported
 def compare(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN ...", help="Folders that 'riftberg run' made.")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUN RUN ...", help="Folders that 'riftberg run' made; sweep.nc#3 is member 3 of a sweep."
+        ),
+    ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for comparison.json and comparison.png.")
+        Path | None, typer.Option("--output", "-o", help="Folder for comparison.json, comparison.png and tracks.png.")
     ] = None,
     observed: Annotated[
         Path | None,
@@ -30,27 +41,35 @@ def compare(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
-    """Compare runs: break-ups, bonds, and the daily distance from the observed positions."""
+    """Compare runs: how far apart they are by time, break-ups, bonds, and the distance from observed positions."""
     import json
 
     if output is not None:
-        check_folder(output, ("comparison.json", "comparison.png"))
+        check_folder(output, PICTURES)
     result = comparison(runs, names_of(runs), observed)
     if as_json:
         typer.echo(json.dumps(result.as_dict(), indent=1))
     else:
         show(result)
     if output is not None:
-        names = ("comparison.json", "comparison.png")
-        with results_folder(output, names, taken=names):
-            written = [result.write(output / "comparison.json"), *joined_maps(runs, output / "comparison.png")]
+        from riftberg.viz.compare import draw_compared
+
+        with results_folder(output, PICTURES, taken=PICTURES):
+            written = [result.write(output / PICTURES[0]), *joined_maps(runs, output / PICTURES[1])]
+            written.append(draw_compared(result.runs, result.fixes, output / PICTURES[2]))
         say("Written: " + ", ".join(str(path) for path in written))
 
 
 def names_of(runs: Sequence[Path]) -> list[str]:
     """Return short names that differ: of the folders, or the paths where these are the same."""
-    short = [folder_of(run).name for run in runs]
+    short = [run.name if _member(run) else folder_of(run).name for run in runs]
     return short if all(short) and len(set(short)) == len(short) else [str(run) for run in runs]
+
+
+def _member(run: Path) -> tuple[Path, int] | None:
+    """Return the sweep and the number of a member, such as of ``sweep.nc#3``; None for a run."""
+    path, mark, number = str(run).rpartition("#")
+    return (Path(path), int(number)) if mark and number.isdecimal() and not run.exists() else None
 
 
 def folder_of(run: Path) -> Path:
@@ -63,26 +82,46 @@ def folder_of(run: Path) -> Path:
 
 
 def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
-    """Read runs and put them side by side."""
-    from riftberg.diagnostics.compare import compare, read_compared
+    """Read runs and members of sweeps, and put them side by side."""
+    from riftberg.diagnostics.compare import compare, member_compared, read_compared
 
-    folders = [folder_of(run) for run in runs]
-    for folder in folders:
-        check_file(folder / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
-    known = _known(folders[0], observed)
-    return compare([read_compared(f, n, known.fixes) for f, n in zip(folders, names, strict=True)], known)
+    for run in runs:
+        if not _member(run):
+            check_file(folder_of(run) / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
+    known = _known(_opened(runs[0]), observed)
+    found = [
+        member_compared(_opened(run), name, known.fixes)
+        if _member(run)
+        else read_compared(folder_of(run), name, known.fixes)
+        for run, name in zip(runs, names, strict=True)
+    ]
+    begin, end = (pick(pick(run.course.times) for run in found) for pick in (min, max))
+    return compare(found, known.within(begin, end))
 
 
-def _known(folder: Path, observed: Path | None) -> Known:
+def _opened(run: Path) -> xr.Dataset:
+    """Return a run, or a member of a sweep."""
+    from riftberg.ensembles.result import open_sweep
+    from riftberg.runs.run_file import open_run
+
+    member = _member(run)
+    if member is None:
+        return open_run(folder_of(run))
+    sweep = open_sweep(member[0])
+    if member[1] not in sweep["member"].values:
+        count = sweep.sizes["member"]
+        raise InputError(f"no member {member[1]}", where=str(run), remedy=f"It has {count}, counted from 0")
+    return sweep.sel(member=member[1])
+
+
+def _known(first: xr.Dataset, observed: Path | None) -> Known:
     """Return what is known of the event that the first run is about."""
     from riftberg.diagnostics.compare import Known, with_hours
     from riftberg.diagnostics.observed import Fix, read_observed
     from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
-    from riftberg.runs.run_file import open_run
 
-    with open_run(folder) as dataset:
-        experiment = str(dataset.attrs.get("experiment", ""))
-        start = datetime.fromisoformat(str(dataset.attrs["start"]))
+    experiment = str(first.attrs.get("experiment", ""))
+    start = first["time"].values[0].astype("datetime64[s]").item()
     fixes: list[Fix] = []
     if observed is not None:
         fixes = with_hours(read_observed(observed).fixes, start.hour + start.minute / 60.0)
@@ -100,20 +139,25 @@ def _known(folder: Path, observed: Path | None) -> Known:
 
 
 def show(result: Comparison) -> None:
-    """Print the table."""
+    """Print the tables: what the runs came to, and how far apart they are."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(show_lines=False)
-    for k, name in enumerate(result.columns):
-        table.add_column(name, overflow="fold", no_wrap=k == 0)
-    for label, cells in result.rows:
-        table.add_row(label, *cells)
-    console = Console()
-    # A file or a pipe has no width of its own.
-    if not console.is_terminal:
-        console = Console(width=40 + 34 * (len(result.columns) - 1))
-    console.print(table, highlight=False)
+    first, *others = (run.name for run in result.runs)
+    tables = [(result.columns, result.rows)]
+    if others:
+        tables.append((["apart", first, *(f"{name} from {first}" for name in others)], result.apart_rows()))
+    for columns, rows in tables:
+        table = Table(show_lines=False)
+        for k, name in enumerate(columns):
+            table.add_column(name, overflow="fold", no_wrap=k == 0)
+        for label, cells in rows:
+            table.add_row(label, *cells)
+        console = Console()
+        # A file or a pipe has no width of its own.
+        if not console.is_terminal:
+            console = Console(width=40 + 34 * (len(columns) - 1))
+        console.print(table, highlight=False)
 
 
 def joined_maps(runs: Sequence[Path], path: Path) -> list[Path]:
@@ -127,8 +171,8 @@ def joined_maps(runs: Sequence[Path], path: Path) -> list[Path]:
     import numpy as np
     from matplotlib.image import imread, imsave
 
-    maps = [folder_of(run) / "map.png" for run in runs]
-    if not all(one.is_file() for one in maps):
+    maps = [folder_of(run) / "map.png" for run in runs if not _member(run)]
+    if not maps or not all(one.is_file() for one in maps):
         return []
     pictures = []
     for one in maps:

@@ -88,7 +88,12 @@ def forecast(
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(quiet)
         if resume is not None:
-            store = resumed(resume, experiment, vary, output, members, plan, seed)
+            kept = {
+                "--vary": vary, "--plan": plan, "--seed": seed, "--output": output, "--set": settings, "--days": days,
+                "--data": data, "--without": without, "--numerics": numerics, "--every": every,
+                "--no-default-errors": None if default_errors else True,
+            }  # fmt: skip
+            store = resumed(resume, experiment, members, kept, "forecast")
         elif experiment is None:
             raise InputError("no experiment is named", where="forecast", remedy="Name one, or give --resume FOLDER")
         elif numerics == "both":

@@ -46,7 +46,7 @@ def hazard(
     places = [] if near is None else _places(near)
     out = output or (folder if folder.is_dir() else folder.parent) / "hazard"
     check_folder(out, FILES)
-    with results_folder(out, FILES):
+    with results_folder(out, FILES, taken=FILES):
         limits = products.ice_limits(result)
         features = products.geojson(result, limits)
         write_text(out / "hazard.geojson", json.dumps(features) + "\n")
@@ -81,6 +81,8 @@ def _distance(text: str) -> float:
     plain = text.strip()
     # A ship's nm is the nautical mile; nanometres come near nothing.
     plain = plain[:-2].strip() + " nmi" if plain.endswith("nm") else plain
+    if plain.replace(".", "", 1).isdigit():
+        raise InputError("a number without a unit", where=f"--within {text}", remedy=f"Give {plain}nm or {plain}km")
     metres = number(plain, "m", where=f"--within {text}")
     if not 0.0 <= metres < 2e7:
         raise InputError(f"{metres:g} m", where=f"--within {text}", remedy="Give a distance, such as 5nm or 10km")

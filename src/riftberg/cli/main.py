@@ -20,6 +20,7 @@ from riftberg.version import __version__
 
 SUMMARIES: Final = {
     "run": "Run an experiment and write run.nc, summary.json and map.png.",
+    "rerun": "Repeat a run from the experiment file that it keeps, with other parameters or another length.",
     "sweep": "Run an ensemble: an experiment for every combination of parameter values, collected in one result.",
     "forecast": "Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs.",
     "update": "Weight the members of a forecast by new sightings; where too few of them count, run new ones around these.",
@@ -34,7 +35,7 @@ SUMMARIES: Final = {
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
     "verify": "Score an ensemble against observations: CRPS, energy score, coverage, ranks, spread, probability of break-up.",
     "verify-tracks": "Score drift models on observed tracks of giant bergs, beside staying put and constant velocity.",
-    "compare": "Compare runs: break-ups, bonds, and the daily distance from the observed positions.",
+    "compare": "Compare runs: how far apart they are by time, break-ups, bonds, and the distance from observed positions.",
     "why": "Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",
     "doctor": "Identify forcing files, check that they are sufficient for an experiment, list what is missing.",
     "fetch": "Download forcing files; an interrupted download resumes where it stopped.",

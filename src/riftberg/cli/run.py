@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import os
 import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -36,6 +38,7 @@ from riftberg.system.process import held
 if TYPE_CHECKING:
     from riftberg.diagnostics.summary import Stopwatch
     from riftberg.model import Recorder
+    from riftberg.parameters import Parameters
     from riftberg.runs.model import Model
     from riftberg.runs.tracks import DailyTrack
 
@@ -44,6 +47,12 @@ RESULTS: Final = ("run.nc", "summary.json", "map.png", "bergs-monthly.nc", "berg
 
 KEEP_MINUTES: Final = 10.0
 """Minutes of computing between two states that are kept on the way; shorter runs keep none."""
+
+KEPT_APART: Final = ("--output", "-o", "--resume", "--data", "--keep-days", "--keep-minutes", "--set", "-s")
+"""Options that belong to one run and not to its experiment, or that its file keeps in another way."""
+
+MOST_BERGS: Final = 6
+"""Bergs that have a line of results each; of more, the areas are listed."""
 
 BOTH: Final[tuple[Numerics, ...]] = ("reference", "own")
 
@@ -113,7 +122,9 @@ def run(
         positive(keep_days, "--keep-days", "days", most=1e6)
         within(keep_minutes, "--keep-minutes", 0.0, 1e6)
         words = ["riftberg", *context.find_root().obj]
-        wanted = RunOptions(output, every, forces, map_, quiet, cells, keep_days, keep_minutes, words)
+        wanted = RunOptions(
+            output, every, forces, map_, quiet, cells, keep_days, keep_minutes, words, experiment, data, settings or []
+        )
         if output is not None:
             check_folder(output, RESULTS)
         announce_compilation(quiet)
@@ -135,6 +146,9 @@ class RunOptions(NamedTuple):
     keep_days: float | None  # Simulated days between two states that are kept
     keep_minutes: float  # The same in minutes of computing
     words: list[str]  # The command line
+    experiment: str  # As named there
+    data: Path | None  # Folder of data files
+    settings: Sequence[str]  # Parameters that were set
 
     def added_to(self, info: Info) -> Info:
         """Return an experiment with the files that were asked for on the command line."""
@@ -145,6 +159,23 @@ class RunOptions(NamedTuple):
         """Return the hours between records of an experiment."""
         return info.output_every_hours if self.every is None else self.every
 
+    def origin(self, folder: Path) -> dict[str, str]:
+        """Return what a run file in a folder keeps of the command that made it, for ``riftberg rerun``."""
+        from riftberg.runs.layout import COMMAND, FILE, PLACE
+
+        shown = ("--map", "--no-map", "--quiet", "-q", self.experiment)
+        words = words_without(self.words, *KEPT_APART)[2:]
+        path = Path(self.experiment)
+        words = [path.name, *(w for w in words if w not in shown)]
+        words += [part for setting in self.settings for part in ("--set", setting)]
+        found = {COMMAND: shlex.join(["riftberg", "run", *words])}
+        home = self.data
+        if path.suffix in (".yaml", ".yml"):
+            found[FILE], home = path.read_text("utf-8-sig"), home or path.parent
+        if home is not None:
+            found[PLACE] = os.path.relpath(home.resolve(), folder.resolve())
+        return found
+
 
 def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
     goes_on = resume is not None and is_folder(resume)
@@ -154,9 +185,11 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
             where="--output",
             remedy="Leave --output out, or name a file to resume",
         )
-    model, info = _built(experiment, options, resume, wanted)
+    model, info, parameters = _built(experiment, options, resume, wanted)
     info = wanted.added_to(info)
     _tell(info, model, options, wanted)
+    # A state knows the parameters that were set for it, and takes no others.
+    wanted = wanted._replace(settings=[*wanted.settings, *settings_between(parameters, model.parameters)])
     folder = resume if goes_on and resume is not None else output_folder(wanted.output, info.name)
     placed = goes_on or wanted.output is not None
     session = Session(model, info, folder, wanted, placed=placed, goes_on=goes_on)
@@ -191,6 +224,15 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
     if wanted.draw:
         files += joined_maps(folders, folder / "comparison.png")
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
+
+
+def settings_between(before: Parameters, now: Parameters) -> list[str]:
+    """Return the settings ``group.name=value`` that turn parameters into others."""
+    old, new = (p.model_dump(mode="json") for p in (before, now))
+    return [
+        f"{group}.{name}={value:.15g}" if isinstance(value, float) else f"{group}.{name}={json.dumps(value).strip(chr(34))}"
+        for group, values in new.items() for name, value in values.items() if value != old[group][name]
+    ]  # fmt: skip
 
 
 def words_without(words: Iterable[str], *options: str) -> list[str]:
@@ -263,11 +305,15 @@ def _beside(folder: Path) -> Path:
     return free
 
 
-def _built(experiment: str, options: Options, resume: Path | None, wanted: RunOptions) -> tuple[Model, Info]:
+def _built(
+    experiment: str, options: Options, resume: Path | None, wanted: RunOptions
+) -> tuple[Model, Info, Parameters]:
+    """Return the model at its start or where it goes on, and the parameters of the experiment."""
     from riftberg.experiments import build
 
     if resume is None:
-        return build(experiment, options)
+        model, info = build(experiment, options)
+        return model, info, model.parameters
     if options.changes:
         raise InputError(
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
@@ -286,7 +332,7 @@ def _built(experiment: str, options: Options, resume: Path | None, wanted: RunOp
             say(f"Going on from {resume}")
     else:
         check_same_run(load_state(resume), fresh, resume, named=experiment)
-    return Model.resume(resume, fresh.forcing), info
+    return Model.resume(resume, fresh.forcing), info, fresh.parameters
 
 
 @dataclass
@@ -351,6 +397,7 @@ class Session:
             seed=self.info.seed,
             forces=self.info.output_forces,
             goes_on=self.goes_on,
+            origin=self.wanted.origin(self.folder),
         )
         keeper = StateKeeper(writer, every_days=self.wanted.keep_days, minutes=self.wanted.keep_minutes)
         recorders: list[Recorder] = [
@@ -430,7 +477,7 @@ class Session:
             files.append("map.png")
         for line in short_summary(summary, story):
             typer.echo(line)
-        for line in (summary.get("motion") or {}).get("lines", ()):
+        for line in ledger_lines(summary):
             logging.getLogger(__name__).info(line)
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
 
@@ -503,10 +550,35 @@ def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str
     ]
     if len(summary.get("collisions", [])) > 10:
         lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
-    ledgers = [f"  {line}" for line in (summary.get("ledger") or {}).get("lines", ())]
-    if summary.get("motion"):
-        ledgers.append(f"  {summary['motion']['closing']}")
-    return [*lines, *(told or [_areas_line(summary)]), *ledgers]
+    return [*lines, *(told or _berg_lines(summary) or [_areas_line(summary)])]
+
+
+def ledger_lines(summary: dict[str, Any]) -> list[str]:
+    """Return the ledgers of ice, heat, momentum and energy, which --verbose shows."""
+    ice, motion = summary.get("ledger") or {}, summary.get("motion") or {}
+    return [*ice.get("lines", ()), *motion.get("lines", ()), *([motion["closing"]] if motion else [])]
+
+
+def _berg_lines(summary: dict[str, Any]) -> list[str]:
+    """Return what became of each berg, in a sentence; nothing where there are many, or where a summary does not say."""
+    from riftberg.config.places import drift_text, place_text
+
+    bergs, latlon = summary.get("bergs", []), summary["numerics"]["earth"]["latlon"]
+    if not bergs or len(bergs) > MOST_BERGS or any("drift_east_km" not in berg for berg in bergs):
+        return []
+    lines = []
+    for berg in bergs:
+        name = berg["name"] or ("the berg" if len(bergs) == 1 else f"berg {berg['number']}")
+        if not berg["fragments"]:
+            lines.append(f"  {name} melted away")
+            continue
+        drift = drift_text(1e3 * berg["drift_east_km"], 1e3 * berg["drift_north_km"])
+        place = place_text(berg["lon"], berg["lat"], latlon=latlon)
+        areas = _areas(berg["areas_km2"], berg["fragments"])
+        pieces = "one piece" if berg["fragments"] == 1 else f"{berg['fragments']} pieces"
+        melted = f"; {berg['melted_kg'] / 1e12:.3g} Gt melted" if berg["melted_kg"] else ""
+        lines.append(f"  {name} drifted {drift} to {place}, in {pieces} ({areas}){melted}")
+    return lines
 
 
 def _speed(summary: dict[str, Any]) -> str:
@@ -535,19 +607,23 @@ def _collision_line(event: dict[str, Any], latlon: bool) -> str:
 
 
 def _event_place(event: dict[str, Any], latlon: bool) -> str:
-    """Return where an event was: latitude and longitude, or x and y."""
-    if latlon:
-        return f"{event['lat']:.3f}, {(event['lon'] + 180.0) % 360.0 - 180.0:.3f}"
-    return f"x {event['lon'] / 1e3:.6g} km, y {event['lat'] / 1e3:.6g} km"
+    """Return where an event was."""
+    from riftberg.config.places import place_text
+
+    return place_text(event["lon"], event["lat"], latlon=latlon)
 
 
 def _areas_line(summary: dict[str, Any]) -> str:
-    """Return the areas of the pieces at the end, all in one unit."""
-    unit, name = (1.0, "km2") if summary["largest_km2"] >= 0.01 else (1e6, "m2")
-    numbers = [area * unit for area in summary["areas_km2"][:6]]
+    """Return the areas of the pieces at the end."""
+    return f"  {_counted(summary)} at the end: {_areas(summary['areas_km2'], summary['fragments'])}"
+
+
+def _areas(km2: Sequence[float], count: int) -> str:
+    """Return areas, largest first, all in one unit; ``count``: how many there are."""
+    unit, name = (1.0, "km2") if not km2 or km2[0] >= 0.01 else (1e6, "m2")
+    numbers = [area * unit for area in km2[:6]]
     areas = ", ".join(f"{area:.0f}" if area >= 9.5 else f"{area:.2g}" for area in numbers)
-    more = " ..." if summary["fragments"] > 6 else ""
-    return f"  {_counted(summary)} at the end: {areas}{more} {name}"
+    return f"{areas}{' ...' if count > len(numbers) else ''} {name}"
 
 
 def _counted(summary: dict[str, Any]) -> str:

@@ -28,6 +28,8 @@ from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import xarray as xr
 
     from riftberg.ensembles.sweep import Store
@@ -106,18 +108,22 @@ def sweep(
         announce_compilation(quiet)
         from riftberg.ensembles.sweep import draws_of, join_parts
 
+        kept = {
+            "--vary": vary, "--design": design, "--plan": plan, "--seed": seed, "--output": output, "--set": settings,
+            "--days": days, "--data": data, "--without": without, "--numerics": numerics, "--every": every, "--cells": cells,
+        }  # fmt: skip
         if join is not None:
-            if experiment is not None or resume is not None or part is not None:
+            if any(given not in (None, []) for given in (experiment, resume, part, members, *kept.values())):
                 raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
             join_parts(join)
-            _run(resumed(join, None, None, None), scheduler, 0, draw=map_, quiet=quiet, run=False)
+            _run(resumed(join, None, None, {}), scheduler, 0, draw=map_, quiet=quiet, run=False)
             return
         if resume is not None and part is not None:
             raise InputError(
                 "a part goes on by itself", where="--resume", remedy="Name the folder of the part, without --part"
             )
         if resume is not None:
-            store = resumed(resume, experiment, vary, output, members, plan, seed)
+            store = resumed(resume, experiment, members, kept)
         else:
             options = make_options(settings, days, data, without, numerics)
             draws = draws_of({"members": members, "plan": plan, "seed": seed})
@@ -131,7 +137,7 @@ def _new(
 ) -> Store:  # fmt: skip
     """Return a sweep at its start, checked."""
     from riftberg.ensembles.sweep import Store, planned
-    from riftberg.ensembles.vary import read_design
+    from riftberg.ensembles.vary import Draws, read_design
 
     if experiment is None:
         raise InputError(
@@ -139,8 +145,12 @@ def _new(
         )
     if options.numerics == "both":
         raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
-    if design is not None and (vary or draws.number):
-        raise InputError("a design says itself what varies", where="--design", remedy="Leave --vary and --members out")
+    if design is not None and (vary or draws != Draws()):
+        raise InputError(
+            "a design says itself what varies",
+            where="--design",
+            remedy="Leave --vary, --members, --plan and --seed out",
+        )
     what = (vary or []) if design is None else read_design(design)
     plan = planned(experiment, what, options, every, cells, draws, design=design is not None)
     folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
@@ -159,19 +169,25 @@ def _part(text: str | None) -> tuple[int, int] | None:
 
 
 def resumed(
-    folder: Path, experiment: str | None, vary: list[str] | None, output: Path | None, members: int | None = None,
-    draw: str | None = None, seed: int | None = None,
-) -> Store:  # fmt: skip
-    """Return the sweep in a folder with what is done; members that are drawn may be more than before."""
+    folder: Path, experiment: str | None, members: int | None, kept: Mapping[str, Any], kind: str = "sweep"
+) -> Store:
+    """Return the sweep in a folder with what is done; members that are drawn may be more than before.
+
+    ``kept``: the options that were given for what a sweep keeps, by name.
+    """
     from riftberg.ensembles.sweep import Store, draws_of, planned, read_plan
     from riftberg.experiments.registry import Options
 
-    if vary or output is not None or draw is not None or seed is not None:
+    changed = [name for name, given in kept.items() if given not in (None, [])]
+    if changed:
         raise InputError(
-            "a sweep that goes on keeps what it varies, and its folder", where="--resume",
-            remedy="Leave --vary, --output, --plan and --seed out",
+            "a sweep that goes on stays what it is, in its folder", where="--resume",
+            remedy=f"Leave out {', '.join(changed)}",
         )  # fmt: skip
     known = read_plan(folder)
+    found = "forecast" if known.get("forecast") else "sweep"
+    if found != kind:
+        raise InputError(f"holds a {found}", where=f"--resume {folder}", remedy=f"Go on by 'riftberg {found} --resume'")
     if experiment is not None and Path(experiment).stem != Path(known["experiment"]).stem:
         raise InputError(f"a sweep of {known['experiment']}, not of {experiment}", where=f"--resume {folder}")
     options = Options(
@@ -234,8 +250,10 @@ def told(result: xr.Dataset) -> list[str]:
             end = f"{float(member['pieces']):.0f} pieces, largest {float(member['largest_area']) / 1e6:.0f} km2"
             date = str(member["first_breakup"].values)[:16]
             lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date.replace('T', ' ')}"))
-        else:
+        elif int(member["status"]) == 1:
             lines.append(f"  {said}: failed: {member['message'].item()}")
+        else:
+            lines.append(f"  {said}: waits")
     if result.sizes["member"] > 20:
         lines.append(f"  and {result.sizes['member'] - 20} more, see sweep.nc")
     failed = int((result["status"] == 1).sum())

@@ -122,8 +122,10 @@ def _imported(name: str) -> Any:
     sys.path.insert(0, os.getcwd())
     try:
         found = getattr(importlib.import_module(module), function)
-    except (ImportError, AttributeError) as error:
-        raise InputError(str(error), where=f"--model {name}", remedy=remedy) from error
+    except (Exception, SystemExit) as error:  # whatever the module does when it is imported
+        known = isinstance(error, (ImportError, AttributeError))
+        what = str(error) if known else f"{type(error).__name__}: {error}"
+        raise InputError(what, where=f"--model {name}", remedy=remedy) from error
     finally:
         sys.path.pop(0)
     if not callable(found):

@@ -1,167 +1,113 @@
-"""Machine code kept for later runs, by several processes at once.
+"""Machine code kept for later runs, by several processes at once: one file for each kernel and each signature.
 
-Numba numbers the files of a function's machine code (one for each signature) by an index, which it reads, adds to and
-replaces. Two processes that compile different signatures at once take the same number, and the index that comes last
-then gives the code of one signature to the callers of the other. Here a process adds to the index alone, a number once
-used is never used again, and the code is there before the index names it, so that a process killed in between does no
-harm either.
+A file is written beside its place and moved there, so that a process that is killed in between does no harm, and two that
+compile the same at once write the same. Each ends with a checksum of its content: a flipped bit in machine code would else
+be run. What is damaged is compiled anew, and what cannot be written is done without.
 
-Each file ends with a checksum of its content: a flipped bit in machine code would else be run. What is damaged is
-compiled anew, and what cannot be written is done without.
+An installed wheel may bring files of its own (`riftberg.compiled.machine_code`). They are looked up first, and are used by
+whoever has the same Python, numba and kind of processor; how other functions are compiled does not change.
 """
 
 from __future__ import annotations
 
 import hashlib
-import itertools
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+import pickle
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
 from llvmlite.binding import address_of_symbol
-from numba.core import config
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
+from numba.core import serialize
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
+from numba.core.types import BaseTuple
 
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
+from riftberg.compiled.sources import digest_of_sources
+
+ENDING: Final = ".code"
+"""Ending of the files."""
 
 _DIGEST: Final = hashlib.sha256().digest_size
 
 
-class SharedFiles(IndexDataCacheFile):
-    """Index and code files of one function."""
+class KernelCache(NullCache):
+    """What numba asks for the kept code of one function.
 
-    def save(self, key: Any, data: Any) -> None:
-        """Keep machine code under a key."""
-        # From reading the index to writing it nobody else may take a number.
-        with _alone(f"{self._index_path}.lock"):
-            known = self._load_index()
-            name = known.get(key) or self._new_name()
-            # The code before the index: a process that dies in between leaves a file that nothing names.
-            self._save_data(name, data)
-            if key not in known:
-                self._save_index({**known, key: name})
+    ``folders``: gives the folders to look in; code is kept in the last of them.
+    """
 
-    def _dump(self, content: Any) -> bytes:
-        data: bytes = super()._dump(content)
-        return data + hashlib.sha256(data).digest()
-
-    def _load_data(self, name: str) -> Any:
-        data = Path(self._data_path(name)).read_bytes()
-        if hashlib.sha256(data[:-_DIGEST]).digest() != data[-_DIGEST:]:
-            raise ValueError(f"{name} is damaged")
-        return super()._load_data(name)
-
-    def _new_name(self) -> str:
-        names = (self._data_name(number) for number in itertools.count(1))
-        return next(str(name) for name in names if not os.path.exists(self._data_path(name)))
-
-
-class SharedCache(NullCache):
-    """Numba's cache of one function, made when machine code is asked for: most functions are parts of few that are."""
-
-    def __init__(self, function: Callable[..., Any], folder: Callable[[], Path]) -> None:
-        self._function, self._folder = function, folder
+    def __init__(self, function: Callable[..., Any], folders: Callable[[], list[Path]]) -> None:
+        self._function, self._folders = function, folders
 
     @cached_property
-    def _kept(self) -> _KeptCode:
-        before = config.CACHE_DIR  # type: ignore[attr-defined]
-        # numba reads the setting when a cache is made; other packages must not inherit ours.
-        config.CACHE_DIR = str(self._folder())  # type: ignore[attr-defined]
+    def _source(self) -> str | None:
+        """Which function this is; none where it stands in no file: the next one of that name may be another."""
+        code = self._function.__code__
         try:
-            return _KeptCode(self._function)
-        finally:
-            config.CACHE_DIR = before  # type: ignore[attr-defined]
+            sources = digest_of_sources(Path(code.co_filename))
+        except OSError:
+            return None
+        within = [cell.cell_contents for cell in self._function.__closure__ or ()]
+        body = hashlib.sha256(code.co_code + serialize.dumps(within)).hexdigest()
+        return f"{self._function.__module__} {self._function.__qualname__} {code.co_firstlineno} {sources} {body}"
 
-    @property
-    def cache_path(self) -> Any:
-        """Folder of the files."""
-        return self._kept.cache_path
+    def _name(self, sig: Any) -> str:
+        digest = hashlib.sha256(f"{self._source} {sig} {_fields(sig)}".encode()).hexdigest()[:24]
+        return f"{self._function.__module__}.{self._function.__name__}-{digest}{ENDING}"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return what was compiled for a signature, None if nothing was."""
-        return self._kept.load_overload(sig, target_context)
+        """Return what was compiled for a signature, None if nothing was or it is damaged."""
+        if self._source is None:
+            return None
+        for folder in self._folders():
+            # A damaged file makes the reader raise whatever it likes.
+            with suppress(Exception):
+                data = (folder / self._name(sig)).read_bytes()
+                if hashlib.sha256(data[:-_DIGEST]).digest() == data[-_DIGEST:]:
+                    return _rebuilt(pickle.loads(data[:-_DIGEST]), target_context)
+        return None
 
     def save_overload(self, sig: Any, cres: Any) -> None:
-        """Keep what was compiled for a signature."""
-        self._kept.save_overload(sig, cres)
+        """Keep what was compiled for a signature, unless it holds addresses of this process or cannot be written."""
+        if self._source is None or cres.lifted or cres.library.has_dynamic_globals:
+            return
+        from riftberg.system.atomic_files import replacing  # not at the top: its sources do not decide on machine code
 
-    def flush(self) -> None:
-        """Forget what is kept."""
-        self._kept.flush()
-
-
-class _WithNeeds(CompileResultCacheImpl):
-    """Machine code beside the names that it expects to find outside."""
-
-    def reduce(self, cres: Any) -> Any:
-        """Return what is kept of compiled code.
-
-        Of the environments of the functions in it those are left out that hold no objects of Python: nothing asks for them,
-        and to bring them back loads the modules of NumPy's functions, and SciPy with them.
-        """
-        *kept, environments = super().reduce(cres)
-        needed = tuple(environment for environment in environments if environment.consts)
-        return _names_outside(cres.library._final_module), (*kept, needed)
-
-    def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Return compiled code from what was kept.
-
-        To load all that numba can compile takes half a second, and code that was compiled needs none of it: only its
-        reference counts, unless something else is not there that it calls.
-        """
-        needs, kept = payload
-        rtsys.initialize(target_context)
-        if any(address_of_symbol(name) is None for name in needs):
-            target_context.refresh()
-        return super().rebuild(target_context, kept)
+        data = serialize.dumps(_reduced(cres))
+        with suppress(OSError), replacing(self._folders()[-1] / self._name(sig)) as path:
+            path.write_bytes(data + hashlib.sha256(data).digest())
 
 
-def _names_outside(module: Any) -> list[str]:
-    """Return the names of functions and variables that a module declares and does not hold."""
+def _fields(kinds: Iterable[Any]) -> list[Any]:
+    """Return the names of the fields of named tuples among types: their order is frozen into code, and types alone hide it."""
+    tuples: list[Any] = [kind for kind in kinds if isinstance(kind, BaseTuple)]
+    return [(getattr(kind, "fields", ()), _fields(kind)) for kind in tuples]
+
+
+def _reduced(cres: Any) -> Any:
+    """Return what is kept of compiled code, beside the names that it expects to find outside.
+
+    Of the environments of the functions in it those are left out that hold no objects of Python: nothing asks for them,
+    and to bring them back loads the modules of NumPy's functions, and SciPy with them.
+    """
+    *kept, environments = cres._reduce()
+    needed = tuple(environment for environment in environments if environment.consts)
+    module = cres.library._final_module
     names = [one.name for kind in (module.functions, module.global_variables) for one in kind if one.is_declaration]
-    return [name for name in names if not name.startswith("llvm.")]
+    return [name for name in names if not name.startswith("llvm.")], (*kept, needed)
 
 
-class _KeptCode(FunctionCache):
-    """The files of one function, safe for several processes."""
+def _rebuilt(payload: Any, target_context: Any) -> Any:
+    """Return compiled code from what was kept.
 
-    _impl_class = _WithNeeds
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        locator = self._impl.locator
-        self._cache_file = SharedFiles(self._cache_path, self._impl.filename_base, locator.get_source_stamp())
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return what was compiled for a signature, None if nothing was."""
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
-
-    @contextmanager
-    def _guard_against_spurious_io_errors(self) -> Iterator[None]:
-        """Let numba compile anew whatever goes wrong with a file; it has this place for faults of the file system."""
-        try:
-            yield
-        except Exception:  # a damaged file makes the reader raise whatever it likes
-            with suppress(Exception):
-                self._cache_file.flush()
-
-
-@contextmanager
-def _alone(mark: str) -> Iterator[None]:
-    """Hold a file lock; where the file system has none, go on without."""
-    handle = os.open(mark, os.O_RDWR | os.O_CREAT, 0o666)
-    try:
-        if fcntl is not None:
-            with suppress(OSError):
-                fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
+    To load all that numba can compile takes half a second, and code that was compiled needs none of it: only its
+    reference counts, unless something else is not there that it calls.
+    """
+    needs, kept = payload
+    rtsys.initialize(target_context)
+    if any(address_of_symbol(name) is None for name in needs):
+        target_context.refresh()
+    return CompileResult._rebuild(target_context, *kept)

@@ -5,8 +5,8 @@ Decisions, with their reasons
 * No fast-math: results must not change with the compiler, and NaN must stay visible.
 * ``error_model="numpy"``: a division does not branch, so loops vectorise.
 * The cache of numba looks only at the file of the outer function, so a change in a law called by a stepper would go
-  unnoticed. The cache folder therefore carries a digest of *all* sources of the package that hold kernels, of numba's
-  version and of Python's.
+  unnoticed. Here machine code goes by a digest of all sources that a kernel can take anything from, of the versions of numba
+  and Python, and of the processor.
 * No kernel that Python calls returns a named tuple. To make one, compiled code must run Python code, and where a signal
   waits (Ctrl-C) that code raises instead, which numba does not expect: the process dies of a segmentation fault. Plain
   tuples, numbers and arrays are made without Python code. A named tuple is put together by the Python function around
@@ -21,6 +21,7 @@ import atexit
 import contextlib
 import hashlib
 import os
+import platform
 import shutil
 import sys
 import tempfile
@@ -31,15 +32,13 @@ from typing import Any, Final, TypeVar, cast
 
 import llvmlite.binding as llvm
 import numba
+from llvmlite import __version__ as llvm_version
 from numba.core import config
 from platformdirs import user_cache_path
 
-from riftberg.compiled.cache import SharedCache
+from riftberg.compiled.cache import ENDING, KernelCache
 
 _F = TypeVar("_F", bound=Callable[..., Any])
-
-KERNEL_PACKAGES = ("physics", "state", "stepping", "bergs", "ocean", "life", "coupling")
-"""Sub-packages whose sources decide whether cached machine code is still right."""
 
 KNOWN_NUMBA: Final = ("0.68.",)
 """Versions of numba for whose inside `riftberg.compiled.parts` is written; with others compiling takes three times as long."""
@@ -48,20 +47,59 @@ for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold"
     llvm.set_option("riftberg", f"--{_option}=4096")
 
 
+LEVELS: Final = {
+    "x86_64": ("x86-64-v3", ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")),
+    "amd64": ("x86-64-v3", ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")),
+    "aarch64": ("generic", ()),
+    "arm64": ("generic", ()),
+}
+"""By kind of machine the processor that machine code in a wheel is made for, and what a processor needs to run it.
+
+The level of x86 (2013 and later) is as fast as native code here, for no kernel uses wider vectors to advantage, and gives the
+same digits, for numba contracts no products and sums.
+"""
+
+SHIPPED: Final = Path(__file__).with_name("machine_code")
+"""Folder of the machine code that a wheel brings along; see `riftberg.compiled.machine_code`."""
+
+
+def digest_of(processor: str) -> str:
+    """Return the name of the folder for machine code made by exactly these tools for a processor; see `compiled.sources`."""
+    tools = numba.__version__, llvm_version, sys.implementation.cache_tag, llvm.get_process_triple(), processor
+    digest = hashlib.sha256(" ".join(map(str, tools)).encode())
+    for source in ("kernels.py", "parts.py"):  # the way in which kernels are compiled
+        digest.update(Path(__file__).with_name(source).read_bytes())
+    return digest.hexdigest()[:16]
+
+
 @cache
 def cache_folder() -> Path:
-    """Folder in which compiled kernels of exactly these sources are kept."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    root = Path(__file__).parents[1]
-    for package in KERNEL_PACKAGES:
-        for source in sorted((root / package).rglob("*.py")):
-            digest.update(source.read_bytes())
-    # The fields of `KernelParameters` are part of the machine code, and so is the way in which it is compiled.
-    for name in ("constants.py", "parameters.py", "compiled/kernels.py", "compiled/parts.py"):
-        digest.update((root / name).read_bytes())
+    """Folder in which kernels are kept that this machine has compiled."""
+    name, features = config.CPU_NAME, config.CPU_FEATURES  # type: ignore[attr-defined]
+    if name is None:
+        name = llvm.get_host_cpu_name()
+    if features is None:
+        features = llvm.get_host_cpu_features().flatten()
     base = os.environ.get("RIFTBERG_CACHE")
     home = Path(base) if base else user_cache_path("riftberg")
-    return _writable(home / "kernels" / digest.hexdigest()[:16])
+    return _writable(home / "kernels" / digest_of(f"{name} {features}"))
+
+
+@cache
+def shipped_folder() -> Path | None:
+    """Folder of machine code that came with the wheel, if it is of these sources and tools and this processor can run it."""
+    level, needed = LEVELS.get(platform.machine().lower(), ("", ()))
+    if not level or not SHIPPED.is_dir() or config.CPU_NAME is not None:  # type: ignore[attr-defined]
+        return None
+    folder = SHIPPED / digest_of(f"{level} ")
+    has = llvm.get_host_cpu_features()
+    return folder if folder.is_dir() and all(has.get(feature, False) for feature in needed) else None
+
+
+def code_folders() -> list[Path]:
+    """Folders of machine code, in the order in which they are looked through; what is new is kept in the last."""
+    shipped = shipped_folder()
+    return [*([shipped] if shipped else []), cache_folder()]
 
 
 def _writable(folder: Path) -> Path:
@@ -82,8 +120,8 @@ def _writable(folder: Path) -> Path:
 
 
 def is_warm() -> bool:
-    """Whether machine code of these sources has been kept by an earlier run."""
-    return any(cache_folder().rglob("*.nbi"))
+    """Whether there is machine code of these sources, kept by an earlier run or brought by the wheel."""
+    return any(next(folder.glob(f"*{ENDING}"), None) for folder in code_folders())
 
 
 def kernel(function: _F, *, parallel: bool = False) -> _F:
@@ -123,8 +161,8 @@ def _compiled(function: _F, **options: Any) -> _F:
     # Without the last option each kernel is compiled for C, too.
     wanted = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **options}
     compiled = _in_parts(function, wanted) if numba.__version__.startswith(KNOWN_NUMBA) else _whole(function, wanted)
-    # Ours stands in for numba's cache, whose files two processes could mix up.
-    compiled._cache = SharedCache(function, cache_folder)
+    # Ours stands in for numba's cache, whose files go by times and paths, and which two processes could mix up.
+    compiled._cache = KernelCache(function, code_folders)
     return cast("_F", compiled)
 
 

@@ -661,6 +661,13 @@ class Compatibility(Group):
         "T6, T7: the flux of buoyancy under the base is evaluated once, the salinity at the ice by plain iteration",
         "files 1.5",
     )
+    scaled_laminar_layer: bool = quantity(
+        False,
+        "",
+        "T52: the boundary layer under the base divides the term of its laminar part by the constant of von Karman too, "
+        "with which the base melts about 14 % slower than in the cited source; without const_gamma only",
+        "files 1.5",
+    )
     element_length_in_base_law: bool = quantity(
         False, "", "the turbulent law of the base takes the length of the element, not of its berg", "files 1.2"
     )
@@ -668,6 +675,12 @@ class Compatibility(Group):
         False, "", "T11: children on the west side start in its middle half only", "files 2.4"
     )
     bits_always_roll: bool = quantity(False, "", "T12: footloose bits roll although rolling is off", "files 2.5")
+    rolls_on: bool = quantity(
+        False,
+        "",
+        "T53: a berg lighter than 808 kg m-3 rolls although it is wider than thick, at every step",
+        "files 1.11",
+    )
     unplaced_child_in_metres: bool = quantity(
         False, "", "T13: where a child finds no cell, corners are tried in metres, on degrees too", "files 2.6"
     )
@@ -763,6 +776,8 @@ class Compatibility(Group):
             "bergs_coupled": True,
             "bits_melt_at_zero_rates": True,
             "plain_basal_search": True,
+            "scaled_laminar_layer": True,
+            "rolls_on": True,
             "element_length_in_base_law": True,
             "half_west_rim": True,
             "bits_always_roll": True,

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from typing import Final
+
+POINTS: Final = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+
 
 def latitude(value: float, digits: int) -> str:
     """Return a latitude (degrees) such as ``55.02 S``."""
@@ -24,6 +29,27 @@ def place_text(lon: float, lat: float, *, latlon: bool, digits: int = 3) -> str:
     if max(abs(lon), abs(lat)) < 1e4:
         return f"x {lon:.6g} m, y {lat:.6g} m"
     return f"x {lon / 1e3:.6g} km, y {lat / 1e3:.6g} km"
+
+
+def box_text(west: float, east: float, south: float, north: float, *, latlon: bool = True) -> str:
+    """Return what a box covers: latitudes and longitudes in degrees, or x and y (m)."""
+    if not latlon:
+        return f"x {west:g} to {east:g} m, y {south:g} to {north:g} m"
+    # More than once round has no letters; west of Greenwich comes before east of it.
+    around = "all longitudes" if east - west >= 359.0 else f"{_degrees(west, 'WE')} to {_degrees(east, 'WE')}"
+    return f"{_degrees(south, 'SN')} to {_degrees(north, 'SN')}, {around}"
+
+
+def _degrees(value: float, letters: str) -> str:
+    value = (value + 180.0) % 360.0 - 180.0 if letters == "WE" and value != 180.0 else value
+    return f"{abs(value):g}{f' {letters[value > 0.0]}' if value else ''}"
+
+
+def drift_text(east: float, north: float) -> str:
+    """Return a way (m) as a distance and a point of the compass, such as ``12.3 km north-east``."""
+    metres = math.hypot(east, north)
+    towards = POINTS[round(math.degrees(math.atan2(east, north)) / 45.0) % 8]
+    return f"{metres / 1e3:.3g} km {towards}" if metres >= 1e3 else f"{metres:.0f} m {towards}"
 
 
 def area_text(area: float, *, squared: str = "2") -> str:

@@ -72,7 +72,7 @@ _WORDS: Final[Mapping[str, str]] = {
 }  # fmt: skip
 """Other words for units."""
 
-_NUMBER: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+_NUMBER: Final = re.compile(r"\s*([+\N{MINUS SIGN}-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+\N{MINUS SIGN}-]?\d+)?)\s*(.*?)\s*$")
 _FACTOR: Final = re.compile(r"([A-Za-z_°%]+|1e-3|1)\^?([+-]?\d+(?:[.:]\d+)?)?$")
 _ROOT: Final = re.compile(r"sqrt\(([A-Za-z]+)\)")
 _PART: Final = re.compile(r"(?<=[A-Za-z])\^?\(?([+-]?\d+)/(\d+)\)?")
@@ -137,7 +137,8 @@ def to_unit(text: str, unit: str) -> float:
     match = _NUMBER.match(text)
     if match is None:
         raise ValueError(f"{_brief(text)} is not a number")
-    number = float(match[1])
+    digits = match[1].replace("\N{MINUS SIGN}", "-")
+    number = float(digits)
     if not match[2]:
         return number
     size, powers = _exact(match[2])
@@ -146,7 +147,7 @@ def to_unit(text: str, unit: str) -> float:
         raise ValueError(f"{_brief(text)} is in {match[2][:40]}, but this is measured in {unit or 'no unit'}")
     factor = size / fits[0]
     if isinstance(factor, Fraction) and 1e-100 < abs(number) < 1e100:
-        return float(Fraction(match[1]) * factor)  # 5 mm is 0.005 m, exactly as a reader would write it
+        return float(Fraction(digits) * factor)  # 5 mm is 0.005 m, exactly as a reader would write it
     return number * float(factor)
 
 

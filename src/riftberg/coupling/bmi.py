@@ -73,7 +73,7 @@ class BmiRiftberg(Bmi):
     --------
     A configuration file::
 
-        grid: {west: -40, east: -36, south: -58, north: -55, columns: 16, rows: 12, depth: 3000}
+        grid: {west: -40, east: -36, south: -58, north: -55, columns: 16, rows: 12, depth: 3000, edge: open}
         berg: {length: 30000, width: 12000, thickness: 200, lon: -38, lat: -56.5}
         parameters: {melt: {enabled: true}}
         ocean: {sea_surface_temperature: 1.5, sea_surface_salinity: 34.0}
@@ -101,7 +101,7 @@ class BmiRiftberg(Bmi):
         lon, lat = np.meshgrid(
             np.linspace(box["west"], box["east"], columns + 1), np.linspace(box["south"], box["north"], rows + 1)
         )
-        grid = ocean_grid(lon, lat)
+        grid = ocean_grid(lon, lat, edge=said["grid"].get("edge", "open"))
         self._spacing = (float(lat[1, 0] - lat[0, 0]), float(lon[0, 1] - lon[0, 0]))
         self._origin = (float(box["south"]) + 0.5 * self._spacing[0], float(box["west"]) + 0.5 * self._spacing[1])
         self._shape = rows, columns

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -17,7 +17,7 @@ from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.coupling.shelf import IceShelf, Shares, shares_of
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.ledger import PROCESSES
+from riftberg.life.ledger import PROCESSES, stocks
 from riftberg.life.melt import scaled_mass
 from riftberg.life.process import LifeModel, date_of_birth
 from riftberg.model import BareModel
@@ -85,6 +85,8 @@ def refuse_meeting(old: Elements, new: Elements, metric: Metric) -> None:
 STORES: Final = "exchange_"
 """Beginning of the names under which a restart keeps stores and ledger of the exchange."""
 
+Edge = Literal["open", "closed"]
+
 FITS: Final = 1e-9
 """How closely the steps of ocean and bergs must fit, as part of a step."""
 
@@ -96,29 +98,32 @@ class ExchangeBalance(NamedTuple):
     now: float  # Ice in bergs and stores, kg
     taken: float  # Ice that came from the land, and water that the ocean got, kg
     given: float  # Ice that came from the land, and water that the ocean got, kg
+    left: float  # Ice that left over an open edge, kg
     heat_start: float  # The same for heat, J: ice lacks the latent heat
     heat_now: float  # The same for heat, J: ice lacks the latent heat
     heat_taken: float  # The same for heat, J: ice lacks the latent heat
     heat_given: float  # The same for heat, J: ice lacks the latent heat
+    heat_left: float  # The same for heat, J: ice lacks the latent heat
 
     @property
     def error(self) -> float:
         """Mass that is left over, as part of what the ledger holds; 0 if it closes."""
         scale = max(abs(self.start), abs(self.now), self.taken, self.given, 1e-30)
-        return (self.start + self.taken - self.given - self.now) / scale
+        return (self.start + self.taken - self.given - self.left - self.now) / scale
 
     @property
     def heat_error(self) -> float:
         """The same for heat."""
         scale = max(abs(self.heat_start), abs(self.heat_now), abs(self.heat_taken), abs(self.heat_given), 1e-30)
-        return (self.heat_start + self.heat_taken - self.heat_given - self.heat_now) / scale
+        return (self.heat_start + self.heat_taken - self.heat_given - self.heat_left - self.heat_now) / scale
 
     def describe(self) -> str:
         """Return the ledger in two lines."""
         return (
-            f"ice {self.start:.6e} kg + taken {self.taken:.6e} - given {self.given:.6e} = {self.now:.6e} "
+            f"ice {self.start:.6e} kg + taken {self.taken:.6e} - given {self.given:.6e} - left {self.left:.6e} = {self.now:.6e} "
             f"(error {self.error:.1e})\n"
-            f"heat {self.heat_start:.6e} J + taken {self.heat_taken:.6e} - given {self.heat_given:.6e} = {self.heat_now:.6e} "
+            f"heat {self.heat_start:.6e} J + taken {self.heat_taken:.6e} - given {self.heat_given:.6e} "
+            f"- left {self.heat_left:.6e} = {self.heat_now:.6e} "
             f"(error {self.heat_error:.1e})"
         )
 
@@ -151,6 +156,12 @@ class Exchange:
     settling_time : float, optional
         Time (s) in which the mass on cells passes from that of a shelf to that of the berg that calved from it, see
         `calve_shelf`.
+
+    Attributes
+    ----------
+    departed : list of (Elements, Bonds)
+        Bergs that left the grid over an open edge (`ocean_grid`) in the last step of the ocean. `Model.append` of a model
+        beside this one takes them; the ledger counts them either way.
 
     Examples
     --------
@@ -194,6 +205,8 @@ class Exchange:
             model.life.look_around = self._look
         self._held = model.remembered.get(STORES + "held", np.zeros(2)).copy()
         self._totals = model.remembered.get(STORES + "totals", np.zeros(4)).copy()
+        self._left = model.remembered.get(STORES + "left", np.zeros(2)).copy()
+        self.departed: list[tuple[Elements, Bonds]] = []
         start = model.remembered.get(STORES + "start")
         self._start = np.array(self.stocks()) if start is None else start.copy()
         self._keep()
@@ -202,10 +215,7 @@ class Exchange:
 
     def stocks(self) -> tuple[float, float]:
         """Return ice in bergs and stores (kg), and the heat it lacks (J, negative)."""
-        life, mass = self.model.elements.life, self.model.elements.body.mass
-        # Heat is counted from sea water at 0 degrees: ice lacks its latent heat.
-        each = scaled_mass(life, mass)
-        ice, heat = float(each.sum()), float((each * (life.heat_density - LATENT_HEAT)).sum())
+        ice, heat = stocks(self.model.elements)
         if self.calving is not None:
             stored = float(self.calving.stores.ice.sum()) + float(self._held[0])
             warmth = float(self.calving.stores.heat.sum()) + float(self._held[1])
@@ -216,9 +226,11 @@ class Exchange:
         """Return the ledger since the start."""
         now = self.stocks()
         came, went, heat_came, heat_went = self._totals.tolist()
+        left, heat_left = self._left.tolist()
         return ExchangeBalance(
-            float(self._start[0]), now[0], came, went, float(self._start[1]), now[1], heat_came, heat_went
-        )
+            float(self._start[0]), now[0], came, went, left,
+            float(self._start[1]), now[1], heat_came, heat_went, heat_left,
+        )  # fmt: skip
 
     # ----------------------------------------------------------------------------------------------------------- step
 
@@ -254,9 +266,12 @@ class Exchange:
         else:
             # Without calving all land ice goes to the ocean at once, and takes its latent heat with it.
             fluxes["left"], fluxes["left_heat"] = flux, heat - LATENT_HEAT * flux
+        self.departed = []
         for _ in range(self.steps):
             self._seen = None
             self.model.step()
+            if self.model.departed is not None:
+                self.departed.append(self.model.departed)
             # A model without melt has no process that looks around between motion and melt.
             if self._seen is None:
                 self._look(self.model)
@@ -342,8 +357,7 @@ class Exchange:
     def _bear(self, elements: Elements, bonds: Bonds | None = None) -> tuple[Ints, float, float]:
         """Add newborn elements to the model and its ledger; return identifiers, mass (kg) and heat (J)."""
         ids = self.model.append(elements, bonds)
-        each = scaled_mass(elements.life, elements.body.mass)
-        mass, heat = float(each.sum()), float((each * (elements.life.heat_density - LATENT_HEAT)).sum())
+        mass, heat = stocks(elements)
         if self.model.life is not None:
             self.model.life.enter(self.model, "calved", mass, heat)
         return ids, mass, heat
@@ -473,6 +487,8 @@ class Exchange:
         came, came_heat = float((flux * area).sum()), float(((heat - LATENT_HEAT * flux) * area).sum())
         went = float(((fluxes["melt"] + fluxes["left"]) * area).sum())
         went_heat = float(((fluxes["heat"] + fluxes["left_heat"]) * area).sum())
+        for elements, _ in self.departed:
+            self._left += stocks(elements)
         self._totals += (came, went, came_heat, went_heat)
         self._keep()
 
@@ -494,7 +510,7 @@ class Exchange:
         """Leave stores and ledger where a restart finds them."""
         kept = self.model.remembered
         kept[STORES + "totals"], kept[STORES + "start"] = self._totals.copy(), self._start.copy()
-        kept[STORES + "held"] = self._held.copy()
+        kept[STORES + "held"], kept[STORES + "left"] = self._held.copy(), self._left.copy()
         kept[STORES + "settling"] = self._settling.rest.copy()
         if self.calving is not None:
             s = self.calving.stores
@@ -552,6 +568,7 @@ def ocean_grid(
     area: Any = None,
     latlon: bool = True,
     period: float | None = None,
+    edge: Edge = "open",
     **options: Any,
 ) -> Grid:
     """Return the grid of an ocean model from the corners of its cells.
@@ -569,12 +586,21 @@ def ocean_grid(
         Whether corners are degrees.
     period : float, optional
         Of the first coordinate; 360 degrees, or none in metres.
+    edge : {"open", "closed"}, optional
+        What the edge of the grid is, where it is neither land nor joined to the other side nor a pole: open, and bergs leave
+        the model over it, as a whole, as soon as a part of them lies beyond (`Exchange.departed`); or closed like a coast.
     **options
         See `riftberg.ocean.grid.Grid.from_corners`.
     """
     turn = (360.0 if latlon else 0.0) if period is None else period
     sea = None if mask is None else np.asarray(mask, dtype=float)
+    if edge not in ("open", "closed"):
+        raise InputError(f"edge {edge!r}", where="ocean_grid", remedy="Use open or closed")
     grid = Grid.from_corners(lon, lat, latlon=latlon, period=turn, mask=sea, includes_southwest=True, **options)
+    if edge == "open":
+        grid.arrays.mask[:] = grid.extended(grid.arrays.mask[grid.domain])
+        if latlon:  # behind a pole there is no sea
+            grid.arrays.mask[np.abs(grid.arrays.lat_centre) > 90.0] = 0.0
     if area is not None:
         areas = np.asarray(area, dtype=float)
         if areas.shape != (grid.arrays.nj, grid.arrays.ni) or not (np.isfinite(areas).all() and (areas > 0.0).all()):

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
-from riftberg.constants import DEGREE, LATENT_HEAT
+from riftberg.constants import DEGREE, LATENT_HEAT_KID
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import InputError
 from riftberg.life.calving import FluxCalving
@@ -243,7 +243,7 @@ class ReferenceExchange:
         stock = float(self.calving.stores.ice.sum()) + float(
             scaled_mass(self.model.elements.life, self.model.elements.body.mass).sum()
         )
-        return Returned(water, heat, on_ocean, ustar, cover, on_ocean.copy(), stock, -stock * LATENT_HEAT)
+        return Returned(water, heat, on_ocean, ustar, cover, on_ocean.copy(), stock, -stock * LATENT_HEAT_KID)
 
     def _look_around(self, model: LifeModel) -> None:
         """Before the melt: see to the environment, and note the mass on the ocean where the melt is found from it."""
@@ -289,7 +289,7 @@ class ReferenceExchange:
         if rules.melt_by_mass:
             after = self._after_melt() if p.compatibility.keep_shape else mass
             melt = np.maximum((self._before[domain] - after) / dt, 0.0)
-            heat = melt * LATENT_HEAT
+            heat = melt * LATENT_HEAT_KID
         if rules.fields:
             assert self._fields is not None
             du, dv = u - self._fields.uo[domain], v - self._fields.vo[domain]

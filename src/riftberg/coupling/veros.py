@@ -40,7 +40,7 @@ def veros_grid(state: Any) -> Grid:
     period = float(lon[0, -1] - lon[0, 0]) if settings.enable_cyclic_x else None
     return ocean_grid(
         lon, lat, mask=np.asarray(vs.maskT)[..., -1][INNER].T, area=np.asarray(vs.area_t)[INNER].T,
-        latlon=bool(settings.coord_degree), period=period,
+        latlon=bool(settings.coord_degree), period=period, edge="closed",
     )  # fmt: skip
 
 

@@ -10,22 +10,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.config.places import latitude, longitude
+from riftberg.config.places import area_text, latitude, longitude, place_text
+from riftberg.diagnostics.apart import Course, apart, course_of, shown_records
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.outlines import axis_difference, best_pairs
 from riftberg.ocean.grid import haversine
-from riftberg.runs.checks import read_summary
+from riftberg.runs.checks import parameters_of, read_summary
+from riftberg.runs.layout import FILE
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, berg_position
 from riftberg.system.atomic_files import write_json
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Event = dict[str, Any]
 
@@ -96,6 +101,17 @@ def differences(summaries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
     return rows
 
 
+def own_lines(texts: Sequence[str]) -> list[str]:
+    """Return of each text the lines that another one has not, the first few."""
+    lines = [[line.strip() for line in text.splitlines()] for text in texts]
+    found = []
+    for mine in lines:
+        own = [line for line in mine if line and any(line not in other for other in lines)]
+        more = f" and {len(own) - MOST_NAMED} lines more" if len(own) > MOST_NAMED else ""
+        found.append("; ".join(own[:MOST_NAMED]) + more)
+    return found
+
+
 def _value_text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
@@ -117,6 +133,12 @@ class Known:
     observed: dict[str, str] = field(default_factory=dict)
     fixes: Sequence[Fix] = ()  # Where the berg was
 
+    def within(self, begin: np.datetime64, end: np.datetime64) -> Known:
+        """Return what there is of these dates (an hour apart at most); texts stand beside positions, not alone."""
+        hour = np.timedelta64(1, "h")
+        fixes = [fix for fix in self.fixes if begin - hour <= np.datetime64(fix.when) <= end + hour]
+        return replace(self, fixes=fixes) if fixes else Known()
+
 
 @dataclass(frozen=True)
 class RunDay:
@@ -135,6 +157,8 @@ class ComparedRun:
     name: str
     summary: dict[str, Any]
     days: list[RunDay]
+    course: Course
+    file: str = ""  # Text of its experiment file
 
     def rms(self) -> tuple[float, float] | None:
         """Return root mean squares of distance (km) and of the difference of the axes (degrees); None without days."""
@@ -151,6 +175,7 @@ class Comparison:
     columns: list[str]  # Headings; the first column holds the labels of the rows
     rows: list[tuple[str, list[str]]]
     runs: list[ComparedRun]
+    fixes: Sequence[Fix] = ()  # Where the berg was seen
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, texts, lists and dicts."""
@@ -166,11 +191,52 @@ class Comparison:
             }
             for run in self.runs
         ]
-        return {"columns": self.columns, "rows": [[label, *cells] for label, cells in self.rows], "runs": runs}
+        rows = [[label, *cells] for label, cells in self.rows]
+        return {"columns": self.columns, "rows": rows, "runs": runs, "apart": self.apart()}
+
+    def apart(self) -> list[dict[str, Any]]:
+        """Return how far each further run is from the first, by time."""
+        first, found = self.runs[0], []
+        for run in self.runs[1:]:
+            by_time = apart(first.course, run.course)
+            turned = [None if math.isnan(turn) else turn for turn in by_time["rotation"].tolist()]
+            found.append({
+                "first": first.name, "second": run.name, "berg": first.course.berg,
+                "time": np.datetime_as_string(by_time["time"], "s").tolist(),
+                "distance_km": (by_time["distance"] / 1e3).tolist(), "rotation": turned,
+                "area_first_km2": (by_time["area_first"] / 1e6).tolist(),
+                "area_second_km2": (by_time["area_second"] / 1e6).tolist(),
+            })  # fmt: skip
+        return found
+
+    def apart_rows(self) -> list[tuple[str, list[str]]]:
+        """Return the same as a table: dates with place and area of the first run, and what the others are apart."""
+        first, rows = self.runs[0].course, []
+        others = [apart(first, run.course) for run in self.runs[1:]]
+        if not others:
+            return []
+        times = first.times[[k for k, time in enumerate(first.times) if any(time in one["time"] for one in others)]]
+        for time in times[shown_records(times)]:
+            k = int(np.searchsorted(first.times, time))
+            place = place_text(float(first.x[k]), float(first.y[k]), latlon=first.latlon, digits=2)
+            cells = [f"{place}, {area_text(float(first.area[k]))}"]
+            for one in others:
+                at = np.flatnonzero(one["time"] == time)
+                cells.append(
+                    ""
+                    if not at.size
+                    else _gap(*(float(one[n][at[0]]) for n in ("distance", "rotation", "area_second")))
+                )
+            rows.append((minute_text(str(time)[:19]), cells))
+        return rows
 
     def write(self, path: str | Path) -> Path:
         """Write as JSON."""
         return write_json(self.as_dict(), path)
+
+
+def _gap(metres: float, turned: float, area: float) -> str:
+    return f"{metres / 1e3:.1f} km" + ("" if math.isnan(turned) else f", {turned:+.0f}°") + f", {area_text(area)}"
 
 
 def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
@@ -181,7 +247,34 @@ def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     with open_run(folder) as dataset:
         scene = Scene(dataset)
         days = [day for fix in fixes if (day := _day_of_fix(scene, fix)) is not None] if scene.latlon else []
-    return ComparedRun(name, summary, days)
+        course = course_of(dataset)
+        file = str(dataset.attrs.get(FILE, ""))
+    return ComparedRun(name, summary, days, course, file)
+
+
+def member_compared(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+    """Compare one member of a sweep, of which there are tracks and break-ups, but no elements."""
+    course = course_of(member)
+    numerics = parameters_of(member).model_dump(mode="json")
+    for coordinate in member.coords.values():
+        group, _, parameter = str(coordinate.attrs.get("parameter", "")).partition(".")
+        if parameter:
+            numerics.setdefault(group, {})[parameter] = coordinate.item()
+    span = float((course.times[-1] - course.times[0]) / np.timedelta64(1, "D"))
+    summary = {
+        "experiment": Path(member.attrs.get("experiment", "")).stem, "numerics": numerics, "breakups": course.births,
+        "bonds_broken": int(member["bonds_broken"]), "bonds_total": None,
+        "largest_km2": float(member["largest_area"]) / 1e6,
+        "seconds_per_day": float(member["wall_time"]) / span if span else None,
+    }  # fmt: skip
+    days = []
+    for fix in fixes:
+        when = np.array([fix.when], "datetime64[ns]")
+        x, y, _, area = (float(a[0]) for a in course.at(when))
+        if course.latlon and math.isfinite(x):
+            metres = float(haversine(x, y, fix.lon, fix.lat, course.radius))
+            days.append(RunDay(fix.when.isoformat(), metres / 1e3, None, area / 1e6))
+    return ComparedRun(name, summary, days, course)
 
 
 def _day_of_fix(scene: Scene, fix: Fix) -> RunDay | None:
@@ -225,6 +318,8 @@ def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparis
         beside["observed"] = {**known.observed, **seen}
     cells: dict[str, list[str]] = {label: [""] * len(runs) for label in (*known.published, *known.observed)}
     cells |= differences([run.summary for run in runs])
+    if len({run.file for run in runs}) > 1 and all(run.file for run in runs):
+        cells["experiment file"] = own_lines([run.file for run in runs])
     large = [[event for event in run.summary["breakups"] if event["area_km2"] >= SMALL] for run in runs]
     events = aligned(large, runs[0].summary["numerics"]["earth"]) if runs else []
     for k, run in enumerate(runs):
@@ -232,12 +327,13 @@ def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparis
             cells.setdefault(label, [""] * len(runs))[k] = text
     order = sorted(cells, key=lambda label: (_RANK.get(label, 1 if label.startswith(_BREAK_UP) else 7), label))
     rows = [(label, [*(texts.get(label, "") for texts in beside.values()), *cells[label]]) for label in order]
-    return Comparison(["", *beside, *(run.name for run in runs)], rows, list(runs))
+    return Comparison(["", *beside, *(run.name for run in runs)], rows, list(runs), known.fixes)
 
 
 _BREAK_UP: Final = "break-up"
 _RANK: Final = {
     "experiment": 0,
+    "experiment file": 0,
     "forcing": 0,
     "parameters that differ": 0,
     "further break-ups": 2,
@@ -260,8 +356,9 @@ def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, st
         rows["further break-ups"] = str(beyond)
     rows["smaller pieces"] = f"{sum(event['area_km2'] < SMALL for event in s['breakups'])} below {SMALL:g} km²"
     rows["largest piece at the end"] = f"{s['largest_km2']:.0f} km²"
-    share = 100.0 * s["bonds_broken"] / max(1, s["bonds_total"])
-    rows["bonds broken"] = f"{s['bonds_broken']} of {s['bonds_total']} = {share:.1f} %"
+    total = s["bonds_total"]
+    of = "" if total is None else f" of {total} = {100.0 * s['bonds_broken'] / max(1, total):.1f} %"
+    rows["bonds broken"] = f"{s['bonds_broken']}{of}"
     if s["seconds_per_day"] is not None:
         rows["wall time a day"] = f"{s['seconds_per_day']:.3g} s"
     rows |= {minute_text(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
@@ -291,6 +388,34 @@ def _apart(kilometres: float, turned: float | None) -> str:
 
 def _rms(values: Sequence[float]) -> float:
     return math.sqrt(sum(v * v for v in values) / len(values)) if values else math.nan
+
+
+def between(one: xr.Dataset, other: xr.Dataset, berg: str | None = None) -> xr.Dataset:
+    """Return how far the same berg of two runs is apart, and their break-ups: see ``compare`` of `riftberg.runs.accessor`."""
+    import xarray as xr
+
+    courses = [course_of(run, berg) for run in (one, other)]
+    by_time = apart(*courses)
+    earth = {"latlon": courses[0].latlon, "radius": courses[0].radius}
+    events = aligned([course.births for course in courses], earth)
+
+    def column(key: str, missing: Any) -> list[list[Any]]:
+        return [[missing if event is None else event[key] for event in row] for row in events]
+
+    area = np.array([by_time["area_first"], by_time["area_second"]])
+    dates = np.array(column("time", "NaT"), "datetime64[ns]").reshape(2, -1)
+    sizes = 1e6 * np.array(column("area_km2", np.nan), float).reshape(2, -1)
+    return xr.Dataset(
+        {
+            "distance": ("time", by_time["distance"], {"units": "m", "long_name": "distance between the centroids"}),
+            "rotation": ("time", by_time["rotation"], {
+                "units": "degrees", "long_name": "angle from the long axis in the first run to that in the second, clockwise"}),
+            "area": (("run", "time"), area, {"units": "m2", "long_name": "plan area"}),
+            "breakup_time": (("run", "breakup"), dates, {"long_name": "date of the same break-up in both runs"}),
+            "breakup_area": (("run", "breakup"), sizes, {"units": "m2", "long_name": "area that broke off"}),
+        },
+        {"time": by_time["time"], "run": ["first", "second"]}, {"berg": courses[0].berg},
+    )  # fmt: skip
 
 
 def with_hours(fixes: Sequence[Fix], hour: float) -> list[Fix]:

@@ -58,6 +58,7 @@ _WORDS: Final = {
     "waves": "waves",
     "sea_floor": "sea floor",
     "sea_ice": "sea ice",
+    "own": "own force",
 }
 """What the forces are called in tables, in the order of all tables; others go by their own name and follow."""
 

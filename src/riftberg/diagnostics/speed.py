@@ -17,6 +17,10 @@ yardstick_version : version of the yardstick
 relative_to_yardstick : seconds_per_day / yardstick_seconds_per_day
 riftberg : version
 machine : processor and operating system
+whole_run : the whole length of the experiment in processor time, best of its repeats: days, seconds_per_day, slowest (the
+    slowest repeat's seconds per day), yardsticks (seconds_per_day over the yardstick's processor time), dearest_days (the
+    three: day, counted from 0, and seconds) and with_output (seconds_per_day and slowest of a run that writes its run
+    file); null where it would take longer than a minute, or where ``--days`` asks for something else
 other_schemes : a list of the same for the other schemes that an experiment may take; empty where a scheme was asked for
 """
 
@@ -24,7 +28,9 @@ from __future__ import annotations
 
 import platform
 import sys
+import tempfile
 import time as clock
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -91,11 +97,14 @@ def substeps_per_day(model: Model) -> float:
     return model.substeps * SECONDS_PER_DAY / model.parameters.stepping.time_step
 
 
-def yardstick_seconds_per_day(model: Model, *, seconds: float = 0.3, repeats: int = 3) -> float:
+def yardstick_seconds_per_day(
+    model: Model, *, seconds: float = 0.3, repeats: int = 3, timer: Callable[[], float] | None = None
+) -> float:
     """Time the yardstick for the berg of a model.
 
-    ``seconds``: about how long one measurement may take, s.
+    ``seconds``: about how long one measurement may take, s. ``timer``: wall clock unless it is given.
     """
+    timer = timer or clock.perf_counter
     first, second = model.bonds.first, model.bonds.second
     if not first.size:
         return 0.0
@@ -103,9 +112,9 @@ def yardstick_seconds_per_day(model: Model, *, seconds: float = 0.3, repeats: in
     force = np.zeros((3, state.shape[1]))
 
     def measured(count: int) -> float:
-        before = clock.perf_counter()
+        before = timer()
         _loop(first, second, state, force, rest, 1.0, count)
-        return (clock.perf_counter() - before) / count
+        return (timer() - before) / count
 
     measured(1)  # compiles
     count = max(1, int(seconds / max(measured(3), 1e-7)))
@@ -157,8 +166,49 @@ def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: f
         "relative_to_yardstick": speed / stick if stick > 0.0 else None,
         "riftberg": __version__,
         "machine": f"{platform.processor() or platform.machine()}, {platform.system()}",
+        "whole_run": None,
         "other_schemes": [],
     }
+
+
+def measure_whole(build: Callable[[], Model], days: float, every_hours: float, *, repeats: int = 3) -> dict[str, Any]:
+    """Return the processor time of whole runs: what a day costs changes when a berg breaks, grounds or melts.
+
+    ``build`` makes the model anew, as nothing else takes it back to its start; ``every_hours``: interval of its records.
+    """
+    daily, written, sticks = [], [], []
+    for _ in range(repeats):
+        daily.append(_processor_days(build(), days))
+        model = build()
+        with tempfile.TemporaryDirectory() as folder:
+            before = clock.process_time()
+            model.run(days, output=Path(folder) / "run.nc", every_hours=every_hours)
+            written.append((clock.process_time() - before) / days)
+        sticks.append(yardstick_seconds_per_day(model, repeats=1, timer=clock.process_time))
+    totals = [sum(each) / days for each in daily]
+    best = [min(same) for same in zip(*daily, strict=True)]  # other work on the machine only ever adds to a day
+    dearest = sorted(range(len(best)), key=best.__getitem__, reverse=True)[:3]
+    return {
+        "days": days,
+        "seconds_per_day": min(totals),
+        "slowest": max(totals),
+        "yardsticks": min(totals) / min(sticks) if min(sticks) > 0.0 else None,
+        "dearest_days": [{"day": day, "seconds": best[day]} for day in dearest],
+        "with_output": {"seconds_per_day": min(written), "slowest": max(written)},
+    }
+
+
+def _processor_days(model: Model, days: float) -> list[float]:
+    """Step a model through some days and return the processor time of each, s; the last may be a part of a day."""
+    steps = round(days * SECONDS_PER_DAY / model.parameters.stepping.time_step)
+    ends = np.arange(1, steps + 1) * model.parameters.stepping.time_step / SECONDS_PER_DAY
+    spent = [0.0] * (int(np.ceil(ends[-1] - 1e-9)) if steps else 1)
+    with held():
+        for end in ends:
+            before = clock.process_time()
+            model.step()
+            spent[int(np.ceil(end - 1e-9)) - 1] += clock.process_time() - before
+    return spent
 
 
 def _timed_step(model: Model) -> float:

@@ -12,7 +12,8 @@ breakups : list, one entry per fragment that split from its parent:
     time, lon, lat, area_km2, bonds (broken to free it), grounded (true where a bond broke aground), fragment, parent,
     name and parent_name (empty for bergs without a name)
 bergs : list, one entry per berg of the start, and per one added later: number, name, area_km2 (as it was then), fragments
-    (how many pieces it is in at the end), largest_km2 (of these)
+    (how many pieces it is in at the end), largest_km2 (of these), areas_km2 (of the six largest), melted_kg, and
+    drift_east_km, drift_north_km (of the largest from where the berg began), lon, lat (of the largest), null where it is gone
 collisions : list, one entry per meeting of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
     speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
@@ -24,7 +25,7 @@ ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process,
 motion : momentum (N s, east and north) at start and end and what each force gave; kinetic energy (J) at start and end and the
     work of each force; energy in bonds, dissipated, and released by cracks; null where bonds do not vibrate
 wall_seconds : wall time of the whole run, s
-seconds_per_day : wall time per simulated day without the first step (which may compile), s; null in runs of one step
+seconds_per_day : wall time per simulated day without the first step and without compilation, s; null in runs of one step
 steps : long steps taken
 numerics : all parameters of the run by group
 forcing : what the forcing says of itself
@@ -41,13 +42,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numba.core.event import TimingListener, register, unregister
 
 from riftberg import constants
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.places import area_text
 from riftberg.life.ledger import PROCESSES, melt_of
 from riftberg.runs.layout import forcing_text
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.tracks import Position, track_table
+from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.atomic_files import write_json
 from riftberg.version import __version__
 
@@ -69,13 +73,15 @@ class Stopwatch:
 
     def __init__(self) -> None:
         self.wall_seconds, self.steps = 0.0, 0
+        self._compiling = TimingListener()  # type: ignore[no-untyped-call]
         self._began = self._after_first = clock.perf_counter()
-        self._time_after_first = self._time = 0.0
+        self._time_after_first = self._time = self._compiled_first = 0.0
 
     def start(self, model: BareModel) -> None:
         """Start the clock."""
         self.__init__()  # type: ignore[misc]
         self._time = self._time_after_first = model.time
+        register("numba:compile", self._compiling)  # type: ignore[no-untyped-call]
 
     def record(self, model: BareModel) -> None:
         """Note the time; the first step is kept apart, because it may compile."""
@@ -83,16 +89,23 @@ class Stopwatch:
         self.steps, self._time, self.wall_seconds = self.steps + 1, model.time, now - self._began
         if self.steps == 1:
             self._after_first, self._time_after_first = now, model.time
+            self._compiled_first = self._compiled
 
     def finish(self, model: BareModel) -> None:
         """Stop the clock."""
         self.wall_seconds = clock.perf_counter() - self._began
+        unregister("numba:compile", self._compiling)  # type: ignore[no-untyped-call]
+
+    @property
+    def _compiled(self) -> float:
+        """Seconds of compilation so far: a crack or a landing may need code late in a run."""
+        return float(self._compiling.duration) if self._compiling.done else 0.0
 
     @property
     def seconds_per_day(self) -> float:
-        """Wall seconds per simulated day after the first step; NaN before the second."""
+        """Wall seconds per simulated day after the first step, without compilation; NaN before the second."""
         days = (self._time - self._time_after_first) / constants.SECONDS_PER_DAY
-        spent = self._began + self.wall_seconds - self._after_first
+        spent = self._began + self.wall_seconds - self._after_first - (self._compiled - self._compiled_first)
         return spent / days if days > 0.0 else math.nan
 
 
@@ -194,24 +207,46 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     rows = {int(row["number"]): row for row in fragment_rows(model)}
     e = model.elements
     numbers, index = np.unique(e.berg, return_inverse=True)
-    pieces: dict[int, list[float]] = {}
-    for number, area in zip(numbers.tolist(), np.bincount(index, weights=e.length * e.width), strict=True):
-        # Up the family tree to the berg that it comes from.
-        origin = number
-        while origin in rows and rows[origin]["parent"] > 0:
-            origin = int(rows[origin]["parent"])
-        pieces.setdefault(origin, []).append(float(area) / 1e6)
-    return [
-        {
-            "number": number,
-            "name": str(row.get("name", "")),
-            "area_km2": float(row["area"]) / 1e6,
-            "fragments": len(pieces.get(number, [])),
-            "largest_km2": max(pieces.get(number, [0.0])),
-        }
-        for number, row in rows.items()
-        if row["parent"] <= 0
-    ]
+    area, earth = e.length * e.width, model.parameters.earth
+
+    def origin(number: int) -> int:
+        """Up the family tree to the berg that it comes from."""
+        while number in rows and rows[number]["parent"] > 0:
+            number = int(rows[number]["parent"])
+        return number
+
+    pieces: dict[int, list[tuple[float, int]]] = {}
+    for number, size in zip(numbers.tolist(), np.bincount(index, weights=area), strict=True):
+        pieces.setdefault(origin(number), []).append((float(size) / 1e6, number))
+    melted: dict[int, float] = {}
+    if getattr(model, "life", None) is not None:
+        for number, water in zip(
+            rows, melt_of(model.remembered, np.array(list(rows), np.int64)).sum(axis=1), strict=True
+        ):
+            melted[origin(number)] = melted.get(origin(number), 0.0) + float(water)
+    entries: list[dict[str, Any]] = []
+    for number, row in rows.items():
+        if row["parent"] > 0:
+            continue
+        mine = sorted(pieces.get(number, []), reverse=True)
+        entry = {
+            "number": number, "name": str(row.get("name", "")), "area_km2": float(row["area"]) / 1e6,
+            "fragments": len(mine), "largest_km2": mine[0][0] if mine else 0.0, "areas_km2": [size for size, _ in mine[:NAMED]],
+            "melted_kg": melted.get(number, 0.0), **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat")),
+        }  # fmt: skip
+        if mine:
+            inside = e.berg == mine[0][1]
+            lon, lat = centroid(e.lon[inside], e.lat[inside], area[inside], earth.period)
+            here = np.array([lon]), np.array([lat]), np.array([float(row["lon"])]), np.array([float(row["lat"])])
+            east, north = separations(Metric(earth.latlon, earth.radius, earth.period), *here)
+            entry |= {
+                "drift_east_km": float(east[0]) / 1e3,
+                "drift_north_km": float(north[0]) / 1e3,
+                "lon": lon,
+                "lat": lat,
+            }
+        entries.append(entry)
+    return entries
 
 
 def collisions(model: BareModel) -> list[dict[str, Any]]:

@@ -37,6 +37,9 @@ ARGUMENTS: Final = {
 
 EXAMPLE: Final = "For example --vary 'fracture.normal_strength~lognormal(18 kPa, 20 %)'"
 
+_WIDEST: Final = 2.0
+"""Standard deviation of a logarithm above which a part of a hundred was meant: 20 for 20 %."""
+
 _CALL: Final = re.compile(r"\s*([\w' -]+?)\s*\((.*)\)\s*$", re.DOTALL)
 
 
@@ -149,21 +152,26 @@ def read_distribution(
     return _checked(Distribution(name, _numbers(name, parts, where, number), (), limits, text), where)
 
 
-def with_unit_of_last(parts: Sequence[str]) -> list[str]:
+def with_unit_of_last(parts: Sequence[str], where: str) -> list[str]:
     """Give numbers without a unit that of the last one: ``14..24kPa`` is not 14 Pa to 24 kPa."""
     last = _UNIT.match(parts[-1])
     unit = last[1].strip() if last else ""
-    if not unit:
-        return list(parts)
     # Only bare numbers take the unit of the last one; a part with a unit of its own keeps it.
     plain = [looks_like_quantity(part) and not (_UNIT.match(part) or ["", "x"])[1] for part in parts]
+    if not unit:
+        if plain[-1] and float(parts[-1]) != 0.0 and not all(plain):
+            raise InputError(
+                f"{parts[-1]} has no unit, but {parts[plain.index(False)]} has", where=where,
+                remedy="Write the unit behind the last number, for all, or behind each",
+            )  # fmt: skip
+        return list(parts)
     return [f"{part} {unit}" if bare else part for part, bare in zip(parts, plain, strict=True)]
 
 
 def _numbers(name: str, parts: list[str], where: str, number: Callable[[str], float]) -> tuple[float, ...]:
     spread = {"lognormal": 1, "normal": 1}.get(name)
     if spread is None:
-        return tuple(number(part) for part in with_unit_of_last(parts))
+        return tuple(number(part) for part in with_unit_of_last(parts, where))
     share = re.fullmatch(r"([-+.\deE]+)\s*%", parts[1])
     if share is not None:
         parts = [parts[0], str(float(share[1]) / 100.0)]
@@ -176,7 +184,10 @@ def _numbers(name: str, parts: list[str], where: str, number: Callable[[str], fl
                 f"{value_shown(parts[1])} is no standard deviation of a logarithm", where=where,
                 remedy="Give a number without a unit, such as 0.2 or 20 %",
             ) from error  # fmt: skip
-    return centre, abs(centre) * float(parts[1]) if share is not None else number(parts[1])
+    if share is not None:
+        return centre, abs(centre) * float(parts[1])
+    centre, deviation = (number(part) for part in with_unit_of_last(parts, where))
+    return centre, deviation
 
 
 def _checked(d: Distribution, where: str) -> Distribution:
@@ -189,6 +200,10 @@ def _checked(d: Distribution, where: str) -> Distribution:
         what = f"a median of {a[0]:g}, but a lognormal number is above 0"
     elif d.name in ("lognormal", "normal") and a[1] <= 0.0:
         what = f"a standard deviation of {a[1]:g}"
+    elif d.name == "lognormal" and a[1] > _WIDEST:
+        what = (
+            f"a standard deviation of the logarithm of {a[1]:g}, a factor of {np.exp(min(a[1], 700.0)):.2g} up and down"
+        )
     elif d.name == "uniform" and not a[0] < a[1]:
         what = f"{a[0]:g} is not below {a[1]:g}"
     elif d.name == "triangular" and not (a[0] <= a[1] <= a[2] and a[0] < a[2]):

@@ -6,6 +6,7 @@ the same digits, for a run that goes on from a restart file gives bit for bit th
 
 from __future__ import annotations
 
+import hashlib
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -40,6 +41,8 @@ STOP: Final = "stop"
 LOOK_SECONDS: Final = 0.5
 """Wall time between two looks for that file."""
 
+UNDO: Final = "Undo the change, or begin anew in another folder"
+
 CELLS: Final = "cells"
 """Folder of fresh water, heat and mass on cells, beside that of the members."""
 
@@ -62,6 +65,7 @@ class Job:
     large: bool = False  # Runs beyond the limits are allowed
     # Width (degrees) of the cells on which fresh water, heat and mass are written, in the folder `CELLS`
     cells: float | None = None
+    digest: str = ""  # Of the experiment file when the sweep began
 
     @property
     def cells_path(self) -> Path:
@@ -95,6 +99,13 @@ class StoppedError(RiftbergError):
     """The sweep was asked to stop."""
 
 
+def digest_of(experiment: str | Maker) -> str:
+    """Return the checksum of an experiment file; empty for other experiments."""
+    if not isinstance(experiment, str) or not experiment.endswith((".yaml", ".yml")) or not Path(experiment).is_file():
+        return ""
+    return hashlib.sha256(Path(experiment).read_bytes()).hexdigest()
+
+
 def build_member(job: Job) -> Model:
     """Return the model of a member at its start."""
     if not isinstance(job.experiment, str):
@@ -106,6 +117,8 @@ def build_member(job: Job) -> Model:
         return with_errors(model, job.values)
     from riftberg.experiments import build
 
+    if job.digest and digest_of(job.experiment) not in ("", job.digest):
+        raise InputError("this file has changed since the sweep began", where=job.experiment, remedy=UNDO)
     changes = {group: dict(values) for group, values in job.options.changes.items()}
     for group, values in grouped(job.values).items():
         changes[group] = {**changes.get(group, {}), **values}

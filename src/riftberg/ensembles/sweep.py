@@ -17,7 +17,7 @@ import xarray as xr
 from riftberg.config.values import check_names, native, number
 from riftberg.ensembles.cluster import computed, connected
 from riftberg.ensembles.distributions import PLANS
-from riftberg.ensembles.member import STOP, Job, Maker, Outcome, build_member
+from riftberg.ensembles.member import STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of
@@ -192,6 +192,7 @@ class Plan:
     draws: Draws = field(default_factory=Draws)  # How members are drawn
     forecast: bool = False  # A control is run too, and the result holds probabilities
     design: bool = False  # Members are rows of a table, not combinations
+    digest: str = ""  # Checksum of the experiment file
 
     @property
     def named(self) -> str:
@@ -213,6 +214,7 @@ class Plan:
             "numerics": o.numerics,
             "cells": self.cells,
             "vary": {v.name: v.plain() for v in self.varied},
+            **({"digest": self.digest} if self.digest else {}),
             **({"forecast": True} if self.forecast else {}),
             **({"design": True} if self.design else {}),
             **({"members": d.number, "plan": d.plan, "seed": d.seed} if (d := self.draws).number else {}),
@@ -223,7 +225,7 @@ class Plan:
         values = {} if number == CONTROL else self.members[number]
         return Job(
             number, values, self.experiment, self.options, self.days, self.every, folder, save_seconds,
-            large_allowed(), self.cells,
+            large_allowed(), self.cells, self.digest,
         )  # fmt: skip
 
 
@@ -291,6 +293,7 @@ def planned(
         draws,
         forecast,
         design,
+        digest_of(named),
     )
 
 
@@ -358,6 +361,8 @@ class Store:
                         f"holds {known['members']} members", where=where, remedy="Give that number, or a larger one"
                     )
                 different = []
+            if "digest" in different:
+                raise InputError(f"{plan.named} has changed since the sweep began", where=where, remedy=UNDO)
             if different:
                 raise InputError(
                     f"holds another sweep: {different[0]} is {value_shown(known.get(different[0]))}", where=where,
@@ -494,6 +499,12 @@ def join_parts(folder: Path) -> int:
             f"parts of {' and '.join(sorted(counts))}",
             where=f"--join {folder}",
             remedy="Remove those that do not belong",
+        )
+    if (folder / PLAN).exists() and read_plan(folder) != first[1]:
+        raise InputError(
+            "holds another sweep than its parts",
+            where=f"--join {folder}",
+            remedy="Move the parts to a folder of their own",
         )
     members = folder / MEMBERS
     members.mkdir(exist_ok=True)

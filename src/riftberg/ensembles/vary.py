@@ -158,9 +158,9 @@ def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
     bounds = _RANGE.match(text)
     if bounds is None:
         parts = [part.strip() for part in text.split(",")]
-        return with_unit_of_last(parts)
+        return with_unit_of_last(parts, where)
     low, high, count = bounds.groups()
-    low, high = with_unit_of_last([low.strip(), high.strip()])
+    low, high = with_unit_of_last([low.strip(), high.strip()], where)
     if count is None or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
         said = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"
         raise InputError(said, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
@@ -209,10 +209,11 @@ def check_draws(varied: Sequence[Varied], draws: Draws) -> None:
         raise InputError(
             f"{random[0]} is drawn, but not how often", where="members", remedy="Give --members 200, or members=200"
         )
-    if draws.number and not random:
+    if draws != Draws() and not random:
         raise InputError(
-            "nothing is drawn", where="members", remedy=f"Leave it out, or give a distribution. {EXAMPLE_DRAWN}"
-        )
+            "nothing is drawn", where="members" if draws.number else "plan, seed",
+            remedy=f"Leave it out, or give a distribution. {EXAMPLE_DRAWN}",
+        )  # fmt: skip
 
 
 def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
@@ -255,6 +256,10 @@ def read_design(path: Path) -> dict[str, list[str]]:
         ]
     if len(rows) < 2:
         raise InputError("holds no members", where=str(path), remedy=remedy)
+    names = [name.strip() for name in rows[0]]
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise InputError(f"{twice[0]} stands twice", where=f"{path}, line 1", remedy="Name each parameter once")
     for number_, row in enumerate(rows[1:], start=2):
         if len(row) != len(rows[0]) or not all(cell.strip() for cell in row):
             raise InputError(
@@ -262,7 +267,7 @@ def read_design(path: Path) -> dict[str, list[str]]:
                 where=f"{path}, line {number_}",
                 remedy=remedy,
             )
-    return {name.strip(): [row[k].strip() for row in rows[1:]] for k, name in enumerate(rows[0])}
+    return {name: [row[k].strip() for row in rows[1:]] for k, name in enumerate(names)}
 
 
 def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
@@ -278,8 +283,13 @@ def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], 
         field = find_field(group, key, where=where, settable=settable)
         plain = tuple(given(value, settable[group], key, where=where) for value in values)
         varied.append(Varied(f"{group}.{key}", plain, unit_of(field), field.description or ""))
+    names = [v.name for v in varied]
+    rows = list(zip(*(v.values for v in varied), strict=True))
+    # Without seeds of its own a design would have one random field for all members.
+    seeded = has_fields(names) and SEED not in names
     members = [
-        dict(zip([v.name for v in varied], row, strict=True)) for row in zip(*(v.values for v in varied), strict=True)
+        dict(zip(names, row, strict=True)) | ({SEED: member_seed(Draws().seed, k)} if seeded else {})
+        for k, row in enumerate(rows)
     ]
     refuse_large(len(members), MOST_MEMBERS, "members", where="--design", remedy="Give fewer rows", kind=InputError)
     return tuple(varied), members

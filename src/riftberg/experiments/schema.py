@@ -84,6 +84,9 @@ class Rift(Section):
             raise ValueError("the points of a rift are at least two")
         if self.broken and "strength" in self.model_fields_set:
             raise ValueError("a rift has either a strength or broken: true")
+        extra = sorted(self.model_fields_set & {"crs", "variable", "threshold"})
+        if self.points is not None and extra:
+            raise ValueError(f"the points of a rift have no {extra[0]}")
         return self
 
 
@@ -108,6 +111,8 @@ class Strength(Section):
             raise ValueError(f"the strength needs exactly one of {', '.join(STRENGTHS)}")
         if ways[0] == "file" and "seed" in self.model_fields_set:
             raise ValueError("a map of strength has no seed")
+        if ways[0] != "file" and self.variable is not None:
+            raise ValueError(f"variable is that of a map; {ways[0]} has none")
         return self
 
 
@@ -134,6 +139,8 @@ class Berg(BergKeys):
             raise ValueError(f"the berg {count}; give exactly one of {', '.join(SHAPES)}")
         if shapes[0] in ("rectangle", "lattice") and self.placement is None:
             raise ValueError(f"a berg from a {shapes[0]} needs placement: [longitude, latitude]")
+        if shapes[0] in ("rectangle", "lattice", "field") and isinstance(self.thickness, str):
+            raise ValueError(f"a berg from a {shapes[0]} takes no map of thickness; give it in metres")
         extra = sorted(self.model_fields_set - {"field", "thickness", "velocity"})
         if shapes[0] == "field" and extra:
             raise ValueError(f"a field of bergs has no {extra[0]}; beside field it may have thickness and velocity")

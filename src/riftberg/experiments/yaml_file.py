@@ -253,8 +253,6 @@ def _field_of_bergs(berg: Berg, field: FieldOfBergs, parameters: Parameters) -> 
     from riftberg.bergs.iceberg import Iceberg
 
     thickness = berg.thickness if "thickness" in berg.model_fields_set else None
-    if isinstance(thickness, str):
-        raise BergError("a field of bergs takes no map of thickness", where="berg.thickness", remedy="Give metres")
     return Iceberg.field(
         field.number, field.area, sizes=field.sizes, seed=field.seed, thickness=thickness, gap=field.gap,
         between=field.between, density=parameters.ice.density, velocity=berg.velocity, latlon=parameters.earth.latlon,

@@ -65,7 +65,9 @@ def _would_roll(elements: Elements, p: Parameters) -> NDArray[np.bool_]:
     """Whether elements without bonds would roll at once."""
     values, body = life_values(p), elements.body
     shapes = zip(body.thickness.tolist(), body.width.tolist(), body.length.tolist(), strict=True)
-    rolled = [roll(t, w, q, values.rolling_scheme, values.tip, values.rho_ice)[0] != t for t, w, q in shapes]
+    rolled = [
+        roll(t, w, q, values.rolling_scheme, values.tip, values.rho_ice, values.rolls_on)[0] != t for t, w, q in shapes
+    ]
     return np.asarray(rolled, np.bool_)
 
 

@@ -161,8 +161,8 @@ class FluxCalving:
             s.begun = True
         left, heat_left = np.zeros_like(flux), np.zeros_like(flux)
         stored, heat = fill_stores(
-            s.ice, s.heat, flux, heat_flux, self._area, self.is_south, self.south.fraction, self.north.fraction, dt,
-            left, heat_left,
+            s.ice, s.heat, flux, heat_flux, self._area, self.is_south, (self.south.fraction, self.north.fraction),
+            dt, left, heat_left,
         )  # fmt: skip
         return Accumulated(flux, heat_flux, left, heat_left, stored, heat)
 

@@ -196,7 +196,7 @@ class _Calving:
         before, lost = body.mass[e], density * thickness * area
         # A berg that has lost pieces is narrower, and may roll over at once.
         if v.rolls:
-            thickness, narrow, short = roll(thickness, narrow, short, v.rolling_scheme, v.tip, v.rho_ice)
+            thickness, narrow, short = roll(thickness, narrow, short, v.rolling_scheme, v.tip, v.rho_ice, v.rolls_on)
         body.thickness[e], body.width[e], body.length[e] = thickness, narrow, short
         body.mass[e] = short * narrow * thickness * density if self.reference else before - lost
         self.gained += (body.mass[e] + lost - before) * life.mass_scaling[e]

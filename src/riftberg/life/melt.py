@@ -60,6 +60,7 @@ class LifeValues(NamedTuple):
     rolls: bool
     rolling_scheme: int
     tip: float
+    rolls_on: bool
     footloose: bool
     youngs: float
     strength: float
@@ -82,6 +83,7 @@ def life_values(p: Parameters) -> LifeValues:
         drag=melt.friction_drag,
         tide=melt.tide,
         as_reference=quirks.plain_basal_search,
+        scaled_laminar=quirks.scaled_laminar_layer,
     )
     return LifeValues(
         rho_ice=p.ice.density,
@@ -105,6 +107,7 @@ def life_values(p: Parameters) -> LifeValues:
         rolls=p.rolling.enabled,
         rolling_scheme=_SCHEMES[p.rolling.scheme],
         tip=p.rolling.tip,
+        rolls_on=quirks.rolls_on,
         footloose=p.footloose.enabled,
         youngs=p.footloose.youngs,
         strength=p.footloose.strength,
@@ -158,6 +161,9 @@ class Melted(NamedTuple):
 
 
 COLUMNS = len(Melted._fields)
+
+NO_RATES: Final = np.zeros((3, 0))
+"""No melt law of one's own."""
 
 
 class _Sea(NamedTuple):
@@ -232,7 +238,7 @@ def bit_shape(thickness: float, values: LifeValues) -> tuple[float, float, float
     width = piece_width(thickness, values.youngs)
     if not (values.rolls or values.bits_always_roll):
         return thickness, width, ASPECT * width
-    return roll(thickness, width, ASPECT * width, values.rolling_scheme, values.tip, values.rho_ice)
+    return roll(thickness, width, ASPECT * width, values.rolling_scheme, values.tip, values.rho_ice, values.rolls_on)
 
 
 @kernel
@@ -253,14 +259,16 @@ def _foot_after(
 
 @kernel
 def melt_one(
-    row: Floats, mass: float, shape: tuple[float, float, float], bits: float, foot: float, rates: tuple[float, float, float],
+    row: Floats, ice: tuple[float, float, float], shape: tuple[float, float, float], rates: tuple[float, float, float],
     span: float, front: float, sea: _Sea, covered: int, values: LifeValues,
 ) -> None:  # fmt: skip
     """Melt the berg of one element and its bergy bits into a row of `Melted` (files, 1.6 to 1.9, 1.11).
 
-    ``span`` (m) is the size of the berg that the element belongs to: by it, pieces are small enough to break from an edge.
-    ``front`` (m) is the length of the outline of that berg along which the element melts; negative: it melts as a block.
+    ``ice``: mass of the element and of its bergy bits (kg), length of its foot (m). ``span`` (m) is the size of the berg that the
+    element belongs to: by it, pieces are small enough to break from an edge. ``front`` (m) is the length of the outline of that
+    berg along which the element melts; negative: it melts as a block.
     """
+    mass, bits, foot = ice
     thickness, width, length = shape
     base, sides, waves = rates
     if front >= 0.0:
@@ -284,7 +292,9 @@ def melt_one(
             left == 0.0,
         )  # fmt: skip
     if values.rolls and covered == 0:
-        row[13], row[14], row[15] = roll(thin, wide, long, values.rolling_scheme, values.tip, values.rho_ice)
+        row[13], row[14], row[15] = roll(
+            thin, wide, long, values.rolling_scheme, values.tip, values.rho_ice, values.rolls_on
+        )
 
 
 @kernel
@@ -319,8 +329,11 @@ def melt_footloose_bits(
 
 
 @kernel
-def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
-    """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references."""
+def _melt_all(el: Elements, span: Floats, own: Floats, values: LifeValues) -> Floats:
+    """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references.
+
+    ``own``: rates (m s-1) by the law of a user, shape (3, elements) or (3, 0); NaN where the built-in law holds.
+    """
     body, life, around, u, v, lat = el.body, el.life, el.environment, el.motion.u, el.motion.v, el.place.lat
     mass, thickness, width, length = body.mass, body.thickness, body.width, body.length
     bond_count, static, depth, ice = body.bond_count, body.static, around.depth, around.ice_fraction
@@ -344,17 +357,23 @@ def _melt_all(el: Elements, span: Floats, values: LifeValues) -> Floats:
         covered = covered_sides(bond_count[e], static[e], values)
         bears = front[e] if values.by_front else -1.0
         rates = melt_rates(sea, lat[e], shape[0], span[e], depth[e], covered, bears, values)
+        if own.shape[1] > 0:
+            base, sides, waves = rates
+            base = base if math.isnan(own[0, e]) else own[0, e]
+            sides = sides if math.isnan(own[1, e]) else own[1, e]
+            waves = waves if math.isnan(own[2, e]) else own[2, e]
+            rates = base, sides, waves
         row[:] = 0.0
-        melt_one(row, mass[e], shape, bits[e], foot[e], rates, span[e], bears, sea, covered, values)
+        melt_one(row, (mass[e], bits[e], foot[e]), shape, rates, span[e], bears, sea, covered, values)
         melt_footloose_bits(row, shape[0], fl_bits[e], bergy[e], sea, values)
         for k in range(COLUMNS):
             out[k, e] = row[k]
     return out
 
 
-def melted(elements: Elements, values: LifeValues) -> Melted:
+def melted(elements: Elements, values: LifeValues, own: Floats = NO_RATES) -> Melted:
     """Return what one long step of melt does to the elements, which stay as they are."""
-    return Melted(*_melt_all(elements, base_spans(elements, values), values))
+    return Melted(*_melt_all(elements, base_spans(elements, values), own, values))
 
 
 def base_spans(elements: Elements, values: LifeValues) -> Floats:
@@ -387,10 +406,10 @@ class MeltStep(NamedTuple):
         return self.melted.water * self.scaling
 
 
-def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float]) -> MeltStep:
+def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float], own: Floats = NO_RATES) -> MeltStep:
     """Melt all elements by one long step and change them; those of which nothing is left are marked, not removed."""
     body, life = elements.body, elements.life
-    result = melted(elements, values)
+    result = melted(elements, values, own)
     place = Place(*(getattr(elements, name).copy() for name in Place._fields))
     step = MeltStep(
         body.id.copy(), place, life.mass_scaling.copy(), life.heat_density.copy(), life.start_mass.copy(),

@@ -16,10 +16,11 @@ from riftberg.errors import InputError
 from riftberg.life.draws import Draws, OwnDraws
 from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose, let_children_go
 from riftberg.life.ledger import Balance, Ledger, add_melt, latent_deficit, stocks, water_by_process
-from riftberg.life.melt import MeltStep, life_values, melt_step
+from riftberg.life.melt import NO_RATES, MeltStep, life_values, melt_step
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Floats
+from riftberg.stepping.laws import ElementLaw, rows_of
 
 
 def check_water(forcing: Forcing, p: Parameters) -> None:
@@ -62,6 +63,10 @@ def lives(p: Parameters) -> bool:
     return p.melt.enabled or p.rolling.enabled or p.footloose.enabled
 
 
+MELTS: Final = ("base", "sides", "waves")
+"""What a melt law of one's own gives."""
+
+
 class LifeModel(Living, Protocol):
     """What the life of bergs asks of a model."""
 
@@ -86,8 +91,8 @@ class LifeStep(NamedTuple):
 class LifeProcess:
     """Melt, rolling and footloose calving of a model, once in each long step."""
 
-    def __init__(self, parameters: Parameters) -> None:
-        self.parameters, self.values = parameters, life_values(parameters)
+    def __init__(self, parameters: Parameters, law: ElementLaw | None = None) -> None:
+        self.parameters, self.values, self.law = parameters, life_values(parameters), law
         own = parameters.footloose
         self.last: LifeStep | None = None
         self.look_around: Callable[[LifeModel], None] | None = None
@@ -107,7 +112,8 @@ class LifeProcess:
             self.look_around(model)
         self.follow_outlines(model)
         fragment = model.elements.body.berg.copy()
-        step = melt_step(model.elements, self.values, born)
+        rates = NO_RATES if self.law is None else rows_of(self.law, model.elements, model.time, "melt", MELTS, 0.0)
+        step = melt_step(model.elements, self.values, born, rates)
         water = water_by_process(step)
         add_melt(model.remembered, fragment, water)
         if step.gone.any():

@@ -72,15 +72,15 @@ def _in_quadrilateral(x: float, y: float, i: int, j: int, lon: Floats, lat: Floa
 @kernel
 def _in_polar_cell(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, period: float) -> bool:
     """Cell test where a corner is the pole: that corner becomes a stretch of its parallel (equations 2.5)."""
-    xsw, xse, xne, xnw = lon[j - 1, i - 1], lon[j - 1, i], lon[j, i], lon[j, i - 1]
-    ysw, yse, yne, ynw = lat[j - 1, i - 1], lat[j - 1, i], lat[j, i], lat[j, i - 1]
-    if yne > POLAR_LATITUDE:
-        return in_pentagon(x, y, period, xsw, ysw, xse, yse, xse, yne, xnw, yne, xnw, ynw)
-    if ynw > POLAR_LATITUDE:
-        return in_pentagon(x, y, period, xsw, ysw, xse, yse, xne, yne, xne, ynw, xsw, ynw)
-    if ysw > POLAR_LATITUDE:
-        return in_pentagon(x, y, period, xnw, ysw, xse, ysw, xse, yse, xne, yne, xnw, ynw)
-    return in_pentagon(x, y, period, xsw, ysw, xsw, yse, xne, yse, xne, yne, xnw, ynw)
+    sw, se = (lon[j - 1, i - 1], lat[j - 1, i - 1]), (lon[j - 1, i], lat[j - 1, i])
+    ne, nw = (lon[j, i], lat[j, i]), (lon[j, i - 1], lat[j, i - 1])
+    if ne[1] > POLAR_LATITUDE:
+        return in_pentagon(x, y, period, sw, se, (se[0], ne[1]), (nw[0], ne[1]), nw)
+    if nw[1] > POLAR_LATITUDE:
+        return in_pentagon(x, y, period, sw, se, ne, (ne[0], nw[1]), (sw[0], nw[1]))
+    if sw[1] > POLAR_LATITUDE:
+        return in_pentagon(x, y, period, (nw[0], sw[1]), (se[0], sw[1]), se, ne, nw)
+    return in_pentagon(x, y, period, sw, (sw[0], se[1]), (ne[0], se[1]), ne, nw)
 
 
 @kernel
@@ -111,12 +111,10 @@ def point_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
 def _position_in_polar_cell(
     x: float, y: float, i: int, j: int, inside: bool, lon: Floats, lat: Floats
 ) -> tuple[float, float, bool]:
-    x1, y1 = polar_plane(lon[j - 1, i - 1], lat[j - 1, i - 1])
-    x2, y2 = polar_plane(lon[j - 1, i], lat[j - 1, i])
-    x3, y3 = polar_plane(lon[j, i], lat[j, i])
-    x4, y4 = polar_plane(lon[j, i - 1], lat[j, i - 1])
+    sw, se = polar_plane(lon[j - 1, i - 1], lat[j - 1, i - 1]), polar_plane(lon[j - 1, i], lat[j - 1, i])
+    ne, nw = polar_plane(lon[j, i], lat[j, i]), polar_plane(lon[j, i - 1], lat[j, i - 1])
     x, y = polar_plane(x, y)
-    xi, eta = inverse_bilinear(x, y, 0.0, x1, y1, x2, y2, x3, y3, x4, y4)
+    xi, eta = inverse_bilinear(x, y, 0.0, sw, se, ne, nw)
     if inside and (xi < 0.0 or xi >= 1.0 or eta < 0.0 or eta >= 1.0):
         # A parallel is an arc in the plane, the cell's edge a chord: points between them are drawn into the cell.
         shrink = max(1.0, 2.1 * max(abs(xi - 0.5), abs(eta - 0.5)))
@@ -138,8 +136,8 @@ def locate_in_cell(
         return _position_in_polar_cell(x, y, i, j, inside, lon, lat)
     xi, eta = inverse_bilinear(
         x, y, period,
-        lon[j - 1, i - 1], lat[j - 1, i - 1], lon[j - 1, i], lat[j - 1, i],
-        lon[j, i], lat[j, i], lon[j, i - 1], lat[j, i - 1],
+        (lon[j - 1, i - 1], lat[j - 1, i - 1]), (lon[j - 1, i], lat[j - 1, i]),
+        (lon[j, i], lat[j, i]), (lon[j, i - 1], lat[j, i - 1]),
     )  # fmt: skip
     return xi, eta, inside
 

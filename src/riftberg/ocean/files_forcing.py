@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from riftberg.config.places import place_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
@@ -80,6 +81,11 @@ class Run(NamedTuple):
 @closing_files(only_if_refused=True)
 def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> DatasetForcing:
     """Return the forcing for a run."""
+    if settings.spacing is None and "every_hours" in settings.model_fields_set:
+        raise ForcingError(
+            "an interval without a model grid", where="forcing.every_hours",
+            remedy="Give spacing too, or leave it out: each product keeps its own grid and dates",
+        )  # fmt: skip
     opened = open_named(_paths(settings.entries, folder))
     # What the run does not take is left out before any values are read.
     datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]
@@ -198,9 +204,10 @@ def place_points(product: Part, lon: Floats, lat: Floats) -> Located:
     outside = np.flatnonzero(there.outside)
     if outside.size:
         ds, first = product.records.ds, outside[0]
+        place = place_text(float(there.lon[first]), float(there.lat[first]), latlon=True, digits=2)
         raise ForcingError(
-            f"{outside.size} points of the model grid lie outside the data, the first at {there.lon[first]:g} E "
-            f"{there.lat[first]:g} N; the data cover {extent_text(ds)}",
+            f"{outside.size} points of the model grid lie outside the data, the first at {place}; the data cover "
+            f"{extent_text(ds)}",
             where=records.named(ds), remedy="Give files that cover the box, or take a smaller one",
         )  # fmt: skip
     return there

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import html
 import threading
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from riftberg.config.places import POINTS
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import shortened
@@ -81,9 +82,6 @@ def flows_text(current: tuple[float, ...], wind: tuple[float, ...]) -> str:
 def said(*parts: str) -> str:
     """Return the parts that say something, one after the other."""
     return ", ".join(filter(None, parts))
-
-
-POINTS: Final = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 
 
 def compass(towards: float) -> str:

@@ -570,7 +570,7 @@ class Tide(Flow):
     major: Annotated[float, about("m s-1", "largest speed", ge=0, le=10)]
     minor: Annotated[float, about("m s-1", "smallest speed, positive turns counter-clockwise", ge=-10, le=10)] = 0.0
     towards: Annotated[float, about("degree", "direction of the largest speed, clockwise from north")] = 90.0
-    period: Annotated[float, about("s", "period; M2 by default", gt=0)] = M2
+    period: Annotated[float, about("s", "period; M2 by default", ge=600)] = M2
     phase: Annotated[float, about("degree", "part of the period after the start at which the speed is largest")] = 0.0
     level: Annotated[float, about("m", "amplitude of the sea level, which lifts bergs off the floor", ge=0, le=20)] = (
         0.0
@@ -578,6 +578,15 @@ class Tide(Flow):
     level_phase: Annotated[
         float, about("degree", "part of the period after the start at which the level is highest")
     ] = 0.0
+
+    @model_validator(mode="after")
+    def _an_ellipse(self) -> Tide:
+        if abs(self.minor) > self.major:
+            raise UnfitError(
+                f"minor = {self.minor:g} m/s is faster than major = {self.major:g} m/s",
+                "Swap them, and turn towards by 90",
+            )
+        return self
 
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return the current of the moment."""
@@ -639,6 +648,12 @@ class Slope(SeaFloor):
     gradient: Annotated[float, about("1", "metres of depth per metre", ge=-1, le=1)]
     middle: Annotated[float, about("m", "depth at that point", gt=0, le=1e5)] = Field(alias="depth")
     between: Annotated[Pair, about("m", "least and largest depth")] = (1.0, 5000.0)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Slope:
+        if not self.between[0] < self.between[1]:
+            raise UnfitError(f"between = {list(self.between)} is not in order", "The least depth stands first")
+        return self
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m)."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.config.places import box_text, place_text
 from riftberg.constants import EARTH_RADIUS_A68, STRESS_INVERSION_DRAG
 from riftberg.errors import BergError, InputError
 from riftberg.ocean.cells import locate_points
@@ -204,10 +205,12 @@ class Grid:
         locate_points(e.lon, e.lat, g, True, e.cell_i, e.cell_j, e.xi, e.eta)
         outside = np.flatnonzero(e.cell_i < 0)
         if outside.size:
-            raise _misplaced(e, int(outside[0]), "outside the grid", self._extent())
+            raise _misplaced(e, int(outside[0]), self.arrays.latlon, "outside the grid", self._extent())
         land = np.flatnonzero(g.mask[e.cell_j, e.cell_i] < 0.5)
         if land.size and not self.bergs_on_land:
-            raise _misplaced(e, int(land[0]), "on land", "Move the berg, or correct the land mask there.")
+            raise _misplaced(
+                e, int(land[0]), self.arrays.latlon, "on land", "Move the berg, or correct the land mask there."
+            )
         if g.period > 0.0:
             turns = np.round((e.lon - g.lon_centre[e.cell_j, e.cell_i]) / g.period)
             e.lon[:] -= turns * g.period
@@ -226,13 +229,14 @@ class Grid:
         if outside.size:
             e = int(outside[0])
             raise _misplaced(
-                elements, e, f"said to be in cell ({i[e]}, {j[e]}) of a grid of {columns} by {rows}",
+                elements, e, self.arrays.latlon,
+                f"said to be in cell ({i[e]}, {j[e]}) of a grid of {columns} by {rows}",
                 "Go on with the forcing of the run that wrote the restart; if it is that, the restart is damaged.",
             )  # fmt: skip
 
     def _extent(self) -> str:
         (west, east), (south, north) = self.bounds()
-        return f"The grid covers {west:g} to {east:g} and {south:g} to {north:g} {self._unit()}"
+        return f"The grid covers {box_text(west, east, south, north, latlon=self.arrays.latlon)}"
 
     def _unit(self) -> str:
         return "degrees" if self.arrays.latlon else "m"
@@ -262,7 +266,7 @@ class Grid:
         (west, east), (south, north) = self.bounds()
         return (
             f"{g.ni} x {g.nj} cells, {kind}, {'longitude and latitude' if g.latlon else 'Cartesian'}, {ends}\n"
-            f"  from {west:g} to {east:g} and {south:g} to {north:g} {self._unit()}\n"
+            f"  from {box_text(west, east, south, north, latlon=g.latlon)}\n"
             f"  cells {dx.min():.6g} to {dx.max():.6g} m wide, {dy.min():.6g} to {dy.max():.6g} m high\n"
             f"  {100.0 * float((mask < 0.5).mean()):.1f} % land"
         )
@@ -306,8 +310,8 @@ def _check_orientation(lon: Floats, lat: Floats, latlon: bool) -> None:
         )
 
 
-def _misplaced(elements: Elements, row: int, how: str, remedy: str) -> BergError:
-    place = f"({elements.lon[row]:.6g}, {elements.lat[row]:.6g})"
+def _misplaced(elements: Elements, row: int, latlon: bool, how: str, remedy: str) -> BergError:
+    place = place_text(float(elements.lon[row]), float(elements.lat[row]), latlon=latlon)
     return BergError(f"element {elements.id[row]} at {place} lies {how}", where="berg", remedy=remedy)
 
 

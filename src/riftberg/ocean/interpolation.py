@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
-from riftberg.physics.quadrilaterals import bilinear, inverse_bilinear, wrap_around
+from riftberg.physics.quadrilaterals import Point, bilinear, inverse_bilinear, wrap_around
 from riftberg.state import Elements, Floats, Ints, Place
 
 if TYPE_CHECKING:
@@ -94,25 +94,27 @@ def _stencil_position(
         eta = (y - yc) / height + 0.5
     else:
         xi, eta = inverse_bilinear(
-            x, y, period, lon[j, i], lat[j, i], lon[j, i + 2], lat[j, i + 2],
-            lon[j + 2, i + 2], lat[j + 2, i + 2], lon[j + 2, i], lat[j + 2, i],
+            x, y, period, (lon[j, i], lat[j, i]), (lon[j, i + 2], lat[j, i + 2]),
+            (lon[j + 2, i + 2], lat[j + 2, i + 2]), (lon[j + 2, i], lat[j + 2, i]),
         )  # fmt: skip
     return 2.0 * xi - 1.0, 2.0 * eta - 1.0
 
 
 @kernel
 def biquadratic_depth(
-    depth: Floats, ssh: Floats, lon: Floats, lat: Floats, boxes: bool, period: float, halo: int, even_parity: bool,
-    x: float, y: float, i: int, j: int, xi: float, eta: float,
+    depth: Floats, ssh: Floats, lon: Floats, lat: Floats, boxes: bool, period: float, anchor: tuple[int, bool],
+    point: Point, cell: tuple[int, int], place: Point,
 ) -> float:  # fmt: skip
-    """Return the biquadratic depth of water (m) at a point of cell (i, j): sea floor plus sea level (equations 3.2).
+    """Return the biquadratic depth of water (m) at a point: sea floor plus sea level (equations 3.2).
 
-    ``depth``, ``ssh``: depth of the floor and sea level at cell centres, m; ``lon``, ``lat``: cell centres, degrees or
-    m.
+    ``depth``, ``ssh``: depth of the floor and sea level at cell centres, m; ``lon``, ``lat``: cell centres, degrees or m;
+    ``anchor``: width of the halo in cells, and whether stencils are anchored at even cells; ``cell``: column and row of the
+    point, ``place``: its position there, 0 to 1.
     """
-    i0 = _stencil_start(i, halo, xi, even_parity)
-    j0 = _stencil_start(j, halo, eta, even_parity)
-    s, t = _stencil_position(x, y, i0, j0, lon, lat, boxes, period)
+    halo, even_parity = anchor
+    i0 = _stencil_start(cell[0], halo, place[0], even_parity)
+    j0 = _stencil_start(cell[1], halo, place[1], even_parity)
+    s, t = _stencil_position(point[0], point[1], i0, j0, lon, lat, boxes, period)
     a0, a1, a2 = _lagrange(s)
     b0, b1, b2 = _lagrange(t)
     total = 0.0
@@ -247,7 +249,7 @@ def fill_depth(points: Points, grid: GridArrays, depth: Floats, ssh: Floats, how
             out[n] = zone_depth(x[n], y[n], zone_lon, zone_lat, latlon)
         elif rule == DEPTH_BIQUADRATIC:
             out[n] = biquadratic_depth(
-                depth, ssh, lon, lat, boxes, period, halo, even_parity, x[n], y[n], i[n], j[n], xi[n], eta[n]
+                depth, ssh, lon, lat, boxes, period, (halo, even_parity), (x[n], y[n]), (i[n], j[n]), (xi[n], eta[n])
             )
         else:
             out[n] = depth[j[n], i[n]] + ssh[j[n], i[n]]

@@ -30,6 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
+from riftberg.config.places import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
@@ -285,8 +286,11 @@ class StoryOcean(DescribedForcing):
         _fill(x, y, u, v, a, b, c, self.instant(time))
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
-    def sea_level(self, lon: float, lat: float, time: float) -> float:
-        """Return the sea level (m) in geostrophic balance at one point, for tests and maps."""
+    def geostrophic_level(self, lon: float, lat: float, time: float) -> float:
+        """Return the sea level (m) in geostrophic balance at one point.
+
+        The floor is given below that level: it is not one that changes the depth, as a tide is.
+        """
         metre = EARTH_RADIUS_A68 * DEGREE
         x, y = metre * math.cos(LATITUDE * DEGREE) * (lon - LONGITUDE), metre * (lat - LATITUDE)
         psi = stream(x, y, self.instant(time))[0]
@@ -315,7 +319,9 @@ class StoryOcean(DescribedForcing):
     def describe(self) -> str:
         """Return what this ocean is, in plain words."""
         parts = ["a drift, an eddy", "a shear" if self.numbers.jet_speed else "no shear"]
-        parts.append("a shoal at {:.2f} E, {:.2f} N".format(*self.numbers.shoal) if self.has_shoal else "no shoal")
+        parts.append(
+            f"a shoal at {place_text(*self.numbers.shoal[:2], latlon=True, digits=2)}" if self.has_shoal else "no shoal"
+        )
         return f"closed-form ocean for A68a ({', '.join(parts)}); {self.title}"
 
 

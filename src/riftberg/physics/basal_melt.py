@@ -9,7 +9,7 @@ import math
 from typing import Final, NamedTuple
 
 from riftberg.compiled.kernels import kernel
-from riftberg.constants import GRAVITY, RHO_SEAWATER
+from riftberg.constants import GRAVITY, LATENT_HEAT, RHO_SEAWATER
 
 MIXED_LAYER: Final = 10.0
 VON_KARMAN: Final = 0.40
@@ -19,8 +19,6 @@ VISCOSITY: Final = 1.95e-6
 HEAT_DIFFUSIVITY: Final = 1.41e-7
 SALT_DIFFUSIVITY: Final = 8.02e-10
 HEAT_CAPACITY: Final = 3974.0
-FUSION: Final = 3.335e5
-"""Latent heat of fusion in the law of the base, J kg-1."""
 
 ATMOSPHERE: Final = 101325.0
 DENSITY_BY_TEMPERATURE: Final = -0.038357
@@ -60,6 +58,8 @@ class ExchangeValues(NamedTuple):
         Speed of tides that the current lacks, m s-1.
     as_reference : bool
         Search as the reference does: the flux of buoyancy evaluated once (quirk T6), plain iteration (T7).
+    scaled_laminar : bool
+        Divide the term of the laminar sublayer by the constant of von Karman, as the reference does (T52).
     """
 
     three_equation: bool
@@ -69,6 +69,7 @@ class ExchangeValues(NamedTuple):
     drag: float
     tide: float
     as_reference: bool
+    scaled_laminar: bool
 
 
 @kernel
@@ -100,20 +101,19 @@ def _layer_depth(friction: float, coriolis: float) -> float:
 
 
 @kernel
-def _resistance(log: float, ratio: float, stability: float) -> float:
-    """Turbulent part of the resistance of the layer; ``stability`` 1 without a flux of buoyancy, larger with one."""
-    tail = 0.5 * stability / ZETA - 1.0
-    # A strong flux of buoyancy leaves no logarithmic part of the layer.
-    if ratio > stability * stability:
-        return (1.0 / VON_KARMAN) * ((log - 2.0 * math.log(stability)) + tail)
-    return (1.0 / VON_KARMAN) * tail
+def _resistance(friction: float, depth: float, stability: float, scaled_laminar: bool) -> float:
+    """Turbulent part of the resistance of the layer; ``stability`` 1 without a flux of buoyancy, larger with one.
 
-
-@kernel
-def _logarithm(friction: float, depth: float) -> tuple[float, float]:
-    """Ratio of the depth of the layer to that of its laminar part, and its logarithm; 0 where the layer is all laminar."""
+    Holland and Jenkins (1999, eq. 15): ``(ln r - 2 ln s) / k + s / (2 zeta) - 1 / k`` with the ratio r of the depth of the
+    layer to that of its laminar part, the stability s and the constant k of von Karman.
+    """
     ratio = ZETA * ((depth * friction) / (5.0 * VISCOSITY))
-    return ratio, (math.log(ratio) if ratio > 1.0 else 0.0)
+    # A strong flux of buoyancy leaves no logarithmic part of the layer.
+    log = math.log(ratio) - 2.0 * math.log(stability) if ratio > 1.0 and ratio > stability * stability else 0.0
+    laminar = 0.5 * stability / ZETA
+    if scaled_laminar:
+        return (1.0 / VON_KARMAN) * (log + (laminar - 1.0))
+    return (1.0 / VON_KARMAN) * (log - 1.0) + laminar
 
 
 @kernel
@@ -121,18 +121,16 @@ def _steady_coefficients(friction: float, depth: float, exchange: ExchangeValues
     """Exchange coefficients of heat and salt without a flux of buoyancy."""
     if exchange.const_gamma:
         return exchange.gamma_t, exchange.gamma_t / 35.0
-    log = _logarithm(friction, depth)[1]
-    plain = (1.0 / VON_KARMAN) * (log + (0.5 / ZETA - 1.0))
+    plain = _resistance(friction, depth, 1.0, exchange.scaled_laminar)
     return 1.0 / (MOLECULAR_HEAT + plain), 1.0 / (MOLECULAR_SALT + plain)
 
 
 @kernel
-def _stable_coefficients(friction: float, depth: float, flux: float) -> tuple[float, float]:
+def _stable_coefficients(friction: float, depth: float, flux: float, scaled_laminar: bool) -> tuple[float, float]:
     """Exchange coefficients of heat and salt with a stabilising flux of buoyancy (m2 s-3)."""
-    ratio, log = _logarithm(friction, depth)
     cube = friction * friction * friction
     stability = math.sqrt(1.0 + (ZETA / CRITICAL_RICHARDSON) * (depth * VON_KARMAN) / cube * flux)
-    turbulent = _resistance(log, ratio, stability)
+    turbulent = _resistance(friction, depth, stability, scaled_laminar)
     return 1.0 / (MOLECULAR_HEAT + turbulent), 1.0 / (MOLECULAR_SALT + turbulent)
 
 
@@ -157,8 +155,8 @@ def _interface(
     if not exchange.const_gamma:
         flux = _buoyancy_flux(heat, salt, gammas, density)
         if flux > 0.0:
-            gammas = _stable_coefficients(friction, depth, flux)
-    melt = RHO_SEAWATER * HEAT_CAPACITY * (heat * gammas[0]) / FUSION
+            gammas = _stable_coefficients(friction, depth, flux, exchange.scaled_laminar)
+    melt = RHO_SEAWATER * HEAT_CAPACITY * (heat * gammas[0]) / LATENT_HEAT
     salt_exchange = friction * gammas[1] * RHO_SEAWATER
     return melt, (salinity * salt_exchange) / (salt_exchange + melt)
 
@@ -193,7 +191,7 @@ def _salinity_at_ice(
     salinity: float, temperature: float, pressure: float, friction: float, gammas: tuple[float, float]
 ) -> float:
     """Salinity at the ice with given coefficients: the positive root of the balance of salt, which is a quadratic."""
-    melt = RHO_SEAWATER * HEAT_CAPACITY * friction * gammas[0] / FUSION
+    melt = RHO_SEAWATER * HEAT_CAPACITY * friction * gammas[0] / LATENT_HEAT
     salt = friction * gammas[1] * RHO_SEAWATER
     square, line = -melt * FREEZING_BY_SALINITY, salt + melt * (temperature - freezing_point(0.0, pressure))
     root = math.sqrt(line * line + 4.0 * square * (salinity * salt))
@@ -229,13 +227,13 @@ def _own_search(
         low, high = 0.0, flux
         for _ in range(HALVINGS):
             assumed = 0.5 * (low + high)
-            gammas = _stable_coefficients(friction, depth, assumed)
+            gammas = _stable_coefficients(friction, depth, assumed, exchange.scaled_laminar)
             heat, flux = _balanced(salinity, temperature, pressure, friction, density, gammas)
             if flux > assumed:
                 low = assumed
             else:
                 high = assumed
-    return RHO_SEAWATER * HEAT_CAPACITY * (heat * gammas[0]) / FUSION
+    return RHO_SEAWATER * HEAT_CAPACITY * (heat * gammas[0]) / LATENT_HEAT
 
 
 @kernel
@@ -271,9 +269,8 @@ def basal_melt_rate(
         settled, melt = _reference_search(salinity, temperature, pressure, friction, depth, density, exchange)
         if settled:
             return melt / rho_ice
-    elif exchange.three_equation and salinity > 0.0:
+    elif exchange.three_equation:
         return _own_search(salinity, temperature, pressure, friction, depth, density, exchange) / rho_ice
-    steady = (1.0 / VON_KARMAN) * (_logarithm(friction, depth)[1] + (0.5 / ZETA - 1.0))
-    gamma = 1.0 / (MOLECULAR_HEAT + steady)
+    gamma = 1.0 / (MOLECULAR_HEAT + _resistance(friction, depth, 1.0, exchange.scaled_laminar))
     heat = friction * gamma * (temperature - freezing_point(salinity, pressure))
-    return RHO_SEAWATER * HEAT_CAPACITY * heat / FUSION / rho_ice
+    return RHO_SEAWATER * HEAT_CAPACITY * heat / LATENT_HEAT / rho_ice

@@ -58,18 +58,9 @@ def fractions_by_mass(numbers: Floats, mass: Floats, fractions: Floats) -> None:
 
 @kernel
 def fill_stores(
-    ice: Floats,
-    heat: Floats,
-    flux: Floats,
-    heat_flux: Floats,
-    area: Floats,
-    south: NDArray[np.bool_],
-    fraction_s: Floats,
-    fraction_n: Floats,
-    dt: float,
-    left: Floats,
-    heat_left: Floats,
-) -> tuple[float, float]:
+    ice: Floats, heat: Floats, flux: Floats, heat_flux: Floats, area: Floats, south: NDArray[np.bool_],
+    fractions: tuple[Floats, Floats], dt: float, left: Floats, heat_left: Floats,
+) -> tuple[float, float]:  # fmt: skip
     """Put a flux of ice and its heat into the stores of the size classes of each cell (files 3.2).
 
     ``S_k += dt C d_k`` with the flux C of the cell; the part ``1 - sum d_k`` of ice and heat is left over.
@@ -86,7 +77,7 @@ def fill_stores(
         Of the cells, m2.
     south : ndarray of bool
         Whether the southern table holds.
-    fraction_s, fraction_n : ndarray, shape (classes,)
+    fractions : tuple of ndarray, shape (classes,)
         Parts of the mass, southern and northern table.
     dt : float
         Time step, s.
@@ -102,7 +93,7 @@ def fill_stores(
     for j in range(flux.shape[0]):
         for i in range(flux.shape[1]):
             rate, power = flux[j, i] * area[j, i], heat_flux[j, i] * area[j, i]
-            fraction = fraction_s if south[j, i] else fraction_n
+            fraction = fractions[0] if south[j, i] else fractions[1]
             rest = 1.0
             for k in range(ice.shape[0]):
                 ice[k, j, i] += dt * rate * fraction[k]

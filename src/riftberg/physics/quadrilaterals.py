@@ -16,6 +16,10 @@ from riftberg.constants import DEGREE
 Floats = NDArray[np.float64]
 
 
+Point = tuple[float, float]
+"""Longitude and latitude (degrees), or x and y (m)."""
+
+
 @kernel
 def wrap_around(x: float, centre: float, period: float) -> float:
     """Return the image of ``x`` within half a period of ``centre``; ``x`` itself if ``period`` <= 0 (equations 2.4)."""
@@ -41,34 +45,29 @@ def edge_sign(x: float, y: float, xa: float, ya: float, xb: float, yb: float, on
 
 
 @kernel
-def in_pentagon(
-    x: float, y: float, period: float,
-    x0: float, y0: float, x1: float, y1: float, x2: float, y2: float, x3: float, y3: float, x4: float, y4: float,
-) -> bool:  # fmt: skip
+def in_pentagon(x: float, y: float, period: float, a: Point, b: Point, c: Point, d: Point, e: Point) -> bool:
     """Whether a point lies in a polygon of five corners, longitudes taken around the first corner (equations 2.5)."""
-    x1, x2 = wrap_around(x1, x0, period), wrap_around(x2, x0, period)
-    x3, x4 = wrap_around(x3, x0, period), wrap_around(x4, x0, period)
-    x, x0 = wrap_around(x, x0, period), wrap_around(x0, x0, period)
-    p0 = edge_sign(x, y, x0, y0, x1, y1, 0.0)
-    p1 = edge_sign(x, y, x1, y1, x2, y2, 0.0)
-    p2 = edge_sign(x, y, x2, y2, x3, y3, 0.0)
-    p3 = edge_sign(x, y, x3, y3, x4, y4, 0.0)
-    p4 = edge_sign(x, y, x4, y4, x0, y0, 0.0)
+    x0, x1, x2 = wrap_around(a[0], a[0], period), wrap_around(b[0], a[0], period), wrap_around(c[0], a[0], period)
+    x3, x4 = wrap_around(d[0], a[0], period), wrap_around(e[0], a[0], period)
+    x = wrap_around(x, a[0], period)
+    p0 = edge_sign(x, y, x0, a[1], x1, b[1], 0.0)
+    p1 = edge_sign(x, y, x1, b[1], x2, c[1], 0.0)
+    p2 = edge_sign(x, y, x2, c[1], x3, d[1], 0.0)
+    p3 = edge_sign(x, y, x3, d[1], x4, e[1], 0.0)
+    p4 = edge_sign(x, y, x4, e[1], x0, a[1], 0.0)
     return abs(p0) + abs(p1) + abs(p2) + abs(p3) + abs(p4) - abs(p0 + p1 + p2 + p3 + p4) < 0.5
 
 
 @kernel
-def inverse_bilinear(
-    x: float, y: float, period: float,
-    x1: float, y1: float, x2: float, y2: float, x3: float, y3: float, x4: float, y4: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Return (xi, eta) of a point in the quadrilateral with corners 1..4 = SW, SE, NE, NW (equations 2.5).
+def inverse_bilinear(x: float, y: float, period: float, sw: Point, se: Point, ne: Point, nw: Point) -> Point:
+    """Return (xi, eta) of a point in the quadrilateral with these corners (equations 2.5).
 
     The roots are those of equations 2.5, evaluated so that nearly parallel edges and rotated cells lose no digits.
     """
-    alpha, delta = x2 - x1, y2 - y1
-    beta, epsilon = x4 - x1, y4 - y1
-    gamma, kappa = (x3 - x1) - (alpha + beta), (y3 - y1) - (delta + epsilon)
+    x1, y1 = sw
+    alpha, delta = se[0] - x1, se[1] - y1
+    beta, epsilon = nw[0] - x1, nw[1] - y1
+    gamma, kappa = (ne[0] - x1) - (alpha + beta), (ne[1] - y1) - (delta + epsilon)
     dx, dy = wrap_around(x, x1, period) - x1, y - y1
     a = kappa * beta - gamma * epsilon
     b = (delta * beta - alpha * epsilon) - (kappa * dx - gamma * dy)

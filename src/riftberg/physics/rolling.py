@@ -20,7 +20,7 @@ LEGACY: Final = 3
 
 @kernel
 def roll(
-    thickness: float, width: float, length: float, scheme: int, tip: float, rho_ice: float
+    thickness: float, width: float, length: float, scheme: int, tip: float, rho_ice: float, rolls_on: bool
 ) -> tuple[float, float, float]:
     """Return thickness, width and length (m) of a berg after it has rolled, or has not; it rolls once at most.
 
@@ -37,6 +37,9 @@ def roll(
         Ratio of the first scheme; 0 or less means ``sqrt(6 q (1 - q))``.
     rho_ice : float
         kg m-3.
+    rolls_on : bool
+        Whether a berg rolls that is wider than thick (quirk T53). Below 808 kg m-3 both rules hold for a section and for
+        the same section lying on its side, and the berg would roll at every step.
     """
     draft, ratio = draft_of(thickness, rho_ice), draft_of(1.0, rho_ice)
     if draft <= 0.0:
@@ -55,7 +58,7 @@ def roll(
     else:
         squared = steep * (thickness * thickness) - 72.0 * ratio * thickness
         rolls = squared > 0.0 and width < math.sqrt(max(squared, 0.0))
-    if rolls:
+    if rolls and (rolls_on or width < thickness):
         thickness, width = width, thickness
         if width > length:
             width, length = length, width

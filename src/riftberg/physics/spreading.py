@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.physics.geometry import metres_per_unit, nearest_image, to_tangent_plane
+from riftberg.physics.geometry import metres_per_unit, nearest_image
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,8 +54,8 @@ class Footprints(NamedTuple):
     angle: Floats  # From east to the axis, counter-clockwise, rad
 
 
-POLAR_LATITUDE = 89.0
-"""Latitude (degrees) beyond which the plane is that which touches the pole."""
+POLAR_LATITUDE = 80.0
+"""Latitude (degrees) beyond which parallels curve across a berg and meridians converge."""
 
 _ROOM = 16
 """Corners that an intersection of a quadrilateral and a hexagon may have, and some to spare."""
@@ -172,13 +172,12 @@ def _in_plane(
     lon: float, lat: float, lon0: float, lat0: float, latlon: bool, radius: float, period: float
 ) -> tuple[float, float]:
     """Place (m) of a point in the plane that touches the Earth at another."""
+    # Orthographic near the poles. Elsewhere parallels are straight: cells may be wide, and their sides are drawn as chords.
     if latlon and abs(lat0) > POLAR_LATITUDE:
-        sign = 1.0 if lat0 > 0.0 else -1.0
-        x, y = to_tangent_plane(lon, sign * lat, radius)
-        x0, y0 = to_tangent_plane(lon0, sign * lat0, radius)
-        dx, dy = x - x0, y - y0
-        c, s = math.cos(lon0 * DEGREE), math.sin(lon0 * DEGREE)
-        return -s * dx + c * dy, sign * (-c * dx - s * dy)
+        east, north, north0 = (lon - lon0) * DEGREE, lat * DEGREE, lat0 * DEGREE
+        c, s = math.cos(north), math.sin(north)
+        y = math.cos(north0) * s - math.sin(north0) * c * math.cos(east)
+        return radius * (c * math.sin(east)), radius * y
     mx, my = metres_per_unit(lat0, latlon, radius)
     return nearest_image(lon - lon0, period) * mx, (lat - lat0) * my
 
@@ -203,7 +202,7 @@ def _lies_within(lon0: float, lat0: float, i: int, j: int, g: Cells, reach: floa
     straight = (
         lon[j - 1, i - 1] == west and lon[j - 1, i] == east and lat[j - 1, i - 1] == south and lat[j, i - 1] == north
     )
-    # On a plane that touches the pole meridians are no longer parallel.
+    # Near the poles meridians are not parallel.
     if not straight or (g.latlon and abs(lat0) > POLAR_LATITUDE):
         return False
     mx, my = metres_per_unit(lat0, g.latlon, g.radius)

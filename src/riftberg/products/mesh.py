@@ -335,8 +335,8 @@ def find_quadrilaterals(
                 if not (across > 0.0 and across < np.inf):
                     continue
                 s, t = inverse_bilinear(
-                    0.0, 0.0, 0.0, x1 / across, y1 / across, x2 / across, y2 / across,
-                    x3 / across, y3 / across, x4 / across, y4 / across,
+                    0.0, 0.0, 0.0, (x1 / across, y1 / across), (x2 / across, y2 / across),
+                    (x3 / across, y3 / across), (x4 / across, y4 / across),
                 )  # fmt: skip
                 beyond = max(max(-s, s - 1.0), max(-t, t - 1.0))
                 if beyond < best:

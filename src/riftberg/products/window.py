@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from riftberg.config.places import box_text
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
@@ -60,7 +61,7 @@ def window(
         part = near.isel(lat=slice_around(near["lat"].values, south, north), lon=columns)
     if not all(part.sizes[name] for name in ("lat", "lon", "y", "x", "node") if name in part.dims):
         raise ForcingError(
-            f"nothing lies in {west:g}..{east:g} E, {south:g}..{north:g} N: the data cover {extent_text(ds)}",
+            f"nothing lies in {box_text(west, east, south, north)}: the data cover {extent_text(ds)}",
             where=str(ds.attrs.get("source", "")),
             remedy="Give a file that covers the box; check the sign of west longitudes",
         )
@@ -152,9 +153,8 @@ def extent_text(ds: xr.Dataset) -> str:
     if "lat" not in ds.coords:
         return "a projected grid without positions"
     lat, lon = ds["lat"].values, ds["lon"].values
-    if "lat" in ds.dims and goes_round(lon):
-        return f"all longitudes, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
-    return f"{np.nanmin(lon):g}..{np.nanmax(lon):g} E, {np.nanmin(lat):g}..{np.nanmax(lat):g} N"
+    west, east = (-180.0, 180.0) if "lat" in ds.dims and goes_round(lon) else (np.nanmin(lon), np.nanmax(lon))
+    return box_text(float(west), float(east), float(np.nanmin(lat)), float(np.nanmax(lat)))
 
 
 def window_in_time(ds: xr.Dataset, time: tuple[Any, Any], margin: float = 0.0) -> xr.Dataset:

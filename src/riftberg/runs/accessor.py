@@ -126,6 +126,32 @@ class RunAccessor:
         """Bergs and fragments over time, made from the elements of this dataset; so a part of a run has its own."""
         return Tracks(tracks_of(self._run), self._run)
 
+    def compare(self, other: xr.Dataset, berg: str | None = None) -> xr.Dataset:
+        """Compare a berg of this run with the same berg of another run.
+
+        Parameters
+        ----------
+        other : xarray.Dataset
+            Another run, or a member of a sweep: ``riftberg.open_sweep(path).isel(member=3)``.
+        berg : str, optional
+            Name of the berg; by default the largest at the start of each run.
+
+        Returns
+        -------
+        xarray.Dataset
+            At the dates of this run that both have: ``distance`` of the centroids (m), ``rotation`` of the long axis
+            (degrees, clockwise, NaN for members of a sweep), ``area`` of both (m2); and date and area of the break-ups, the
+            same event of both in one column.
+
+        Raises
+        ------
+        InputError
+            If the runs have no date in common, or no such berg.
+        """
+        # Comparisons stand above runs, as pictures do.
+        between = importlib.import_module("riftberg.diagnostics.compare").between
+        return between(self._run, other, berg)  # type: ignore[no-any-return]
+
     @cached_property
     def fragments(self) -> Fragments:
         """The family tree of bergs and fragments."""

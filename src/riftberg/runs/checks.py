@@ -445,6 +445,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "record_rows_change_.+": Bound((None,), 0, 1),
     "sweep_track": Bound((None, 6)),
     "exchange_totals": Bound((4,)),
+    "exchange_left": Bound((2,)),
     "exchange_(start|held)": Bound((2,)),
     # Rows and columns are those of the grid of the exchange, which refuses others.
     "exchange_counter": Bound((None, None), 0, LARGEST_WHOLE),

@@ -231,6 +231,10 @@ def citations(model: BareModel) -> list[str]:
     return [HUTH_2022, *(str(text) for text in getattr(model.forcing, "citations", ()))]
 
 
+COMMAND, FILE, PLACE = "command", "experiment_file", "data_folder"
+"""Attributes of a run from the command line: this, the text of the experiment file, and where data files are, from the run."""
+
+
 def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None = None) -> dict[str, Any]:
     """Return global attributes that let another person understand and repeat the run."""
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -23,6 +23,7 @@ from riftberg.runs.background import keep_water
 from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import RunWriter, memory_run, missing_records, open_run
+from riftberg.stepping.laws import Laws
 from riftberg.system.atomic_files import refusal
 from riftberg.system.netcdf_lock import open_netcdf
 from riftberg.system.process import held, say
@@ -142,6 +143,8 @@ class Model(BareModel):
     start : date, optional
         Date of time zero (UTC): a datetime, a text such as ``"2020-12-09 13:00"``, a datetime64 or a Timestamp; by default
         that of the forcing, if it counts from a date.
+    laws : Laws, optional
+        A force, a melt law and a fracture criterion of one's own.
 
     Attributes
     ----------
@@ -262,7 +265,7 @@ class Model(BareModel):
         return save(self, path, extra={**coming, **self.remembered, **self._stepper.state_dict()})
 
     @classmethod
-    def resume(cls, path: str | Path, forcing: Forcing) -> Self:
+    def resume(cls, path: str | Path, forcing: Forcing, *, laws: Laws | None = None) -> Self:
         """Go on from a restart file; gives bit for bit the run that never stopped.
 
         Parameters
@@ -271,12 +274,14 @@ class Model(BareModel):
             File written by `save`.
         forcing : Forcing
             The same forcing as before. Processes (``after_step``) are attached anew.
+        laws : Laws, optional
+            The same laws of one's own as before.
         """
         required(path, (str, Path), "the path of a restart file", where="Model.resume")
         state = load_state(path)
         model = cls.going_on(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
-            state.fragment_rows(), state.bergs, state.contact_log(),
+            state.fragment_rows(), state.bergs, state.contact_log(), laws,
         )  # fmt: skip
         model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
         model._stepper.load_state_dict(state.extra)

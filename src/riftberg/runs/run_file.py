@@ -46,8 +46,11 @@ from riftberg.runs.derived import APPLIED, Means, added, define_ledgers, ledgers
 from riftberg.runs.layout import (
     BOND_HISTORY,
     BOND_LATEST,
+    COMMAND,
     CONTACT_VARIABLES,
+    FILE,
     FRAGMENT_VARIABLES,
+    PLACE,
     SHAPE,
     Layout,
     define_texts,
@@ -126,8 +129,9 @@ class RunWriter:
         forces: bool = False,
         derived: Mapping[str, tuple[str, Callable[[Any], Any]]] | None = None,
         goes_on: bool = False,
+        origin: Mapping[str, str] | None = None,
     ) -> None:
-        self.path = Path(path)
+        self.path, self.origin = Path(path), dict(origin or {})
         self.interval = 3600.0 * every_hours
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
@@ -155,7 +159,7 @@ class RunWriter:
         self._names = position_names(model.parameters.earth.latlon)
         self._layout = Layout()
         self.records, self._held, self._tracks = 0, [], []
-        self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed)
+        self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed) | self.origin
         self._means = Means(model, self._derived)
         try:
             if self.goes_on:
@@ -285,6 +289,8 @@ class RunWriter:
             elements, bonds = layout.ids.size, layout.bond_ids.size
             if not np.array_equal(old["trajectory"][:elements], layout.ids) or old.dimensions["bond"].size < bonds:
                 raise InputError("its elements are not those of the restart file", where=place, remedy="Name another")
+            # What the run was made from, not how it goes on.
+            self._attributes |= {name: old.getncattr(name) for name in (COMMAND, FILE, PLACE) if name in old.ncattrs()}
             if old.getncattr("parameters_json") != self._attributes["parameters_json"]:
                 raise InputError(
                     "a run with other parameters than those of the restart file", where=place,

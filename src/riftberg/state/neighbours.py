@@ -22,6 +22,9 @@ _FEWEST_CELLS, _CELLS_PER_ELEMENT = 1024, 4
 _FEW = 16
 """Others in the bin of an element, on average, that are not worth classes of reach."""
 
+_FEW_BERGS = 16
+"""Bergs up to which each has a box: more boxes cost as much as the search that they spare."""
+
 
 class PairList(NamedTuple):
     """Partners of each element: those of element e are ``partner[start[e]:start[e + 1]]``."""
@@ -180,16 +183,74 @@ def _binned(
     return columns, rows, closed, cell, start, member
 
 
-@kernel
 def near_pairs(
     x: Floats, y: Floats, berg: Ints, reach: Floats, latlon: bool, radius: float, period: float
 ) -> tuple[Ints, Ints]:
-    """Find the pairs of different bergs that are nearer than the sum of their own reaches; each once, in order.
+    """Find the pairs of different bergs that are nearer than the sum of their own reaches (m); each once, in order."""
+    # Most elements of the pieces of a broken berg lie far from all other pieces: they need not be binned.
+    some = _near_other_boxes(x, y, berg, reach, latlon, radius, period)
+    if some.size == x.size:
+        return _near_pairs(x, y, berg, reach, latlon, radius, period)
+    if some.size < 2:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    first, second = _near_pairs(x[some], y[some], berg[some], reach[some], latlon, radius, period)
+    return some[first], some[second]
+
+
+@kernel
+def _near_other_boxes(
+    x: Floats, y: Floats, berg: Ints, reach: Floats, latlon: bool, radius: float, period: float
+) -> Ints:
+    """Return the elements whose reach enters the box around another berg's; all of them where there are many bergs."""
+    count = x.size
+    everyone = np.arange(count)
+    name, box = np.empty(_FEW_BERGS, np.int64), np.empty((4, _FEW_BERGS))  # west, east, south, north
+    at = np.empty(count, np.int64)  # number of each element's box
+    along = np.empty(count)  # counted from the first element, so that the seam of a circle lies far away
+    high = 0.0
+    for lat in y:
+        high = max(high, abs(lat))
+    per_unit = DEGREE * radius if latlon else 1.0
+    cosine = max(fast_cos_latitude(min(high + reach.max() / per_unit, 90.0)), 1e-3) if latlon and count else 1.0
+    boxes = 0
+    for e in range(count):
+        along[e] = x[e] - x[0]
+        if period > 0.0:
+            along[e] -= period * np.round(along[e] / period)
+            if not abs(along[e]) + reach[e] / (per_unit * cosine) < 0.25 * period:
+                return everyone
+        wide, tall = reach[e] / (per_unit * cosine), reach[e] / per_unit
+        b = 0
+        while b < boxes and name[b] != berg[e]:
+            b += 1
+        if b == boxes:
+            if boxes == _FEW_BERGS:
+                return everyone
+            name[b], boxes = berg[e], boxes + 1
+            box[0, b], box[1, b], box[2, b], box[3, b] = np.inf, -np.inf, np.inf, -np.inf
+        at[e] = b
+        box[0, b], box[1, b] = min(box[0, b], along[e] - wide), max(box[1, b], along[e] + wide)
+        box[2, b], box[3, b] = min(box[2, b], y[e] - tall), max(box[3, b], y[e] + tall)
+    taken = 0
+    for e in range(count):
+        wide, tall = reach[e] / (per_unit * cosine), reach[e] / per_unit
+        for b in range(boxes):
+            inside = along[e] + wide > box[0, b] and along[e] - wide < box[1, b]
+            if b != at[e] and inside and y[e] + tall > box[2, b] and y[e] - tall < box[3, b]:
+                everyone[taken] = e
+                taken += 1
+                break
+    return everyone[:taken]
+
+
+@kernel
+def _near_pairs(
+    x: Floats, y: Floats, berg: Ints, reach: Floats, latlon: bool, radius: float, period: float
+) -> tuple[Ints, Ints]:
+    """Return the pairs of `near_pairs` by a search of bins.
 
     Elements are searched by classes of reach, each twice as wide as the next: a few that reach far make the search for
     the many others no dearer.
-
-    ``reach``: of each element, m.
     """
     count = x.size
     if count == 0:

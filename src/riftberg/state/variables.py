@@ -264,6 +264,8 @@ class Environment(NamedTuple):
     wave_period: Annotated[Floats, _is("s", "mean period of given waves; 0 where it is not known")]
     wave_x: Annotated[Floats, _is("1", "eastward part of the direction in which given waves travel")]
     wave_y: Annotated[Floats, _is("1", "northward part of the direction in which given waves travel")]
+    own_x: Annotated[Floats, _is("N", "eastward force by a law of the user")]
+    own_y: Annotated[Floats, _is("N", "northward force by a law of the user")]
 
 
 class Keel(NamedTuple):

@@ -12,6 +12,7 @@ from riftberg.state import Bonds, Elements
 from riftberg.state.population import Population
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.tree import FragmentTree
+from riftberg.stepping.laws import Laws
 
 
 @dataclass(eq=False)
@@ -30,6 +31,7 @@ class RunState:
     outlines: tuple[
         Any, ...
     ] = ()  # Polygons (shapely) that the ice fills at the start, in the coordinates of positions
+    laws: Laws = field(default_factory=Laws)  # Of the user
 
     @property
     def elements(self) -> Elements:

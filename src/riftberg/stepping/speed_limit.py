@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from riftberg.config.places import place_text
 from riftberg.errors import InputError, RunError, SpeedError
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Environment, Floats
@@ -45,7 +46,8 @@ def refuse_fast_start(el: Elements, p: Parameters) -> None:
         k = int(np.argmax(fast))
         raise InputError(
             f"it begins with a speed of {speed[k]:g} m/s",
-            where=f"element {int(el.id[k])} (row {k}) at {el.lon[k]:.5f}, {el.lat[k]:.5f}",
+            where=f"element {int(el.id[k])} (row {k}) at "
+            + place_text(float(el.lon[k]), float(el.lat[k]), latlon=p.earth.latlon, digits=5),
             remedy=remedy,
         )
 

@@ -266,9 +266,15 @@ class Dressed:
 def forecast(model: DriftModel, case: Case) -> dict[int, Floats]:
     """Return the positions ``(members, 2)`` that a model gives by lead time; checked."""
     leads = sorted(case.seen)
-    made = np.asarray(model(case.start, [case.start.date + timedelta(days=lead) for lead in leads]), float)
-    made = made[None] if made.ndim == 2 else made
+    dates = [case.start.date + timedelta(days=lead) for lead in leads]
     where = f"{case.start.berg}, {case.start.date:%Y-%m-%d}"
+    try:
+        made = np.asarray(model(case.start, dates), float)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"the model fails: {type(error).__name__}: {error}", where=where) from error
+    made = made[None] if made.ndim == 2 else made
     if made.ndim != 3 or made.shape[1:] != (len(leads), 2):
         raise InputError(
             f"the model returns an array of shape {made.shape}", where=where,
@@ -365,8 +371,8 @@ def write_cases(cases: Iterable[Case], path: Path) -> Path:
 
 def read_forecasts(path: Path) -> DriftModel:
     """Return the forecasts of a table (`COLUMNS`; several rows of a start and lead time are members) as a drift model."""
-    rows = rows_of_csv(path)[0]
-    missing = [name for name in COLUMNS if name not in {str(key).strip().lower() for key in rows[0]}]
+    rows = [{str(key).strip().lower(): value or "" for key, value in row.items()} for row in rows_of_csv(path)[0]]
+    missing = [name for name in COLUMNS if name not in rows[0]]
     if missing:
         raise InputError(f"no column {missing[0]!r}", where=str(path), remedy=f"Columns are {', '.join(COLUMNS)}")
     made: dict[tuple[str, datetime, int], list[tuple[float, float]]] = {}

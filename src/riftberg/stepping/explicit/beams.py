@@ -228,7 +228,7 @@ def _add_contact(
         fields.accel_y[:] = 0.0
         soft_dt = 0.0 if p.explicit_contact_damping else dt
         add_contacts(
-            pairs, bonds.status, el, sizes, law, fields.accel_x, fields.accel_y, by_search, p.max_bonds, True, soft_dt
+            pairs, bonds.status, el, sizes, law, fields.accel_x, fields.accel_y, by_search, p.max_bonds, soft_dt
         )
         pack(tiles.elem, tile.ELEMENT_TILE, tile.CONTACT_X, fields.accel_x)
         pack(tiles.elem, tile.ELEMENT_TILE, tile.CONTACT_Y, fields.accel_y)
@@ -266,10 +266,7 @@ def _apply_bonds(
             shift_second_ends(scratch, tiles.ends[e * tile.END_TILE : (e + 2) * tile.END_TILE])
         else:
             gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
-        apply_bond_law(
-            bond, scratch, ends, flags.dt, p.poisson, p.objective_damping, p.no_shear, p.linear_bending,
-            p.flat_relative_velocity, p.latlon, p.earth_radius, flags.period,
-        )  # fmt: skip
+        apply_bond_law(bond, scratch, ends, flags.dt, p, flags.period)
         if flags.grow_damage:
             grow_damage(bond, scratch, flags.dt, p)
         if flags.may_break and count_loaded(bond, scratch, 1.0) > 0:

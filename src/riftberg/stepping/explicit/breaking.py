@@ -180,12 +180,12 @@ def store_bond(bonds: Bonds, b: int, bond: Floats, scratch: Floats, k: int, rota
 @stage
 def add_contacts(
     pairs: ContactPairs, status: Ints, el: Elements, sizes: Sizes, law: PairLaw, ax: Floats, ay: Floats,
-    by_search: bool, max_bonds: int, skip_full: bool, dt: float,
+    by_search: bool, max_bonds: int, dt: float,
 ) -> None:  # fmt: skip
     """Add the accelerations (m s-2) of pairs of one berg, or of two, that touch (equations 5.5, 5.2).
 
     ``dt``: sub-step (s) by which damping is softened. With ``by_search`` an element with all its bonds touches no other of
-    its berg; ``skip_full`` says that this holds for the one that is pushed too.
+    its berg.
     """
     first, second, bond = pairs.first, pairs.second, pairs.bond
     x, y, bond_count = el.shown.lon_pair, el.shown.lat_pair, el.body.bond_count
@@ -208,9 +208,8 @@ def add_contacts(
         else:
             kind, m1, m2 = SAME_BERG_CONTACT, mass[i], mass[j]
             if by_search:
-                full_first, full_second = bond_count[i] == max_bonds, bond_count[j] == max_bonds
-                on_first = not (skip_full and full_first) and bond_count[j] < max_bonds
-                on_second = not (skip_full and full_second) and bond_count[i] < max_bonds
+                on_first = bond_count[i] != max_bonds and bond_count[j] < max_bonds
+                on_second = bond_count[j] != max_bonds and bond_count[i] < max_bonds
         pair = Touch(kind, i, j, rx, ry, radii, m1, m2, on_first, on_second)
         add_contact(pair, u, v, u_shown, v_shown, law, dt * max_bonds, ax, ay)
 

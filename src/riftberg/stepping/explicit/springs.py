@@ -74,7 +74,7 @@ def take_substeps_of_springs(
             _accelerations(el, inner, p.constant_size, fields, sizes, law)
             if pairs.used[0] > 0:
                 add_contacts(
-                    pairs, bonds.status, el, sizes, law, fields.accel_x, fields.accel_y, False, p.max_bonds, False, dt
+                    pairs, bonds.status, el, sizes, law, fields.accel_x, fields.accel_y, False, p.max_bonds, dt
                 )
         if floor_varies:
             _floor_rates(el, fields, dt)

@@ -17,6 +17,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
+from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import (
     advance_slip,
     along_and_across,
@@ -166,19 +167,16 @@ def forces(
 
 
 @kernel
-def apply_bond_law(
-    bond: Floats, scratch: Floats, ends: Floats, dt: float, poisson: float, objective: bool, no_shear: bool,
-    linear_bending: bool, flat: bool, latlon: bool, earth_radius: float, period: float,
-) -> None:  # fmt: skip
+def apply_bond_law(bond: Floats, scratch: Floats, ends: Floats, dt: float, p: KernelParameters, period: float) -> None:
     """Apply the beam law to a tile of bonds, whose second ends have been fetched, over a sub-step of ``dt`` seconds.
 
     Writes forces on the first ends, torques on both ends, stresses, lengths and the new shear displacements.
     """
     if period > 0.0:
         _wrap(scratch, ends, period)
-    find_sections(bond, scratch, ends, latlon, flat, earth_radius)
-    sines(bond, scratch, ends, linear_bending)
-    forces(bond, scratch, ends, dt, poisson, objective, no_shear)
+    find_sections(bond, scratch, ends, p.latlon, p.flat_relative_velocity, p.earth_radius)
+    sines(bond, scratch, ends, p.linear_bending)
+    forces(bond, scratch, ends, dt, p.poisson, p.objective_damping, p.no_shear)
 
 
 @kernel

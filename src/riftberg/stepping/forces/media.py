@@ -59,6 +59,7 @@ class Media(NamedTuple):
     sea_ice: Medium
     waves: Medium
     sea_floor: Medium
+    own: Medium
 
 
 MEDIA: Final = Media._fields
@@ -131,6 +132,8 @@ class ElementView(NamedTuple):
     side_share: float  # Part of the sides of its berg that the element bears
     berg_length: float
     berg_width: float
+    own_x: float  # Force by a law of the user (`riftberg.stepping.laws`), N
+    own_y: float
 
 
 @kernel
@@ -220,6 +223,7 @@ def media_of(el: ElementView, p: KernelParameters) -> Media:
         dragged(sea_ice, el.ui, el.vi),
         pushed((facing * push[0], facing * push[1])),
         sea_floor(el, p),
+        pushed((el.own_x / el.mass, el.own_y / el.mass)),
     )
 
 
@@ -255,6 +259,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
     uo, vo, ua, va, ui, vi, sx, sy = env.uo, env.vo, env.ua, env.va, env.ui, env.vi, env.slope_x, env.slope_y
     height, period, wave_x, wave_y = env.wave_height, env.wave_period, env.wave_x, env.wave_y
     side_share, berg_length, berg_width = body.side_share, body.berg_length, body.berg_width
+    own_x, own_y = env.own_x, env.own_y
     bond_radius, bond_area, bond_mass = sizes.bond_radius, sizes.bond_area, sizes.bond_mass
     media, coriolis = around.media, around.coriolis
     for e in range(mass.size):
@@ -266,6 +271,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
             mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], bond_radius[e], bond_mass[e],
             inertia, area, m, depth[e], ice[e], uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], vorticity[e],
             Waves(height[e], period[e], wave_x[e], wave_y[e]), side_share[e], berg_length[e], berg_width[e],
+            own_x[e], own_y[e],
         )  # fmt: skip
         rows = media_of(view, p)
         put_row(media, e, 0, rows.water)
@@ -274,6 +280,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
         put_row(media, e, 3, rows.sea_ice)
         put_row(media, e, 4, rows.waves)
         put_row(media, e, 5, rows.sea_floor)
+        put_row(media, e, 6, rows.own)
         coriolis[e] = coriolis_parameter(lat[e], p.latlon, p.f_plane, p.reference_latitude)
     around.acts[SEA_FLOOR] = not p.ground_on_substeps
     around.applied[:] = 0.0

@@ -6,8 +6,9 @@ displacements, loads and stresses, `Strengths` what damage has left of the stren
 the moment within a step at which the first bond fails (the scheme looks for the sign change of "stress over strength - 1"
 between both ends), how far a crack runs at once, and how damage grows.
 
-To add a criterion: write a class with the two methods of `Criterion`; add its name to `Criterion` in
-`riftberg.config.parameter_groups`, with what it needs as parameters of `Fracture`; and make it in `criterion_for`. Schemes
+A function of a user takes the place of a criterion by `OwnRatios`. To add a criterion to the package: write a class with the
+two methods of `Criterion`; add its name to `Criterion` in `riftberg.config.parameter_groups`, with what it needs as parameters
+of `Fracture`; and make it in `criterion_for`. Schemes
 other than ``quasi_static`` know the stress of single bonds alone, and `riftberg.parameters` refuses all other criteria there.
 """
 
@@ -22,6 +23,7 @@ from scipy.spatial import cKDTree
 
 from riftberg.compiled.kernels import kernel
 from riftberg.config.parameter_groups import Fracture
+from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import critical_distance, disc_of_lattice, disc_weight, principal
 from riftberg.physics.damage import stress_ratio
@@ -31,6 +33,7 @@ from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, ove
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness, principal_stresses
 from riftberg.stepping.lattice.cells import Booleans
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
+from riftberg.stepping.laws import Ratios
 
 CHUNK = 512
 """Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it takes as an array."""
@@ -143,12 +146,15 @@ def criterion_for(
     volume: Floats,
     p: KernelParameters,
     cells: CellStiffness | None = None,
+    own: Ratios | None = None,
 ) -> Criterion:
     """Make the criterion that the parameters name, for a lattice with these intact bonds.
 
     ``xy``: reference coordinates, m; ``body``: fragments; ``volume``: of the ice, m3; all of the elements. ``cells``: where
-    the ice is elastic in cells.
+    the ice is elastic in cells. ``own``: a criterion that takes the place of the one that the parameters name.
     """
+    if own is not None:
+        return OwnRatios(own)
     if cells is not None:
         return Toughness(fracture.toughness) if fracture.criterion == "toughness" else IceStress()
     if fracture.criterion in (None, "bond"):
@@ -169,6 +175,28 @@ class BondStress:
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
         return _stress_ratios(moment.stress, strengths)
+
+
+class OwnRatios:
+    """The function of a user, which knows all bonds at once."""
+
+    def __init__(self, ratios: Ratios) -> None:
+        self._ratios = ratios
+
+    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
+        """See `Criterion`."""
+        ratios = self.damage_drive(moment, strengths)
+        row = int(np.argmax(ratios)) if ratios.size else -1
+        return row, float(ratios[row]) if ratios.size else -math.inf
+
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
+        """See `Criterion`."""
+        ratios = np.asarray(self._ratios(moment, strengths), np.float64)
+        if ratios.shape != moment.intact.shape or np.isnan(ratios).any():
+            what = "a value that is no number" if ratios.shape == moment.intact.shape else f"shape {ratios.shape}"
+            name = getattr(self._ratios, "__name__", "a function")
+            raise RunError(f"Laws, fracture: {name} returns {what}; there are {moment.intact.size} intact bonds")
+        return ratios
 
 
 class IceStress:

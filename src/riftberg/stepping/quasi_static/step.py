@@ -891,7 +891,9 @@ class TimeStep:
             self.topology = cells.topology
             solver = partial(CellSolver, cells)
         volume = el.length * el.width * el.thickness
-        criterion = criterion_for(self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c, cells)
+        criterion = criterion_for(
+            self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c, cells, self.model.laws.fracture
+        )
         factors = solver(lattice, intact, supports, gauge_springs)
         found = FactoredLattice(xy, lattice, intact, supports, factors, criterion, cells)
         if cells is not None:

@@ -1,0 +1,49 @@
+"""Machine code that a wheel brings along, so that the first run compiles nothing.
+
+    python -m riftberg.compiled.machine_code FOLDER [EXPERIMENT ...]
+
+runs experiments with kernels compiled for a common kind of processor and leaves their machine code in a folder. A wheel that
+is built with ``RIFTBERG_MACHINE_CODE=FOLDER`` holds it (``hatch_build.py``). It is data: where sources, Python, numba or the
+processor differ it is left alone, and kernels are compiled as without it.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from riftberg.compiled.kernels import LEVELS, digest_of
+
+RUNS = {
+    "a68a": [],
+    "a68a-melt": ["--days", "2"],
+    "collision": [],
+    "grounding-fracture": [],
+    "supported-beam": [],
+    "cantilever": [],
+}
+"""Experiments whose kernels are wanted, with the options of their runs."""
+
+
+def make(folder: Path, experiments: list[str]) -> Path:
+    """Run experiments in processes of their own and leave their machine code in a folder; returns where it lies."""
+    level, _ = LEVELS[platform.machine().lower()]
+    with tempfile.TemporaryDirectory() as passing:
+        environment = {
+            **os.environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": "", "RIFTBERG_CACHE": passing,
+        }  # fmt: skip
+        for name in experiments:
+            words = ["run", name, *RUNS[name], "--quiet", "--output", str(Path(passing) / "out" / name)]
+            subprocess.run([sys.executable, "-m", "riftberg", *words], check=True, env=environment)
+        made = Path(passing) / "kernels" / digest_of(f"{level} ")
+        return Path(shutil.copytree(made, folder / made.name, dirs_exist_ok=True))
+
+
+if __name__ == "__main__":
+    made = make(Path(sys.argv[1]), sys.argv[2:] or list(RUNS))
+    print(f"{len(list(made.iterdir()))} kernels in {made}")

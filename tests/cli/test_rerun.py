@@ -1,0 +1,84 @@
+"""``riftberg rerun``: a run again from what its own file keeps, wherever the experiment file is by then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from riftberg.cli.main import app
+from riftberg.experiments import build
+from riftberg.runs.run_file import open_run
+
+YAML = """start: 2020-12-09
+days: 0.25
+forcing: {kind: constant, current: [0.3, 0.1]}
+berg: {outline: {file: shape.csv}, thickness: 200 m, name: X1}
+"""
+SHAPE = "lon,lat\n-39.1,-55.05\n-38.9,-55.05\n-38.9,-54.95\n-39.1,-54.95\n"
+
+
+def call(*arguments: str) -> Any:
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.fixture
+def first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A run whose experiment file reads an outline beside it, from another folder."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "it.yaml").write_text(YAML)
+    (tmp_path / "here" / "shape.csv").write_text(SHAPE)
+    monkeypatch.chdir(tmp_path)
+    result = call("run", "here/it.yaml", "-o", "a", "-q", "--no-map", "--set", "ice.density=820")
+    assert result.exit_code == 0, result.output
+    return tmp_path
+
+
+def test_a_run_is_repeated_with_the_same_digits_and_with_changes(first: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (first / "here" / "it.yaml").write_text("days: 99")  # what the run was made from is in its file
+    monkeypatch.chdir(first / "here")
+    for folder, more in (("same", ()), ("other", ("--set", "ice.density=800", "--days", "0.125"))):
+        result = call("rerun", "../a", "-o", folder, "-q", "--no-map", *more)
+        assert result.exit_code == 0, result.output
+        assert (Path(folder) / "it.yaml").read_text() == YAML
+    with open_run("../a") as a, open_run("same") as same, open_run("other") as other:
+        np.testing.assert_array_equal(same["lon"], a["lon"])
+        assert same.attrs["parameters_json"] == a.attrs["parameters_json"]
+        assert '"density":800.0' in other.attrs["parameters_json"]
+        assert other["time"].values[-1] - other["time"].values[0] == np.timedelta64(3, "h")
+    # A rerun of a rerun has the changes of both.
+    monkeypatch.chdir(first)
+    result = call("rerun", "here/other", "-o", "third", "-q", "--no-map", "--set", "bonds.poisson=0.3")
+    assert result.exit_code == 0, result.output
+    with open_run("third") as third:
+        assert '"density":800.0' in third.attrs["parameters_json"]
+        assert third.attrs["command"].endswith(
+            "--days 0.125 --set ice.density=820 --set ice.density=800 --set bonds.poisson=0.3"
+        )
+        assert third.sizes["time"] == 4
+
+
+def test_a_refused_rerun_leaves_nothing_behind(first: Path) -> None:
+    result = call("rerun", "a", "-o", "b", "-q", "--set", "ice.densty=1")
+    assert result.exit_code == 2
+    assert "Did you mean 'density'?" in result.output
+    assert not Path("b").exists()
+
+
+def test_a_run_that_was_resumed_keeps_what_it_was_made_from(first: Path) -> None:
+    """A state of other parameters than those of the experiment file has its own."""
+    model, _ = build("here/it.yaml")
+    state = model.save("it.restart.nc")
+    assert call("run", "here/it.yaml", "--resume", str(state), "-o", "r", "-q", "--no-map").exit_code == 0
+    with open_run("r") as run:
+        assert run.attrs["command"] == "riftberg run it.yaml"
+    (first / "here" / "other.yaml").write_text(YAML + "parameters: {ice: {density: 900}}\n")
+    assert call("run", "here/other.yaml", "--resume", str(state), "-o", "s", "-q", "--no-map").exit_code == 0
+    with open_run("s") as run:
+        assert run.attrs["command"] == "riftberg run other.yaml --set ice.density=850"
+    assert call("rerun", "s", "-o", "t", "-q", "--no-map").exit_code == 0
+    with open_run("s") as one, open_run("t") as other:
+        assert one.attrs["parameters_json"] == other.attrs["parameters_json"]

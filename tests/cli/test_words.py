@@ -1,0 +1,95 @@
+"""Words on the screen: places, results of each berg, speeds without compilation, names that are nearly right."""
+
+from __future__ import annotations
+
+import time as clock
+from typing import Any
+
+import pytest
+from numba.core import event
+
+import riftberg
+from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg.cli.run import ledger_lines, short_summary
+from riftberg.config.places import box_text, drift_text
+from riftberg.diagnostics.summary import Stopwatch, summarize
+
+
+def adrift(**melt: Any) -> Model:
+    bergs = [
+        Iceberg.rectangle(6e3, 3e3, thickness=thickness, placement=(lon, -55.0), velocity=(0.2, 0.0)).named(name)
+        for name, lon, thickness in (("X1", -39.0, 200.0), ("X2", -38.0, 0.02))
+    ]
+    p = Parameters().changed(melt={"enabled": True, "temperature": 5.0, "salinity": 34.0})
+    return Model(Iceberg.join(bergs), Steady(current=(0.2, 0.1)), p)
+
+
+def test_each_berg_has_a_line_of_result_and_the_ledgers_are_for_the_verbose() -> None:
+    model = adrift()
+    model.advance(days=0.5)
+    summary = summarize(model)
+    _, first, second = short_summary(summary)
+    drift, _, place = first.partition(" to ")
+    assert drift.startswith("  X1 drifted ")
+    assert drift.endswith(" km north")
+    assert place.startswith("54.9")
+    assert " W, in one piece (18 km2); " in place
+    assert place.endswith(" Gt melted")
+    assert second == "  X2 melted away"
+    one, two = summary["bergs"]
+    total = sum(summary["ledger"]["water"].values())
+    assert one["melted_kg"] + two["melted_kg"] == pytest.approx(total, rel=1e-9)
+    assert one["drift_north_km"] > abs(one["drift_east_km"])
+    assert two["lon"] is None
+    told = "\n".join(ledger_lines(summary))
+    for words in ("ice at the start", "melted, base", "momentum (east, north; N s)", "momentum closes to"):
+        assert words in told
+
+
+def test_boxes_and_ways_have_letters_and_points_of_the_compass() -> None:
+    assert box_text(321.875, 323.375, -56.5, -54.0) == "56.5 S to 54 S, 38.125 W to 36.625 W"
+    assert box_text(-180.0, 180.0, -90.0, 90.0) == "90 S to 90 N, all longitudes"
+    assert box_text(170.0, 190.0, -1.0, 0.0) == "1 S to 0, 170 E to 170 W"
+    assert box_text(0.0, 80.0, 0.0, 40.0, latlon=False) == "x 0 to 80 m, y 0 to 40 m"
+    assert drift_text(-3e3, -3.1e3) == "4.31 km south-west"
+    assert drift_text(0.0, 12.0) == "12 m north"
+
+
+def test_seconds_per_day_leave_out_what_is_compiled_on_the_way() -> None:
+    """A crack may need code that no step before it needed."""
+    watch, model = Stopwatch(), adrift()
+    watch.start(model)
+    for k in range(3):
+        model.time = 86400.0 * (k + 1)
+        if k:
+            clock.sleep(0.02)
+            with event.trigger_event("numba:compile"):
+                clock.sleep(0.2)
+        watch.record(model)
+    watch.finish(model)
+    assert watch.wall_seconds > 0.4
+    assert 0.02 <= watch.seconds_per_day < 0.1
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: Steady(curent=(0.1, 0.0)), r"'curent'. Did you mean 'current'\? It takes current, wind"),
+        (lambda: Iceberg.rectangle(6e3, 3e3, thicknes=200.0), r"'thicknes'. Did you mean 'thickness'\? It takes length, width"),
+        (lambda: riftberg.Model(None, None, paramters=None), r"Did you mean 'parameters'\? It takes berg, forcing"),
+        (lambda: riftberg.Model.resume("x", forcng=None), r"Did you mean 'forcing'\?"),
+        (lambda: riftberg.sweep("a68a", {}, outptu="x"), r"'outptu'. Did you mean 'output'\? It may be scheduler"),
+        (lambda: riftberg.open_run(pth="x"), r"Did you mean 'path'\?"),
+        (lambda: riftberg.Laws(melts=None), r"Did you mean 'melt'\?"),
+    ],
+)  # fmt: skip
+def test_an_unknown_keyword_gets_the_nearest_name(call: Any, words: str) -> None:
+    with pytest.raises(TypeError, match=words):
+        call()
+
+
+def test_other_type_errors_stay_as_they_are() -> None:
+    with pytest.raises(TypeError, match=r"missing 1 required keyword-only argument: 'thickness'$"):
+        Iceberg.rectangle(6e3, 3e3, placement=(0.0, 0.0))  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"unexpected keyword argument 'xyzzy'$"):
+        riftberg.open_run("x", xyzzy=1)  # type: ignore[call-arg]

@@ -1,0 +1,198 @@
+"""Keels on the floor: cutting by its cells, gouges, and the balance of water, bed and bending ice."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from riftberg.stepping.ground.balance import Bed, hull_of, press
+from riftberg.stepping.ground.floor import Floor, Patches
+from riftberg.stepping.lattice.footprints import BodyFootprint
+
+RADIUS = 6_371_229.0
+SIDE = 1100.0
+DRAFT = np.array([207.0, 211.0])
+
+
+def footprint(turn: float = 0.4) -> BodyFootprint:
+    """Two square elements side by side, turned."""
+    c, s = math.cos(turn), math.sin(turn)
+    ring = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    corner = np.vstack([ring, ring + np.array([1.0, 0.0])]) * SIDE @ np.array([[c, s], [-s, c]])
+    return BodyFootprint(np.arange(2), np.arange(2), np.array([0, 4, 8]), corner)
+
+
+def sloping(east: float, north: float, twist: float, scale: tuple[float, float] = (1.0, 1.0)) -> Any:
+    """A floor about 205 m deep; ``scale``: metres per unit of the coordinates."""
+
+    def depth(lon: Any, lat: Any) -> Any:
+        x, y = lon * scale[0], lat * scale[1]
+        return 205.0 + east * x + north * y + twist * x * y
+
+    return depth
+
+
+@pytest.mark.parametrize("latitude", [None, 0.01, -55.0, 72.0])
+@pytest.mark.parametrize(("east", "north", "twist"), [(0.002, -0.003, 0.0), (0.0, 0.003, 2e-7)])
+def test_keels_are_cut_by_the_cells_without_a_gap_and_lie_over_the_depth_there(
+    latitude: float | None, east: float, north: float, twist: float
+) -> None:
+    """A floor of one plane counts block by block, a twisted one cell by cell; on the sphere rows of cells end anywhere."""
+    body, latlon = footprint(), latitude is not None
+    metre = math.radians(1.0) * RADIUS if latlon else 1.0
+    along = metre * math.cos(math.radians(latitude)) if latitude is not None else 1.0
+    lon0, lat0 = (-37.3, latitude) if latitude is not None else (150.0, -40.0)
+    plane = sloping(east, north, twist, (along, metre))
+
+    def depth(lon: Any, lat: Any) -> Any:
+        return plane((lon - lon0 + 180.0) % 360.0 - 180.0 if latlon else lon - lon0, lat - lat0)
+
+    floor = Floor(100.0, depth, latlon, RADIUS)
+    lon, lat = lon0 + body.corner[:, 0] / along, lat0 + body.corner[:, 1] / metre
+    cut = floor.patches(body, lon, lat, DRAFT, np.ones(2, bool), 0.5)
+    assert (cut.cell[:, 1] < 0).all() == (twist == 0.0)
+    area = np.zeros(2)
+    for k, (a, b) in enumerate(pairwise(cut.start.tolist())):
+        ring = shapely.Polygon(cut.corner[a:b, :2])
+        area[cut.owner[k]] += ring.area
+        west, south, east_end, north_end = ring.bounds
+        longest = 100.0 if cut.cell[k, 1] >= 0 else 800.0
+        assert max(east_end - west, north_end - south) < 1.06 * longest
+        x, y = cut.corner[a:b, 0], cut.corner[a:b, 1]
+        expected = DRAFT[cut.owner[k]] - 0.5 - plane(x / along, y / metre)
+        # A twisted cell is the plane that fits it.
+        np.testing.assert_allclose(cut.corner[a:b, 2], expected, atol=1e-6 + 1e4 * twist)
+        mean_x, mean_y = x.mean(), y.mean()
+        slope = (east + twist * mean_y, north + twist * mean_x)
+        np.testing.assert_allclose(cut.gradient[k], slope, atol=2e-5 + 100.0 * twist)
+    np.testing.assert_allclose(area, SIDE**2, rtol=1e-9)
+
+
+def test_gouges_hold_the_volume_that_was_ploughed() -> None:
+    """A block that counts as one cell is looked at by cells first."""
+    body, plane = footprint(), sloping(0.002, -0.003, 0.0)
+    floor = Floor(100.0, plane, False, RADIUS)
+
+    def patches() -> Patches:
+        return floor.patches(body, *body.corner.T, DRAFT, np.ones(2, bool), 0.0)
+
+    whole = patches()
+    assert (whole.cell[:, 1:] == -1).all()
+    assert floor.plough(whole, np.full(whole.owner.size, 50.0))
+    assert all((gouge == 0.0).all() for gouge in floor.gouges.values())
+    cells = patches()
+    assert (cells.cell[:, 1:] >= 0).all()
+    volume = np.linspace(1.0, 300.0, cells.owner.size)
+    assert floor.plough(cells, volume)
+    assert sum(gouge.sum() for gouge in floor.gouges.values()) * 100.0**2 == pytest.approx(volume.sum(), rel=1e-12)
+    # The overlap over each cell is less by its gouge.
+    after = patches()
+    for k, (a, b) in enumerate(pairwise(after.start.tolist())):
+        slot, j, i = cells.cell[k].tolist()
+        sunk = floor.gouges[int(floor.keys_of(np.array(slot)))][j, i]
+        np.testing.assert_allclose(after.corner[a:b, 2], cells.corner[a:b, 2] - sunk, atol=1e-12)
+    assert not floor.plough(cells, np.zeros(cells.owner.size))
+
+
+CELL, COLUMNS, ROWS = 500.0, 8, 4
+THICKNESS = 250.0
+
+
+def lattice(turn: float = 0.0, shift: tuple[float, float] = (0.0, 0.0), mirror: float = 1.0) -> tuple[Any, ...]:
+    """A berg of 4 by 2 km over a floor that meets one of its ends: hull, polygons and bonds."""
+    i, j = (q.ravel() for q in np.meshgrid(np.arange(COLUMNS), np.arange(ROWS), indexing="ij"))
+    unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])[:: int(mirror)]
+    flat = (np.stack([i, j], axis=1)[:, None] + unit).reshape(-1, 2) * CELL
+    overlap = 1.5 - 1e-3 * flat[:, 0] - 4e-4 * flat[:, 1]
+    flat = flat * (1.0, mirror)
+    c, s = math.cos(turn), math.sin(turn)
+    corner = flat @ np.array([[c, s], [-s, c]]) + shift
+    start, owner = 4 * np.arange(i.size + 1), np.arange(i.size)
+    thickness = np.full(i.size, THICKNESS)
+    hull = hull_of(corner, start, owner, thickness, 0.83 * thickness)
+    zero = np.zeros((i.size, 2))
+    patches = Patches(start, np.column_stack([corner, overlap]), owner, zero, np.zeros((i.size, 3), np.int64))
+    number = np.arange(i.size).reshape(COLUMNS, ROWS)
+    first = np.concatenate([number[:-1].ravel(), number[:, :-1].ravel()])
+    second = np.concatenate([number[1:].ravel(), number[:, 1:].ravel()])
+    return patches, hull, thickness, first, second
+
+
+def bed(*, bends: bool = True, modulus: float = 9e9, shear_strength: float = 0.0) -> Bed:
+    return Bed(2e4, 1e4, 0.4, shear_strength, 1.0, bends, modulus, 0.3)
+
+
+def pressure(how: Bed, **where: Any) -> tuple[Any, Any]:
+    patches, hull, thickness, first, second = lattice(**where)
+    return press(patches, thickness.size, hull, how, thickness, first, second, np.zeros(3)), hull
+
+
+@pytest.mark.parametrize("bends", [False, True])
+def test_water_and_floor_carry_the_weight_together(bends: bool) -> None:
+    """Load and moments of the floor are those that heave and tilts take from the water."""
+    found, hull = pressure(bed(bends=bends), turn=0.3, shift=(700.0, -300.0))
+    x, y = found.x - hull.centre[0], found.y - hull.centre[1]
+    given = [found.load.sum(), (found.load * y).sum(), -(found.load * x).sum()]
+    np.testing.assert_allclose(hull.stiffness @ found.rise, given, rtol=1e-6, atol=1e-6 * given[0] * 1e3)
+    assert found.load.sum() > 1e8
+
+
+def test_a_round_element_of_many_corners_rests_like_any() -> None:
+    """A disc of 90 corners, more than between two cuts, on a slope."""
+    around = np.linspace(0.0, 2.0 * math.pi, 90, endpoint=False)
+    corner, start, owner = (
+        600.0 * np.stack([np.cos(around), np.sin(around)], axis=1),
+        np.array([0, 90]),
+        np.zeros(1, int),
+    )
+    hull = hull_of(corner, start, owner, np.full(1, THICKNESS), np.full(1, 0.83 * THICKNESS))
+    overlap = np.column_stack([corner, 0.5 + 1e-3 * corner[:, 0]])
+    patches = Patches(start, overlap, owner, np.zeros((1, 2)), np.zeros((1, 3), np.int64))
+    none = np.zeros(0, np.int64)
+    found = press(patches, 1, hull, bed(bends=False), np.full(1, THICKNESS), none, none, np.zeros(3))
+    np.testing.assert_allclose(hull.stiffness[0] @ found.rise, found.load.sum(), rtol=1e-9)
+    assert found.x[0] > 100.0
+    assert found.y[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_loads_are_the_overlap_up_to_the_strength_of_the_bed() -> None:
+    how = bed(bends=False, shear_strength=2e3)
+    found, hull = pressure(how)
+    patches = found.patches
+    middles = (np.arange(200) + 0.5) / 200.0 * CELL
+    for k, (a, b) in enumerate(pairwise(patches.start.tolist())):
+        low = patches.corner[a:b, :2].min(axis=0)
+        x, y = np.meshgrid(low[0] + middles, low[1] + middles)
+        over = 1.5 - 1e-3 * x - 4e-4 * y
+        rise = found.rise[0] + found.rise[1] * (y - hull.centre[1]) - found.rise[2] * (x - hull.centre[0])
+        stress = how.stiffness * np.maximum(over - rise, 0.0)
+        borne = np.minimum(stress, how.strength)
+        each = CELL**2 / x.size
+        assert found.load[k] == pytest.approx(borne.sum() * each, rel=2e-3, abs=1e-4 * found.load.max())
+        grip = how.friction * np.minimum(stress, how.shear_strength / how.friction)
+        assert found.capacity[k] == pytest.approx(grip.sum() * each, rel=2e-3, abs=1e-4 * found.load.max())
+        beyond = (stress - borne).sum() * each / how.stiffness
+        assert found.excess[k] == pytest.approx(beyond, rel=5e-3, abs=5.0)
+    assert (found.excess > 0.0).any()
+    assert (found.load == 0.0).any()
+
+
+def test_ice_that_hardly_bends_rests_as_a_rigid_body() -> None:
+    rigid, stiff = (pressure(how, turn=0.3)[0] for how in (bed(bends=False), bed(modulus=1e22)))
+    np.testing.assert_allclose(stiff.load, rigid.load, rtol=1e-3, atol=1e-4 * rigid.load.max())
+    soft = pressure(bed(), turn=0.3)[0]
+    assert soft.load.sum() < 0.9 * rigid.load.sum()
+
+
+@pytest.mark.parametrize(
+    "where", [{"turn": 1.1}, {"turn": -2.6}, {"shift": (4e4, -7e4)}, {"mirror": -1.0}, {"turn": math.pi}]
+)
+def test_the_balance_does_not_depend_on_where_the_berg_lies(where: dict[str, Any]) -> None:
+    """Nor on which end of the line of contact is the first."""
+    here, there = pressure(bed())[0], pressure(bed(), **where)[0]
+    np.testing.assert_allclose(there.load, here.load, rtol=1e-3, atol=2e-3 * here.load.max())
