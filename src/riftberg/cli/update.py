@@ -9,7 +9,6 @@ import typer
 
 from riftberg.cli.options import Quiet, check_folder, within
 from riftberg.cli.terminal import announce_compilation, reported, say
-from riftberg.errors import InputError
 
 
 @reported
@@ -61,9 +60,7 @@ def update(
     within(error, "--error", 0.01, 1000.0)
     within(doubt, "--doubt", 0.01, 50.0)
     within(hour, "--hour", 0.0, 24.0)
-    store = resumed(folder, None, None, None)
-    if not store.plan.forecast:
-        raise InputError("no forecast", where=str(folder), remedy="Name a folder that 'riftberg forecast' made")
+    store = resumed(folder, None, None, {}, "forecast")
     new = output or folder.with_name(f"{folder.name}-updated")
     seen = None if observed is None else read_observed(observed)
     dates = {

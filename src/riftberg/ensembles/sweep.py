@@ -435,8 +435,11 @@ class Store:
                 read = {k: self.outcome(first + k) for k in range(len(members)) if first + k in self.done}
                 outcomes = {k: outcome for k, outcome in read.items() if outcome is not None}
                 cracks.update({first + k: np.array(outcome.cracks) for k, outcome in outcomes.items()})
-                yield dataset_of(plan.varied, members, outcomes, first=first, fragments=self._fragments,
-                                 means=sorted(self._means), **common)  # fmt: skip
+                ds = dataset_of(
+                    plan.varied, members, outcomes, fragments=self._fragments, means=sorted(self._means), **common
+                )
+                numbers = np.arange(first, first + len(members))
+                yield ds.assign_coords(member=("member", numbers, ds["member"].attrs))
 
         with replacing(self.file) as part:
             write_blocks(blocks(), part)
