@@ -24,6 +24,7 @@ SUMMARIES: Final = {
     "rerun": "Repeat a run from the experiment file that it keeps, with other parameters or another length.",
     "sweep": "Run an ensemble: an experiment for every combination of parameter values, collected in one result.",
     "forecast": "Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs.",
+    "update": "Weight the members of a forecast by new sightings; where too few of them count, run new ones around these.",
     "sensitivity": "Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift.",
     "hazard": "Write limits of ice, positions with error radius and probabilities of a forecast as GeoJSON, KML, netCDF and CSV.",
     "experiments": "List the built-in experiments.",

@@ -99,7 +99,7 @@ def sensitivity(
     with allow_large(large):
         announce_compilation(quiet)
         if resume is not None:
-            store = resumed(resume, experiment, vary, output, draws, None, seed)
+            store = resumed(resume, experiment, draws, {"--vary": vary, "--output": output, "--seed": seed})
         elif experiment is None:
             raise InputError("no experiment is named", where="sensitivity", remedy="Name one, or give --resume FOLDER")
         else:

@@ -102,6 +102,12 @@ class Distribution:
         low, high = float(known.cdf(self.limits.low)), float(known.cdf(self.limits.high))
         return [float(v) for v in known.ppf(low + (high - low) * share)]
 
+    def shares_below(self, values: Floats) -> Floats:
+        """Return the parts of the probability below values; the inverse of `quantiles`."""
+        known = self.frozen()
+        low, high = float(known.cdf(self.limits.low)), float(known.cdf(self.limits.high))
+        return np.asarray((known.cdf(values) - low) / (high - low))
+
     def described(self, unit: str = "") -> str:
         """Return what its numbers are, for a line of the run."""
         if self.choices:

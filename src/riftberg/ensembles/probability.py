@@ -67,16 +67,18 @@ def effective(weight: Floats) -> float:
 
 
 def with_probabilities(
-    ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[float]]], ice: tuple[Floats, Floats, float]
-) -> xr.Dataset:
+    ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[float]]], ice: tuple[Floats, Floats, float],
+    weight: Sequence[float] | None = None,
+) -> xr.Dataset:  # fmt: skip
     """Return the result of a forecast with what follows from all members.
 
     ``cracks``: broken bonds of each member, `riftberg.ensembles.member.Outcome`; ``ice``: places (m) of the elements of the
-    control about its middle, and their side (m).
+    control about its middle, and their side (m); ``weight``: of each member, by default 1.
     """
     ds = ds.copy()
     time = ds["time"].values
-    ds.coords["weight"] = ("member", np.ones(ds.sizes["member"]), {"units": "1", "long_name": "weight of the member"})
+    given = np.ones(ds.sizes["member"]) if weight is None else np.asarray(weight, float)
+    ds.coords["weight"] = ("member", given, {"units": "1", "long_name": "weight of the member"})
     ds.coords["init"] = time[0]
     ds["init"].attrs = {"long_name": "start of the forecast", "standard_name": "forecast_reference_time"}
     hours = (time - time[0]) / np.timedelta64(1, "h")
@@ -85,28 +87,28 @@ def with_probabilities(
         hours.astype(float),
         {"units": "hours", "standard_name": "forecast_period", "long_name": "lead time"},
     )
-    done, weight = counted(ds)
+    done, share_of = counted(ds)
     if not done.sizes["member"]:
         return ds
-    number = effective(weight)
+    number = effective(share_of)
     ds.attrs["effective_members"] = number
     ds.attrs["interval"] = f"Wilson, {100 * LEVEL:.0f} %"
     ds.attrs["not_covered"] = f"ice smaller than an element, {ice[2] ** 2 / 1e6:.3g} km2"
     for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
         # A member that never breaks has no date and stays in the denominator.
         happened = done[when].values[:, None] <= time[None, :]
-        _add(ds, name, ("time",), weight @ happened, number)
+        _add(ds, name, ("time",), share_of @ happened, number)
     bounds = np.array(AREA_CLASSES)
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
     ds["area_class_upper"] = ("area_class", bounds[1:], {"units": "m2", "long_name": "largest area of the class"})
     share = np.zeros((bounds.size - 1, time.size))
-    for w, _, _, area in tracks_of(done, weight):
+    for w, _, _, area in tracks_of(done, share_of):
         share += [w @ ((area >= low) & (area < high)).any(axis=1) for low, high in pairwise(bounds)]
     _add(ds, "p_area", ("area_class", "time"), share, number)
     if "lat" in done:
-        _add_presence(ds, done, weight)
-        _add_cones(ds, done, weight)
-    _add_cracks(ds, done, weight, cracks, ice)
+        _add_presence(ds, done, share_of)
+        _add_cones(ds, done, share_of)
+    _add_cracks(ds, done, share_of, cracks, ice)
     ds["scenario"] = (
         "member",
         _scenario_of_all(ds, cracks),
@@ -440,7 +442,9 @@ def told(ds: xr.Dataset) -> list[str]:
     }
     days = float(ds["lead"].values[-1]) / 24.0
     failed = int((ds["status"].values == 1).sum())
-    lines = [f"{number} members, {failed} failed; after {days:g} days, with intervals of {100 * LEVEL:.0f} %:"]
+    counting = effective(weight)
+    fewer = f", {counting:.1f} of them count" if counting < 0.995 * number else ""
+    lines = [f"{number} members{fewer}, {failed} failed; after {days:g} days, with intervals of {100 * LEVEL:.0f} %:"]
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")

@@ -57,13 +57,13 @@ _ABOUT: Final = {
 
 def dataset_of(
     varied: Sequence[Varied], members: Sequence[Mapping[str, Any]], outcomes: Mapping[int, Outcome], *,
-    start: datetime, days: float, every: float, latlon: bool, attributes: Mapping[str, str], first: int = 0,
+    start: datetime, days: float, every: float, latlon: bool, attributes: Mapping[str, str],
     fragments: int = 0, means: Sequence[str] = (),
 ) -> xr.Dataset:  # fmt: skip
     """Return the result of a sweep, or of a block of its members.
 
-    ``days``, ``every``: length of the runs, days, and interval of the tracks, s; ``first``: number of the first of these members,
-    to which the keys of ``outcomes`` are added; ``fragments``, ``means``: room that other blocks need.
+    ``days``, ``every``: length of the runs, days, and interval of the tracks, s; ``fragments``, ``means``: room that
+    other blocks need.
     """
     count = len(members)
     listed = {number: _listed(outcome) for number, outcome in outcomes.items()}
@@ -73,7 +73,7 @@ def dataset_of(
     ds = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "riftberg": __version__})
     ds["member"] = (
         "member",
-        np.arange(first, first + count),
+        np.arange(count),
         {"long_name": "number of the member", "standard_name": "realization"},
     )
     ds["fragment"] = ("fragment", np.arange(1, most + 1), {"long_name": "place of the fragment in the tables"})

@@ -93,7 +93,8 @@ def indices(ds: xr.Dataset, results: Mapping[str, Result], *, seed: int = 1) -> 
         draws = np.flatnonzero(np.isfinite(f).all(axis=1))
         known = np.isfinite(result.values)
         row: dict[str, Any] = {
-            "share": known.sum() / max((ds["status"].values == 0).sum(), 1), "spread": result.values[known].std(),
+            "share": known.sum() / max((ds["status"].values == 0).sum(), 1),
+            "spread": result.values[known].std() if known.any() else np.nan,
             "number": known.sum() if result.some else draws.size,
         }  # fmt: skip
         if result.some:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -42,6 +42,9 @@ PLAN: Final = "sweep.json"
 
 MEMBERS: Final = "members"
 """Folder of what is done."""
+
+WEIGHTS: Final = "weights.json"
+"""File of the weights of members after new sightings."""
 
 BLOCK: Final = 250
 """Members that are in memory at once while the result is written."""
@@ -433,8 +436,11 @@ class Store:
                 read = {k: self.outcome(first + k) for k in range(len(members)) if first + k in self.done}
                 outcomes = {k: outcome for k, outcome in read.items() if outcome is not None}
                 cracks.update({first + k: np.array(outcome.cracks) for k, outcome in outcomes.items()})
-                yield dataset_of(plan.varied, members, outcomes, first=first, fragments=self._fragments,
-                                 means=sorted(self._means), **common)  # fmt: skip
+                ds = dataset_of(
+                    plan.varied, members, outcomes, fragments=self._fragments, means=sorted(self._means), **common
+                )
+                numbers = np.arange(first, first + len(members))
+                yield ds.assign_coords(member=("member", numbers, ds["member"].attrs))
 
         with replacing(self.file) as part:
             write_blocks(blocks(), part)
@@ -445,9 +451,21 @@ class Store:
                 plane = EqualAreaPlane(float(e.lon.mean()), float(e.lat.mean()), earth.radius, earth.latlon)
                 ice = *plane.forward(e.lon, e.lat), float(np.sqrt(np.mean(e.length * e.width)))
                 known = open_sweep(part, tracks=False)
-                ds = with_probabilities(known, cracks, ice).assign(self._control(common))
+                weight = self.weights().get("weight")
+                ds = with_probabilities(known, cracks, ice, weight).assign(self._control(common))
                 known.close()
                 write_sweep(ds.drop_vars(list(known.variables)), part, more=True)
+
+    def weights(self) -> dict[str, Any]:
+        """Return what new sightings made of the members, empty where there were none."""
+        file = self.folder / WEIGHTS
+        found: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
+        # Members that were added since have not been weighted yet.
+        return found if len(found.get("base", self.plan.members)) == len(self.plan.members) else {}
+
+    def set_base(self, base: Sequence[float]) -> None:
+        """Note the logarithms of the probabilities by which members were chosen around others."""
+        write_text(self.folder / WEIGHTS, json.dumps({"base": list(base)}))
 
     def _control(self, common: Mapping[str, Any]) -> dict[str, Any]:
         """Return the run of a forecast in which nothing is varied."""

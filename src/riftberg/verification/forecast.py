@@ -105,7 +105,7 @@ def verified(
     for when, place in later.items():
         days = (when - first) / timedelta(days=1)
         lead = max(1, round(days))
-        members = _at(times, lon, lat, np.datetime64(when, "ns"), origin)
+        members = at_date(times, lon, lat, np.datetime64(when, "ns"), origin)
         members = members[np.isfinite(members).all(axis=1)]
         truth = np.array(along_across(*local(*origin, *place), axes))
         ahead = np.stack(along_across(members[:, 0], members[:, 1], axes), axis=-1)
@@ -140,7 +140,7 @@ def drift_error(
     lon, lat = (ensemble[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
     _, seen = _positions(observed, berg, str(observed.source), first, hour)
     apart = [
-        np.linalg.norm(_at(times, lon, lat, np.datetime64(when, "ns"), place), axis=-1)
+        np.linalg.norm(at_date(times, lon, lat, np.datetime64(when, "ns"), place), axis=-1)
         for when, place in seen.items()
         if times[0] < np.datetime64(when, "ns") <= times[-1]
     ]
@@ -204,7 +204,7 @@ def _heading(before: dict[datetime, tuple[float, float]], origin: tuple[float, f
     return None if np.hypot(east, north) == 0.0 else (-float(east), -float(north))
 
 
-def _at(times: Any, lon: Floats, lat: Floats, when: np.datetime64, origin: tuple[float, float]) -> Floats:
+def at_date(times: Any, lon: Floats, lat: Floats, when: np.datetime64, origin: tuple[float, float]) -> Floats:
     """Return kilometres east and north of the origin at a date, between the records of the tracks (members, 2)."""
     after = int(np.clip(np.searchsorted(times, when), 1, len(times) - 1))
     part = (when - times[after - 1]) / (times[after] - times[after - 1])

@@ -1,0 +1,98 @@
+"""``riftberg update``: a forecast after new sightings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from riftberg.cli.options import Quiet, check_folder, within
+from riftberg.cli.terminal import announce_compilation, reported, say
+
+
+@reported
+def update(
+    folder: Annotated[Path, typer.Argument(help="Folder of a forecast.")],
+    observed: Annotated[
+        Path | None, typer.Argument(metavar="[OBSERVED]", help="Outlines or positions; those during the forecast count.")
+    ] = None,
+    berg: Annotated[str | None, typer.Option("--berg", help="Name of the berg, where the file has several.")] = None,
+    error: Annotated[
+        float, typer.Option("--error", help="Error of a position along each axis, km (standard deviation).")
+    ] = 6.0,
+    hour: Annotated[
+        float | None, typer.Option("--hour", help="Hour (UTC) of days without a time.  [default: of the start]")
+    ] = None,
+    broken: Annotated[
+        str | None, typer.Option("--broken", metavar="DATE", help="When the berg was first seen broken.")
+    ] = None,
+    whole_until: Annotated[
+        str | None, typer.Option("--whole-until", metavar="DATE", help="When it was last seen whole.")
+    ] = None,
+    doubt: Annotated[
+        float, typer.Option("--doubt", help="Probability that it was wrongly seen broken or whole, %.")
+    ] = 5.0,
+    resample: Annotated[
+        bool,
+        typer.Option("--resample/--no-resample", help="Run new members around those that count where these are too few."),
+    ] = True,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder of the new members.  [default: FOLDER-updated]")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Processes on this machine; 0 to run in this process.  [default: 0]")
+    ] = 0,
+    quiet: Quiet = False,
+) -> None:  # fmt: skip
+    """Weight the members of a forecast by new sightings; where too few of them count, run new ones around these."""
+    from dataclasses import replace
+
+    from riftberg.cli.sweep import resumed
+    from riftberg.diagnostics.dates import parse_date
+    from riftberg.diagnostics.observed import read_observed
+    from riftberg.ensembles.probability import told
+    from riftberg.ensembles.result import open_sweep
+    from riftberg.ensembles.sweep import Store, planned, run_sweep
+    from riftberg.runs.progress import SweepBar
+    from riftberg.verification.update import FEWEST, drawn_anew, log_likelihood, weighted
+
+    within(error, "--error", 0.01, 1000.0)
+    within(doubt, "--doubt", 0.01, 50.0)
+    within(hour, "--hour", 0.0, 24.0)
+    store = resumed(folder, None, None, {}, "forecast")
+    new = output or folder.with_name(f"{folder.name}-updated")
+    seen = None if observed is None else read_observed(observed)
+    dates = {
+        name: None if text is None else parse_date(text, where=option)[0]
+        for name, text, option in (("broken", broken, "--broken"), ("whole_until", whole_until, "--whole-until"))
+    }
+
+    def likelihood(of: Store) -> Any:
+        ds = open_sweep(of.file, tracks=False)
+        try:
+            return log_likelihood(ds, seen, error=error, berg=berg, hour=hour, doubt=doubt / 100.0, **dates)
+        finally:
+            ds.close()
+
+    about = ", ".join(str(text) for text in (observed, broken, whole_until) if text is not None)
+    known = likelihood(store)
+    weight, number = weighted(store, known, about)
+    done = int((weight > 0.0).sum())
+    say(f"{number:.1f} of {done} members count (effective number)")
+    if number < FEWEST * done and resample:
+        check_folder(new, ("sweep.json", "forecast.nc"))
+        announce_compilation(quiet)
+        columns, base = drawn_anew(store.plan, weight, known)
+        plan = store.plan
+        again = planned(plan.experiment, columns, replace(plan.options, days=plan.days), plan.every / 3600.0,
+                        forecast=True, design=True)  # fmt: skip
+        store = Store(new, again, resume=False)
+        bar = None if quiet else SweepBar(len(again.members) + 1)
+        run_sweep(store, workers=workers, bar=bar).close()
+        store.set_base(base)
+        weight, number = weighted(store, likelihood(store), about)
+        say(f"New members: {number:.1f} of {int((weight > 0.0).sum())} count")
+    for line in told(open_sweep(store.file)):
+        typer.echo(line)
+    typer.echo(f"Written to {store.folder}: {store.file.name}, weights.json")

@@ -1,0 +1,107 @@
+"""New sightings: weights against Bayes' rule for normal errors, and members drawn anew that keep what is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from riftberg import open_sweep
+from riftberg.cli.main import app
+from riftberg.diagnostics.observed import Fix, Observations
+from riftberg.ensembles.probability import effective
+from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.errors import InputError
+from riftberg.verification.update import drawn_anew, log_likelihood
+
+KM = 1.0 / 111.195  # degrees of latitude
+DAYS = np.datetime64("2020-12-09", "ns") + np.arange(3) * np.timedelta64(1, "D")
+
+
+def spread(north: Any, broken: Any = None) -> xr.Dataset:
+    """Return members that stand kilometres north of 56 S; ``broken``: day on which each breaks up, NaN for never."""
+    lat = -56.0 + KM * np.repeat(np.asarray(north, float)[:, None, None], 3, axis=2)
+    days = np.full(len(north), np.nan) if broken is None else np.asarray(broken, float)
+    date = np.where(
+        np.isnan(days), np.datetime64("NaT", "ns"), DAYS[0] + (np.nan_to_num(days) * 864e11).astype("m8[ns]")
+    )
+    return xr.Dataset(
+        {"lon": (("member", "fragment", "time"), np.full_like(lat, -37.0)), "lat": (("member", "fragment", "time"), lat),
+         "status": ("member", np.zeros(len(north), int)), "first_breakup": ("member", date)},
+        coords={"time": DAYS},
+    )  # fmt: skip
+
+
+def fix(north: float, day: int = 1) -> Observations:
+    """Return a position."""
+    when = DAYS[day].astype("datetime64[us]").item()
+    return Observations("seen.csv", fixes=[Fix("a", when, False, -37.0, -56.0 + KM * north)])
+
+
+def test_weights_are_those_of_bayes_for_normal_errors() -> None:
+    """Members of a spread of 10 km, seen 12 km north with an error of 5 km: mean 12 x 100 / 125, variance 100 x 25 / 125."""
+    north = 10.0 * np.random.default_rng(1).standard_normal(40_000)
+    found = log_likelihood(spread(north), fix(12.0), error=5.0)
+    weight = np.exp(found - found.max())
+    weight /= weight.sum()
+    mean = weight @ north
+    assert mean == pytest.approx(9.6, abs=0.15)
+    assert weight @ (north - mean) ** 2 == pytest.approx(20.0, rel=0.04)
+
+
+def test_a_sighting_of_a_break_up_weighs_by_its_doubt() -> None:
+    ds = spread([0.0, 0.0, 0.0], [0.5, 1.5, np.nan])
+    date = DAYS[1].astype("datetime64[us]").item()
+    assert np.exp(log_likelihood(ds, None, error=5.0, broken=date, doubt=0.1)) == pytest.approx([0.9, 0.1, 0.1])
+    assert np.exp(log_likelihood(ds, None, error=5.0, whole_until=date, doubt=0.1)) == pytest.approx([0.1, 0.9, 0.9])
+    with pytest.raises(InputError, match="no sighting"):
+        log_likelihood(ds, None, error=5.0)
+    with pytest.raises(InputError, match="not within the forecast"):
+        log_likelihood(ds, None, error=5.0, broken=date.replace(year=2022))
+
+
+def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() -> None:
+    varied = varied_of(
+        ["start.turn~normal(0, 5)", "start.strength~lognormal(1, 30 %)", "bonds.packing~choice(square, hexagonal)"]
+    )
+    members = members_of(varied, Draws(4096))
+    plan: Any = SimpleNamespace(varied=varied, members=members)
+    turn = np.array([m["start.turn"] for m in members])
+    likelihood = -0.5 * ((turn - 6.0) / 2.0) ** 2
+    weight = np.exp(likelihood - likelihood.max())
+    weight /= weight.sum()
+    assert effective(weight) < 2000
+    columns, base = drawn_anew(plan, weight, likelihood)
+    new = np.array(columns["start.turn"])
+    mean = weight @ turn
+    assert new.mean() == pytest.approx(mean, abs=0.1)
+    assert new.std() == pytest.approx(np.sqrt(weight @ (turn - mean) ** 2), rel=0.06)
+    assert min(columns["start.strength"]) > 0.0
+    assert np.log(columns["start.strength"]).std() == pytest.approx(0.3, rel=0.1)  # nothing was seen of it
+    assert set(columns["bonds.packing"]) == {"square", "hexagonal"}
+    assert len(base) == 4096
+    assert np.mean(base) > np.mean(likelihood)
+    assert len(np.unique(new)) == 4096
+
+
+@pytest.mark.compiled
+def test_the_command_weights_a_forecast_and_draws_anew(tmp_path: Path) -> None:
+    out, seen = tmp_path / "f", tmp_path / "seen.csv"
+    seen.write_text("date,lon,lat\n2020-12-09T16:00,-39.2,-55.0\n")
+    words = ["forecast", "a68a", "--members", "4", "--days", "0.25", "-o", str(out), "--no-map", "-q"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    said = CliRunner().invoke(app, ["update", str(out), str(seen), "--error", "5", "--no-resample"])
+    assert said.exit_code == 0, said.output
+    weight = open_sweep(out)["weight"].values
+    assert weight.sum() == pytest.approx(4.0)
+    assert np.ptp(weight) > 0.01
+    said = CliRunner().invoke(app, ["update", str(out), str(seen), "--error", "0.3", "-q"])
+    assert said.exit_code == 0, said.output
+    new = open_sweep(tmp_path / "f-updated")
+    assert new.sizes["member"] == 4
+    assert float(new["start_east"].std()) < float(open_sweep(out)["start_east"].std())
