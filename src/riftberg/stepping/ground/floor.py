@@ -249,7 +249,7 @@ def cut_by_cells(
                 key = jb * SHIFT + (ib % around if around > 0 else ib)
                 if at < 0 or key < last:
                     at = np.searchsorted(keys, key)
-                while at < keys.size and keys[at] < key:  # the next one stands behind it
+                    at = int(np.searchsorted(keys, key))
                     at += 1
                 last = key
                 if at >= keys.size or keys[at] != key:
