@@ -248,8 +248,8 @@ def cut_by_cells(
                 # Numbers of columns go round the sphere once.
                 key = jb * SHIFT + (ib % around if around > 0 else ib)
                 if at < 0 or key < last:
-                    at = np.searchsorted(keys, key)
                     at = int(np.searchsorted(keys, key))
+                while at < keys.size and keys[at] < key:  # the next one stands behind it
                     at += 1
                 last = key
                 if at >= keys.size or keys[at] != key:
