@@ -414,7 +414,7 @@ TRIALS: Final[dict[str, Trial]] = {
     "compatibility.forcing_lag": _quirk(run=shore),
     "compatibility.stages_from_start": _quirk(RUNGE),
     "compatibility.contact_by_cells": _quirk(with_(VERLET, contact={"spring": 1e-6}), run=shore, more={"cell": 200.0}),
-    "compatibility.lost_over_edge": _quirk(run=shore, more={"edge": True, "steps": 8}),
+    "compatibility.lost_over_edge": _quirk(run=shore, more={"edge": True, "steps": 9}),
     "compatibility.imposed_velocity_late": _quirk(with_(RUNGE, stepping={"fixed_velocity": (0.2, 0.1)})),
     "compatibility.grid_position_round_trip": _quirk(VERLET, run=shore),
     "compatibility.unplaced_child_in_metres": _quirk(

@@ -119,7 +119,7 @@ SLIPS: list[tuple[dict[str, Any], Any, dict[str, Any], str]] = [
     ({}, Steady(wind=(0.0, 120.0)), {}, "forcing, Steady: wind = 120 m s-1"),
     ({}, Steady(current=(8.0, 0.0)), {}, "forcing, Steady: current = 8 m s-1"),
     ({}, Forcing.eddy((-39.0, -55.0), 30.0, 0.5), {}, "forcing, Eddy: radius = 30 m"),
-    ({}, Forcing.tide(0.2, period=7200.0), {}, "forcing, Tide: period = 2 h"),
+    ({}, Forcing.tide(0.2, period=7200.0), {}, "forcing, Tide: period = 7200 s"),
     ({}, Steady(temperature=25.0, salinity=34.0), {}, "forcing, Steady: temperature = 25"),
 ]  # fmt: skip
 
