@@ -73,7 +73,7 @@ def test_cover_in_space(tmp_path: Path) -> None:
     report = doctor(path, lon=(-45.0, -30.0), lat=(-60.0, -50.0), needed=("uo", "vo"))
     assert "covers only part of the experiment: latitudes -56.5..-56 of -60..-50" in report.text()
     elsewhere = doctor(path, lon=(10.0, 20.0), lat=(-60.0, -50.0), needed=("uo", "vo"))
-    assert "nothing lies in 10..20 E" in elsewhere.text()
+    assert "10 E to 20 E" in elsewhere.text()
     assert elsewhere.missing == ["uo", "vo"]
 
 
@@ -269,7 +269,7 @@ def test_projected_ice_is_diagnosed_too(tmp_path: Path) -> None:
     report = doctor(file, lon=(-37.2, -37.0), lat=(-57.4, -57.3), needed=("ice_fraction",))
     assert report.ready, report.text()
     elsewhere = doctor(file, lon=(100.0, 101.0), lat=(-56.9, -56.8), needed=("ice_fraction",))
-    assert "nothing lies in 100..101 E" in elsewhere.text()
+    assert "100 E to 101 E" in elsewhere.text()
 
 
 def test_cover_and_path_of_projected_ice(tmp_path: Path) -> None:
