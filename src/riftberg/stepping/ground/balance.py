@@ -470,13 +470,13 @@ class _Patch(NamedTuple):
         pressed_parts, ends = _pressed_corners(cut_up.start, cut_up.corner, overlap, mine)
         corners = pressed_parts[:, :2]
         # Its line is the major axis of the loaded area.
-        size = np.diff(ends)
-        weight, middle = area[mine], np.add.reduceat(corners, ends[:-1]) / size[:, None]
+        weight, middle = area[mine], np.array([corners[a:b].mean(axis=0) for a, b in pairwise(ends.tolist())])
         mean = (weight[:, None] * middle).sum(axis=0) / weight.sum()
         spread = middle - mean
         second = (weight[:, None, None] * spread[:, :, None] * spread[:, None, :]).sum(axis=0)
-        own = corners - np.repeat(middle, size, axis=0)
-        second += np.einsum("n,ni,nj->ij", np.repeat(weight / size, size) / 3.0, own, own)
+        for k, (a, b) in enumerate(pairwise(ends.tolist())):
+            own = corners[a:b] - middle[k]
+            second += weight[k] / (b - a) * own.T @ own / 3.0
         axis = np.linalg.eigh(second)[1][:, 1]
         across = np.array([-axis[1], axis[0]])
         s, t = corners @ axis, corners @ across
