@@ -867,12 +867,13 @@ def grids() -> Iterator[Kind]:
             copied(folder, "mask.nc")
             changed_nc(folder / "mask.nc", change)
             (folder / "mask.nc").rename(folder / "bad.nc")
+            copied(folder, "mask.nc")
             if key == "score":
                 copied(folder, "run.nc")
                 return ["score", "run.nc", "bad.nc", "--no-figure", "-o", "scored"]
             new = {
                 "mask": "mask: {file: bad.nc}",
-                "thickness": "rectangle: {length: 9 km, width: 6 km}",
+                "thickness": "mask: {file: mask.nc}",
                 "strength": "strength: {file: bad.nc}\n  rectangle: {length: 9 km, width: 6 km}",
             }[key]
             text = EXPERIMENT.replace("rectangle: {length: 9 km, width: 6 km}", new)

@@ -51,11 +51,8 @@ def many(count: int, times: tuple[float, ...]) -> dict[str, Any]:
             FieldError(0.1, LENGTH, 3 * DAY),
             FieldError(2.0, 300e3, DAY),
             FieldError(1.0, 20e3),
-            0.0,
-            1.0,
-            30.0,
-            0.0,
-            seed,
+            floor_spread=30.0,
+            seed=seed,
         )
         got.append(drawn(errors, elements, times, Steady(depth=2000.0)))
     return {name: np.array([g[name] for g in got]) for name in got[0]}
