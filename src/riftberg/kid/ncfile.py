@@ -233,8 +233,8 @@ def write_restart_file(path: Path, columns: list[tuple[Column, NDArray[Any]]], s
             dataset.variables[item.name][:size] = values
 
 
-BLOCK_RECORDS: Final = 20_000
-"""Records held in memory at most, as long as writing them takes little time."""
+BLOCK_RECORDS: Final = 150_000
+"""Records held in memory at most (some 30 MB), as long as writing them takes little time: each block begins with a copy of the file."""
 
 CHUNK: Final = 4096
 """Records that lie together in the file."""
