@@ -198,6 +198,9 @@ def test_the_command_writes_table_and_figure(tmp_path: Path) -> None:
     table = (out / "sensitivity.csv").read_text("utf-8").splitlines()
     assert table[0].startswith("result,input,unit,share")
     assert any(line.startswith("largest stress over strength,start.turn") for line in table)
+    kept = CliRunner().invoke(app, ["sensitivity", "--resume", str(out), "--days", "1", "--set", "ice.density=900"])
+    assert kept.exit_code == 2
+    assert "Leave out --set, --days" in kept.stderr
     again = CliRunner().invoke(app, ["sensitivity", "--resume", str(out), "--at-day", "0.1", "--no-figure"])
     assert again.exit_code == 0, again.output
     assert "broken by day 0.1" in again.output

@@ -43,6 +43,15 @@ NumericsName = Annotated[
         "[default: own; reference for a68a-paper]",
     ),
 ]
+OneNumerics = Annotated[
+    str | None,
+    typer.Option(
+        "--numerics",
+        help="'own', or 'reference' for the numerics and quirks of iKID.  [default: own; reference for a68a-paper]",
+    ),
+]
+Every = Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")]
+Map = Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")]
 Names = Annotated[
     str | None,
     typer.Option(
@@ -59,6 +68,29 @@ PlanName = Annotated[
     str | None, typer.Option("--plan", help="How they are drawn: sobol, random or latin-hypercube.  [default: sobol]")
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all that is drawn.  [default: 1]")]
+ExperimentToRun = Annotated[
+    str | None, typer.Argument(help="A built-in experiment or a YAML file; not needed with --resume.")
+]
+EveryPosition = Annotated[
+    float | None,
+    typer.Option("--every", help="Hours of model time between positions.  [default: 6, or the length of the runs]"),
+]
+DefaultErrors = Annotated[
+    bool,
+    typer.Option(
+        "--default-errors/--no-default-errors", help="Vary what the table of errors in the documentation has."
+    ),
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the members.")
+]
+Workers = Annotated[
+    int | None, typer.Option("--workers", min=0, help="Processes on this machine; 0 to run in this process.")
+]
+Resume = Annotated[
+    Path | None, typer.Option("--resume", metavar="FOLDER", help="Continue in the folder of an earlier call.")
+]
+AllowMore = Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")]
 OutputBeside = Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")]
 
 
@@ -127,7 +159,9 @@ def make_options(
     """Check what was given on the command line."""
     from riftberg.experiments import Options
 
-    if numerics not in (None, "own", "reference", "both"):
+    if numerics == "both":
+        raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
+    if numerics not in (None, "own", "reference"):
         raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
     if grid is not None and not 1e-4 <= grid <= 5.0:
         raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number from 0.0001 (some 10 m) to 5")
@@ -139,8 +173,7 @@ def make_options(
         from riftberg.experiments.changes import parse_settings
 
         changes = parse_settings(settings)
-    chosen: Numerics | None = None if numerics == "both" else cast("Numerics | None", numerics)
-    return Options(changes, days, data, frozenset(without or ()), chosen, fetch, grid)
+    return Options(changes, days, data, frozenset(without or ()), cast("Numerics | None", numerics), fetch, grid)
 
 
 def output_folder(wished: Path | None, name: str, holds: str = "run.nc") -> Path:

@@ -16,6 +16,8 @@ import typer
 from riftberg.cli.options import (
     Data,
     Days,
+    Every,
+    Map,
     Names,
     NumericsName,
     Quiet,
@@ -83,7 +85,7 @@ def run(
         ),
     ] = None,
     names: Names = None,
-    every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
+    every: Every = None,
     forces: Annotated[
         bool, typer.Option("--forces", help="Write the mean force of each medium between records.")
     ] = False,
@@ -107,7 +109,7 @@ def run(
         float,
         typer.Option("--keep-minutes", help="Minutes of computing between the states saved for --resume; 0 for none."),
     ] = KEEP_MINUTES,
-    map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
+    map_: Map = True,
     quiet: Quiet = False,
     large: Annotated[
         bool,
@@ -119,7 +121,8 @@ def run(
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""
     with allow_large(large):
-        options = make_options(settings, days, data, without, numerics, fetch, grid)
+        one = None if numerics == "both" else numerics
+        options = make_options(settings, days, data, without, one, fetch, grid)
         if names is not None:
             from riftberg.cli.names import named_files
 
