@@ -267,8 +267,14 @@ def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:
         (["a68a", "--vary", "fracture.normal_strength=24..14kPa:3"], "is not below"),
         (["a68a"], "nothing is varied"),
         ([], "no experiment is named"),
-        (["a68a", "--vary", "fracture.normal_strength=14,18kPa", "--workers", "-1"], "'-1' is not possible. Give a number from 0"),
-        (["a68a", "--vary", "fracture.normal_strength=14,18kPa", "--numerics", "both"], "one kind of numerics is needed"),
+        (
+            ["a68a", "--vary", "fracture.normal_strength=14,18kPa", "--workers", "-1"],
+            "'-1' is not possible. Give a number from 0",
+        ),
+        (
+            ["a68a", "--vary", "fracture.normal_strength=14,18kPa", "--numerics", "both"],
+            "one kind of numerics is needed",
+        ),
     ]:
         result = CliRunner().invoke(app, ["sweep", *words, "--output", out])
         assert result.exit_code == 2, words

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 import typer
 
-from riftberg.cli.names import as_named, entries_of
-from riftberg.cli.options import Names, Quiet, dates, pair, positive, results_folder
+from riftberg.cli.options import Names, Quiet, as_named, dates, entries_of, pair, positive, results_folder
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError, RiftbergError
 

@@ -124,7 +124,7 @@ def run(
         one = None if numerics == "both" else numerics
         options = make_options(settings, days, data, without, one, fetch, grid)
         if names is not None:
-            from riftberg.cli.names import named_files
+            from riftberg.cli.options import named_files
 
             options = replace(options, files=named_files(experiment, names, data))
         positive(every, "--every", "hours", most=1e6)

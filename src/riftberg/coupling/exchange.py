@@ -21,8 +21,8 @@ from riftberg.life.ledger import PROCESSES, stocks
 from riftberg.life.melt import scaled_mass
 from riftberg.life.process import LifeModel, date_of_birth
 from riftberg.model import BareModel
+from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
-from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.media import FORCES

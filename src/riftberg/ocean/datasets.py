@@ -26,9 +26,9 @@ from riftberg.ocean.at_elements import (
     fill_values,
     fill_vorticity,
 )
+from riftberg.ocean.cells import FIELD_DEFAULTS
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.product_records import DayMeans, ProductRecords
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of

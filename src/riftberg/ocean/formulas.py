@@ -32,9 +32,9 @@ from riftberg.config.sections import ICE_UNITS, PLACE, Pair, Position, SeaIce, V
 from riftberg.config.values import UnfitError, explained, fields_of, in_metres, plain_value, says_metres
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
+from riftberg.ocean.cells import FIELD_DEFAULTS
 from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, pair_text, said, sea_level
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
 

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from riftberg.config.values import moment, number, required
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import locate_points
+from riftberg.ocean.cells import Fields, GridArrays, locate_points
 from riftberg.ocean.forcing import DescribedForcing, SharedLock
 from riftberg.ocean.grid import ZERO_ON_LAND, Grid, first_gap, usable
-from riftberg.ocean.grid_arrays import Fields, GridArrays
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
@@ -30,7 +29,7 @@ from riftberg.ocean.interpolation import (
     sample_gridded,
 )
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.order import listed
+from riftberg.state.numbering import listed
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]

@@ -1,4 +1,4 @@
-"""Sub-steps of an island whose bodies crush each other's faces (`riftberg.physics.crushing`).
+"""Sub-steps of an island whose bodies crush each other's faces (`riftberg.physics.contact`).
 
     M (V1 - V0) = h (G(V) - sum J^T F(V1))
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
-from riftberg.physics.crushing import crushing_force, face_stiffness, sliding_force
+from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.state import Floats, Ints
 from riftberg.stepping.bodies.dynamics import (
     BodyMatrices,

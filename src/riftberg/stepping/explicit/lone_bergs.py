@@ -21,7 +21,7 @@ from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
-from riftberg.stepping.contact.groups import contact_substeps
+from riftberg.stepping.contact.broad_phase import contact_substeps
 from riftberg.stepping.explicit.breaking import Touch, add_contact
 from riftberg.stepping.explicit.substeps import POLAR_LATITUDE, drifted, floor_rate_at, kicked, mid_step_velocity
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, SPIN_LINEAR, Surroundings

@@ -44,9 +44,8 @@ from riftberg.stepping.bodies.pose import (
     split_bodies,
     tangent_coordinates,
 )
-from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, candidate_pairs, with_both
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, NO_PAIRS, candidate_pairs, concatenate_pairs, with_both
 from riftberg.stepping.contact.faces import NO_MEETINGS, FaceContact, Meetings
-from riftberg.stepping.contact.groups import NO_PAIRS, concatenate_pairs
 from riftberg.stepping.contact.islands import (
     ContactPhase,
     PeakContactLoad,
