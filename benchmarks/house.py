@@ -152,6 +152,20 @@ def with_many_arguments(trees: dict[str, ast.Module], *, kernels: bool = False) 
     ]
 
 
+def without_reason(folder: Path) -> list[str]:
+    """Return the kernels of more than `MANY` arguments above which no comment says why."""
+    found = []
+    for path in sorted(folder.rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        lines = text.splitlines()
+        for name, node, _ in functions({path.stem: ast.parse(text)}):
+            if arguments(node) > MANY and decorated(node, "kernel", "borrower", "stage"):
+                first = min(d.lineno for d in node.decorator_list)
+                if not lines[first - 2].startswith("#"):
+                    found.append(f"{name}.{node.name}")
+    return found
+
+
 def twice_named(trees: dict[str, ast.Module]) -> dict[str, list[str]]:
     """Return the names of classes and of functions of modules that are defined in more than one module."""
     homes: dict[str, list[str]] = defaultdict(list)

@@ -240,7 +240,6 @@ class Known:
 
     # Texts by the label of a row, of the published run and of the real berg
     published: dict[str, str] = field(default_factory=dict)
-    # Texts by the label of a row, of the published run and of the real berg
     observed: dict[str, str] = field(default_factory=dict)
     fixes: Sequence[Fix] = ()  # Where the berg was
 

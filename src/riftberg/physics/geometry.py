@@ -1,7 +1,7 @@
 """Metres and degrees on a sphere, the tangent plane near the pole, fast sine and cosine, and plane geometry of cells.
 
-Source: equations 2.2 to 2.5 and 3.2. The sine and cosine here are polynomials without branches: unlike calls of the C library they
-let loops over bonds become vector instructions. Their error is below 3e-16.
+Source: equations 2.2 to 2.5 and 3.2. The sine and cosine here are polynomials without branches: unlike calls of the C
+library they let loops over bonds become vector instructions. Their error is below 3e-16.
 """
 
 from __future__ import annotations

@@ -144,6 +144,8 @@ NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, B
 """Columns of ``face``."""
 
 
+# Many arguments: here Python enters the compiled islands, and five lists of islands, what acts on elements and
+# bodies, the faces and the law are arrays of their own. Inside, an `Island` holds those of one.
 @kernel
 def integrate_faces(
     start: Ints, row_start: Ints, body_of: Ints, first: Ints, second: Ints, pair_start: Ints, levers: Floats,

@@ -108,6 +108,8 @@ def take_substeps_of_islands(
     return islands.rows[islands.first[touched]], islands.rows[islands.second[touched]]
 
 
+# Many arguments: the lists of the islands and the groups of the state that sub-steps read and change; each use of the
+# whole state would add some hundred lines to what is compiled.
 @kernel
 def _take_all(
     rows: Ints, start: Ints, first: Ints, second: Ints, pair_start: Ints, substeps: Ints, place: Place, shown: Shown,
