@@ -28,7 +28,7 @@ MANY = 10
 PRIVATE_WORDS = (
     "Standing", "depart", "arrive", "motion_at", "close_alone", "Touching", "Acting", "acted", "BodyRoom", "MeetingRoom",
     "SlowRoom", "miss", "sought", "seat", "Blow", "blow", "heaviest", "struck", "caught_up", "led", "way_back", "Forgetful",
-    "recall", "alive", "meet", "met", "memory", "surround",
+    "recall", "alive", "meet", "met", "memory", "surround", "Meetings", "meeting", "meetings",
 )  # fmt: skip
 """Words of earlier versions for what numerical mechanics and contact dynamics have names for."""
 

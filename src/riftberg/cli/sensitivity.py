@@ -128,12 +128,12 @@ def sensitivity(
                 draw_sensitivity(
                     found, store.folder / "sensitivity.png", title=f"{plan.named}, {len(plan.members)} runs"
                 )
-        for line in told(found):
+        for line in summary_lines(found):
             typer.echo(line)
         typer.echo(f"Written to {store.folder}: {', '.join(RESULTS if figure else RESULTS[:-1])}")
 
 
-def told(found: Any) -> list[str]:
+def summary_lines(found: Any) -> list[str]:
     """Return the inputs that matter most for each result, a line each."""
     lines = []
     for name in found["result"].values:

@@ -204,7 +204,7 @@ def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool
 
         draw_sweep(result, store.folder / "sweep.png")
         files.append("sweep.png")
-    for line in told(result):
+    for line in summary_lines(result):
         typer.echo(line)
     typer.echo(f"Written to {store.folder}: {', '.join(files)}")
     if not (result["status"] == 0).any():
@@ -232,7 +232,7 @@ def _size(store: Store) -> str:
     return f"{len(plan.members)} members ({varied}), {plan.days:g} days each{done}"
 
 
-def told(result: xr.Dataset) -> list[str]:
+def summary_lines(result: xr.Dataset) -> list[str]:
     """Return a sweep in a few lines: what came of each member, and what failed."""
     names = [str(name) for name in result.coords if "parameter" in result[name].attrs]
     lines = []

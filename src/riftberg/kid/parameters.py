@@ -95,7 +95,7 @@ def namelist_period(group: NamelistGroup) -> float:
 
 
 def substeps(group: NamelistGroup, dt: float) -> int:
-    """Return the number of sub-steps; -1 asks for ``ceil(dt / (0.3 / sqrt(spring_coef)))``."""
+    """Return the number of sub-steps; -1 means ``ceil(dt / (0.3 / sqrt(spring_coef)))``."""
     stated = group.whole("mts_sub_steps")
     if stated >= 1 or not group.flag("mts"):
         return max(stated, 1)

@@ -201,7 +201,7 @@ def locate_in_cell(
 def position_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> tuple[float, float, bool]:
     """Return (xi, eta, inside): coordinates of a point in a cell, 0 at the south-west corner (equations 2.5).
 
-    Points outside get coordinates outside [0, 1) that tell in which direction they lie.
+    Points outside get coordinates outside [0, 1) that show in which direction they lie.
     """
     return locate_in_cell(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.regular, grid.period)
 

@@ -141,7 +141,7 @@ def _written(path: str | Path, mode: str, **options: Any) -> Iterator[netCDF4.Da
     try:
         yield file
     except BaseException:
-        with suppress(RuntimeError, OSError):  # what failed first is what is told
+        with suppress(RuntimeError, OSError):  # what failed first is what is reported
             # A classic file that could not be written is not closed: that frees its memory twice and ends the process.
             _close(file, file.close if file.data_model.startswith("NETCDF4") else file.isopen)
         raise
