@@ -28,7 +28,7 @@ MANY = 10
 PRIVATE_WORDS = (
     "Standing", "depart", "arrive", "motion_at", "close_alone", "Touching", "Acting", "acted", "BodyRoom", "MeetingRoom",
     "SlowRoom", "miss", "sought", "seat", "Blow", "blow", "heaviest", "struck", "caught_up", "led", "way_back", "Forgetful",
-    "recall", "alive", "meet", "met", "memory", "surround",
+    "recall", "alive", "meet", "met", "memory", "surround", "Meetings", "meeting", "meetings",
 )  # fmt: skip
 """Words of earlier versions for what numerical mechanics and contact dynamics have names for."""
 
@@ -150,6 +150,20 @@ def with_many_arguments(trees: dict[str, ast.Module], *, kernels: bool = False) 
         for name, node, _ in functions(trees)
         if arguments(node) > MANY and not decorated(node, *apart)
     ]
+
+
+def without_reason(folder: Path) -> list[str]:
+    """Return the kernels of more than `MANY` arguments above which no comment says why."""
+    found = []
+    for path in sorted(folder.rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        lines = text.splitlines()
+        for name, node, _ in functions({path.stem: ast.parse(text)}):
+            if arguments(node) > MANY and decorated(node, "kernel", "borrower", "stage"):
+                first = min(d.lineno for d in node.decorator_list)
+                if not lines[first - 2].startswith("#"):
+                    found.append(f"{name}.{node.name}")
+    return found
 
 
 def twice_named(trees: dict[str, ast.Module]) -> dict[str, list[str]]:

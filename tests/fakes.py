@@ -72,7 +72,7 @@ class FakeModel:
             parameters = parameters.changed(earth={"latlon": False})
         self.parameters, self.start, self.forcing = parameters, start, FakeForcing()
         self.time, self.step_number, self.substeps = 0.0, 0, 90
-        self.fail_at, self.failure = math.inf, RunError("the contact iteration does not settle")
+        self.fail_at, self.failure = math.inf, RunError("the contact iteration does not converge")
         self.origin, self.turn, self.break_time = (lon, lat), math.radians(turn_per_day) / 86_400.0, break_time
         i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
         self._x, self._y = (i.ravel() - (nx - 1) / 2) * SIDE, (j.ravel() - (ny - 1) / 2) * SIDE

@@ -33,3 +33,11 @@ def test_no_function_takes_more_than_ten_arguments_but_kernels_and_commands():
     """Others take an options object, or options of a typed dict, which are checked by name in one place."""
     house = loaded("benchmarks/house.py")
     assert not house.with_many_arguments(house.modules(ROOT / "src" / "riftberg"))
+
+
+def test_a_kernel_with_more_says_why_above_it(tmp_path):
+    house = loaded("benchmarks/house.py")
+    assert not house.without_reason(ROOT / "src" / "riftberg")
+    names = ", ".join("abcdefghijk")
+    (tmp_path / "law.py").write_text(f"@kernel\ndef many({names}): ...\n\n# Why\n@kernel\ndef said({names}): ...\n")
+    assert house.without_reason(tmp_path) == ["law.many"]

@@ -1,4 +1,4 @@
-"""Errors for the person who meets them: what, where, and what would be right."""
+"""Errors for the reader: what, where, and what would be right."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class InputError(RiftbergError):
     Attributes
     ----------
     faults : list of InputError
-        This one, or all that it tells of (`together`).
+        This one, or all that it lists (`together`).
     """
 
     def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
@@ -62,7 +62,7 @@ class NamelistError(InputError):
 
 
 MOST_TOLD: Final = 10
-"""Faults that are told at once; more say nothing new."""
+"""Faults that are reported at once; more say nothing new."""
 
 
 def together(errors: Sequence[InputError]) -> InputError:

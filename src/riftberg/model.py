@@ -300,10 +300,10 @@ class BareModel(RunState):
         Raises
         ------
         RunError
-            If the contact iteration does not settle, an element is faster than ``stepping.speed_limit``, or a position is
+            If the contact iteration does not converge, an element is faster than ``stepping.speed_limit``, or a position is
             no longer a number.
         ForcingError
-            Before the first step, where the forcing does not serve the berg.
+            Before the first step, where the forcing does not cover the berg.
         """
         with held():
             self._step()
@@ -426,7 +426,7 @@ class BareModel(RunState):
         return True
 
     def _check_forcing(self, steps: int) -> None:
-        """Raise `ForcingError` unless the forcing serves the berg for some steps from now."""
+        """Raise `ForcingError` unless the forcing covers the berg for some steps from now."""
         if self.forcing.grid is not None and self.step_number == 0:
             self.forcing.grid.locate(self.elements)
         self.forcing.check(self.elements, self.time, self.time + steps * self.parameters.stepping.time_step)
@@ -448,7 +448,7 @@ class BareModel(RunState):
         Raises
         ------
         InputError
-            If it is too long, or the forcing does not serve it.
+            If it is too long, or the forcing does not cover it.
         """
         count = self._number_of_steps(days, steps)
         check_work(count, self.substeps, self.elements.mass.size, where="Model.run")

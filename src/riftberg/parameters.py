@@ -261,7 +261,7 @@ class Parameters(Group):
         quirks = self.compatibility
         if quirks.births_at_centre and self.stepping.interactions and not quirks.zero_start:
             raise ValueError(
-                "compatibility.births_at_centre lays bergs on top of each other, and contact would take for ever to part them: "
+                "compatibility.births_at_centre lays bergs on top of each other, and contact would never part them: "
                 "set stepping.interactions = false with it"
             )
         return self

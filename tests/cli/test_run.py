@@ -123,7 +123,7 @@ def test_a_failure_saves_the_state_and_says_how_to_go_on(invoke: Any) -> None:
     invoke.model.fail_at = 86_400.0
     result = invoke("run", "fake")
     assert result.exit_code == 2
-    assert "failed at 2020-12-10 13:00 (day 1.00): the contact iteration does not settle" in result.stderr
+    assert "failed at 2020-12-10 13:00 (day 1.00): the contact iteration does not converge" in result.stderr
     assert "riftberg run fake --resume riftberg-out/fake/failed.restart.nc" in result.stderr
     assert load_state("riftberg-out/fake/failed.restart.nc").time == 86_400.0
     assert xr.open_dataset("riftberg-out/fake/run.nc").sizes["time"] == 5

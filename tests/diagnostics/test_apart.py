@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from diagnostics.test_compare import METRES, make_run
 from riftberg import open_run, open_sweep
 from riftberg.cli.main import app
-from riftberg.diagnostics.apart import Course, apart, shown_records
+from riftberg.diagnostics.compare import Course, apart, shown_records
 from riftberg.errors import InputError
 
 YAML = """start: 2020-12-09

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.cli.main import app
-from riftberg.cli.sensitivity import told
+from riftberg.cli.sensitivity import summary_lines
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.distributions import STEP
 from riftberg.ensembles.sensitivity import Result, indices, results_of
@@ -115,7 +115,7 @@ def test_what_only_some_have_is_said_of_these() -> None:
     assert one["correlation"].values[0] == pytest.approx(1.0)
     assert abs(one["correlation"].values[1]) < 0.2
     assert one["correlation_low"].values[1] < 0.0 < one["correlation_high"].values[1]
-    lines = told(found)
+    lines = summary_lines(found)
     assert "% that have one): a 1 (1 to 1)" in lines[0]
     assert "too few members have it" in lines[1]
     assert "the same in all runs" in lines[2]
@@ -198,6 +198,9 @@ def test_the_command_writes_table_and_figure(tmp_path: Path) -> None:
     table = (out / "sensitivity.csv").read_text("utf-8").splitlines()
     assert table[0].startswith("result,input,unit,share")
     assert any(line.startswith("largest stress over strength,start.turn") for line in table)
+    kept = CliRunner().invoke(app, ["sensitivity", "--resume", str(out), "--days", "1", "--set", "ice.density=900"])
+    assert kept.exit_code == 2
+    assert "Leave out --set, --days" in kept.stderr
     again = CliRunner().invoke(app, ["sensitivity", "--resume", str(out), "--at-day", "0.1", "--no-figure"])
     assert again.exit_code == 0, again.output
     assert "broken by day 0.1" in again.output

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
 from riftberg.cli.main import app
-from riftberg.cli.sweep import told
+from riftberg.cli.sweep import summary_lines
 from riftberg.ensembles.member import Job, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
 from riftberg.ensembles.sweep import Store, join_parts, planned
@@ -255,7 +255,7 @@ def test_members_of_other_parts_wait_and_have_not_failed(experiment: Path, tmp_p
     store.begin()
     store.write()
     with open_sweep(store.file) as result:
-        lines = "\n".join(told(result))
+        lines = "\n".join(summary_lines(result))
     assert "0 failed" in lines
     assert lines.count("waits") == 2
     assert "failed:" not in lines
@@ -267,7 +267,14 @@ def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:
         (["a68a", "--vary", "fracture.normal_strength=24..14kPa:3"], "is not below"),
         (["a68a"], "nothing is varied"),
         ([], "no experiment is named"),
-        (["a68a", "--vary", "fracture.normal_strength=14,18kPa", "--workers", "-1"], "-1 processes"),
+        (
+            ["a68a", "--vary", "fracture.normal_strength=14,18kPa", "--workers", "-1"],
+            "'-1' is not possible. Give a number from 0",
+        ),
+        (
+            ["a68a", "--vary", "fracture.normal_strength=14,18kPa", "--numerics", "both"],
+            "one kind of numerics is needed",
+        ),
     ]:
         result = CliRunner().invoke(app, ["sweep", *words, "--output", out])
         assert result.exit_code == 2, words

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from riftberg.errors import InputError
-from riftberg.kid.calving_file import read_stores, write_stores
+from riftberg.kid.restart import read_stores, write_stores
 from riftberg.life.calving import Stores
 from riftberg.ocean.grid import Grid
 

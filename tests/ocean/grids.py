@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import ZERO_ON_LAND, Grid, usable
-from riftberg.ocean.grid_arrays import Fields
 from riftberg.state import new_elements
 
 

@@ -21,7 +21,7 @@ from riftberg.ocean.cells import (
 )
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
-from riftberg.physics.quadrilaterals import inverse_bilinear, wrap_around
+from riftberg.physics.geometry import inverse_bilinear, wrap_around
 from riftberg.state import new_elements
 from twins import cells as twin
 

@@ -12,7 +12,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
-from riftberg.cli.names import named_files
+from riftberg.cli.options import named_files
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.ocean.files_forcing import ModelGrid, Run

@@ -7,8 +7,8 @@ import pytest
 
 from ocean.grids import ALL, bent, degrees, square_lakes
 from riftberg.errors import BergError, InputError
+from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, cell_areas, haversine
-from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.state import new_elements
 from twins.cells import great_circle
 

@@ -10,8 +10,8 @@ import pytest
 
 from ocean.grids import degrees, random_fields, scattered, square_lakes, without_gaps
 from riftberg.errors import ForcingError
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import FieldRules, GriddedForcing, add_tidal_drift
 from riftberg.ocean.interpolation import DepthAtPoint, sample_gridded
 from riftberg.state import Environment

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ocean.grids import ALL, bent, random_fields, scattered, square_lakes
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import _draws, add_tidal_drift, cell_seed
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ocean.grids import bent, random_fields, square_lakes, without_gaps
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, at_corners, celsius, first_gap, usable, wind_from_stress
-from riftberg.ocean.grid_arrays import Fields
 
 
 def corner_by_hand(grid, u, v, i, j, staggering):

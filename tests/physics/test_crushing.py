@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg.physics.crushing import crushing_force, face_stiffness, sliding_force
+from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.stepping.contact.overlap import gap, overlap
 from twins import crushing as twin
 

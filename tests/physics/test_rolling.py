@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg.physics.rolling import LEGACY, UPDATED, WEEKS_MELLOR, roll
+from riftberg.physics.floating import LEGACY, UPDATED, WEEKS_MELLOR, roll
 from twins import rolling as twin
 
 

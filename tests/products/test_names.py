@@ -80,7 +80,7 @@ def test_python_names_the_variables() -> None:
     parts = [sea[["speed_a", "speed_b"]], sea[["other"]].rename(other="eta").assign_coords(up=sea.up + 0.25)]
     parts[1]["eta"].attrs["units"] = "m"
     both = DatasetForcing.from_xarray(parts, names={"uo": "speed_a", "vo": "speed_b", "ssh": "eta", **axes})
-    assert sorted(name for part in both.parts for name in part.serves) == ["ssh", "uo"]
+    assert sorted(name for part in both.parts for name in part.gives) == ["ssh", "uo"]
 
 
 def test_a_name_goes_before_a_standard_name_and_the_choice_of_a_product(tmp_path: Path) -> None:

@@ -259,7 +259,7 @@ def two_meetings(ds: xr.Dataset) -> xr.Dataset:
         ("sides", 3, np.inf, "an element of inf sides"),
         ("contact_first", 1, np.nan, "numbers of fragments are whole"),
         ("contact_second", 1, 0.0, "numbers of fragments are whole"),
-        ("contact_time", 1, np.nan, "a meeting without a time"),
+        ("contact_time", 1, np.nan, "a collision without a time"),
         ("contact_speed", 1, -1.0, "a speed below 0"),
     ],
 )

@@ -21,9 +21,8 @@ from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Box
 from riftberg.viz import colours
 from riftberg.viz.coast import coast_on
-from riftberg.viz.map import draw_map, draw_tracks
+from riftberg.viz.map import SIZE, draw_map, draw_tracks
 from riftberg.viz.panels import Map
-from riftberg.viz.place import SIZE
 from riftberg.viz.polar import PolarScene, PolarWater, on_a_map
 
 SOUTH = ConformalPlane(-40.0, -90.0, 6.37e6)

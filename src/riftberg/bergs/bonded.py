@@ -111,7 +111,7 @@ class BondedBerg:
         rift : array_like, list of array_like, path, geometry, DataArray or Raster
             Lines as arrays (n, 2) of longitude and latitude, a file or geometry of lines, or a gridded mask, also as NetCDF
             or GeoTIFF; where the berg lies now, after shift, placement and rotation. A table (CSV) holds open lines, one
-            for each date, id, name, ring, part or line that it tells.
+            for each date, id, name, ring, part or line that it gives.
         strength : float
             Factor from 0 to 1 on the strength of the crossed bonds.
         broken : bool
@@ -229,7 +229,7 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
         whole.elements, whole.packing, Metric(first.latlon, first.earth_radius, 360.0 if first.latlon else 0.0)
     )
     asked = [berg.report.get("outline_area") for berg in parts]
-    # What the lattices lose is told of all together, where each was made from a shape.
+    # What the lattices lose is reported of all together, where each was made from a shape.
     return whole if None in asked else whole._reported({**whole.report, "outline_area": sum(asked)})
 
 

@@ -39,7 +39,7 @@ class LatticeKeys(Section):
 
     radius: float = key(1500.0, "m", "half the width of an element", gt=0, le=1e6)
     packing: Packing = key("square", "", "square or hexagonal elements")
-    lattice_angle: float = key(0.0, "degree", "turn of the lattice inside of the outline, counter-clockwise")
+    lattice_angle: float = key(0.0, "degree", "rotation of the lattice inside the outline, counter-clockwise")
     # By default the shift with which the centre of the elements comes nearest to that of the outline.
     offset: Annotated[Pair, AfterValidator(_within_a_pitch)] | None = key(
         None, "", "shift of the lattice inside of the outline, in parts of the distance between its rows"
@@ -51,7 +51,7 @@ class BergKeys(LatticeKeys):
 
     thickness: float | str = key(200.0, "m", "ice thickness, or a file with a map of it")
     placement: Position | None = key(None, "degree", "longitude and latitude of the centre", **PLACE)
-    rotation: float = key(0.0, "degree", "turn of the finished berg, counter-clockwise")
+    rotation: float = key(0.0, "degree", "rotation of the finished berg, counter-clockwise")
     shift: Shift = key((0.0, 0.0), "degree", "longitude and latitude by which it is moved")
     velocity: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
     # A turn in ten minutes: a slip of units, such as degrees a day taken for rad/s.

@@ -303,7 +303,7 @@ def read_band(path: Path, variable: str | None = None) -> tuple[Floats, Floats, 
         raise BergError("no coordinates", where=where, remedy="Write a GeoTIFF with transform and coordinate system")
     # Terms that mix rows and columns: then no row has one latitude.
     if transform.b or transform.d:
-        raise BergError("a turned grid", where=where, remedy="Warp it to a grid along its coordinates")
+        raise BergError("a rotated grid", where=where, remedy="Warp it to a grid along its coordinates")
     if not np.isfinite(list(transform)[:6]).all() or not transform.a or not transform.e:
         raise BergError(
             "a transform that is no grid", where=where, remedy="Write the GeoTIFF again, with its cell size"

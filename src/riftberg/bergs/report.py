@@ -47,7 +47,7 @@ def describe(berg: BondedBerg) -> str:
 
 
 MOST_LISTED = 10
-"""Bergs that are told of one by one."""
+"""Bergs that are reported one by one."""
 
 
 def _each(berg: BondedBerg) -> list[str]:

@@ -81,7 +81,7 @@ def bench(
 
 
 def _others(model: Model, options: Options) -> list[Options]:
-    """What to ask for to have the other schemes that may take the long steps of this run; none where one was asked for."""
+    """The settings of the other schemes that may take the long steps of this run; none where one was chosen."""
     p, asked = model.parameters, dict(options.changes.get("stepping", {}))
     if "scheme" in asked or not options.own or p.bonds.law != "dem" or p.stepping.scheme not in ALIKE:
         return []

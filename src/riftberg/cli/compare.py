@@ -52,7 +52,7 @@ def compare(
     else:
         show(result)
     if output is not None:
-        from riftberg.viz.compare import draw_compared
+        from riftberg.viz.score import draw_compared
 
         with results_folder(output, PICTURES, taken=PICTURES):
             written = [result.write(output / PICTURES[0]), *joined_maps(runs, output / PICTURES[1])]

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 import typer
 
-from riftberg.cli.names import as_named, entries_of
-from riftberg.cli.options import Names, Quiet, dates, pair, positive, results_folder
+from riftberg.cli.options import Names, Quiet, as_named, dates, entries_of, pair, positive, results_folder
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError, RiftbergError
 
@@ -70,7 +69,7 @@ def doctor(
         path=_path_of_run(run) or list(asked.path), product=choices if names else product or asked.products,
         max_gap=asked.max_gap, hold=asked.hold,
     ) if files or asked.files else Report()  # fmt: skip
-    # Who names another path, box or span than that of the experiment asks for more than a run does.
+    # Another path, box or span than that of the experiment needs more than a run does.
     if experiment and not (run or lon or lat or time) and (not files or experiment.endswith(_YAML)):
         report.refusal, report.assumed = _tried(experiment, named, choices)
     elif not experiment and not run and box[0] and box[1] and days:
@@ -122,7 +121,7 @@ def _served(
     days: tuple[str, str],
     choices: Mapping[str, Choice],
 ) -> str:
-    """Return why files do not serve a run of a berg of usual draft in a box, wherever in it; empty if they do."""
+    """Return why files do not suffice for a berg of usual draft in a box, wherever in it; empty if they do."""
     from riftberg.ocean.files_forcing import Run, forcing_from_files
     from riftberg.ocean.files_schema import FileForcing
     from riftberg.parameters import Ice

@@ -65,7 +65,7 @@ class Commands(TyperGroup):
         self.commands = {name: TyperCommand(name, help=summary) for name, summary in SUMMARIES.items()}
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Keep the words for commands that print how to go on; refuse empty ones: a path would mean the folder at hand."""
+        """Keep the words for commands that print how to go on; refuse empty ones: a path would mean the present folder."""
         ctx.obj = list(args)
         if "" in args:
             place = args.index("")
@@ -116,10 +116,10 @@ def _loaded(name: str) -> Any:
 
 
 class App(typer.Typer):
-    """The application, which lists its commands to who asks for them."""
+    """The application; commands are listed without loading them."""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        """Run as the command line: values that are no numbers are told of in our words, not by warnings of NumPy."""
+        """Run as the command line: values that are no numbers are reported in our words, not by warnings of NumPy."""
         warnings.filterwarnings("ignore", category=RuntimeWarning)
         from riftberg.system.process import make_streams_last
 

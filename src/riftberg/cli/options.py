@@ -9,21 +9,21 @@ from __future__ import annotations
 import math
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 
 import typer
 
-from riftberg.errors import InputError
+from riftberg.errors import InputError, nearest
 from riftberg.system.atomic_files import only_writer
 from riftberg.system.input_files import is_folder, shown, value_shown
 from riftberg.system.limits import human
 
 if TYPE_CHECKING:
     from riftberg.experiments import Numerics, Options
-
+    from riftberg.products.registry import Choice
 
 Settings = Annotated[
     list[str] | None,
@@ -43,6 +43,15 @@ NumericsName = Annotated[
         "[default: own; reference for a68a-paper]",
     ),
 ]
+OneNumerics = Annotated[
+    str | None,
+    typer.Option(
+        "--numerics",
+        help="'own', or 'reference' for the numerics and quirks of iKID.  [default: own; reference for a68a-paper]",
+    ),
+]
+Every = Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")]
+Map = Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")]
 Names = Annotated[
     str | None,
     typer.Option(
@@ -59,6 +68,29 @@ PlanName = Annotated[
     str | None, typer.Option("--plan", help="How they are drawn: sobol, random or latin-hypercube.  [default: sobol]")
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all that is drawn.  [default: 1]")]
+ExperimentToRun = Annotated[
+    str | None, typer.Argument(help="A built-in experiment or a YAML file; not needed with --resume.")
+]
+EveryPosition = Annotated[
+    float | None,
+    typer.Option("--every", help="Hours of model time between positions.  [default: 6, or the length of the runs]"),
+]
+DefaultErrors = Annotated[
+    bool,
+    typer.Option(
+        "--default-errors/--no-default-errors", help="Vary what the table of errors in the documentation has."
+    ),
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the members.")
+]
+Workers = Annotated[
+    int | None, typer.Option("--workers", min=0, help="Processes on this machine; 0 to run in this process.")
+]
+Resume = Annotated[
+    Path | None, typer.Option("--resume", metavar="FOLDER", help="Continue in the folder of an earlier call.")
+]
+AllowMore = Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")]
 OutputBeside = Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")]
 
 
@@ -127,7 +159,9 @@ def make_options(
     """Check what was given on the command line."""
     from riftberg.experiments import Options
 
-    if numerics not in (None, "own", "reference", "both"):
+    if numerics == "both":
+        raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
+    if numerics not in (None, "own", "reference"):
         raise InputError(f"{numerics!r} is not known", where="--numerics", remedy="Use own or reference, or both")
     if grid is not None and not 1e-4 <= grid <= 5.0:
         raise InputError(f"{grid:g} degrees", where="--grid", remedy="Give a number from 0.0001 (some 10 m) to 5")
@@ -139,8 +173,7 @@ def make_options(
         from riftberg.experiments.changes import parse_settings
 
         changes = parse_settings(settings)
-    chosen: Numerics | None = None if numerics == "both" else cast("Numerics | None", numerics)
-    return Options(changes, days, data, frozenset(without or ()), chosen, fetch, grid)
+    return Options(changes, days, data, frozenset(without or ()), cast("Numerics | None", numerics), fetch, grid)
 
 
 def output_folder(wished: Path | None, name: str, holds: str = "run.nc") -> Path:
@@ -236,3 +269,52 @@ def results_folder(
             with suppress(OSError):  # one with something in it stays
                 parent.rmdir()
         raise
+
+
+def as_named(files: Sequence[str], product: str | None, names: str | None) -> tuple[Sequence[str], dict[str, Choice]]:
+    """Return the files that patterns name, and for each the product and those of the names that it holds."""
+    if not names:
+        return files, dict.fromkeys(files, product)
+    from riftberg.products.reading import open_raw
+    from riftberg.products.registry import choice_of, expand
+
+    if not files:
+        raise InputError(
+            "no files were named", where="--names", remedy="Name them in the experiment file: names: {uo: u}"
+        )
+    pairs = [part.partition("=") for part in names.split(",")]
+    asked = {key.strip(): name.strip() for key, _, name in pairs}
+    choice_of(None, asked, where="--names")
+    files = expand(files)
+    held = {file: set(map(str, open_raw(file, chunked=False).variables)) for file in files}
+    if missing := set(asked.values()) - set().union(*held.values()):
+        everything = sorted(set().union(*held.values()))
+        remedy = f"{nearest(min(missing), everything)}They hold {', '.join(everything)}"
+        raise InputError(f"no file has a variable {min(missing)!r}", where="--names", remedy=remedy)
+    own = {file: {key: name for key, name in asked.items() if name in held[file]} for file in files}
+    return files, {file: choice_of(product, own[file], where="--names") for file in files}
+
+
+def named_files(experiment: str, names: str, data: Path | None) -> tuple[Any, ...]:
+    """Return the files of an experiment with the variables that are named; a product or names of its own stay."""
+    from riftberg.experiments.yaml_file import read_file
+    from riftberg.ocean.files_schema import FileForcing
+
+    forcing = read_file(Path(experiment))[0].forcing if experiment.endswith((".yaml", ".yml")) else None
+    if not isinstance(forcing, FileForcing):
+        raise InputError(
+            "the forcing has no files", where="--names", remedy="It is for experiment files with kind: files"
+        )
+    folder = data or Path(experiment).parent
+    known = {str(folder / entry.file): entry.choice for entry in forcing.entries if entry.product or entry.names}
+    free = [str(folder / entry.file) for entry in forcing.entries if str(folder / entry.file) not in known]
+    files, choices = as_named(free, None, names)
+    return entries_of([*known, *files], known | choices)
+
+
+def entries_of(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any, ...]:
+    """Return files as an experiment has them, each with its product or names."""
+    from riftberg.ocean.files_schema import NamedFiles
+
+    # A product that is not known is refused where the files are opened, as in a run.
+    return tuple(NamedFiles.chosen(str(Path(file).absolute()), choices[file]) for file in files)

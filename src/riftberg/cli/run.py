@@ -16,6 +16,8 @@ import typer
 from riftberg.cli.options import (
     Data,
     Days,
+    Every,
+    Map,
     Names,
     NumericsName,
     Quiet,
@@ -83,7 +85,7 @@ def run(
         ),
     ] = None,
     names: Names = None,
-    every: Annotated[float | None, typer.Option("--every", help="Hours of model time between records.")] = None,
+    every: Every = None,
     forces: Annotated[
         bool, typer.Option("--forces", help="Write the mean force of each medium between records.")
     ] = False,
@@ -107,7 +109,7 @@ def run(
         float,
         typer.Option("--keep-minutes", help="Minutes of computing between the states saved for --resume; 0 for none."),
     ] = KEEP_MINUTES,
-    map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw map.png.")] = True,
+    map_: Map = True,
     quiet: Quiet = False,
     large: Annotated[
         bool,
@@ -119,9 +121,10 @@ def run(
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""
     with allow_large(large):
-        options = make_options(settings, days, data, without, numerics, fetch, grid)
+        one = None if numerics == "both" else numerics
+        options = make_options(settings, days, data, without, one, fetch, grid)
         if names is not None:
-            from riftberg.cli.names import named_files
+            from riftberg.cli.options import named_files
 
             options = replace(options, files=named_files(experiment, names, data))
         positive(every, "--every", "hours", most=1e6)
@@ -157,7 +160,7 @@ class RunOptions(NamedTuple):
     settings: Sequence[str]  # Parameters that were set
 
     def added_to(self, info: Info) -> Info:
-        """Return an experiment with the files that were asked for on the command line."""
+        """Return an experiment with the files that the command line requests."""
         cells = info.output_cells if self.cells is None else self.cells
         return replace(info, output_forces=info.output_forces or self.forces, output_cells=cells)
 
@@ -193,7 +196,7 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
         )
     model, info, parameters = _built(experiment, options, resume, wanted)
     info = wanted.added_to(info)
-    _tell(info, model, options, wanted)
+    _print_notices(info, model, options, wanted)
     # A state knows the parameters that were set for it, and takes no others.
     wanted = wanted._replace(settings=[*wanted.settings, *settings_between(parameters, model.parameters)])
     folder = resume if goes_on and resume is not None else output_folder(wanted.output, info.name)
@@ -217,7 +220,7 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
         model, info = build(experiment, chosen)
         info = wanted.added_to(info)
         if not folders:
-            _tell(info, model, chosen, wanted)
+            _print_notices(info, model, chosen, wanted)
         folder = folder or output_folder(None, f"{info.name}-both", "comparison.json")
         folders.append(folder / numerics)
         one = wanted._replace(words=[*words, "--numerics", numerics])
@@ -253,8 +256,8 @@ def words_without(words: Iterable[str], *options: str) -> list[str]:
     return rest
 
 
-def _tell(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
-    """Say what should be known before the run: what was made of the berg that was asked for, and what is doubtful."""
+def _print_notices(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
+    """Say what should be known before the run: what was made of the requested berg, and what is doubtful."""
     if info.loses:  # a notice, which --quiet leaves
         say(f"Notice: {info.made}")
     elif info.made and not wanted.quiet:
@@ -271,8 +274,8 @@ def notices_of(info: Info, model: Model, options: Options, hours: float) -> list
     unusual = getattr(model, "unusual", {})
     as_meant = {text for name, text in unusual.items() if info.story is not None and name not in changed}
     days = info.days if options.days is None else options.days
-    told = [text for text in getattr(model, "notices", ()) if text not in as_meant]
-    return [*info.notices, *told, *of_records(hours, days - model.time / 86400.0, model.parameters)]
+    unmeant = [text for text in getattr(model, "notices", ()) if text not in as_meant]
+    return [*info.notices, *unmeant, *of_records(hours, days - model.time / 86400.0, model.parameters)]
 
 
 def check_start(model: Model, days: float, every_hours: float) -> None:
@@ -488,7 +491,7 @@ class Session:
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
 
     def _own_story(self, summary: dict[str, Any]) -> list[str]:
-        """Return what a test case tells of itself, and put its figures into the summary."""
+        """Return what a test case reports of itself, and put its figures into the summary."""
         from riftberg.runs.run_file import open_own
 
         story = self.info.story
@@ -537,8 +540,8 @@ def berg_line(model: Model) -> str:
     return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {size} in {pieces} at {place}"
 
 
-def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str]:
-    """Return a summary in a few lines; ``told`` is what a test case tells of itself instead of fragments."""
+def short_summary(summary: dict[str, Any], reported: Sequence[str] = ()) -> list[str]:
+    """Return a summary in a few lines; ``reported`` is what a test case reports of itself instead of fragments."""
     from riftberg.config.places import duration_text
 
     title = summary["experiment"] or "run"
@@ -556,7 +559,7 @@ def short_summary(summary: dict[str, Any], told: Sequence[str] = ()) -> list[str
     ]
     if len(summary.get("collisions", [])) > 10:
         lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
-    return [*lines, *(told or _berg_lines(summary) or [_areas_line(summary)])]
+    return [*lines, *(reported or _berg_lines(summary) or [_areas_line(summary)])]
 
 
 def ledger_lines(summary: dict[str, Any]) -> list[str]:

@@ -110,7 +110,7 @@ def _numbers(text: str | None) -> list[int]:
 
 
 MOST_SHOWN = 500
-"""Times in a table that somebody may still read."""
+"""Most times in a table."""
 
 
 def table_of(result: Score) -> Table:

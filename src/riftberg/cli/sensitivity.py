@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from riftberg.cli.options import (
+    AllowMore,
     Data,
     Days,
-    NumericsName,
+    DefaultErrors,
+    ExperimentToRun,
+    OneNumerics,
     Quiet,
+    Resume,
+    Scheduler,
     Seed,
     Settings,
     Without,
-    check_folder,
+    Workers,
     make_options,
-    output_folder,
     positive,
     results_folder,
 )
+from riftberg.cli.sweep import opened, run_members
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
+
+if TYPE_CHECKING:
+    from riftberg.ensembles.sweep import Plan
 
 RESULTS = ("sweep.nc", "sweep.json", "sensitivity.csv", "sensitivity.png")
 """Files that the command writes into its folder, beside the folder ``members``."""
@@ -31,9 +39,7 @@ RESULTS = ("sweep.nc", "sweep.json", "sensitivity.csv", "sensitivity.png")
 
 @reported
 def sensitivity(
-    experiment: Annotated[
-        str | None, typer.Argument(help="A built-in experiment or a YAML file; not needed with --resume.")
-    ] = None,
+    experiment: ExperimentToRun = None,
     method: Annotated[
         str, typer.Option("--method", help="morris: effects, for a first look at many inputs; sobol: parts of the variance.")
     ] = "morris",
@@ -48,9 +54,7 @@ def sensitivity(
                      help="Input beside, or instead of, the errors of a forecast: 'drag.water~lognormal(0.9, 20 %)'. "
                      "May be repeated."),
     ] = None,
-    default_errors: Annotated[
-        bool, typer.Option("--default-errors/--no-default-errors", help="Vary what a forecast has errors of by itself.")
-    ] = True,
+    default_errors: DefaultErrors = True,
     at_day: Annotated[
         list[float] | None,
         typer.Option("--at-day", help="Day by which the berg is broken or aground. May be repeated.  "
@@ -67,28 +71,20 @@ def sensitivity(
     days: Days = None,
     data: Data = None,
     without: Without = None,
-    numerics: NumericsName = None,
+    numerics: OneNumerics = None,
     seed: Seed = None,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the members.")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes on this machine; 0 to run in this process.  [default: 0]")
-    ] = 0,
-    resume: Annotated[
-        Path | None, typer.Option("--resume", metavar="FOLDER", help="Continue in a folder, or evaluate it anew.")
-    ] = None,
+    scheduler: Scheduler = None,
+    workers: Workers = 0,
+    resume: Resume = None,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw sensitivity.png.")] = True,
     quiet: Quiet = False,
-    large: Annotated[bool, typer.Option("--allow-large", help="Allow more runs and larger ones.")] = False,
+    large: AllowMore = False,
 ) -> None:  # fmt: skip
     """Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift."""
-    from riftberg.cli.sweep import resumed
     from riftberg.diagnostics.observed import read_observed
     from riftberg.ensembles.forecast import forecast_errors
     from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, results_of
-    from riftberg.ensembles.sweep import Store, draws_of, planned, run_sweep
-    from riftberg.runs.progress import SweepBar
+    from riftberg.ensembles.sweep import draws_of, planned
     from riftberg.system.atomic_files import write_text
 
     for day in at_day or ():
@@ -96,27 +92,27 @@ def sensitivity(
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
     seen = None if observed is None else read_observed(observed)
+
+    def make(experiment: str) -> Plan:
+        options = make_options(settings, days, data, without, numerics)
+        errors = forecast_errors(experiment, vary or [], defaults=default_errors)
+        drawn = draws_of({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": seed})
+        return planned(experiment, errors, options, None, None, drawn)
+
     with allow_large(large):
         announce_compilation(quiet)
-        if resume is not None:
-            store = resumed(resume, experiment, draws, {"--vary": vary, "--output": output, "--seed": seed})
-        elif experiment is None:
-            raise InputError("no experiment is named", where="sensitivity", remedy="Name one, or give --resume FOLDER")
-        else:
-            options = make_options(settings, days, data, without, numerics)
-            errors = forecast_errors(experiment, vary or [], defaults=default_errors)
-            drawn = draws_of({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": seed})
-            folder = output_folder(output, f"{Path(experiment).stem}-sensitivity", "sweep.json")
-            check_folder(folder, RESULTS)
-            store = Store(folder, planned(experiment, errors, options, None, None, drawn), resume=False)
+        kept = {
+            "--vary": vary, "--output": output, "--seed": seed, "--set": settings, "--days": days, "--data": data,
+            "--without": without, "--numerics": numerics, "--no-default-errors": None if default_errors else True,
+        }  # fmt: skip
+        store = opened("sensitivity", experiment, make, output, RESULTS, resume, draws, kept)
         plan = store.plan
         if not quiet:
             say(
                 f"{len(plan.members)} runs of {plan.days:g} days: {plan.draws.number} draws by the plan {plan.draws.plan}"
             )
         with results_folder(store.folder, RESULTS):
-            bar = None if quiet else SweepBar(len(plan.members))
-            ds = run_sweep(store, scheduler=scheduler, workers=workers, bar=bar)
+            ds = run_members(store, "sensitivity", scheduler, workers, quiet=quiet)
             if not (ds["status"] == 0).any():
                 raise RunError("no run came to its end")
             results = results_of(ds, at_day or ())
@@ -132,12 +128,12 @@ def sensitivity(
                 draw_sensitivity(
                     found, store.folder / "sensitivity.png", title=f"{plan.named}, {len(plan.members)} runs"
                 )
-        for line in told(found):
+        for line in summary_lines(found):
             typer.echo(line)
         typer.echo(f"Written to {store.folder}: {', '.join(RESULTS if figure else RESULTS[:-1])}")
 
 
-def told(found: Any) -> list[str]:
+def summary_lines(found: Any) -> list[str]:
     """Return the inputs that matter most for each result, a line each."""
     lines = []
     for name in found["result"].values:

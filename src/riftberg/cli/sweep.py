@@ -8,15 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from riftberg.cli.options import (
+    AllowMore,
     Data,
     Days,
+    EveryPosition,
+    ExperimentToRun,
     Members,
-    NumericsName,
+    OneNumerics,
     PlanName,
     Quiet,
+    Resume,
+    Scheduler,
     Seed,
     Settings,
     Without,
+    Workers,
     check_folder,
     make_options,
     output_folder,
@@ -28,12 +34,11 @@ from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     import xarray as xr
 
-    from riftberg.ensembles.sweep import Store
-    from riftberg.ensembles.vary import Draws
+    from riftberg.ensembles.sweep import Plan, Store
 
 RESULTS = ("sweep.nc", "sweep.json", "sweep.png")
 """Files that a sweep writes into its folder, beside the folder ``members``."""
@@ -41,9 +46,7 @@ RESULTS = ("sweep.nc", "sweep.json", "sweep.png")
 
 @reported
 def sweep(
-    experiment: Annotated[
-        str | None, typer.Argument(help="A built-in experiment or a YAML file; not needed with --resume.")
-    ] = None,
+    experiment: ExperimentToRun = None,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -73,41 +76,28 @@ def sweep(
     days: Days = None,
     data: Data = None,
     without: Without = None,
-    numerics: NumericsName = None,
-    every: Annotated[
-        float | None,
-        typer.Option(
-            "--every", help="Hours of model time between positions of the tracks.  [default: 6, or the length of the runs]"
-        ),
-    ] = None,
+    numerics: OneNumerics = None,
+    every: EveryPosition = None,
     cells: Annotated[
         float | None,
         typer.Option(
             "--cells", help="Write fresh water, heat and mass of each member on cells of this width (degrees), in folder cells."
         ),
     ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the members.")
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", help="Processes on this machine; 0 to run in this process.  [default: one per core]"),
-    ] = None,
-    resume: Annotated[
-        Path | None, typer.Option("--resume", metavar="FOLDER", help="Continue the sweep in a folder.")
-    ] = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    resume: Resume = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw sweep.png.")] = True,
     quiet: Quiet = False,
-    large: Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")] = False,
+    large: AllowMore = False,
 ) -> None:  # fmt: skip
     """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""
+    from riftberg.ensembles.sweep import draws_of, join_parts, planned
+    from riftberg.ensembles.vary import Draws, read_design
+
     with allow_large(large):
-        if workers is not None and workers < 0:
-            raise InputError(f"{workers} processes", where="--workers", remedy="Give 0 or more")
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(quiet)
-        from riftberg.ensembles.sweep import draws_of, join_parts
-
         kept = {
             "--vary": vary, "--design": design, "--plan": plan, "--seed": seed, "--output": output, "--set": settings,
             "--days": days, "--data": data, "--without": without, "--numerics": numerics, "--every": every, "--cells": cells,
@@ -116,45 +106,46 @@ def sweep(
             if any(given not in (None, []) for given in (experiment, resume, part, members, *kept.values())):
                 raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
             join_parts(join)
-            _run(resumed(join, None, None, {}), scheduler, 0, draw=map_, quiet=quiet, run=False)
+            store = resumed(join, None, None, {})
+            store.own = []
+            _run(store, scheduler, 0, draw=map_, quiet=quiet)
             return
         if resume is not None and part is not None:
             raise InputError(
                 "a part goes on by itself", where="--resume", remedy="Name the folder of the part, without --part"
             )
-        if resume is not None:
-            store = resumed(resume, experiment, members, kept)
-        else:
+
+        def make(experiment: str) -> Plan:
             options = make_options(settings, days, data, without, numerics)
             draws = draws_of({"members": members, "plan": plan, "seed": seed})
-            store = _new(experiment, vary, output, options, every, cells, draws, design, _part(part))
+            if design is not None and (vary or draws != Draws()):
+                raise InputError(
+                    "a design says itself what varies", where="--design",
+                    remedy="Leave --vary, --members, --plan and --seed out",
+                )  # fmt: skip
+            what = (vary or []) if design is None else read_design(design)
+            return planned(experiment, what, options, every, cells, draws, design=design is not None)
+
+        store = opened("sweep", experiment, make, output, RESULTS, resume, members, kept, _part(part))
         _run(store, scheduler, workers, draw=map_, quiet=quiet)
 
 
-def _new(
-    experiment: str | None, vary: list[str] | None, output: Path | None, options: Any, every: float | None,
-    cells: float | None, draws: Draws, design: Path | None, part: tuple[int, int] | None,
+def opened(
+    command: str, experiment: str | None, make: Callable[[str], Plan], output: Path | None, results: Sequence[str],
+    resume: Path | None, members: int | None, kept: Mapping[str, Any], part: tuple[int, int] | None = None,
 ) -> Store:  # fmt: skip
-    """Return a sweep at its start, checked."""
-    from riftberg.ensembles.sweep import Store, planned
-    from riftberg.ensembles.vary import Draws, read_design
+    """Return an ensemble at its start, checked, or one that goes on in its folder (see `resumed`)."""
+    from riftberg.ensembles.sweep import Store
 
+    if resume is not None:
+        return resumed(resume, experiment, members, kept, "forecast" if command == "forecast" else "sweep")
     if experiment is None:
         raise InputError(
-            "no experiment is named", where="sweep", remedy="Name one, or go on with one by --resume FOLDER"
+            "no experiment is named", where=command, remedy="Name one, or go on with one by --resume FOLDER"
         )
-    if options.numerics == "both":
-        raise InputError("one kind of numerics is needed", where="--numerics", remedy="Use own or reference")
-    if design is not None and (vary or draws != Draws()):
-        raise InputError(
-            "a design says itself what varies",
-            where="--design",
-            remedy="Leave --vary, --members, --plan and --seed out",
-        )
-    what = (vary or []) if design is None else read_design(design)
-    plan = planned(experiment, what, options, every, cells, draws, design=design is not None)
-    folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
-    check_folder(folder, RESULTS)
+    plan = make(experiment)
+    folder = output_folder(output, f"{Path(experiment).stem}-{command}", "sweep.json")
+    check_folder(folder, results)
     return Store(folder, plan, resume=False, part=part)
 
 
@@ -201,35 +192,37 @@ def resumed(
     return Store(folder, plan, resume=True)
 
 
-def _run(
-    store: Store, scheduler: str | None, workers: int | None, *, draw: bool, quiet: bool, run: bool = True
-) -> None:
-    from riftberg.ensembles.sweep import run_sweep
-    from riftberg.runs.progress import SweepBar
-
+def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool, quiet: bool) -> None:
+    """Run the members that are not done, and write and print the result."""
     if not quiet:
         say(_size(store))
-    bar = None if quiet else SweepBar(len(store.plan.members))
     with results_folder(store.folder, RESULTS):
-        try:
-            if not run:
-                store.own = []
-            result = run_sweep(store, scheduler=scheduler, workers=workers, bar=bar)
-        except (KeyboardInterrupt, SystemExit):
-            say(f"{len(store.done)} of {len(store.plan.members)} members are done. "
-                f"Go on with: riftberg sweep --resume {store.folder}")  # fmt: skip
-            raise
+        result = run_members(store, "sweep", scheduler, workers, quiet=quiet)
     files = ["sweep.nc", "sweep.json", *(["cells/"] if store.plan.cells is not None else [])]
     if draw and (result["status"] == 0).any():
         from riftberg.viz.sweep import draw_sweep
 
         draw_sweep(result, store.folder / "sweep.png")
         files.append("sweep.png")
-    for line in told(result):
+    for line in summary_lines(result):
         typer.echo(line)
     typer.echo(f"Written to {store.folder}: {', '.join(files)}")
     if not (result["status"] == 0).any():
         raise RunError("no member came to its end")
+
+
+def run_members(store: Store, command: str, scheduler: str | None, workers: int | None, *, quiet: bool) -> xr.Dataset:
+    """Run the members that are not done; say how an ensemble that is stopped goes on."""
+    from riftberg.ensembles.sweep import run_sweep
+    from riftberg.runs.progress import SweepBar
+
+    number = len(store.plan.members) + store.plan.forecast  # a forecast has its control beside the members
+    try:
+        return run_sweep(store, scheduler=scheduler, workers=workers, bar=None if quiet else SweepBar(number))
+    except (KeyboardInterrupt, SystemExit):
+        say(f"{len(store.done)} of {number} members are done. "
+            f"Go on with: riftberg {command} --resume {store.folder}")  # fmt: skip
+        raise
 
 
 def _size(store: Store) -> str:
@@ -239,7 +232,7 @@ def _size(store: Store) -> str:
     return f"{len(plan.members)} members ({varied}), {plan.days:g} days each{done}"
 
 
-def told(result: xr.Dataset) -> list[str]:
+def summary_lines(result: xr.Dataset) -> list[str]:
     """Return a sweep in a few lines: what came of each member, and what failed."""
     names = [str(name) for name in result.coords if "parameter" in result[name].attrs]
     lines = []

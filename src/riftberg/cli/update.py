@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from riftberg.cli.options import Quiet, check_folder, within
+from riftberg.cli.options import Quiet, Workers, check_folder, within
 from riftberg.cli.terminal import announce_compilation, reported, say
 
 
@@ -40,9 +40,7 @@ def update(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder of the new members.  [default: FOLDER-updated]")
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes on this machine; 0 to run in this process.  [default: 0]")
-    ] = 0,
+    workers: Workers = 0,
     quiet: Quiet = False,
 ) -> None:  # fmt: skip
     """Weight the members of a forecast by new sightings; where too few of them count, run new ones around these."""

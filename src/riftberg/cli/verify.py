@@ -84,7 +84,7 @@ def verify(
     with results_folder(folder, names, taken=names):
         written = [write_json(result, folder / FILES[0])]
         if figure:
-            from riftberg.viz.verification import draw_verification
+            from riftberg.viz.score import draw_verification
 
             written.append(draw_verification(result, folder / FILES[1]))
     say("Written: " + ", ".join(str(path) for path in written))

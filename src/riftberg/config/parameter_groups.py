@@ -109,7 +109,7 @@ class Drag(Group):
     rotational: bool = quantity(
         True,
         "",
-        "skin drag of the water on a spinning element, so that loose elements do not spin for ever",
+        "skin drag of the water on a spinning element, so that loose elements come to rest",
         "Riftberg; reference has none",
     )
 
@@ -342,7 +342,7 @@ class Stepping(Group):
     scheme: Scheme = quantity(
         "quasi_static",
         "",
-        "quasi_static, mts, verlet or runge_kutta; mts where sub-steps or spring bonds are asked for and no scheme is named",
+        "quasi_static, mts, verlet or runge_kutta; mts where sub-steps or spring bonds are set and no scheme is named",
         "equations 6; quasi_static: Riftberg",
     )
     time_step: float = quantity(
@@ -425,7 +425,7 @@ class Earth(Group):
     @model_validator(mode="before")
     @classmethod
     def _degrees_are_no_metres(cls, given: Any) -> Any:
-        """Take the default of 360 as no period where positions are metres: nothing comes round after 360 m."""
+        """Take the default of 360 as no period where positions are metres: nothing is periodic after 360 m."""
         if (
             isinstance(given, dict)
             and given.get("latlon") in (False, 0, "false")
@@ -596,7 +596,7 @@ class Compatibility(Group):
     flat_relative_velocity: bool = quantity(
         False,
         "",
-        "bonds compare velocities whose axes differ by the convergence of the meridians; a hexagonal berg that turns "
+        "bonds compare velocities whose axes differ by the convergence of the meridians; a hexagonal berg that rotates "
         "then loads itself",
         "equations 5.4",
     )

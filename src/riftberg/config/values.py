@@ -252,7 +252,7 @@ def allowed(field: FieldInfo, *, metres: bool = False) -> str:
     unit = "m" if metres and _extra(field, "place") else unit_of(field)
     text += f", in {unit}" if unit not in ("", "1") else ""
     text += " or none" if type(None) in get_args(field.annotation) else ""
-    # What follows a semicolon tells of special cases, which nobody can read in brackets.
+    # What follows a semicolon is about special cases, which are hard to read in brackets.
     return text + (f" ({field.description.split(';')[0]})" if field.description else "")
 
 

@@ -21,8 +21,8 @@ from riftberg.life.ledger import PROCESSES, stocks
 from riftberg.life.melt import scaled_mass
 from riftberg.life.process import LifeModel, date_of_birth
 from riftberg.model import BareModel
+from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
-from riftberg.ocean.grid_arrays import CORNER_FIELDS, Fields
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.media import FORCES
@@ -59,7 +59,7 @@ class Settling:
         return np.asarray(mass - less + more * (less.sum() / more.sum()))
 
 
-def refuse_meeting(old: Elements, new: Elements, metric: Metric) -> None:
+def refuse_overlap(old: Elements, new: Elements, metric: Metric) -> None:
     """Refuse new elements that lie on others."""
     if not old.size:
         return
@@ -406,7 +406,7 @@ class Exchange:
         berg = shelf.berg(radius=radius, packing=p.bonds.packing, velocity=velocity)
         new = berg.elements
         self.grid.locate(new)
-        refuse_meeting(model.elements, new, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
+        refuse_overlap(model.elements, new, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
         new.life.start_mass[:], new.life.start_lon[:], new.life.start_lat[:] = new.mass, new.lon, new.lat
         year, day = date_of_birth(_next_step(model))
         new.life.start_year[:], new.life.start_day[:] = year, day

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, nearest
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.state import Floats
 
@@ -18,7 +18,7 @@ from riftberg.state import Floats
 class Exchanged(NamedTuple):
     """What is exchanged."""
 
-    field: str  # Short name here; of what comes in, the field of `riftberg.ocean.grid_arrays.Fields` where there is one
+    field: str  # Short name here; of what comes in, the field of `riftberg.ocean.cells.Fields` where there is one
     units: str  # Units in which it is handed over unless others are stated
     meaning: str  # In plain words
     low: float = -np.inf  # Limits of what can be

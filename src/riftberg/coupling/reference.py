@@ -18,8 +18,8 @@ from riftberg.life.calving import FluxCalving
 from riftberg.life.melt import LifeValues, MeltStep, bit_shape, life_values, scaled_mass
 from riftberg.life.process import LifeModel, LifeProcess
 from riftberg.model import BareModel
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import Fields
 from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import separation
 from riftberg.physics.spreading import hexagon_shares, rectangle_shares, wet_part

@@ -68,13 +68,11 @@ class Stock(NamedTuple):
 class Closure(NamedTuple):
     """Whether what leaves the bergs arrives in the ocean."""
 
-    water: float  # What left the ice since the start, kg and J
-    heat: float  # What left the ice since the start, kg and J
+    water: float  # What left the ice since the start, kg
+    heat: float  # The same, J
     # What of it did not arrive, as part of what ice and ocean hold: fresh water of the ocean is counted by its mass of
     # salt
     water_error: float
-    # What of it did not arrive, as part of what ice and ocean hold: fresh water of the ocean is counted by its mass of
-    # salt
     heat_error: float
 
 

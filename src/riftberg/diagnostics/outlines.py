@@ -47,7 +47,7 @@ CROSSED: Final = 0.02
 """Part of its area that an outline may have in loops that cross: hand-drawn ones have small ones."""
 
 _MOST: Final = 500
-"""Most pieces that whole numbers may tell apart; with more of them it is no mask but a depth or a height."""
+"""Most pieces that whole numbers may distinguish; with more of them it is no mask but a depth or a height."""
 
 _MASKS: Final = ("mask", "berg", "b_id", "iceberg", "berg_mask", "iceberg_mask", "label", "labels", "fraction")
 _LINES: Final = ("crack", "rift", "line")
@@ -109,7 +109,7 @@ def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline
         where = f"{path}, outline {number}"
         when, day_only = find_date(feature.properties, [path.stem], where=where, stated=date)
         for part in getattr(feature.geometry, "geoms", [feature.geometry]):
-            ring = checked_ring(part.exterior.coords, where, "Add the .prj file that tells its coordinate system")
+            ring = checked_ring(part.exterior.coords, where, "Add the .prj file with its coordinate system")
             yield Outline(_name(feature.properties), when, day_only, ring)
 
 

@@ -77,9 +77,7 @@ class Match:
     distance_km: float | None  # Between the centroids
     # Long axes, degrees clockwise from north; the difference model minus observed lies in [-90, 90)
     azimuth: float | None
-    # Long axes, degrees clockwise from north; the difference model minus observed lies in [-90, 90)
     azimuth_observed: float | None
-    # Long axes, degrees clockwise from north; the difference model minus observed lies in [-90, 90)
     azimuth_difference: float | None
     area_km2: float | None
     area_observed_km2: float | None

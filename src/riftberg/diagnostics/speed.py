@@ -21,7 +21,7 @@ whole_run : the whole length of the experiment in processor time, best of its re
     slowest repeat's seconds per day), yardsticks (seconds_per_day over the yardstick's processor time), dearest_days (the
     three: day, counted from 0, and seconds) and with_output (seconds_per_day and slowest of a run that writes its run
     file); null where it would take longer than a minute, or where ``--days`` asks for something else
-other_schemes : a list of the same for the other schemes that an experiment may take; empty where a scheme was asked for
+other_schemes : a list of the same for the other schemes that an experiment may take; empty where a scheme was chosen
 """
 
 from __future__ import annotations
@@ -218,7 +218,7 @@ def _timed_step(model: Model) -> float:
 
 
 def memory_mb() -> float | None:
-    """Return the largest memory that this process has held, MiB; None where the system does not tell."""
+    """Return the largest memory that this process has held, MiB; None where the system does not say."""
     try:
         import resource
     except ImportError:  # Windows

@@ -14,7 +14,7 @@ breakups : list, one entry per fragment that split from its parent:
 bergs : list, one entry per berg of the start, and per one added later: number, name, area_km2 (as it was then), fragments
     (how many pieces it is in at the end), largest_km2 (of these), areas_km2 (of the six largest), melted_kg, and
     drift_east_km, drift_north_km (of the largest from where the berg began), lon, lat (of the largest), null where it is gone
-collisions : list, one entry per meeting of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
+collisions : list, one entry per collision of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
     speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 
 
 MOST_FRAGMENTS: Final = 100
-"""Fragments of which the ledger of a summary tells, those that lost most; the run file has all."""
+"""Fragments in the ledger of a summary, those that lost most; the run file has all."""
 
 
 class Stopwatch:
@@ -251,7 +251,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
 
 
 def collisions(model: BareModel) -> list[dict[str, Any]]:
-    """Return one entry per meeting of two bergs or fragments, in order of time."""
+    """Return one entry per collision of two bergs or fragments, in order of time."""
     names = {int(row["number"]): called(row) for row in fragment_rows(model)}
     return [
         {
@@ -288,10 +288,10 @@ def _breakup(start: datetime, row: dict[str, Any], names: dict[int, str]) -> dic
 
 
 NAMED: Final = 6
-"""Fragments that are told of one by one; the others together."""
+"""Fragments that are listed one by one; the others together."""
 
 LEAST: Final = 1e-3
-"""Parts of a loss below this are not told."""
+"""Parts of a loss below this are not listed."""
 
 
 def melt_by_fragment(run: xr.Dataset) -> dict[int, dict[str, float]]:
@@ -317,7 +317,7 @@ def melted_words(run: xr.Dataset) -> dict[int, str]:
 def melt_lines(run: xr.Dataset) -> list[str]:
     """Return in words what all and what each of the largest losers lost; nothing where nothing melts.
 
-    The first line tells of bits that have not melted yet too, and of bergs born on the way: children of footloose calving
+    The first line counts bits that have not melted yet too, and of bergs born on the way: children of footloose calving
     and of land.
     """
     lost = melt_by_fragment(run)

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from riftberg.errors import ForcingError
 from riftberg.kid.namelist import LATE_START, NamelistGroup, date_after
 from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
-from riftberg.ocean.grid_arrays import Fields
 from riftberg.state import Floats
 from riftberg.system.limits import MEANT, extreme_allowed
 

@@ -18,22 +18,20 @@ from riftberg.bergs.bonding import Metric
 from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
-from riftberg.kid.calving_file import CALVING_FILE, IdentifierCounter, read_stores, write_stores
-from riftberg.kid.checks import check_distances
 from riftberg.kid.driver import MOST_CELLS, check_medium, field_rules
 from riftberg.kid.namelist import Clock, KidNamelist, NamelistGroup
-from riftberg.kid.parameters import namelist_period, time_step, to_parameters
-from riftberg.kid.restart import as_iceberg, read_restart
+from riftberg.kid.parameters import check_distances, namelist_period, time_step, to_parameters
+from riftberg.kid.restart import CALVING_FILE, IdentifierCounter, as_iceberg, read_restart, read_stores, write_stores
 from riftberg.kid.trajectories import resample_environment
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.draws import ReferenceDraws
+from riftberg.life.footloose import ReferenceDraws
 from riftberg.life.melt import life_values
 from riftberg.life.process import LifeModel
 from riftberg.model import Recorder, finish_all
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
-from riftberg.ocean.grid_arrays import Fields
 from riftberg.parameters import Parameters
-from riftberg.physics.rolling import roll
+from riftberg.physics.floating import roll
 from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Floats, new_elements
 from riftberg.system.atomic_files import replacing

@@ -16,8 +16,8 @@ from riftberg.errors import NamelistError
 from riftberg.kid.a68 import LIMITS, STRESS, a68_grid, a68_records
 from riftberg.kid.namelist import LATE_START, Clock, KidNamelist, NamelistGroup
 from riftberg.kid.parameters import namelist_period, time_step
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
-from riftberg.ocean.grid_arrays import Fields
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.state import Floats
 from riftberg.system.limits import MEANT, MOST_STEPS, extreme_allowed, refuse_large

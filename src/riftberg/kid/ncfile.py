@@ -21,8 +21,7 @@ from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import refusal, replacing
 from riftberg.system.input_files import check_file, reading, value_shown
 from riftberg.system.limits import MOST_VALUES, refuse_large
-from riftberg.system.netcdf_headers import whole_size
-from riftberg.system.netcdf_lock import NETCDF, open_netcdf
+from riftberg.system.netcdf_lock import NETCDF, open_netcdf, whole_size
 from riftberg.system.process import opening
 
 _UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")

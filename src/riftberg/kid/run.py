@@ -13,13 +13,18 @@ import numpy as np
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
 from riftberg.kid.a68 import place_note
-from riftberg.kid.calving_file import CALVING_FILE
-from riftberg.kid.checks import check_both_sides, check_calving_store, check_distances, check_footloose, order_sides
 from riftberg.kid.coupled import CoupledRun, attach_life, without_idle_life
 from riftberg.kid.driver import build_clock, build_grid, driver_forcing
 from riftberg.kid.namelist import Clock, KidNamelist, NamelistGroup, read_namelist
-from riftberg.kid.parameters import to_parameters
-from riftberg.kid.restart import as_iceberg, id_text, read_bonds, read_restart, write_bonds, write_restart
+from riftberg.kid.parameters import (
+    check_both_sides,
+    check_calving_store,
+    check_distances,
+    check_footloose,
+    order_sides,
+    to_parameters,
+)
+from riftberg.kid.restart import CALVING_FILE, as_iceberg, id_text, read_bonds, read_restart, write_bonds, write_restart
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
 from riftberg.model import Recorder
 from riftberg.ocean.grid import Grid

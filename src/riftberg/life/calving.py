@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.config.parameter_groups import Calving, ClassTable
 from riftberg.errors import InputError
-from riftberg.life.draws import FmsStream
+from riftberg.life.footloose import FmsStream
 from riftberg.ocean.cells import position_in_cell
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters

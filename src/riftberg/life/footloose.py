@@ -2,12 +2,13 @@
 
 A berg of one element follows the rules of the reference. A berg of many elements, which the reference refuses, is cut at its
 edges: the feet of all its elements count together, a piece takes from each element as much area as that has part in the
-foot, and all of it goes to the bits or to the child. Source: files 2.
+foot, and all of it goes to the bits or to the child. Source: files 2. Places on the rim come from one stream of random numbers
+as in the reference, or from draws that depend on berg and step alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -15,21 +16,78 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.errors import RunError
-from riftberg.life.draws import Draws
 from riftberg.life.melt import LifeValues, bit_shape
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
+from riftberg.physics.floating import roll
 from riftberg.physics.footloose import ASPECT, foot_length, piece_width, pieces_ready, rim_place, sides_without
-from riftberg.physics.geometry import move, separation
-from riftberg.physics.quadrilaterals import wrap_around
-from riftberg.physics.rolling import roll
+from riftberg.physics.geometry import move, separation, wrap_around
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
-from riftberg.state.order import listed
+from riftberg.state.numbering import listed
 from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, contact_cells, within_cells
 from riftberg.stepping.forces.sizes import radius_of
 from riftberg.stepping.fragments.tree import FragmentTree
+
+_LARGEST: Final = 2.0**32 - 1.0
+
+
+class Draws(Protocol):
+    """Where random numbers from 0 to 1 come from."""
+
+    def draw(self, rank: int, identifier: int, step: int) -> float:
+        """Return the number for a child of an element, born in a long step, of a process of the reference."""
+
+
+class FmsStream:
+    """Random numbers of FMS: Mersenne twister with an array as seed; a draw is the next 32 bits over the largest (files, 0.5).
+
+    Examples
+    --------
+    >>> round(FmsStream((0, 0, 1, 1, 1, 0, 0, 0)).next(), 6)
+    0.121208
+
+    """
+
+    def __init__(self, seed: int | Sequence[int]) -> None:
+        self._twister = np.random.RandomState(seed)
+
+    def next(self) -> float:
+        """Return the next draw, from 0 to 1, both included."""
+        return int.from_bytes(self._twister.bytes(4), "little") / _LARGEST
+
+
+class ReferenceDraws:
+    """Draws as in the reference (quirk T10): a stream for each process, seeded by its rank and the date of its first step.
+
+    ``date``: year, month, day, hour, minute and second of the first step.
+    """
+
+    def __init__(self, date: tuple[int, ...], one_draw: bool = False) -> None:
+        self._date, self._one_draw = date, one_draw
+        self._streams: dict[int, FmsStream] = {}
+        self._first: dict[int, float] = {}
+
+    def draw(self, rank: int, identifier: int, step: int) -> float:
+        """Return the next number of the stream of a process; every stream loses one draw at its start (files, 2.2)."""
+        if rank not in self._streams:
+            self._streams[rank] = FmsStream((rank, rank, *self._date))
+            self._first[rank] = self._streams[rank].next()
+        return self._first[rank] if self._one_draw else self._streams[rank].next()
+
+
+class OwnDraws:
+    """Draws by seed, step and element, so that a run that is resumed goes on alike, and no berg changes another's."""
+
+    def __init__(self, seed: int, one_draw: bool = False) -> None:
+        self._seed, self._one_draw = seed, one_draw
+
+    def draw(self, rank: int, identifier: int, step: int) -> float:
+        """Return the number of a child of an element that is born in a long step."""
+        key = (self._seed,) if self._one_draw else (self._seed, step, identifier)
+        return float(np.random.default_rng(key).random())
+
 
 LARGEST_CUT: Final = 0.5
 """Part of its area that an element of a bonded berg loses to pieces in one step at most; the rest stays in its foot."""

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import Parameters
 from riftberg.physics.basal_melt import ExchangeValues, basal_melt_rate
-from riftberg.physics.coriolis import coriolis_parameter
-from riftberg.physics.floating import draft_of
+from riftberg.physics.floating import LEGACY, UPDATED, WEEKS_MELLOR, draft_of, roll
 from riftberg.physics.footloose import ASPECT, grow_foot, piece_width
 from riftberg.physics.melting import (
     base_melt_rate,
@@ -25,7 +24,7 @@ from riftberg.physics.melting import (
     side_melt_rate,
     wave_erosion_rate,
 )
-from riftberg.physics.rolling import LEGACY, UPDATED, WEEKS_MELLOR, roll
+from riftberg.physics.momentum import coriolis_parameter
 from riftberg.state import Elements, Floats, Ints, Life, Place
 from riftberg.state.numbering import numbered
 

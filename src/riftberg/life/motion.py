@@ -61,7 +61,6 @@ class MotionBalance(NamedTuple):
     work: dict[str, float]  # Work of each of `GIVERS`, J
     # Elastic energy in bonds, J; None where bonds are not those of a lattice that vibrates (scheme mts, law dem)
     elastic_start: float | None
-    # Elastic energy in bonds, J; None where bonds are not those of a lattice that vibrates (scheme mts, law dem)
     elastic_now: float | None
     # Elastic energy that bonds held before the step in which they broke; in the quasi-static scheme that of the cracks.
     # J

@@ -13,8 +13,7 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 
 from riftberg.errors import InputError
-from riftberg.life.draws import Draws, OwnDraws
-from riftberg.life.footloose import Calved, Circumstances, Living, calve_footloose, let_children_go
+from riftberg.life.footloose import Calved, Circumstances, Draws, Living, OwnDraws, calve_footloose, let_children_go
 from riftberg.life.ledger import Balance, Ledger, add_melt, latent_deficit, stocks, water_by_process
 from riftberg.life.melt import NO_RATES, MeltStep, life_values, melt_step
 from riftberg.ocean.forcing import Forcing

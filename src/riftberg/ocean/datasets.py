@@ -26,9 +26,9 @@ from riftberg.ocean.at_elements import (
     fill_values,
     fill_vorticity,
 )
+from riftberg.ocean.cells import FIELD_DEFAULTS
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.ocean.product_records import DayMeans, ProductRecords
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
@@ -71,15 +71,15 @@ MUST_BE_KNOWN: Final = ("uo", "vo", "ua", "va", "ssh")
 
 
 NO_NAMES: Final = ("cf", "")
-"""Products that are known by their conventions alone, which tell nobody whose fields they are."""
+"""Products that are known by their conventions alone, which do not say whose fields they are."""
 
 
 class Part(NamedTuple):
-    """One product: its points, its records, and the fields (keys of `FILLS`) that it serves."""
+    """One product: its points, its records, and the fields (keys of `FILLS`) that it gives."""
 
     mesh: Mesh
     records: ProductRecords
-    serves: tuple[str, ...]
+    gives: tuple[str, ...]
 
     @property
     def source(self) -> str:
@@ -106,7 +106,7 @@ def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Pa
 
     ``keel``: deepest draft (m).
     """
-    return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), served(records))
+    return Part(mesh_of(ds), records := ProductRecords(ds, start, keel=keel), provided_by(records))
 
 
 def balance_of(part: Part) -> Part:
@@ -125,7 +125,7 @@ def shallow_balance(balance: Part) -> list[str]:
     ]
 
 
-def served(records: ProductRecords) -> tuple[str, ...]:
+def provided_by(records: ProductRecords) -> tuple[str, ...]:
     """Return the fields (keys of `FILLS`) that records hold."""
     return tuple(name for name in FILLS if name in records.names and (name not in WAVES or "wave_x" in records.names))
 
@@ -150,7 +150,7 @@ class DatasetForcing(DescribedForcing):
     Parameters
     ----------
     parts : sequence of Part
-        Each field is served by one part.
+        Each field is provided by one part.
     ice_density : float
         kg m-3; gives the draft of an element, over which currents on levels are averaged.
     draft : float
@@ -167,7 +167,7 @@ class DatasetForcing(DescribedForcing):
     Raises
     ------
     ForcingError
-        If two parts serve the same field.
+        If two parts give the same field.
     """
 
     start: datetime | None = None
@@ -191,14 +191,14 @@ class DatasetForcing(DescribedForcing):
         self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
         self.draft = number(draft, "m", where="draft", kind=ForcingError)
         self._density: float = given(ice_density, Ice, "density", where="ice_density", kind=ForcingError)
-        served = [name for part in self.parts for name in part.serves]
-        for name in served:
-            if served.count(name) > 1:
+        provided = [name for part in self.parts for name in part.gives]
+        for name in provided:
+            if provided.count(name) > 1:
                 raise ForcingError(f"{name} comes from two products", where="forcing", remedy="Name one of them")
         if balance is not None:
             self.notices = (*self.notices, *shallow_balance(balance))
-            served.append("ssh")
-        filled = {variable for name in served for variable in FILLS[name]}
+            provided.append("ssh")
+        filled = {variable for name in provided for variable in FILLS[name]}
         self._missing = tuple(name for name in VARIABLES if name not in filled)
 
     @classmethod
@@ -218,7 +218,7 @@ class DatasetForcing(DescribedForcing):
         Parameters
         ----------
         datasets : xarray.Dataset or sequence of them
-            Currents and, as they are at hand, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
+            Currents and, where available, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
             its own grid and at its own times.
         start : date, optional
             Date of the model's time 0 (UTC), as `riftberg.Model` takes it; by default the first at which all of them have
@@ -277,7 +277,7 @@ class DatasetForcing(DescribedForcing):
         notices = [*named_remarks(given), *idle_fields(given), *doubtful_units(given)]
         parts = [product_part(ds, begin) for ds in given]
         if sea_level == "geostrophic":
-            currents = next((part for part in parts if "uo" in part.serves), None)
+            currents = next((part for part in parts if "uo" in part.gives), None)
             if currents is None:
                 raise ForcingError(
                     "no dataset gives currents, which the sea surface could balance", where="sea_level: geostrophic",
@@ -307,9 +307,9 @@ class DatasetForcing(DescribedForcing):
         # The depth is that of the floor below mean sea level; the sea level is added once all parts are there.
         level = np.zeros(elements.lon.size)
         for part, places in self._placed(elements):
-            for name in part.serves:
+            for name in part.gives:
                 self._fill(part, name, places, elements, time)
-            if "ssh" in part.serves and self._serving("depth_below_surface") is not None:
+            if "ssh" in part.gives and self._part_with("depth_below_surface") is not None:
                 level = np.nan_to_num(_values(part, "ssh", places, time, None))
         if "depth" not in self._missing:
             elements.depth[:] += level
@@ -376,7 +376,7 @@ class DatasetForcing(DescribedForcing):
             outside = np.flatnonzero(places.row < 0)
             if outside.size:
                 raise ForcingError(
-                    f"{_named(elements, int(outside[0]))} is outside of the data of {', '.join(part.serves)}",
+                    f"{_named(elements, int(outside[0]))} is outside of the data of {', '.join(part.gives)}",
                     where=part.source,
                     remedy="Give data that cover it, or fewer days"
                     if in_python(part.records.ds)
@@ -385,27 +385,27 @@ class DatasetForcing(DescribedForcing):
             yield part, places
 
     def check(self, elements: Elements, start: float, end: float) -> None:
-        """Raise `ForcingError` unless every part serves these elements from ``start`` to ``end`` (s).
+        """Raise `ForcingError` unless every part covers these elements from ``start`` to ``end`` (s).
 
         Refused are data without currents, elements outside of the data or on land, keels below the levels, times that no
         record covers, and values that cannot be.
         """
-        if self._serving("uo") is None:
+        if self._part_with("uo") is None:
             raise ForcingError(
-                f"nothing gives currents, only {', '.join(part for each in self.parts for part in each.serves)}",
+                f"nothing gives currents, only {', '.join(part for each in self.parts for part in each.gives)}",
                 where=self.title, remedy="Add data of them, or say what they are: + Forcing.uniform(current=(0.0, 0.0))",
             )  # fmt: skip
         self.check_fields(elements, start, end)
 
     def check_fields(self, elements: Elements, start: float, end: float) -> None:
-        """Raise `ForcingError` unless every part serves these elements; currents may come from elsewhere."""
+        """Raise `ForcingError` unless every part covers these elements; currents may come from elsewhere."""
         for part, places in self._placed(elements):
             part.records.check(start, end)
-            for name in part.serves:
+            for name in part.gives:
                 for component in (name, VECTORS.get(name, "")):
                     if component in (*MUST_BE_KNOWN, "depth_below_surface"):
                         self._check_known(part, component, places, elements, start)
-            if "uo" in part.serves and part.records.has_levels:
+            if "uo" in part.gives and part.records.has_levels:
                 self._check_keels(part, elements)
 
     def _check_known(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
@@ -437,12 +437,12 @@ class DatasetForcing(DescribedForcing):
                 else "Fetch deeper levels (--depth), or take the currents of the surface (forcing.currents: surface)",
             )
 
-    def _serving(self, name: str) -> Part | None:
-        return next((part for part in self.parts if name in part.serves), None)
+    def _part_with(self, name: str) -> Part | None:
+        return next((part for part in self.parts if name in part.gives), None)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside and on land."""
-        part = self._serving("uo")
+        part = self._part_with("uo")
         if part is None:  # those of a sum come from its formulas
             return np.zeros(np.shape(lon)), np.zeros(np.shape(lon))
         x, y = _flat(lon), _flat(lat)
@@ -453,7 +453,7 @@ class DatasetForcing(DescribedForcing):
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) below mean sea level at arrays of points; NaN outside and on land."""
-        part = self._serving("depth_below_surface")
+        part = self._part_with("depth_below_surface")
         if part is None:
             return np.full(np.shape(lon), FIELD_DEFAULTS["depth"])
         places = part.mesh.locate(_flat(lon), _flat(lat))
@@ -510,15 +510,15 @@ def _described(part: Part) -> str:
     dates = [str(date.astype("datetime64[m]")) for date in records.dates]
     when = f"{len(dates)} records from {dates[0]} to {dates[-1]}" if dates else "constant in time"
     rows, columns = points.lon.shape
-    lines = [f"{', '.join(part.serves)}: gridded fields from {part.source}, {when}, {rows} x {columns} points"]
-    if "uo" in part.serves and records.has_levels:
+    lines = [f"{', '.join(part.gives)}: gridded fields from {part.source}, {when}, {rows} x {columns} points"]
+    if "uo" in part.gives and records.has_levels:
         lines.append(
             f"currents: mean over the draft of each element, from {records.limits.size - 1} layers to "
             f"{records.limits[-1]:g} m"
         )
     lines += [
         f"{name}: at the surface for waves, mean over the draft of each element for sides and base"
-        for name in OVER_KEEL if name in part.serves and records.on_levels(name)
+        for name in OVER_KEEL if name in part.gives and records.on_levels(name)
     ]  # fmt: skip
     return "\n".join(lines)
 
@@ -591,7 +591,7 @@ class Forcing(formulas.Formula):
         Parameters
         ----------
         datasets : xarray.Dataset or sequence of them
-            Currents and, as they are at hand, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
+            Currents and, where available, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
             its own grid and at its own times.
         start : datetime.datetime, optional
             Date of the model's time 0 (UTC); by default the first at which all of them have records. A model with this

@@ -75,7 +75,7 @@ def doctor(
     hold: float | None = None,
     wished: Sequence[str] | None = None,
 ) -> Report:
-    """Tell what files are and whether they serve an experiment; never raises for bad files, it reports them.
+    """Identify files and check that they suffice for an experiment; never raises for bad files, it reports them.
 
     ``lon``, ``lat``: box of the experiment (degrees); ``path``: positions of the berg, where missing values matter
     ((lon, lat)); ``max_gap``, ``hold``: what the run allows, s: the longest gap that is interpolated across, and how

@@ -8,7 +8,7 @@ exponential one in time. The current that balances it at each latitude comes wit
 and the slopes are those that balance this current, ``f v / g`` and ``-f u / g``. Beyond 5 degrees from the equator these
 are the slopes of eta itself; nearer to it eta is a stream function whose level fades with f. Such a current has the
 divergence -beta v / f, about L / (R tan(latitude)) of its vorticity: below 1 % for 50 km poleward of 40 degrees. The
-standard deviation of each component is that asked for at the latitude of the start, and goes with 1 / f from there.
+standard deviation of each component is the one given at the latitude of the start, and goes with 1 / f from there.
 
 Fields are made by FFT on a periodic grid of points L / 2 apart, in time by an autoregressive sequence of order 1, and read
 between the points by cubic splines, which keep the variance (linear interpolation loses up to half of it).

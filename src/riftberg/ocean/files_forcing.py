@@ -16,7 +16,7 @@ from riftberg.config.places import box_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
-from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, balance_of, product_part, served
+from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, balance_of, product_part, provided_by
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import Block, ProductRecords, check_not_empty, records_at_once
@@ -212,7 +212,7 @@ class ModelGrid(NamedTuple):
     def part(self, ds: xr.Dataset, run: Run) -> Part:
         """Return a product on this grid."""
         fields = _GridRecords(ds, run, self)
-        return Part(AxesMesh(self.lon, self.lat), fields, served(fields))
+        return Part(AxesMesh(self.lon, self.lat), fields, provided_by(fields))
 
 
 class _GridRecords(ProductRecords):
@@ -343,7 +343,7 @@ def _unused(opened: list[xr.Dataset], datasets: list[xr.Dataset], run: Run) -> l
     if {"taux", "ua"} <= set(held) and "ua" in taken:
         said.append(f"{records.named(held['taux'])}: wind stress (taux, tauy) is not used beside a wind")
     if not run.melts and (idle := [name for name in ("sst", "sss", "ice_fraction") if name in taken]):
-        said.append(f"{', '.join(idle)} serve melt alone, which is off in this run")
+        said.append(f"{', '.join(idle)} are for melt alone, which is off in this run")
     if run.melts and "wave_height" in taken:
         said.append("given waves push the berg; what waves melt follows from the wind all the same")
     return said

@@ -37,7 +37,7 @@ class Forcing(Protocol):
         """
 
     def check(self, elements: Elements, start: float, end: float) -> None:
-        """Raise `riftberg.errors.ForcingError` unless the forcing serves these elements from ``start`` to ``end`` (s)."""
+        """Raise `riftberg.errors.ForcingError` unless the forcing covers these elements from ``start`` to ``end`` (s)."""
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
         """Return the ocean current (m s-1) at arrays of points, for maps; NaN outside."""

@@ -32,9 +32,9 @@ from riftberg.config.sections import ICE_UNITS, PLACE, Pair, Position, SeaIce, V
 from riftberg.config.values import UnfitError, explained, fields_of, in_metres, plain_value, says_metres
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
+from riftberg.ocean.cells import FIELD_DEFAULTS
 from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, pair_text, said, sea_level
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.grid_arrays import FIELD_DEFAULTS
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
 
@@ -223,7 +223,7 @@ class Sum(Formula):
                 part.sample(elements, time)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
-        """Raise `ForcingError` unless all parts serve these elements from ``start`` to ``end`` (s)."""
+        """Raise `ForcingError` unless all parts cover these elements from ``start`` to ``end`` (s)."""
         for part in self.parts:  # the currents of a sum may all come from its formulas
             getattr(part, "check_fields", part.check)(elements, start, end)
 
@@ -568,7 +568,7 @@ class Tide(Flow):
     """A tidal current: an ellipse that the water goes through once in a period, the same everywhere."""
 
     major: Annotated[float, about("m s-1", "largest speed", ge=0, le=10)]
-    minor: Annotated[float, about("m s-1", "smallest speed, positive turns counter-clockwise", ge=-10, le=10)] = 0.0
+    minor: Annotated[float, about("m s-1", "smallest speed, positive rotates counter-clockwise", ge=-10, le=10)] = 0.0
     towards: Annotated[float, about("degree", "direction of the largest speed, clockwise from north")] = 90.0
     period: Annotated[float, about("s", "period; M2 by default", ge=600)] = M2
     phase: Annotated[float, about("degree", "part of the period after the start at which the speed is largest")] = 0.0
@@ -674,7 +674,7 @@ class TurningWind(Part):
 
     speed: Annotated[float, about("m s-1", "speed", ge=0, le=150)]
     towards: Annotated[float, about("degree", "direction to which it blows at the start, clockwise from north")] = 90.0
-    turning: Annotated[float, about("degree h-1", "how fast it turns, positive clockwise")] = 15.0
+    turning: Annotated[float, about("degree h-1", "how fast it rotates, positive clockwise")] = 15.0
     # A wind that is the same everywhere fits positions of both kinds.
     latlon: Annotated[bool | None, about("", "positions are degrees, otherwise metres", hidden=True)] = Field(
         default=None, kw_only=True
@@ -688,7 +688,7 @@ class TurningWind(Part):
 
     def describe(self) -> str:
         """Return the values in words."""
-        return f"wind of {self.speed:g} m/s that turns by {self.turning:g} degrees per hour"
+        return f"wind of {self.speed:g} m/s that rotates by {self.turning:g} degrees per hour"
 
 
 FORMULAS: Final[dict[str, type[Part]]] = {

@@ -16,8 +16,7 @@ from riftberg.compiled.kernels import kernel
 from riftberg.config.places import box_text, place_text
 from riftberg.constants import EARTH_RADIUS_A68, STRESS_INVERSION_DRAG
 from riftberg.errors import BergError, InputError
-from riftberg.ocean.cells import locate_points
-from riftberg.ocean.grid_arrays import CORNER_FIELDS, FIELD_DEFAULTS, ZERO_OUTSIDE, Fields, GridArrays
+from riftberg.ocean.cells import CORNER_FIELDS, FIELD_DEFAULTS, ZERO_OUTSIDE, Fields, GridArrays, locate_points
 from riftberg.state import Elements, Floats
 
 

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from riftberg.config.values import moment, number, required
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import locate_points
+from riftberg.ocean.cells import Fields, GridArrays, locate_points
 from riftberg.ocean.forcing import DescribedForcing, SharedLock
 from riftberg.ocean.grid import ZERO_ON_LAND, Grid, first_gap, usable
-from riftberg.ocean.grid_arrays import Fields, GridArrays
 from riftberg.ocean.interpolation import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
@@ -30,7 +29,7 @@ from riftberg.ocean.interpolation import (
     sample_gridded,
 )
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.order import listed
+from riftberg.state.numbering import listed
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]
@@ -120,7 +119,7 @@ class GriddedForcing(DescribedForcing):
         share what does not change.
     times : array_like, optional
         Times of the records, s since the start of the run, increasing. Not needed for a single state, which then
-        holds for ever.
+        holds from then on.
     rules : FieldRules, optional
         How the fields reach the elements.
     start : date, optional
@@ -153,7 +152,7 @@ class GriddedForcing(DescribedForcing):
 
     @property
     def cover(self) -> tuple[float, float]:
-        """First and last time served, s since the start of the run; infinite for a constant state."""
+        """First and last time covered, s since the start of the run; infinite for a constant state."""
         if self._times is None:
             return -np.inf, np.inf
         return self._times[0], self._times[-1]
@@ -208,7 +207,7 @@ class GriddedForcing(DescribedForcing):
         if weight == 0.0:
             return before
         after = self._store[k + 1]
-        # A negative weight tells the kernel to leave a field alone: it is shared with the record before.
+        # A negative weight makes the kernel leave a field as it is: it is shared with the record before.
         same = [first is last or name in self._held for name, first, last in zip(Fields._fields, before, after)]
         # New arrays in every call: two models in two threads may share this forcing.
         blended = Fields(*(b if held else np.empty_like(b) for b, held in zip(before, same)))
@@ -238,7 +237,7 @@ class GriddedForcing(DescribedForcing):
             add_tidal_drift(elements, grid, fields.ssh, rules.tidal_drift, bool(rules.mirrored), order)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
-        """Raise `ForcingError` unless the forcing serves these elements from ``start`` to ``end`` (s).
+        """Raise `ForcingError` unless the forcing covers these elements from ``start`` to ``end`` (s).
 
         Refused are elements off the grid or on land, times that no record covers, and gaps (NaN) over water.
         """

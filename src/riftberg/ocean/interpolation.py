@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
-from riftberg.physics.quadrilaterals import Point, bilinear, inverse_bilinear, wrap_around
+from riftberg.physics.geometry import Point, bilinear, inverse_bilinear, wrap_around
 from riftberg.state import Elements, Floats, Ints, Place
 
 if TYPE_CHECKING:
-    from riftberg.ocean.grid_arrays import Fields, GridArrays
+    from riftberg.ocean.cells import Fields, GridArrays
 
 DEPTH_OF_CELL = 0
 """Depth rule: one depth for the whole cell (quirk Q19)."""

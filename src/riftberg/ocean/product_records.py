@@ -90,7 +90,7 @@ class ProductRecords:
 
     @property
     def cover(self) -> tuple[float, float]:
-        """First and last time served, s since the start; infinite for fields without time."""
+        """First and last time covered, s since the start; infinite for fields without time."""
         if not self.times:
             return -np.inf, np.inf
         own = _seconds(self.ds["time"].values[[0, -1]], self.start)

@@ -46,7 +46,6 @@ class StoryNumbers:
 
     # Path of the centre, km in local coordinates: polynomials in days since the start, highest power first
     path_x: tuple[float, ...]
-    # Path of the centre, km in local coordinates: polynomials in days since the start, highest power first
     path_y: tuple[float, ...]
     last_day: float  # After this many days the drift keeps its velocity
     eddy_spin: float  # Largest spin of the eddy at its centre, s-1; negative is clockwise
@@ -62,7 +61,6 @@ class StoryNumbers:
     eddy_radius: float = 100e3  # Radius, m
     # Radius of the drift's rim (m), and by how much the drift exceeds the velocity of its centre
     drift_radius: float = math.inf
-    # Radius of the drift's rim (m), and by how much the drift exceeds the velocity of its centre
     drift_gain: float = 1.0
     surge: float = 0.0  # Displacement of an onshore surge to the north-east around day 7.8, m
     counter_speed: float = 0.0  # The same of the counter-current, westward

@@ -88,7 +88,7 @@ def melt_block(
     mass: float, thickness: float, width: float, length: float, base: float, sides: float, waves: float, dt: float,
     split: bool,
 ) -> tuple[float, float, float, float, float, float, float, float, float]:  # fmt: skip
-    """Melt a block for a time and tell what is left and what each process took (files, 1.6).
+    """Melt a block for a time; return what is left and what each process took (files, 1.6).
 
     Mass goes with volume, so a block keeps its density. Split, the processes act one after the other: base, sides, waves;
     their losses add up to the total. Unsplit, each loss is that of the block as it was, and they do not.

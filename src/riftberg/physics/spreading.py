@@ -27,7 +27,7 @@ HEXAGON = 2
 
 
 class Cells(NamedTuple):
-    """Cells of a grid, as footprints need them; `riftberg.ocean.grid_arrays.GridArrays` says more."""
+    """Cells of a grid, as footprints need them; `riftberg.ocean.cells.GridArrays` says more."""
 
     lon: Floats  # North-east corners with halo, degrees or m
     lat: Floats

@@ -1,4 +1,4 @@
-"""Wave radiation force (equations 4.1; Stern et al. 2017, A4 and A5)."""
+"""Forces of the sea surface: wave radiation (equations 4.1; Stern et al. 2017, A4 and A5) and the slope (equations 4.1)."""
 
 from __future__ import annotations
 
@@ -81,3 +81,9 @@ def radiation(
     coefficient = WAVE_RADIATION_MAX * min(max(0.0, ramp), 1.0)
     force = 0.5 * (RHO_SEAWATER / mass) * coefficient * GRAVITY * amplitude * min(amplitude, freeboard)
     return force * ((2.0 * width * length) / (width + length))
+
+
+@kernel
+def slope_acceleration(slope_x: float, slope_y: float) -> tuple[float, float]:
+    """Acceleration -g grad(eta), m s-2, down the slope of the sea surface (slopes are dimensionless)."""
+    return -GRAVITY * slope_x, -GRAVITY * slope_y

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
-from riftberg.physics.quadrilaterals import inverse_bilinear
+from riftberg.physics.geometry import inverse_bilinear
 from riftberg.plane import unit_vectors
 from riftberg.products.axes import goes_round
 from riftberg.products.place import to_degrees, to_projection

@@ -20,8 +20,7 @@ from riftberg.products.product import Product, noted
 from riftberg.products.records import REMARKS
 from riftberg.products.repair import REPAIRS, with_text_dates, within_valid_range
 from riftberg.system.input_files import check_file, is_folder, reading
-from riftberg.system.netcdf_headers import whole_size
-from riftberg.system.netcdf_lock import noted_as_open, open_lazily
+from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
 from riftberg.system.process import SETTINGS, own_filters
 
 CHUNK = "16MiB"

@@ -1,4 +1,4 @@
-"""What a run is asked for most: bergs, fragments and elements, as ``run.riftberg`` of an `xarray.Dataset`."""
+"""What is most often read from a run: bergs, fragments and elements, as ``run.riftberg`` of an `xarray.Dataset`."""
 
 from __future__ import annotations
 

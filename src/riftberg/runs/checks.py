@@ -1,6 +1,6 @@
 """Whether a file is what it says: run files, restart files and summaries are checked here, once, when they are opened.
 
-All commands and `riftberg.runs.run_file.open_run` come through `check_run`; so what is drawn, compared or continued can
+All commands and `riftberg.runs.run_file.open_run` call `open_checked`; so what is drawn, compared or continued can
 rely on shapes, types, finite positions and bonds that join elements of the run.
 """
 
@@ -46,7 +46,7 @@ NEEDED: Final = (
 """Variables of a run file that every reader may use; positions besides. What is added later may be missing in older files."""
 
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
-_DATES_OF_MEETINGS: Final = ("contact_time", "contact_end")
+_DATES_OF_COLLISIONS: Final = ("contact_time", "contact_end")
 _TEXTS: Final = ("fragment_name",)
 _SHAPE_IN_FILE: Final = ("char_dim_name", "original_shape")
 """What xarray notes of a text in a file, and warns of where a part of the run is written to another file."""
@@ -163,7 +163,7 @@ def read_start(text: Any, file: Path) -> datetime:
 
 def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
     """Return the run with decoded dates."""
-    dates = (*_DATES, *(name for name in _DATES_OF_MEETINGS if name in run.variables))
+    dates = (*_DATES, *(name for name in _DATES_OF_COLLISIONS if name in run.variables))
     for name in dates:
         units = run[name].attrs.get("units")
         if not isinstance(units, str) or not units.startswith("seconds since "):
@@ -205,7 +205,7 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
     check_status(run["status"].values, file, "variable status")
     _check_sides(run, file)
     _check_fragments(run, file)
-    _check_meetings(run, file)
+    _check_collisions(run, file)
 
 
 def _check_finite(run: xr.Dataset, name: str, file: Path, limits: tuple[float, Any] = (-LARGEST, LARGEST)) -> None:
@@ -278,13 +278,13 @@ def _numbers_from_1(values: Any) -> bool:
     return bool(((values >= 1) & (values == np.floor(values))).all())
 
 
-def _check_meetings(run: xr.Dataset, file: Path) -> None:
-    """Refuse meetings of what is no fragment, without a time, or at a speed below 0."""
+def _check_collisions(run: xr.Dataset, file: Path) -> None:
+    """Refuse collisions of what is no fragment, without a time, or at a speed below 0."""
     for name in ("contact_first", "contact_second"):
         if name in run.variables and not _numbers_from_1(run[name].values):
             raise _error("numbers of fragments are whole, from 1", file, f"variable {name}")
     if "contact_time" in run.variables and np.isnat(run["contact_time"].values).any():
-        raise _error("a meeting without a time", file, "variable contact_time")
+        raise _error("a collision without a time", file, "variable contact_time")
     if "contact_speed" in run.variables and (run["contact_speed"].values < 0.0).any():
         raise _error("a speed below 0", file, "variable contact_speed")
 
@@ -338,7 +338,7 @@ class State(Protocol):
         """Rows of the family tree."""
 
     def contact_log(self) -> Any:
-        """Meetings of bergs."""
+        """Collisions of bergs."""
 
 
 def _damaged(what: str, path: Path, place: str = "") -> InputError:
@@ -431,8 +431,8 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "footprint_corner": Bound(("corners", 2)),
     "footprint_start": Bound((None,), 0, "corners"),
     # Faces of two elements that press each other.
-    "meeting_pair": Bound(("meetings", 2), 0, "next_element - 1"),
-    "meeting_state": Bound(("meetings", 12)),
+    "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
+    "meeting_state": Bound(("face pairs", 12)),
     "meeting_dissipated": Bound((1,)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
@@ -531,7 +531,7 @@ def _refuse(values: Any, bad: Any, demand: str, path: Path, place: str) -> None:
 
 
 def check_fragment_rows(rows: Sequence[Any], path: Path, place: str) -> None:
-    """Refuse rows of fragments or meetings with texts where numbers belong, numbers that are none, or unknown fragments."""
+    """Refuse rows of fragments or collisions with texts where numbers belong, numbers that are none, or unknown fragments."""
     for k, row in enumerate(rows):
         for name, value in vars(row).items():
             kind = type(row).__dataclass_fields__[name].type
@@ -589,7 +589,7 @@ def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:
     # The run may have changed the density of the ice (--set), which the named experiment does not know.
     denser = state.parameters.ice.density / fresh.parameters.ice.density
     born = [(row.elements, row.area, row.mass) for row in state.fragment_rows() if row.parent <= 0 >= row.birth_time]
-    if born:  # bergs that melt, calve or are added to are told by what they were at the start
+    if born:  # bergs that melt, calve or are added to are recognised by what they were at the start
         start = theirs.mass.size, (theirs.length * theirs.width).sum(), denser * theirs.mass.sum()
         same = np.allclose(np.sum(born, axis=0), start, rtol=1e-6)
     else:

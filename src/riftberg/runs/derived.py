@@ -145,7 +145,7 @@ ICE: Final = (
         Variable("ice_mass", "kg", "ice in all bergs and bits"),
         Variable("ice_in_bits", "kg", "ice in bergy bits and footloose bits"),
         Variable("ice_gained", "kg", "ice that came since the start other than by melt and freezing, negative where it went"),
-        Variable("ledger_error", "1", "what is left over in the ledger of mass, as part of what it turns over"),
+        Variable("ledger_error", "1", "what is left over in the ledger of mass, as part of its turnover"),
         Variable("ledger_heat_error", "1", "the same in the ledger of heat"),
     ), _ice_totals, "total"),
 )  # fmt: skip

@@ -92,7 +92,7 @@ CONTACT_VARIABLES: Final = (
     Variable("lat", "degrees_north", "latitude where they first touched"),
     Variable("speed", "m s-1", "relative speed before they touched"),
 )
-"""Meetings of bergs, each written as ``contact_<name>``."""
+"""Collisions of bergs, each written as ``contact_<name>``."""
 
 
 @cache

@@ -81,7 +81,7 @@ class StateKeeper:
         """Leave the states; see `remove`."""
 
     def remove(self) -> None:
-        """Remove the states of a run that has come to its end, which nobody needs."""
+        """Remove the states of a run that has come to its end, which are not needed."""
         for path in self._paths() if self.writer.goes_on else self.written:
             path.unlink(missing_ok=True)
 
@@ -211,7 +211,7 @@ class Model(BareModel):
         Raises
         ------
         ForcingError
-            If the forcing does not serve the whole run; raised before the first step.
+            If the forcing does not cover the whole run; raised before the first step.
         RunError
             If the run fails; the state of the last good step is saved first, beside ``output``, and the message says
             where. Without ``output`` the model itself is left at that state.

@@ -70,7 +70,7 @@ class ProgressRecorder:
         """Return the state in one line."""
         date = model.start + timedelta(seconds=model.time)
         days, spent = model.time / SECONDS_PER_DAY - self._speed_day, clock.monotonic() - self._began
-        # A run of seconds or hours is not told in seconds per day.
+        # The pace of a run of seconds or hours is not given in seconds per day.
         if days <= 0.0 or spent <= 0.0:
             speed = "first step"
         else:

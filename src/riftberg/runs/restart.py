@@ -60,7 +60,7 @@ class RestartState:
     extra: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)  # Arrays that the model added by name
     forcing: str = ""  # Description of the forcing that the run used
     bergs: list[tuple[str, int]] = field(default_factory=list)  # Name and number of elements of each berg of the start
-    contacts: dict[str, Any] = field(default_factory=dict)  # Meetings of bergs, and which contacts are none
+    contacts: dict[str, Any] = field(default_factory=dict)  # Collisions of bergs, and which contacts are none
 
     def population(self) -> Population:
         """Return the elements and bonds, with the identifiers that come next."""
@@ -72,7 +72,7 @@ class RestartState:
         return [Fragment(**row) for row in self.fragments]
 
     def contact_log(self) -> ContactLog:
-        """Return the meetings of bergs so far."""
+        """Return the collisions of bergs so far."""
         rows = [ContactEvent(**row) for row in self.contacts.get("rows", [])]
         suppressed = {(int(a), int(b)): float(time) for a, b, time in self.contacts.get("quiet", [])}
         return ContactLog(rows, suppressed)
@@ -100,7 +100,7 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
         _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
         _write_table(file, "bond", BOND_VARIABLES, model.bonds)
         _write_fragments(file, fragment_rows(model))
-        _write_meetings(file, model)
+        _write_collisions(file, model)
         _write_extra(file, extra or {})
     _LOG.info("state of %s saved in %s", f"{model.date:%Y-%m-%d %H:%M}", path)
     return path
@@ -158,14 +158,14 @@ def fragment_rows(model: BareModel) -> list[dict[str, Any]]:
 
 
 def contact_rows(model: BareModel) -> list[dict[str, Any]]:
-    """Return the meetings of bergs as dictionaries."""
+    """Return the collisions of bergs as dictionaries."""
     return [dataclasses.asdict(row) for row in getattr(getattr(model, "contacts", None), "rows", ())]
 
 
 def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
     file.createDimension(dim, len(next(iter(arrays.arrays().values()))))
     kept = [v for v in variables if v.restart]
-    # By this list a reader tells a variable that was lost from one that was added to the registry later.
+    # By this list a reader distinguishes a variable that was lost from one that was added to the registry later.
     file.setncattr(f"{dim}_variables", " ".join(v.name for v in kept))
     for v in kept:
         # No compression and no fill value: the bytes of the arrays, as they are.
@@ -179,11 +179,11 @@ def _write_fragments(file: netCDF4.Dataset, rows: list[dict[str, Any]]) -> None:
     file.setncattr("fragments_json", json.dumps(rows, default=_plain))
 
 
-def _write_meetings(file: netCDF4.Dataset, model: BareModel) -> None:
+def _write_collisions(file: netCDF4.Dataset, model: BareModel) -> None:
     """Write the names of the bergs, and which of them met."""
     bergs = getattr(getattr(model, "fragments", None), "bergs", ())
     file.setncattr("bergs_json", json.dumps([list(berg) for berg in bergs]))
-    # Pairs that are in contact since they parted from each other: no meetings of their own.
+    # Pairs that are in contact since they parted from each other: no collisions of their own.
     quiet = [[*pair, time] for pair, time in getattr(getattr(model, "contacts", None), "suppressed", {}).items()]
     file.setncattr("contacts_json", json.dumps({"rows": contact_rows(model), "quiet": quiet}, default=_plain))
 

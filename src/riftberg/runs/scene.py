@@ -89,7 +89,7 @@ def filled_forward(values: Floats) -> Floats:
 
 
 def zonal_period(parameters: Parameters) -> float:
-    """Return the length after which x comes round: 360 degrees on the sphere, 0 in metres without a period."""
+    """Return the period of x: 360 degrees on the sphere, 0 in metres without a period."""
     period = parameters.earth.period
     return period if period > 0.0 else 360.0 if parameters.earth.latlon else 0.0
 

@@ -108,7 +108,7 @@ class Motion(NamedTuple):
     u_sync: Annotated[Floats, _is("m s-1", "eastward velocity at the time of the position", output=True)]
     v_sync: Annotated[Floats, _is("m s-1", "northward velocity at the time of the position", output=True)]
     spin: Annotated[Floats, _is("rad s-1", "angular velocity, counter-clockwise", output=True)]
-    rotation: Annotated[Floats, _is("rad", "angle turned since the start, counter-clockwise", output=True)]
+    rotation: Annotated[Floats, _is("rad", "rotation since the start, counter-clockwise", output=True)]
 
 
 class Kicks(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from riftberg.state import Floats, Ints
-from riftberg.stepping.contact.groups import NO_PAIRS
+from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.explicit import single_step
 from riftberg.stepping.explicit.mts import MultipleStepper
 from riftberg.stepping.explicit.single_step import RungeKuttaStepper, VerletStepper

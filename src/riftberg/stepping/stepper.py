@@ -9,7 +9,7 @@ import numpy as np
 
 from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.order import enter_cells
+from riftberg.state.numbering import enter_cells
 from riftberg.stepping.contact.land import apply_land_constraint
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.run_state import RunState

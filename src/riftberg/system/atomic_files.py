@@ -79,7 +79,7 @@ def replacing(path: str | Path, *, copy: bool = False, to_disk: bool = False, en
             os.truncate(part, 0)
         raise
     finally:
-        with suppress(OSError):  # what failed first is what is told
+        with suppress(OSError):  # what failed first is what is reported
             part.unlink()
 
 

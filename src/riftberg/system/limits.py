@@ -1,4 +1,4 @@
-"""How much a run may ask for before somebody says that it is meant: elements, steps, sub-steps, bytes of input.
+"""How large a run may be unless it is allowed to be larger: elements, steps, sub-steps, bytes of input.
 
 A slip of units (a radius of 1.5 instead of 1500 m) asks for terabytes or for months of computing. Such a wish is
 refused before any work begins, unless it is allowed: on the command line by ``--allow-large``, in Python by

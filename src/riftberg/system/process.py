@@ -1,15 +1,15 @@
 """What a process has once: settings shared by its threads, standard streams, files that do not open, signals.
 
 Settings: Python's filters of warnings and the settings of dask are put back at the end of a block to what they were at its
-beginning. Where two blocks overlap, the second one puts back what the first one had set, for ever.
+beginning. Where two blocks overlap, the second one puts back what the first one had set, for good.
 
-Streams: standard streams may be closed, or their terminal or reader may go; nothing ends because nobody listens.
+Streams: standard streams may be closed, or their terminal or reader may go; nothing ends for want of a reader.
 
-Files: damaged bytes can send the HDF5 library round in a circle for ever. Nothing stops a C library in mid-call, no signal
+Files: damaged bytes can send the HDF5 library into an endless loop. Nothing stops a C library in mid-call, no signal
 and no other thread. So a clock runs beside each opening of a file. When it has run out, a program is warned in its log, and
 the command line gives up in one sentence.
 
-Signals: Ctrl-C and requests to terminate are held back until the work at hand has come to an end that can be gone on from. A
+Signals: Ctrl-C and requests to terminate are held back until the work under way has come to an end that can be gone on from. A
 signal that meets a long step in its middle would leave a state of which half has moved. It is noted instead, and comes into
 force where the outermost `held` block ends, or where a loop asks (`Hold.requested`). A second one comes into force at once.
 Python gives signals to the main thread only, so in other threads there is nothing to hold back.
@@ -69,7 +69,7 @@ class Stream:
     stream : text file
         Standard output or the error stream.
     told : bool
-        What is written only tells of the work, so that no failure counts.
+        What is written only reports the work, so that no failure counts.
     """
 
     def __init__(self, stream: Any, *, told: bool) -> None:
@@ -276,7 +276,7 @@ def insisting() -> Iterator[None]:
 def say(text: str) -> None:
     """Write to the error stream, from a signal handler too, which may have come in the middle of another line.
 
-    A stream that is closed, or whose terminal or reader has gone, ends nothing: there is nobody to be told.
+    A stream that is closed, or whose terminal or reader has gone, ends nothing: there is no reader.
     """
     if sys.stderr is not None:
         with suppress(RuntimeError, OSError, ValueError):

@@ -107,10 +107,10 @@ def draw_approach(run: xr.Dataset, path: str | Path, *, title: str = "", dpi: in
         As in `draw_beam`.
     """
     style.check_format(path)
-    scene, meeting = Scene(run), approach(run)
+    scene, contact = Scene(run), approach(run)
     figure = style.new_figure(12.0, 8.6, dpi)
     upper, lower = style.parts(figure, 2, 1, height_ratios=(0.62, 0.38))
-    records = contact_records(meeting)
+    records = contact_records(contact)
     places = list(upper.subplots(1, len(records), squeeze=False).flat)
     boxes = common_boxes(scene, records)
     panels = [Panel(ax, scene, box, water_of(run), labels=True) for ax, box in zip(places, boxes, strict=True)]
@@ -121,8 +121,8 @@ def draw_approach(run: xr.Dataset, path: str | Path, *, title: str = "", dpi: in
     if flows:
         speed_bar(places, top)
     curves = list(lower.subplots(1, 2))
-    _draw_distance(curves[0], meeting)
-    _draw_closing(curves[1], meeting)
+    _draw_distance(curves[0], contact)
+    _draw_closing(curves[1], contact)
     for ax in curves:
         ax.set_xlabel("hours since the start", fontsize=9)
         style.plain_axes(ax)
@@ -138,29 +138,29 @@ def draw_approach(run: xr.Dataset, path: str | Path, *, title: str = "", dpi: in
     return style.save_figure(figure, path)
 
 
-def contact_records(meeting: Approach) -> list[int]:
+def contact_records(contact: Approach) -> list[int]:
     """Return three records: the first, the one of the closest contact, and one after the bergs have separated."""
-    count = len(meeting.apart)
-    if not meeting.touching.any():
-        return sorted({0, int(np.argmin(meeting.apart)), count - 1})
-    begin = int(np.argmax(meeting.touching))
-    ends = np.flatnonzero(~meeting.touching[begin:])
+    count = len(contact.apart)
+    if not contact.touching.any():
+        return sorted({0, int(np.argmin(contact.apart)), count - 1})
+    begin = int(np.argmax(contact.touching))
+    ends = np.flatnonzero(~contact.touching[begin:])
     end = begin + int(ends[0]) if len(ends) else count
-    nearest = begin + int(np.argmin(meeting.apart[begin:end]))
+    nearest = begin + int(np.argmin(contact.apart[begin:end]))
     return sorted({0, nearest, min(count - 1, nearest + max(1, (end - nearest) * 2))})
 
 
-def _draw_distance(ax: Axes, meeting: Approach) -> None:
-    ax.axhline(meeting.reach / 1e3, color=colours.GROUND, ls="--", lw=1.0, label="contact below")
-    ax.plot(meeting.seconds / 3600.0, meeting.apart / 1e3, color="black", lw=1.8, label="nearest elements")
+def _draw_distance(ax: Axes, contact: Approach) -> None:
+    ax.axhline(contact.reach / 1e3, color=colours.GROUND, ls="--", lw=1.0, label="contact below")
+    ax.plot(contact.seconds / 3600.0, contact.apart / 1e3, color="black", lw=1.8, label="nearest elements")
     ax.set_ylabel("distance of centres (km)", fontsize=9)
     ax.set_ylim(bottom=0.0)
 
 
-def _draw_closing(ax: Axes, meeting: Approach) -> None:
-    hours = meeting.seconds / 3600.0
-    ax.fill_between(hours, 0.0, 1.0, where=meeting.touching, step="mid", transform=ax.get_xaxis_transform(), lw=0.0,
+def _draw_closing(ax: Axes, contact: Approach) -> None:
+    hours = contact.seconds / 3600.0
+    ax.fill_between(hours, 0.0, 1.0, where=contact.touching, step="mid", transform=ax.get_xaxis_transform(), lw=0.0,
                     color=colours.GROUND, alpha=0.15, label="in contact")  # fmt: skip
     ax.axhline(0.0, color=colours.STRENGTH, lw=0.8)
-    ax.plot(hours, meeting.closing, color="black", lw=1.8, label="closing speed of the centroids")
+    ax.plot(hours, contact.closing, color="black", lw=1.8, label="closing speed of the centroids")
     ax.set_ylabel("closing speed (m s$^{-1}$)", fontsize=9)

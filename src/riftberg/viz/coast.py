@@ -126,7 +126,7 @@ def natural_earth(name: str) -> Path | None:
         from cartopy.io import Downloader
     except ImportError:
         return None
-    # Cartopy's own path() downloads what it does not find; these two only tell where it would be.
+    # Cartopy's own path() downloads what it does not find; these two only say where it would be.
     finder = Downloader.from_config(("shapefiles", "natural_earth", "10m", "physical", name))
     request = {"config": config, "category": "physical", "name": name, "resolution": "10m"}
     places = (finder.pre_downloaded_path(request), finder.target_path(request))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
 FRAGMENTS: Final = ("#E69F00", "#009E73", "#CC79A7", "#D55E00", "#F0E442", "#8C510A")
-"""Largest fragment first; told apart from blue water."""
+"""Largest fragment first; distinct from blue water."""
 
 SMALL: Final = "#666666"
 """Fragments too small to be named."""

@@ -1,24 +1,29 @@
-"""Figure of a score: tracks side by side, and distance, heading, area and overlap by day."""
+"""Figures of comparisons: of a run with observations, of several runs on one map, and of an ensemble with what came."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from riftberg.diagnostics.score import Match, Score
+from riftberg.plane import ConformalPlane
 from riftberg.runs.scene import Box
 from riftberg.state import Floats
-from riftberg.viz import style
+from riftberg.viz import colours, style
 from riftberg.viz.colours import MODEL, OBSERVED, PAIRING
 from riftberg.viz.panels import KnownDepth, Map, widened
+from riftberg.viz.polar import POLAR
 from riftberg.viz.style import date_axis, day_text, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from riftberg.diagnostics.compare import ComparedRun
+    from riftberg.diagnostics.observed import Fix
 
 MARK: Final[dict[str, Any]] = {"ms": 4.5, "mec": "black", "mew": 0.5}
 """Marks of curves; the edge makes light colours stand out."""
@@ -162,3 +167,126 @@ def _draw_tracks(ax: Axes, score: Score, water: KnownDepth | None) -> None:
                     labels.prefer_off(x, y)
     for k in range(0, len(berg), max(1, len(berg) // 8)):
         labels.put(day_text(np.datetime64(berg[k][0]), hour=False), *seen[k], fontsize=8)
+
+
+def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 150) -> Path:
+    """Draw what `riftberg.verification.forecast.report` returns."""
+    style.check_format(path)
+    figure = style.new_figure(11.5, 7.5, dpi)
+    axes = figure.subplot_mosaic([["score", "coverage"], ["ranks", "broken"]])
+    rows = result["with_error"]
+    days = [row["lead_days"] for row in rows]
+
+    a = axes["score"]
+    for key, label in (
+        ("energy_km", "energy score"),
+        ("crps_along_km", "CRPS along"),
+        ("crps_across_km", "CRPS across"),
+    ):
+        a.plot(days, [row.get(key, np.nan) for row in rows], marker="o", ms=4, label=label)
+    for name, others in result["baselines"].items():
+        score = [other.get("energy_km", other["error_of_mean_km"]) for other in others]
+        a.plot([other["lead_days"] for other in others], score, ls="--", lw=1.2, label=name)
+    a.set(xlabel="days after the start", ylabel="km", ylim=(0.0, None))
+    a.set_title("Score of the position (small is good)", fontsize=10)
+    a.legend(fontsize=8)
+
+    a = axes["coverage"]
+    for level, colour in (("50%", "tab:blue"), ("90%", "tab:orange")):
+        a.plot(
+            days,
+            [row.get(f"inside_{level}", np.nan) for row in rows],
+            "o-",
+            ms=4,
+            color=colour,
+            label=f"in the {level} area",
+        )
+        a.axhline(float(level[:-1]) / 100.0, color=colour, ls=":", lw=1.0)
+    a.plot(days, [row.get("spread_over_error", np.nan) for row in rows], "k.-", lw=1.0, label="spread / error")
+    a.axhline(1.0, color="black", ls=":", lw=1.0)
+    a.set(xlabel="days after the start", ylim=(0.0, None))
+    a.set_title("Coverage and spread (dotted: reliable)", fontsize=10)
+    a.legend(fontsize=8)
+
+    a = axes["ranks"]
+    for k, axis in enumerate(("along", "across")):
+        counts = [row[f"ranks_{axis}"] for row in rows if f"ranks_{axis}" in row]
+        if counts and len({len(row) for row in counts}) == 1:
+            total = np.sum(counts, axis=0)
+            place = (np.arange(len(total)) + 0.3 + 0.4 * k) / len(total)
+            a.bar(place, total, 0.38 / len(total), label=axis)
+            a.axhline(total.mean(), color="black", ls=":", lw=1.0)
+    a.set(xlabel="part of the members below the observation", ylabel="observations", xlim=(0.0, 1.0))
+    a.set_title("Ranks (dotted: reliable)", fontsize=10)
+    if a.patches:
+        a.legend(fontsize=8)
+
+    a = axes["broken"]
+    a.set(xlabel="days after the start", ylabel="probability", ylim=(-0.03, 1.03))
+    a.set_title("Broken", fontsize=10)
+    for one in result["forecasts"]:
+        if one["broken"]:
+            day = np.array([row["day"] for row in one["broken"]])
+            p = np.array([row["probability"] for row in one["broken"]])
+            low, high = np.array([row["interval"] for row in one["broken"]]).T
+            (line,) = a.plot(day, p, "o-", ms=4, label=one["berg"])
+            a.fill_between(day, low, high, color=line.get_color(), alpha=0.2, lw=0)
+            a.plot(day, [float(row["occurred"]) for row in one["broken"]], "x", color=line.get_color())
+    if a.lines:
+        a.legend(fontsize=8, title="crosses: observed", title_fontsize=8)
+    else:
+        a.text(0.5, 0.5, "not asked for (--broken, --whole-until)", ha="center", transform=a.transAxes, fontsize=9)
+    for a in axes.values():
+        style.plain_axes(a)
+    return style.save_figure(figure, path)
+
+
+def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str | Path, *, dpi: int = 150) -> Path:
+    """Draw the tracks, with the dates of the first run, the places of break-ups, and the observed track."""
+    style.check_format(path)
+    first = runs[0].course
+    points = [(run.course.x, run.course.y) for run in runs]
+    points += [_columns((e["lon"], e["lat"]) for e in run.course.births) for run in runs]
+    points.append(_columns((fix.lon, fix.lat) for fix in fixes))
+    if first.latlon:  # all on the branch of the first
+        middle = float(first.x.mean())
+        points = [(x - 360.0 * np.round((x.mean() - middle) / 360.0) if x.size else x, y) for x, y in points]
+    latitude, plane = float(first.y.mean()), None
+    if first.latlon and abs(latitude) > POLAR:
+        true = 0.5 * (1.0 + math.sin(math.radians(abs(latitude))))
+        plane = ConformalPlane(float(first.x.mean()), math.copysign(90.0, latitude), true * first.radius)
+        points = [plane.forward(*pair) for pair in points]
+    lines, births, seen = points[: len(runs)], points[len(runs) : -1], points[-1]
+    x, y = (np.concatenate([line[k] for line in (*lines, seen)]) for k in (0, 1))
+    latlon = first.latlon and plane is None
+    least = 0.2 if latlon else 2e4
+    box = widened(Box(x.min(), x.max(), y.min(), y.max()), latlon, 0.95, margin=0.08, least=least)
+
+    figure = style.new_figure(7.0, 8.2, dpi)
+    ax = figure.subplots()
+    panel = Map(ax, box, latlon=latlon, radius=first.radius, ticks=6, labels=True, plane=plane)
+    for k, (run, (east, north), born) in enumerate(zip(runs, lines, births, strict=True)):
+        colour = colours.FRAGMENTS[k % len(colours.FRAGMENTS)]
+        ax.plot(east, north, color=colour, lw=2.0, zorder=7, label=run.name)
+        ax.plot(east[-1], north[-1], "s", color=colour, mec="black", ms=6, zorder=8)
+        ax.plot(*born, "*", color=colour, mec="black", ms=12, ls="", zorder=9)
+    labels = style.Labels(ax)
+    records = [k for k in np.linspace(0, first.times.size - 1, min(6, first.times.size)).astype(int)]
+    ax.plot(*(a[records] for a in lines[0]), "o", mfc="white", mec="black", ms=5, ls="", zorder=8)
+    if any(born[0].size for born in births):
+        ax.plot([], [], "*", color="white", mec="black", ms=11, ls="", label="place of a break-up")
+    if seen[0].size:
+        ax.plot(*seen, "x:", color=colours.OBSERVED, ms=6, lw=1.0, zorder=7.5, label="observed")
+    panel.draw_scale()
+    figure.legend(fontsize=8, loc="outside lower left", ncols=3, frameon=False)
+    berg = f"{first.berg}: " if first.berg else ""
+    style.put_title(figure, f"{berg}{', '.join(run.name for run in runs)}\n{style.span_text(first.times)}")
+    style.lay_out(figure)
+    for k, text in zip(records, style.moment_texts(first.times, records, hour=False), strict=True):
+        labels.put(text, float(lines[0][0][k]), float(lines[0][1][k]), fontsize=9)
+    return style.save_figure(figure, path)
+
+
+def _columns(places: Iterable[tuple[float, float]]) -> tuple[Floats, Floats]:
+    pairs = np.array(list(places), np.float64).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]

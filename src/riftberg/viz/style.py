@@ -342,7 +342,7 @@ def moment_text(times: Times, moment: np.datetime64, *, year: bool = False) -> s
     name, size, _ = next(unit for unit in UNITS if length_of(times) <= unit[2])
     steps = np.diff(times) / np.timedelta64(1, "ms") / 1e3 / size
     least = float(steps.min()) if len(steps) else 1.0
-    # As many decimals as tell neighbouring records apart.
+    # As many decimals as distinguish neighbouring records.
     decimals = min(3, max(0, math.ceil(-math.log10(max(least, 1e-9)) - 1e-9)))
     since = float((moment - times[0]) / np.timedelta64(1, "ms")) / 1e3 / size
     return f"{since:.{decimals}f} {name}"

@@ -566,6 +566,6 @@ def mean_drag_velocity(
 
 
 def check_converged(iterations: int) -> None:
-    """Refuse velocities that have not settled."""
+    """Refuse velocities that have not converged."""
     if iterations < 0:
-        raise RunError(f"the velocities of the fragments did not settle within {MAX_ITERATIONS} passes")
+        raise RunError(f"the velocities of the fragments did not converge within {MAX_ITERATIONS} passes")

@@ -1,4 +1,4 @@
-"""Sub-steps of an island whose bodies crush each other's faces (`riftberg.physics.crushing`).
+"""Sub-steps of an island whose bodies crush each other's faces (`riftberg.physics.contact`).
 
     M (V1 - V0) = h (G(V) - sum J^T F(V1))
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
-from riftberg.physics.crushing import crushing_force, face_stiffness, sliding_force
+from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.state import Floats, Ints
 from riftberg.stepping.bodies.dynamics import (
     BodyMatrices,
@@ -40,13 +40,13 @@ from riftberg.stepping.contact.overlap import gap, overlap
 from riftberg.stepping.mat3 import solve
 
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2 = range(12)
-"""Columns of a meeting of two faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
+"""Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
 since touching (s), speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques (N m)."""
 
 COLUMNS: Final = 12
 
 APART, IMPACT, REST = 0.0, 1.0, 2.0
-"""Phases of a meeting."""
+"""Phases of contact of two faces."""
 
 IMPACT_PHASE: Final = 0.03
 """Sub-step of an impact times its angular frequency, rad: at this the restitution is 0.09 in place of 0.10."""
@@ -63,7 +63,7 @@ SLOW: Final = 2e-3
 AGAIN: Final = 10e-3
 """Closing speed (m s-1) at which rest becomes an impact."""
 
-SETTLED: Final = 0.02
+IMPACT_OVER: Final = 0.02
 """Part of the speed of touching below which an impact comes to rest, `SETTLING` over the frequency after touching."""
 
 SETTLING: Final = 3.0
@@ -144,16 +144,18 @@ NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, B
 """Columns of ``face``."""
 
 
+# Many arguments: here Python enters the compiled islands, and five lists of islands, what acts on elements and
+# bodies, the faces and the law are arrays of their own. Inside, an `Island` holds those of one.
 @kernel
 def integrate_faces(
     start: Ints, row_start: Ints, body_of: Ints, first: Ints, second: Ints, pair_start: Ints, levers: Floats,
     forcing: ElementForcing, matrices: BodyMatrices, twist: Floats, bonded: NDArray[np.bool_], apart: Floats,
-    faces: Faces, meeting: Floats, dt: float, law: CrushingLaw,
+    faces: Faces, pair_state: Floats, dt: float, law: CrushingLaw,
 ) -> tuple[NDArray[np.bool_], Floats, Floats, Floats, Floats, Floats, Floats, float, float]:  # fmt: skip
     """Take all islands through a step of ``dt`` s; see `riftberg.stepping.contact.islands.Islands` for the lists.
 
-    ``apart``: from the second to the first element of each pair at the start, m; ``meeting``: one row for each pair, changed in
-    place. Returns what `riftberg.stepping.contact.island_step.integrate_islands` does, and the energy dissipated (J).
+    ``apart``: from the second to the first element of each pair at the start, m; ``pair_state``: one row for each pair,
+    changed in place. Returns what `riftberg.stepping.contact.island_step.integrate_islands` does, and the energy dissipated (J).
     """
     touched = np.zeros(first.size, np.bool_)
     path, after = np.zeros(twist.shape), twist.copy()
@@ -189,14 +191,14 @@ def integrate_faces(
         about = Linearisation(
             result.twist.copy(), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.zeros((bodies, 3))
         )
-        shortest = min(shortest, _integrate_island(island, of_rows, meeting[n], result, about, dt, law, work))
+        shortest = min(shortest, _integrate_island(island, of_rows, pair_state[n], result, about, dt, law, work))
         dissipated += work.dissipated[0]
     return touched, path, after, applied, force, axes, spin, shortest, dissipated
 
 
 @borrower
 def _integrate_island(
-    island: Island, faces: Faces, meeting: Floats, result: IslandResult, about: Linearisation, dt: float, law: CrushingLaw,
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, about: Linearisation, dt: float, law: CrushingLaw,
     work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Take one island through the step; returns its shortest sub-step, s."""
@@ -215,7 +217,7 @@ def _integrate_island(
             work.net_force[:, :] = 0.0
             add_forces(body_of, levers, twist, forcing, work.accelerations, work.force, work.net_force)
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
-        h = _longest_substep(island, faces, meeting, result, left, h, law, work)
+        h = _longest_substep(island, faces, pair_state, result, left, h, law, work)
         if left - h < 1e-9 * dt:
             h = left
         shortest = min(shortest, h)
@@ -223,10 +225,10 @@ def _integrate_island(
         for b in range(twist.shape[0]):
             for i in range(3):
                 work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
-        count = _find_faces(island, faces, meeting, result, h, law, work)
-        _sweep(island, faces, meeting, count, h, law, work)
-        _settle(island, faces, meeting, count, h, law, work)
-        _record_peak(island, meeting, count, result, work)
+        count = _find_faces(island, faces, pair_state, result, h, law, work)
+        _sweep(island, faces, pair_state, count, h, law, work)
+        _update_faces(island, faces, pair_state, count, h, law, work)
+        _record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
                 mean = 0.5 * (twist[b, i] + work.new[b, i])
@@ -262,7 +264,7 @@ def _relative_velocity(
 
 @borrower
 def _longest_substep(
-    island: Island, faces: Faces, meeting: Floats, result: IslandResult, left: float, before: float, law: CrushingLaw,
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, left: float, before: float, law: CrushingLaw,
     work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Find the longest sub-step (s): by the gaps of the bodies that may meet, and by the frequency of those that do."""
@@ -285,7 +287,7 @@ def _longest_substep(
         x1, y1, x2, y2 = island.separation[k, 0] + px, island.separation[k, 1] + py, qx, qy
         far, reach = math.hypot(x1 - x2, y1 - y2), faces.reach[i] + faces.reach[j]
         if far > reach + limit * (fastest + 0.5 * limit * quickest):
-            meeting[k, PHASE], meeting[k, FORCE], meeting[k, FRICTION] = APART, 0.0, 0.0
+            pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION] = APART, 0.0, 0.0
             continue
         nearest, nx, ny = np.inf, 1.0, 0.0
         for p in range(faces.begin[i], faces.end[i]):
@@ -306,22 +308,22 @@ def _longest_substep(
             inverse += max(mobility[body, 0, 0], mobility[body, 1, 1])
         if inverse == 0.0:
             continue
-        # Where no meeting says how long the face is, that of an element.
+        # Where no contact says how long the face is, that of an element.
         stiffness = face_stiffness(law.strength, thickness, min(faces.reach[i], faces.reach[j]), law.depth)
         entry = ENTRY_PHASE / math.sqrt(stiffness * inverse)
         if nearest <= 0.0:
             work.gap[k], work.bound[k] = 0.0, 0.0
-            limit = min(limit, entry if meeting[k, PHASE] == APART and closing > SLOW else REST_STEP)
-            if meeting[k, PHASE] != APART:
+            limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
+            if pair_state[k, PHASE] != APART:
                 limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
-            if meeting[k, PHASE] == IMPACT:
+            if pair_state[k, PHASE] == IMPACT:
                 impact = True
-                stiffness = face_stiffness(law.strength, thickness, meeting[k, CHORD], law.depth)
+                stiffness = face_stiffness(law.strength, thickness, pair_state[k, CHORD], law.depth)
                 # An impact off the centre turns the body, too: it gives way by up to four times as much.
                 work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
                 work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
             continue
-        meeting[k, PHASE], meeting[k, FORCE], meeting[k, FRICTION] = APART, 0.0, 0.0
+        pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION] = APART, 0.0, 0.0
         one, two = work.acceleration[a], work.acceleration[b]
         au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
         driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
@@ -334,7 +336,7 @@ def _longest_substep(
     if impact:
         most = 0.0
         for k in range(island.first.size):
-            if meeting[k, PHASE] == IMPACT and work.gap[k] == 0.0:
+            if pair_state[k, PHASE] == IMPACT and work.gap[k] == 0.0:
                 most = max(
                     most,
                     work.stiffness[island.body_of[island.first[k]]] + work.stiffness[island.body_of[island.second[k]]],
@@ -415,9 +417,9 @@ def _mobility_along(row: Floats, at: int, one: Floats, two: Floats) -> float:
 
 @borrower
 def _find_faces(
-    island: Island, faces: Faces, meeting: Floats, result: IslandResult, h: float, law: CrushingLaw, work: CrushingWorkspace
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> int:  # fmt: skip
-    """Find the faces that overlap at the predicted middle, and begin or end their meetings; returns their number."""
+    """Find the faces that overlap at the predicted middle, and begin or end their contact; returns their number."""
     count, path, twist = 0, work.middle, result.twist
     for k in range(island.first.size):
         if work.gap[k] > 0.5 * h * work.bound[k]:
@@ -441,7 +443,7 @@ def _find_faces(
                 chord_y += cy
         chord = math.hypot(chord_x, chord_y)
         if not (area > 0.0 and chord > 0.0):
-            meeting[k, PHASE], meeting[k, FORCE], meeting[k, FRICTION] = APART, 0.0, 0.0
+            pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION] = APART, 0.0, 0.0
             continue
         nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
         row = work.face[count]
@@ -452,7 +454,7 @@ def _find_faces(
         _fill_row(row, ROW_T, 1.0, m, mx, my, x - x1, y - y1, -ny, nx)
         _fill_row(row, ROW_T + 3, -1.0, n, qx, qy, x - x2, y - y2, -ny, nx)
         closing = _speed(row, ROW_N, twist[a], twist[b])
-        state = meeting[k]
+        state = pair_state[k]
         if state[PHASE] == APART:
             if closing <= 0.0:
                 continue
@@ -491,7 +493,7 @@ def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Flo
 
 @borrower
 def _sweep(
-    island: Island, faces: Faces, meeting: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:
     """Find the forces of the faces and the velocities that they lead to (projected Gauss-Seidel)."""
     scale = 1e-9
@@ -500,14 +502,14 @@ def _sweep(
         a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
         scale = max(scale, abs(_speed(row, ROW_N, work.new[a], work.new[b])), abs(row[SLIDING]))
         # The forces of the sub-step before are a first guess.
-        _push(row, ROW_N, h * meeting[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
-        _push(row, ROW_T, h * meeting[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+        _push(row, ROW_N, h * pair_state[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
+        _push(row, ROW_T, h * pair_state[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
     for _ in range(MAX_SWEEPS):
         most = 0.0
         for f in range(count):
             k, row = work.active[f], work.face[f]
             i, j = island.first[k], island.second[k]
-            a, b, state = island.body_of[i], island.body_of[j], meeting[k]
+            a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
             one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
             thickness = min(faces.thickness[i], faces.thickness[j])
             stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
@@ -533,14 +535,14 @@ def _sweep(
 
 
 @borrower
-def _settle(
-    island: Island, faces: Faces, meeting: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
+def _update_faces(
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
 ) -> None:
     """Crush the faces as far as their forces say, and pass on from impact to rest, or apart."""
     for f in range(count):
         k, row = work.active[f], work.face[f]
         i, j = island.first[k], island.second[k]
-        a, b, state = island.body_of[i], island.body_of[j], meeting[k]
+        a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
         thickness = min(faces.thickness[i], faces.thickness[j])
         stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
@@ -563,14 +565,14 @@ def _settle(
         elif state[PHASE] == REST:
             if closing > AGAIN:
                 state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0
-        elif closing < max(SETTLED * state[SPEED], SLOW):
+        elif closing < max(IMPACT_OVER * state[SPEED], SLOW):
             frequency = math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
             if state[SINCE] * frequency > SETTLING:
                 state[PHASE] = REST
 
 
 @borrower
-def _record_peak(island: Island, meeting: Floats, count: int, result: IslandResult, work: CrushingWorkspace) -> None:
+def _record_peak(island: Island, pair_state: Floats, count: int, result: IslandResult, work: CrushingWorkspace) -> None:
     """Record the loads of the bonded bodies that contact presses harder in this sub-step than before in the step."""
     if count == 0:
         return
@@ -578,7 +580,7 @@ def _record_peak(island: Island, meeting: Floats, count: int, result: IslandResu
     work.size[:] = 0.0
     for f in range(count):
         k = work.active[f]
-        size = math.hypot(meeting[k, PUSH_X], meeting[k, PUSH_Y])
+        size = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y])
         for b in (body_of[island.first[k]], body_of[island.second[k]]):
             work.size[b] += size
             harder = harder or (bonded[b] and work.size[b] > work.peak[b])
@@ -587,13 +589,13 @@ def _record_peak(island: Island, meeting: Floats, count: int, result: IslandResu
     work.contact_force[:, :] = 0.0
     for f in range(count):
         k = work.active[f]
-        i, j, x, y = island.first[k], island.second[k], meeting[k, PUSH_X], meeting[k, PUSH_Y]
+        i, j, x, y = island.first[k], island.second[k], pair_state[k, PUSH_X], pair_state[k, PUSH_Y]
         work.contact_force[i, 0] -= x
         work.contact_force[i, 1] -= y
-        work.contact_force[i, 2] += meeting[k, TORQUE_1]
+        work.contact_force[i, 2] += pair_state[k, TORQUE_1]
         work.contact_force[j, 0] += x
         work.contact_force[j, 1] += y
-        work.contact_force[j, 2] += meeting[k, TORQUE_2]
+        work.contact_force[j, 2] += pair_state[k, TORQUE_2]
     for e in range(body_of.size):
         b = body_of[e]
         if not (bonded[b] and work.size[b] > work.peak[b]):

@@ -31,7 +31,7 @@ from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
 
 
-class Meetings(NamedTuple):
+class FacePairs(NamedTuple):
     """The pairs of faces that press each other, as the last sub-step left them."""
 
     pair: Ints  # Identifiers of both elements; shape (pairs, 2)
@@ -39,10 +39,10 @@ class Meetings(NamedTuple):
     dissipated: Floats  # Plastic work and friction since the start of the run, J; shape (1,)
 
 
-MEETING_NAMES = tuple(f"meeting_{name}" for name in Meetings._fields)
+FACE_PAIR_NAMES = tuple(f"meeting_{name}" for name in FacePairs._fields)
 """Names in a restart file."""
 
-NO_MEETINGS = Meetings(np.zeros((0, 2), np.int64), np.zeros((0, COLUMNS)), np.zeros(1))
+NO_FACE_PAIRS = FacePairs(np.zeros((0, 2), np.int64), np.zeros((0, COLUMNS)), np.zeros(1))
 
 
 class _Polygons(NamedTuple):
@@ -64,23 +64,23 @@ class FaceContact:
         self._footprints = footprints
         self._polygons: _Polygons | None = None
         self._key: list[bytes] = []
-        self.meetings = NO_MEETINGS
+        self.pairs = NO_FACE_PAIRS
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
-        return dict(zip(MEETING_NAMES, self.meetings, strict=True))
+        return dict(zip(FACE_PAIR_NAMES, self.pairs, strict=True))
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
-        if all(name in saved for name in MEETING_NAMES):
-            pair, state, dissipated = (np.array(saved[name]) for name in MEETING_NAMES)
-            self.meetings = Meetings(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
+        if all(name in saved for name in FACE_PAIR_NAMES):
+            pair, state, dissipated = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
+            self.pairs = FacePairs(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
 
     def force(self, model: RunState) -> Floats:
         """Force and torque (N, N, N m) of the faces on the elements at the end of the last sub-step; shape (elements, 3)."""
         out = np.zeros((model.elements.size, 3))
-        rows, known = rows_of(model.elements.body.id, self.meetings.pair.ravel())
-        rows, both, s = rows.reshape(-1, 2), known.reshape(-1, 2).all(axis=1), self.meetings.state
+        rows, known = rows_of(model.elements.body.id, self.pairs.pair.ravel())
+        rows, both, s = rows.reshape(-1, 2), known.reshape(-1, 2).all(axis=1), self.pairs.state
         for side, sign, torque in ((0, -1.0, TORQUE_1), (1, 1.0, TORQUE_2)):
             push = np.column_stack([sign * s[:, PUSH_X], sign * s[:, PUSH_Y], s[:, torque]])
             np.add.at(out, rows[both, side], push[both])
@@ -89,9 +89,9 @@ class FaceContact:
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes
     ) -> ContactPhase | None:
-        """Take the bodies that may meet through ``h`` s of sub-steps, and keep the meetings at their end; None where none do."""
-        el, c, before = model.elements, model.constants, self.meetings
-        self.meetings = before._replace(pair=NO_MEETINGS.pair, state=NO_MEETINGS.state)
+        """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none may."""
+        el, c, before = model.elements, model.constants, self.pairs
+        self.pairs = before._replace(pair=NO_FACE_PAIRS.pair, state=NO_FACE_PAIRS.state)
         polygons = self._faces_of(model, bodies)
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:
@@ -100,7 +100,7 @@ class FaceContact:
         i = find_islands(op.body, count, first, second)
         first, second = first[i.order], second[i.order]
         ids = np.column_stack([el.body.id[first], el.body.id[second]])
-        meeting = _known_meetings(before, ids)
+        pair_state = _known_states(before, ids)
         shown, axis = el.shown, op.levers[polygons.element, 9:11]
         x, y = polygons.corner.T
         corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
@@ -118,13 +118,13 @@ class FaceContact:
         outcome = integrate_faces(
             i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows],
             forcing_of_rows(i.rows, op.forcing), BodyMatrices(*(matrix[i.members] for matrix in op.matrices)),
-            bodies.twist[i.members], bonded, apart, faces, meeting, h, self._law,
+            bodies.twist[i.members], bonded, apart, faces, pair_state, h, self._law,
         )  # fmt: skip
         found = IslandsOutcome(*outcome[:8])
         if not np.isfinite(found.twist).all():
             raise FloatingPointError
-        kept = meeting[:, PHASE] != APART
-        self.meetings = Meetings(ids[kept], meeting[kept], before.dissipated + outcome[8])
+        kept = pair_state[:, PHASE] != APART
+        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[8])
         return phase_of(op, i, first, second, found, h)
 
     def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
@@ -146,12 +146,12 @@ class FaceContact:
         return self._polygons
 
 
-def _known_meetings(meetings: Meetings, ids: Ints) -> Floats:
+def _known_states(pairs: FacePairs, ids: Ints) -> Floats:
     """Return the states of pairs of elements (by identifiers, in either order); zeros for those that did not press each other."""
     out = np.zeros((len(ids), COLUMNS))
-    if len(meetings.pair):
-        place = {(int(min(pair)), int(max(pair))): k for k, pair in enumerate(meetings.pair)}
+    if len(pairs.pair):
+        place = {(int(min(pair)), int(max(pair))): k for k, pair in enumerate(pairs.pair)}
         for n, pair in enumerate(ids.tolist()):
             if (k := place.get((min(pair), max(pair)))) is not None:
-                out[n] = meetings.state[k]
+                out[n] = pairs.state[k]
     return out

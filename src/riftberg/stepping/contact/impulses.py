@@ -1,4 +1,4 @@
-"""Contact in one sub-step of an island: who touches, how long the step may be, what it does to the velocities.
+"""Contact in one sub-step of an island: which pairs touch, how long the step may be, what it does to the velocities.
 
 `find_contacts` is the narrow phase: it finds the pairs in contact and the longest step that resolves them. `solve_kick` then
 solves for the change of the velocities. For the equation see `riftberg.stepping.contact.island_step`.
@@ -146,7 +146,7 @@ def find_contacts(
 ) -> tuple[int, float]:
     """Find the pairs in contact now, and how long a sub-step may be; returns their number and the longest step (s).
 
-    The step resolves the springs at hand, and ends before any other pair gets deep into each other.
+    The step resolves the springs in contact, and ends before any other pair gets deep into each other.
     """
     count, max_dt = 0, np.inf
     body_of, levers, inertia, pair_mass = island.body_of, island.levers, island.matrices.inertia, island.pair_mass

@@ -58,6 +58,8 @@ class Linearisation(NamedTuple):
     twist_integral: Floats  # Integral of the twists over the time since, m, m, rad; shape (bodies, 3)
 
 
+# Many arguments: here Python enters the compiled islands, and five lists of islands, what acts on elements and
+# bodies, the pairs and the law are arrays of their own. Inside, an `Island` holds those of one.
 @kernel
 def integrate_islands(
     start: Ints, row_start: Ints, body_of: Ints, first: Ints, second: Ints, pair_start: Ints, levers: Floats,

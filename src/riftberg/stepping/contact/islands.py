@@ -2,7 +2,7 @@
 
 Bodies that may touch each other in a step, directly or by way of others, form an island, and each island goes through the
 step by itself (`riftberg.stepping.contact.island_step`). Bodies that touch nothing on the way keep the result of the whole
-step, as if nobody were near. The others get their twist from the sub-steps, corrected here for the forces of the media at
+step, as if alone. The others get their twist from the sub-steps, corrected here for the forces of the media at
 the end of the step.
 """
 

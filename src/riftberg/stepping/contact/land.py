@@ -23,7 +23,7 @@ from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 
 if TYPE_CHECKING:
-    from riftberg.ocean.grid_arrays import GridArrays
+    from riftberg.ocean.cells import GridArrays
     from riftberg.parameters import KernelParameters
 
 MIN_CORRECTION: Final = 1e-6

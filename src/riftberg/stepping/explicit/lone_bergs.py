@@ -21,7 +21,7 @@ from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
-from riftberg.stepping.contact.groups import contact_substeps
+from riftberg.stepping.contact.broad_phase import contact_substeps
 from riftberg.stepping.explicit.breaking import Touch, add_contact
 from riftberg.stepping.explicit.substeps import POLAR_LATITUDE, drifted, floor_rate_at, kicked, mid_step_velocity
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, SPIN_LINEAR, Surroundings
@@ -108,6 +108,8 @@ def take_substeps_of_islands(
     return islands.rows[islands.first[touched]], islands.rows[islands.second[touched]]
 
 
+# Many arguments: the lists of the islands and the groups of the state that sub-steps read and change; each use of the
+# whole state would add some hundred lines to what is compiled.
 @kernel
 def _take_all(
     rows: Ints, start: Ints, first: Ints, second: Ints, pair_start: Ints, substeps: Ints, place: Place, shown: Shown,

@@ -11,9 +11,18 @@ from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import SAME_BERG, no_pairs
-from riftberg.state.order import listed
-from riftberg.stepping.contact.broad_phase import NeighbourSearch, contact_cells, rest_lengths, with_partners
-from riftberg.stepping.contact.groups import NO_PAIRS, concatenate_pairs, contact_groups, contact_rows, group_substeps
+from riftberg.state.numbering import listed
+from riftberg.stepping.contact.broad_phase import (
+    NO_PAIRS,
+    NeighbourSearch,
+    concatenate_pairs,
+    contact_cells,
+    contact_groups,
+    contact_rows,
+    group_substeps,
+    rest_lengths,
+    with_partners,
+)
 from riftberg.stepping.explicit.batches import Batch
 from riftberg.stepping.explicit.beams import WORTH_THREADS, take_substeps_in_threads, take_substeps_of_beams
 from riftberg.stepping.explicit.breaking import allocate_pairs, pairs_from_list

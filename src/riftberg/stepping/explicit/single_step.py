@@ -12,8 +12,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, metres_per_unit, move
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, no_pairs
-from riftberg.stepping.contact.broad_phase import NeighbourSearch, contact_cells, rest_lengths
-from riftberg.stepping.contact.groups import NO_PAIRS, contact_rows
+from riftberg.stepping.contact.broad_phase import NO_PAIRS, NeighbourSearch, contact_cells, contact_rows, rest_lengths
 from riftberg.stepping.forces.implicit_velocity import (
     INTERACTIONS_ONLY,
     VERLET,

@@ -50,6 +50,8 @@ def interaction_sizes(elements: Elements, p: KernelParameters) -> Sizes:
     return Sizes(radius, body.mass, bond_radius, bond_mass, bond_area)
 
 
+# Many arguments: six arrays of the state and five values of the parameters. To hand over the whole state takes longer
+# than the loop.
 @kernel
 def _interaction_sizes(
     length: Floats, width: Floats, thickness: Floats, mass: Floats, known_area: Floats, constant_size: bool,

@@ -84,6 +84,8 @@ def store_stresses(
     )  # fmt: skip
 
 
+# Many arguments: seven arrays of the bonds are written and four of the lattice read, each taken out of its table
+# before the loop, inside which numba would count references at each access.
 @borrower
 def _store_stresses(
     normal: Floats, shear: Floats, peak: Floats, length: Floats, shear_x: Floats, shear_y: Floats, rotation: Floats,

@@ -1,4 +1,4 @@
-"""Fragments of a berg and their family tree: who split from whom, when and where."""
+"""Fragments of a berg and their family tree: which split from which, when and where."""
 
 from __future__ import annotations
 

@@ -117,6 +117,7 @@ def hull_of(corner: Floats, start: Ints, owner: Ints, thickness: Floats, draft: 
     return Hull(np.array([x, y]), stiffness, shapely.unary_union(shapely.buffer(rings, 0.01, join_style="mitre")))
 
 
+# Many arguments: the nine arrays at the end are filled anew in each iteration of `minimise`, which makes them once.
 @kernel
 def _assemble(
     start: Ints, corner: Floats, column: Ints, xc: float, yc: float, q: Floats, u: Floats, stiffness: float, top: float,
@@ -173,6 +174,8 @@ def _assemble(
     return energy
 
 
+# Many arguments: polygons, columns and springs of one balance are arrays apart, as the loops of `_assemble` read
+# them.
 @kernel
 def minimise(
     start: Ints, corner: Floats, column: Ints, xc: float, yc: float, q: Floats, u: Floats, stiffness: float, top: float,
@@ -232,6 +235,7 @@ def minimise(
     return -1, loads
 
 
+# Many arguments: polygons come in and go out as flat lists of corners, owners and starts, without an object for each.
 @kernel
 def _split(
     start: Ints, corner: Floats, owner: Ints, group: Ints, axis_x: Floats, axis_y: Floats, begin: Floats, width: Floats,
@@ -287,6 +291,7 @@ def _split(
     return count
 
 
+# Many arguments: seven sums over elements and polygons are added to in one pass over the same cut polygons.
 @kernel
 def _loads(
     start: Ints, corner: Floats, origin: Ints, owner: Ints, slope: Floats, column: Ints, xc: float, yc: float, q: Floats,

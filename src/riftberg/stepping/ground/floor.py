@@ -200,6 +200,8 @@ def columns_of(row: int, cell: float, latlon: bool, radius: float) -> float:
     return blocks * BLOCK / 360.0
 
 
+# Many arguments: polygons come in, and `Patches` go out, as flat lists whose room Python has made, and makes larger
+# where they do not fit; blocks of the floor are looked up by key.
 @kernel
 def cut_by_cells(
     start: Ints, corner: Floats, owner: Ints, draft: Floats, near: Booleans, level: float, cell: float, latlon: bool,
@@ -300,6 +302,8 @@ def cut_by_cells(
     return count, absent
 
 
+# Many arguments: the innermost step of `cut_by_cells`, which has all of it at hand as numbers and makes no object of
+# them.
 @kernel
 def _write(
     piece: Floats, size: int, e: int, overlap: float, by_column: float, by_row: float, x0: float, y0: float,

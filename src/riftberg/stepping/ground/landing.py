@@ -27,7 +27,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints, Keel
 from riftberg.stepping.bodies.dynamics import BodyOperators, ElementForcing, add_forces, assemble_force_and_jacobian
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses, tangent_coordinates
-from riftberg.stepping.contact.groups import NO_PAIRS
+from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.islands import ContactPhase, PeakContactLoad, forcing_of_rows
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.balance import Bed, Hull, Pressure, hull_of, press

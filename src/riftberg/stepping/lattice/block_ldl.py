@@ -158,6 +158,8 @@ def _factored(
     return start, row, lower, inverse
 
 
+# Many arguments: a borrower makes no arrays, so graph, factor and workspace come one by one; its inner loops count no
+# references.
 @borrower
 def _eliminate(
     order: Ints, place: Ints, first: Ints, second: Ints, diagonal: Floats, between: Floats, near: Ints, bond: Ints,

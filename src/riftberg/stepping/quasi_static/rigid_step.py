@@ -57,6 +57,8 @@ class BodyState(NamedTuple):
     load: Floats  # Balanced loads on the lattice, N, N, N m; shape (elements, 3)
 
 
+# Many arguments: a borrower makes no arrays, so both ends of the step, the places in the state and the workspace come
+# in.
 @borrower
 def predict(
     new: Bodies, bodies: Bodies, matrices: BodyMatrices, levers: Floats, net_force: Floats, frozen_displacement: Floats,
@@ -110,6 +112,8 @@ def _assemble_operators(
     invert(matrices.inertia, matrices.mobility, work.scratch)
 
 
+# Many arguments: a borrower makes no arrays, so velocities, forces, loads and the groups of the state that it fills
+# come in.
 @borrower
 def correct(
     op: BodyOperators, middle: Floats, twist: Floats, half_dt: float, kick: bool, xy: Floats, terms: ForceTerms,
@@ -166,6 +170,7 @@ def remove_rigid_modes(
     return True
 
 
+# Many arguments: the trapezoidal rule needs levers, floor, matrices, forces and velocities of both ends of the step.
 @borrower
 def accumulate_step_forces(
     body: Ints, levers: Floats, end_levers: Floats, floor_rate: Floats, end_floor_rate: Floats, matrices: BodyMatrices,

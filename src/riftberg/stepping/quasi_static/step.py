@@ -44,9 +44,8 @@ from riftberg.stepping.bodies.pose import (
     split_bodies,
     tangent_coordinates,
 )
-from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, candidate_pairs, with_both
-from riftberg.stepping.contact.faces import NO_MEETINGS, FaceContact, Meetings
-from riftberg.stepping.contact.groups import NO_PAIRS, concatenate_pairs
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, NO_PAIRS, candidate_pairs, concatenate_pairs, with_both
+from riftberg.stepping.contact.faces import NO_FACE_PAIRS, FaceContact, FacePairs
 from riftberg.stepping.contact.islands import (
     ContactPhase,
     PeakContactLoad,
@@ -156,13 +155,15 @@ class QuasiStaticStepper:
         self._touched = NO_PAIRS
         self._snapshot: StepSnapshot | None = None
         # All of that at the start of the last step, with its time, for a model that takes a failed step back.
-        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, Meetings] = (
+        self._last_start: tuple[
+            float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, FacePairs
+        ] = (
             math.nan,
             None,
             None,
             None,
             NO_TIPS,
-            NO_MEETINGS,
+            NO_FACE_PAIRS,
         )
 
     @property
@@ -178,7 +179,7 @@ class QuasiStaticStepper:
     @property
     def crushed(self) -> float:
         """See `riftberg.stepping.stepper.Stepper.crushed`."""
-        return 0.0 if self._faces is None else float(self._faces.meetings.dissipated[0])
+        return 0.0 if self._faces is None else float(self._faces.pairs.dissipated[0])
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
@@ -215,15 +216,15 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
         if self._last_start[0] == model.time:  # the model has taken the last step back
-            (_, self._bodies, self._snapshot, self._cells, self._tips, meetings), self._state = self._last_start, None
+            (_, self._bodies, self._snapshot, self._cells, self._tips, pairs), self._state = self._last_start, None
             if self._faces is not None:
-                self._faces.meetings = meetings
+                self._faces.pairs = pairs
             if self._seabed is not None:
                 self._seabed.back_to_start()
         if self._seabed is not None:
             self._seabed.begin_step()
-        meetings = NO_MEETINGS if self._faces is None else self._faces.meetings
-        self._last_start = model.time, self._bodies, self._snapshot, self._cells, self._tips, meetings
+        pairs = NO_FACE_PAIRS if self._faces is None else self._faces.pairs
+        self._last_start = model.time, self._bodies, self._snapshot, self._cells, self._tips, pairs
         unknown = self._sync(model)
         step = TimeStep(
             model,
@@ -480,7 +481,7 @@ class TimeStep:
         el = self.el
         if self.seabed is not None:
             self.seabed.checkpoint()
-        self._meetings = None if self.faces is None else self.faces.meetings
+        self._face_pairs = None if self.faces is None else self.faces.pairs
         return [array.copy() for array in (*el.place, *el.shown, el.motion.rotation, self.bonds.damage, *el.keel)]
 
     def _rollback(self, checkpoint: list[np.ndarray]) -> None:
@@ -492,8 +493,8 @@ class TimeStep:
             array[:] = values
         if self.seabed is not None:
             self.seabed.rollback()
-        if self.faces is not None and self._meetings is not None:
-            self.faces.meetings = self._meetings
+        if self.faces is not None and self._face_pairs is not None:
+            self.faces.pairs = self._face_pairs
 
     def _accept(self, start: BodyState, trial: Trial, cracks: bool = False) -> None:
         """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
@@ -599,7 +600,7 @@ class TimeStep:
             return resolve_contacts(self.el, start.operators, bodies.twist, first, second, h, self.sizes, c)
         except FloatingPointError:
             raise RunError(
-                f"the velocities of bergs in contact did not settle at {self.model.date:%Y-%m-%d %H:%M}"
+                f"the velocities of bergs in contact did not converge at {self.model.date:%Y-%m-%d %H:%M}"
             ) from None
 
     def _constrained_by_land(self, bodies: Bodies) -> tuple[Bodies, list[Ashore]]:
@@ -680,9 +681,9 @@ class TimeStep:
             keel = el.keel
             force += np.column_stack([keel.floor_x, keel.floor_y, keel.floor_torque])
             op.forcing.aground[:] = keel.floor_load > 0.0
-        if self.faces is not None and self.faces.meetings.pair.size:
+        if self.faces is not None and self.faces.pairs.pair.size:
             force += self.faces.force(self.model)
-        if self.seabed is not None or (self.faces is not None and self.faces.meetings.pair.size):
+        if self.seabed is not None or (self.faces is not None and self.faces.pairs.pair.size):
             axes, forcing = op.levers[:, 9:11], op.forcing
             load = balanced_loads(
                 bodies.body, self.lattice.xy, axes, force, forcing.mass, forcing.inertia, twist[:, 2].copy()
