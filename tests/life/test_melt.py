@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import ForcingError, InputError
+from riftberg.errors import ForcingError, InputError, RunError
 from riftberg.life.ice_fronts import REACH
 from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
 from riftberg.ocean.analytic import Steady
@@ -199,6 +199,32 @@ def test_pieces_as_bergs_conserve_too() -> None:
     assert (model.elements.life.mass_scaling != 1.0).any()
     assert (model.elements.life.mass_of_fl_bits == 0.0).all()
     closes(model)
+
+
+@pytest.mark.parametrize(("interactions", "foot"), [(True, -2.0), (False, -1.0)])
+def test_children_are_let_go_to_collide_only_where_bergs_act_on_each_other(interactions: bool, foot: float) -> None:
+    """A child that nothing touches may collide from now on; without interactions it stays what it is."""
+    p = lively().changed(bonds={"law": "none"}, stepping={"interactions": interactions})
+    model = Model(
+        Iceberg.join([block(1, 1), Iceberg.from_points([20e3], [0.0], thickness=200.0, latlon=False)]), sea(), p
+    )
+    model.elements.life.fl_k[1] = -1.0
+    model.step()
+    assert model.elements.life.fl_k[1] == foot
+
+
+def test_numerics_of_the_reference_refuse_bonded_bergs_that_calve_and_no_others() -> None:
+    p = lively().changed(compatibility={"footloose_sets_density": True})
+    lone = Model(block(1, 1), sea(temperature=12.0), p)
+    lone.step()
+    assert lone.elements.size >= 1
+    with pytest.raises(
+        RunError, match="footloose calving of element 1, which has 1 bonds: the reference stops there too"
+    ):
+        Model(block(2, 1), sea(temperature=12.0), p).step()
+    children = Model(block(2, 1), sea(temperature=12.0), p)
+    children.elements.life.fl_k[:] = -2.0  # what calves no longer may have bonds
+    children.step()
 
 
 def test_what_others_add_and_take_is_in_the_ledger() -> None:

@@ -436,6 +436,40 @@ def test_blocks_and_nodes_on_the_outline_are_those_of_the_matrix_added_up_number
         assert abs(force[el.size :, :2]).max() < 1e-9 * abs(force).max()
 
 
+def test_the_last_bond_between_two_parts_bends_as_a_beam_as_high_as_its_facet() -> None:
+    """Two opposite moments on a bar that hangs together by one bond; the stress grows with the moment, and with 1 / (H w2)."""
+    berg, p = turned_beam("square", 0.0, 9000.0, 3000.0), parameters().kernel_values()
+    el, bonds, moment = berg.elements, berg.bonds, 3e12
+    crossing = np.flatnonzero(np.sign(el.lon[bonds.first]) != np.sign(el.lon[bonds.second]))
+    assert crossing.size == 2
+    bonds.status[crossing[0]] = 1
+    cells = with_new_cells(None, el, bonds, berg.outlines, p)
+    stiffness, (lattice, intact, *_), *_ = stiffness_of(el, bonds, cells, p)
+    load = np.zeros((el.size, 3))
+    load[np.argmin(el.lon), 2], load[np.argmax(el.lon), 2] = moment, -moment
+    last, stress = stiffness.bridges(lattice, intact, load)
+    assert intact[last].tolist() == [crossing[1]]
+    side = 2.0 * RADIUS
+    assert stress[last] == pytest.approx(moment / (THICKNESS * side**2 / 6.0), rel=1e-9)
+    assert not stress[~last].any()
+    assert stiffness.bridges(lattice, intact.copy(), -2.0 * load)[1][last] == pytest.approx(
+        2.0 * stress[last], rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_the_disc_ahead_of_a_tip_is_full_inside_and_half_full_at_a_straight_edge(packing) -> None:
+    """The share is that of the weight exp(-d2 / 2 r2) up to 3 r, whose integral over a whole disc is 2 pi r2 (1 - exp(-4.5))."""
+    berg, p = turned_beam(packing, 0.0, 45e3, 45e3), parameters(packing).kernel_values()
+    el, bonds = berg.elements, berg.bonds
+    stiffness, *_, xy = stiffness_of(el, bonds, with_new_cells(None, el, bonds, berg.outlines, p), p)
+    nothing, radius, ahead = np.zeros((stiffness._mesh.area.size, 3)), 5000.0, np.array([1.0, 0.0])
+    centre = 0.5 * (xy.min(axis=0) + xy.max(axis=0))
+    edge = np.array([xy[:, 0].min() - RADIUS, centre[1]])
+    assert stiffness.mean_ahead(nothing, 0, centre, ahead, radius)[1] == pytest.approx(1.0, abs=1e-3)
+    assert stiffness.mean_ahead(nothing, 0, edge, ahead, radius)[1] == pytest.approx(0.5, abs=0.02)
+
+
 def test_a_topology_counts_as_long_as_only_the_ice_melts() -> None:
     berg, p = turned_beam("square", 20.0, 9000.0, 6000.0), parameters().kernel_values()
     el, bonds = berg.elements, berg.bonds

@@ -46,3 +46,16 @@ def test_footprints_turn_with_their_fragments() -> None:
         np.testing.assert_allclose(both.corner[corner], one.corner, atol=1e-6)
         away = one.corner - xy[rows][np.repeat(one.owner, np.diff(one.start))]
         assert np.hypot(*away.T).max() < 3e3
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 2.0, -1.57])
+def test_footprints_of_a_fragment_that_moved_as_a_whole_have_moved_with_it(turn: float) -> None:
+    """To the micrometre, whatever the way: corners keep their places about the elements."""
+    run = model(20.0, "square")
+    el, found = run.elements, FootprintBook(run).follow(run)
+    rows, way = np.arange(el.size), 3e4 - 7e3j
+    there = np.exp(1j * turn) * (found.centre @ (1.0, 1.0j)) + way
+    laid = body_footprint(found, el, rows, np.column_stack([there.real, there.imag])[np.argsort(found.element)])
+    asked = np.exp(1j * turn) * (found.corner @ (1.0, 1.0j)) + way
+    assert laid.corner.shape == found.corner.shape
+    np.testing.assert_allclose(laid.corner @ (1.0, 1.0j), asked, rtol=0, atol=1e-6)

@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 import shapely
 
+from riftberg.config.parameter_groups import Grounding
+from riftberg.constants import GRAVITY, RHO_SEAWATER
+from riftberg.physics.seabed import bending_length
 from riftberg.stepping.ground.balance import Bed, hull_of, press
 from riftberg.stepping.ground.floor import Floor, Patches
+from riftberg.stepping.ground.landing import bed_of
 from riftberg.stepping.lattice.footprints import BodyFootprint
 
 RADIUS = 6_371_229.0
@@ -196,3 +200,12 @@ def test_the_balance_does_not_depend_on_where_the_berg_lies(where: dict[str, Any
     """Nor on which end of the line of contact is the first."""
     here, there = pressure(bed())[0], pressure(bed(), **where)[0]
     np.testing.assert_allclose(there.load, here.load, rtol=1e-3, atol=2e-3 * here.load.max())
+
+
+@pytest.mark.parametrize("thickness", [100.0, 250.0])
+def test_ice_bends_over_the_length_of_a_floating_plate(thickness: float) -> None:
+    """``(E H^3 / (12 (1 - nu^2) rho g))^(1/4)`` with Poisson's ratio 0.3, as in the plate for which edges were found."""
+    bed = bed_of(Grounding(law="seabed", ice_modulus=2e9))
+    rigidity = 2e9 * thickness**3 / (12.0 * (1.0 - 0.3**2))
+    asked = (rigidity / (RHO_SEAWATER * GRAVITY)) ** 0.25
+    assert bending_length(bed.modulus, bed.poisson, thickness) == pytest.approx(asked, rel=1e-12)

@@ -176,6 +176,17 @@ def test_a_berg_beside_the_one_that_land_stops_goes_on() -> None:
     assert model.elements.lon[1] == pytest.approx(38.5e3 + 4 * 1800.0 * CURRENT, abs=5.0)
 
 
+@pytest.mark.parametrize("scheme", ["mts", "quasi_static"])
+def test_without_interactions_a_berg_is_not_stopped_by_another_that_land_stops(scheme: str) -> None:
+    """The second berg drifts through the first until the coast stops it too."""
+    bergs = Iceberg.join([berg(49e3, 1, 1), berg(45.9e3, 1, 1)])
+    interactions = {"scheme": scheme, "time_step": 1800.0, "interactions": False}
+    model = Model(bergs, coast(), Parameters(earth=PLANE, stepping=interactions))
+    model.advance(steps=8)
+    start = 45.9e3 - 0.5 * SIZE
+    assert model.elements.lon[1] == pytest.approx(start + 8 * 1800.0 * CURRENT, abs=60.0)
+
+
 def test_on_the_sphere_distances_in_a_berg_stay() -> None:
     """A berg that goes back is turned about the centre of the sphere, whatever way its rows lie."""
     lon, lat = np.meshgrid(np.linspace(-52.0, -49.0, 7), np.linspace(-76.0, -74.0, 7))

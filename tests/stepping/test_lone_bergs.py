@@ -13,6 +13,7 @@ from riftberg import Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.state import ELEMENT_VARIABLES, new_elements
 from riftberg.stepping.explicit import mts
 from riftberg.stepping.explicit.lone_bergs import find_islands
+from riftberg.stepping.forces.media import FORCES
 
 SPRING = (0.4 * 31.9 / 600.0) ** 2
 """Stiffness (s-2) for which both ways take 32 sub-steps in 600 s."""
@@ -147,6 +148,23 @@ def test_a_meeting_keeps_the_momentum_and_stops_the_approach() -> None:
     assert float(mass @ el.u) == pytest.approx(before, rel=1e-2)
     assert float(mass @ (el.u**2 + el.v**2)) < energy
     assert float(np.hypot(*(np.diff(el.lon), np.diff(el.lat)))[0]) > 0.9 * 400.0
+
+
+@pytest.mark.parametrize("implicit", [True, False])
+def test_a_berg_that_is_held_on_the_floor_takes_no_force_of_it(implicit: bool) -> None:
+    """Two bergs meet, the second is aground: held, it stays where it is and the floor does nothing; free, the floor brakes it."""
+    floor = {}
+    for held in (0.0, 1.0):
+        model = pair(contact={"spring": SPRING}, grounding={"coefficient": 1e3, "implicit": implicit})
+        model.elements.static[1], model.elements.v[1] = held, 0.01
+        place = model.elements.lon[1], model.elements.lat[1]
+        model.advance(steps=1)  # the first step has a half kick of its own
+        assert ((model.elements.lon[1], model.elements.lat[1]) == place) == bool(held)
+        forces = model.applied_forces()
+        assert np.isfinite(forces).all()
+        floor[held] = forces[1, FORCES.index("sea_floor")]
+    assert floor[0.0].any()
+    assert not floor[1.0].any()
 
 
 def test_a_meeting_goes_on_from_a_restart(tmp_path: Any) -> None:

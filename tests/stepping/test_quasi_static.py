@@ -125,6 +125,31 @@ def test_corrected_factors_are_those_without_the_bonds(packing) -> None:
     np.testing.assert_allclose(got, asked, rtol=0, atol=1e-8 * np.abs(asked).max())
 
 
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_held_elements_stay_and_the_bonds_of_the_others_balance_the_load(packing) -> None:
+    """Against the whole stiffness matrix, added up number by number and solved for the freedoms that are left."""
+    berg, force, p = floating(4, packing)
+    el, n = berg.elements, berg.elements.mass.size
+    el.static[np.argsort(el.lon)[:3]] = 1.0
+    el.free_y[np.argsort(el.lon)[-1]] = 0.0
+    xy, lattice, intact, supports, *_, body = solved(berg, force, p)
+    held = np.repeat(el.static >= 0.5, 3)
+    held[1::3] |= el.free_y < 0.5
+    got = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(body, xy)).solve(force)
+
+    matrix = np.zeros((3 * n, 3 * n))
+    for b in intact:
+        rows = np.concatenate([3 * end[b] + np.arange(3) for end in (lattice.first, lattice.second)])
+        matrix[np.ix_(rows, rows)] += (
+            lattice.strain_operator[b].T @ np.diag(lattice.stiffness[b]) @ lattice.strain_operator[b]
+        )
+    path = np.column_stack([np.ones((n, 2)), lattice.radius]).ravel()  # turns are measured along the rim
+    asked = np.zeros(3 * n)
+    asked[~held] = np.linalg.solve(matrix[np.ix_(~held, ~held)], (force.ravel() / path)[~held])
+    assert not got.ravel()[held].any()
+    np.testing.assert_allclose(got.ravel() * path, asked, rtol=0, atol=1e-8 * abs(asked).max())
+
+
 def test_stress_does_not_depend_on_youngs_modulus() -> None:
     stresses = []
     for youngs in (5e6, 9e9):
@@ -267,16 +292,21 @@ def test_velocities_of_the_elements_are_those_of_the_frame(latlon) -> None:
     np.testing.assert_allclose(got_v, motion[:, 3:6] @ twist, rtol=0, atol=3e-6)
 
 
+@pytest.mark.parametrize("turn", [0.0, 1.2])
 @pytest.mark.parametrize("latlon", [True, False])
-def test_pieces_that_part_stay_where_they_are_and_go_on_as_they_went(latlon) -> None:
+def test_pieces_that_part_stay_where_they_are_and_go_on_as_they_went(latlon, turn) -> None:
+    """However the berg has turned since its start."""
     lon, lat, mass = sphere(4, -60.0)
     if not latlon:
         lon, lat = 1e5 * lon, 1e5 * lat
     inertia = 0.5 * mass * 1500.0**2
     bodies = bodies_from_elements(lon, lat, np.zeros(12, np.int64), mass, latlon, EARTH, 360.0 if latlon else 0.0)
     displacement = np.random.default_rng(1).standard_normal((12, 3)) * [3.0, 3.0, 1e-4]
-    bodies = bodies._replace(twist=np.array([[0.3, -0.2, 1e-5]]))
+    bodies = bodies._replace(
+        pose=moved(bodies.pose, np.array([[0.0, 0.0, turn]]), 1.0, latlon), twist=np.array([[0.3, -0.2, 1e-5]])
+    )
     x, y = lon.copy(), lat.copy()
+    place_elements(bodies, x, y, np.zeros(12), latlon, EARTH, 0.0)  # the images of longitudes nearest to where they are
     place_elements(bodies._replace(displacement=displacement), x, y, np.zeros(12), latlon, EARTH, 0.0)
     before = levers_of(bodies, latlon)[:, :9].reshape(12, 3, 3) @ bodies.twist[0]
     pieces = split_bodies(bodies._replace(displacement=displacement), np.arange(12) // 5, mass, inertia, latlon, EARTH)

@@ -103,6 +103,16 @@ def test_wind_and_slope_are_named_where_they_push() -> None:
         model.advance(steps=300)
 
 
+def test_neighbours_are_named_where_they_push_and_never_else() -> None:
+    """What no force explains is the push of neighbours: nothing of a lone berg, nearly all of one that a pressed bond throws."""
+    for scheme in ("runge_kutta, no bonds", "quasi_static"):
+        text = advanced(model_of(scheme, Spoilt(ua=900.0), speed_limit=1.0))
+        assert "largest force on it is the drag of the wind" in text, scheme
+    model = model_of("verlet", Steady())
+    model.elements.lon[1] = model.elements.lon[0] + 0.3 * (model.elements.lon[1] - model.elements.lon[0])
+    assert "largest force on it is the push of its neighbours" in advanced(model)
+
+
 def test_elements_that_begin_too_fast_are_refused_before_the_first_step() -> None:
     for velocity, reason in (((22.0, 0.0), "it begins with a speed of 22 m/s"), ((0.0, -1e5), "100000 m/s")):
         berg = Iceberg.rectangle(

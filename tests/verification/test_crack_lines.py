@@ -323,3 +323,22 @@ def test_a_tip_keeps_its_place_in_ice_that_drifts_and_turns() -> None:
     plate.bonds.status[ends] = 1
     plate.now = plate._factored()
     assert [tip.row for tip in plate.paths().standing()] == [1]
+
+
+def test_each_crack_has_a_number_of_its_own_beside_rifts_that_are_there() -> None:
+    """Three cracks far from each other, in a plate with a rift: rifts keep their numbers, cracks count on, both tips alike."""
+    plate = Plate("square", 0.0, 45e3, 9e3)
+    first, second = plate.bonds.first, plate.bonds.second
+    along = np.flatnonzero(np.abs(plate.y[first] - plate.y[second]) < 1.0)
+    middle = 0.5 * (plate.x[first] + plate.x[second])
+    rift = along[np.argmin(np.abs(middle[along] - 19e3))]
+    plate.bonds.crack[rift] = 4
+    plate.without(rift)
+    broken = []
+    for x in (-18e3, -6e3, 6e3):
+        moment = plate.under(pulled_from_the_middle(plate, 45e3))
+        near = along[np.argsort(np.hypot(middle[along] - x, 0.5 * (plate.y[first] + plate.y[second])[along]))]
+        broken.append(plate.break_next(moment, int(np.searchsorted(plate.now.intact, near[0]))))
+    assert plate.bonds.crack[broken].tolist() == [5, 6, 7]
+    assert plate.bonds.crack[rift] == 4
+    assert plate.tips.crack.tolist() == [5, 5, 6, 6, 7, 7]

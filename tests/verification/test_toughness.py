@@ -92,18 +92,26 @@ class Sheet:
         place = along[bonds.first] + share * (along[bonds.second] - along[bonds.first])
         return np.flatnonzero(~((a * b < 0.0) & (place > left) & (place < right)))
 
-    def overload(self, force: Any, intact: Any, distance: float) -> float:
-        """Largest averaged stress over the strength of 18 kPa."""
+    def under(self, force: Any, intact: Any) -> Equilibrium:
+        """Equilibrium under forces (N, N, N m) on the elements, with the bonds ``intact``."""
         supports = Supports(self.berg.elements.static, self.berg.elements.free_y)
         solver = StiffnessSolver(self.lattice, intact, supports, supports.gauge_springs(self.body, self.xy))
         el = self.berg.elements
         inertia = 0.125 * el.mass * self.spacing**2
         level = np.tile([1.0, 0.0], (el.mass.size, 1))
         load = balanced_loads(self.body, self.xy, level, force, el.mass, inertia, np.zeros(1))
-        moment = Equilibrium(self.lattice, intact, solver.solve(load), load, self.p)
-        criterion = AveragedStress(self.lattice, intact, self.xy, self.body, self.volume, distance, self.p)
+        return Equilibrium(self.lattice, intact, solver.solve(load), load, self.p)
+
+    def overload(self, force: Any, intact: Any, distance: float) -> float:
+        """Largest averaged stress over the strength of 18 kPa."""
+        moment = self.under(force, intact)
         strengths = Strengths(np.full(intact.size, STRENGTH), np.full(intact.size, 1e9))
-        return criterion.most_critical(moment, strengths)[1]
+        return self.most_critical(moment, strengths, distance)[1]
+
+    def most_critical(self, moment: Equilibrium, strengths: Strengths, distance: float) -> tuple[int, float]:
+        """Row of the bond that breaks next, and its averaged stress over the strength."""
+        criterion = AveragedStress(self.lattice, moment.intact, self.xy, self.body, self.volume, distance, self.p)
+        return criterion.most_critical(moment, strengths)
 
 
 def bending(stress: float, height: float) -> Any:
@@ -318,3 +326,23 @@ def test_discs_take_no_more_memory_than_they_need() -> None:
     tracemalloc.stop()
     assert criterion._member.size > 50 * intact.size
     assert peak < 3.0 * (criterion._member.nbytes + criterion._weight.nbytes)
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (-22e3, 9e3)])
+def test_the_mean_says_when_and_the_most_loaded_bond_for_its_strength_says_where(packing, place) -> None:
+    """A plate under even tension along x, with one weak bond along x: that one breaks, as soon as the mean exceeds the others."""
+    sheet = Sheet(3000.0, packing, 0.0, 60e3, 30e3)
+    el, bonds = sheet.berg.elements, sheet.berg.bonds
+    force = sheet.traction(lambda x, y: np.array([[2.0 * STRENGTH + 0.0 * x, 0.0 * x], [0.0 * x, 0.0 * x]]))
+    intact = np.arange(bonds.first.size)
+    level = np.flatnonzero(np.abs(el.lat[bonds.first] - el.lat[bonds.second]) < 1.0)
+    middle = 0.5 * np.column_stack(
+        [el.lon[bonds.first] + el.lon[bonds.second], el.lat[bonds.first] + el.lat[bonds.second]]
+    )
+    weak = level[np.argmin(np.hypot(*(middle[level] - place).T))]
+    normal = np.full(intact.size, STRENGTH)
+    normal[weak] *= 0.9
+    row, ratio = sheet.most_critical(sheet.under(force, intact), Strengths(normal, np.full(intact.size, 1e9)), 10.6e3)
+    assert row == weak
+    assert ratio > 1.0
