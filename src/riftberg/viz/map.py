@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO date to rings of shape (n, 2), longitude and latitude."""
 
-NEAR = 24.0
+NEAR = 8.0
 """Marks on the track that are nearer than this (points) share one date."""
 
 OVERVIEW = 0.95
