@@ -179,6 +179,8 @@ def _print_breakup(b: Breakup) -> None:
     for name in load.stress:
         sides = [part / 1e9 for k in ("fragment", "rest") for part in b.budgets[k].forces[name]]
         across = (load.tension[name] / 1e9, load.couple[name] / 1e12, load.stress[name] / 1e3)
+        if not any((*sides, *across)):
+            continue
         table.add_row(name, *(f"{v:+.3f}" for v in (*sides, *across)))
     table.add_section()
     for title, name in (("inertia", "inertia"), ("through the cut", "residual")):
