@@ -57,7 +57,7 @@ def sea() -> xr.Dataset:
 
 
 class Dap(BaseHTTPRequestHandler):
-    """As much of DAP 2 as its clients need: description, attributes, and whole arrays, which they ask for where these are small."""
+    """As much of DAP 2 as its clients need: description, attributes, and whole arrays, asked for where these are small."""
 
     asked: ClassVar[list[str]] = []
 
