@@ -104,9 +104,9 @@ def swept(first: Path) -> Path:
 
 def test_a_member_of_a_sweep_is_run_by_itself(swept: Path) -> None:
     (swept / "here" / "it.yaml").write_text("days: 99")  # what the sweep was made from is in its file
-    result = call("rerun", "all/sweep.nc#2", "-o", "two", "-q", "--no-map")
+    result = call("rerun", "all/sweep.nc#1", "-o", "two", "-q", "--no-map")
     assert result.exit_code == 0, result.output
-    member = open_sweep("all").sel(member=2)
+    member = open_sweep("all").sel(member=1)
     with open_run("two") as run:
         for name in ("lon", "lat"):  # of equal elements, whose mean a sweep keeps
             np.testing.assert_allclose(run[name].mean("trajectory"), member[name].isel(fragment=0), rtol=0.0, atol=1e-9)

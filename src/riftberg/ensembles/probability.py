@@ -465,7 +465,8 @@ def told(ds: xr.Dataset) -> list[str]:
         major, minor = (float(ds[name].sel(cone=0.9).values[-1]) / 1e3 for name in ("cone_major", "cone_minor"))
         lat, lon = (float(ds[name].values[-1]) for name in ("cone_lat", "cone_lon"))
         lines.append(
-            f"  position {place_text(lon, lat, latlon=True, digits=2)}; 90 % within an ellipse of {major:.0f} by {minor:.0f} km (semi-axes)"
+            f"  position {place_text(lon, lat, latlon=True, digits=2)}; 90 % within an ellipse of {major:.0f} by "
+            f"{minor:.0f} km (semi-axes)"
         )
     best = np.unravel_index(int(ds["crack_probability"].values.argmax()), ds["crack_probability"].shape)
     share = float(ds["crack_probability"].values[best])
