@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from riftberg import open_sweep, sweep
 from riftberg.cli.main import app
+from riftberg.ensembles.uncertain import with_errors
 from riftberg.experiments import build
 from riftberg.runs.run_file import open_run
 
@@ -82,3 +84,65 @@ def test_a_run_that_was_resumed_keeps_what_it_was_made_from(first: Path) -> None
     assert call("rerun", "s", "-o", "t", "-q", "--no-map").exit_code == 0
     with open_run("s") as one, open_run("t") as other:
         assert one.attrs["parameters_json"] == other.attrs["parameters_json"]
+
+
+@pytest.fixture
+def swept(first: Path) -> Path:
+    """A sweep over a parameter, a key of the file, the start and a random error, with a parameter set for all members."""
+    vary = (
+        "bonds.poisson=0.25,0.3",
+        "forcing.current=[0.2, 0.1],[0.3, 0.1]",
+        "start.turn=20",
+        "current_error.speed=0.1",
+    )
+    told = [part for name in vary for part in ("--vary", name)]
+    result = call("sweep", "here/it.yaml", *told, "--members", "1", "--set", "ice.density=820", "--every", "1", "-o", "all",
+                  "-q", "--no-map", "--workers", "0")  # fmt: skip
+    assert result.exit_code == 0, result.output
+    return first
+
+
+def test_a_member_of_a_sweep_is_run_by_itself(swept: Path) -> None:
+    (swept / "here" / "it.yaml").write_text("days: 99")  # what the sweep was made from is in its file
+    result = call("rerun", "all/sweep.nc#1", "-o", "two", "-q", "--no-map")
+    assert result.exit_code == 0, result.output
+    member = open_sweep("all").sel(member=1)
+    with open_run("two") as run:
+        for name in ("lon", "lat"):  # of equal elements, whose mean a sweep keeps
+            np.testing.assert_allclose(run[name].mean("trajectory"), member[name].isel(fragment=0), rtol=0.0, atol=1e-9)
+        for said in ("bonds.poisson=0.25", "'forcing.current=[0.3, 0.1]'", "start.turn=20", "current_error.speed=0.1"):
+            assert f"--set {said}" in run.attrs["command"]
+    # A rerun of that, half a turn further on.
+    result = call("rerun", "two", "-o", "three", "-q", "--no-map", "--set", "start.turn=200")
+    assert result.exit_code == 0, result.output
+    with open_run("two") as two, open_run("three") as three:
+        middle = [float(run["lon"].isel(time=0).mean()) for run in (two, three)]
+        assert middle[0] == pytest.approx(middle[1], abs=1e-4)
+        assert float(abs(two["lon"] - three["lon"]).isel(time=0).max()) > 0.01
+
+
+def test_a_member_that_is_not_there_and_a_sweep_that_keeps_nothing_are_refused(swept: Path) -> None:
+    result = call("rerun", "all/sweep.nc#9", "-o", "b", "-q")
+    assert result.exit_code == 2
+    assert "no member 9" in result.output
+    sweep(lambda **_: build("cantilever")[0], {"errors.seed": [1]}, days=0.001, workers=0, output="own")
+    result = call("rerun", "own/sweep.nc#0", "-o", "b", "-q")
+    assert result.exit_code == 2
+    assert "keeps no experiment" in result.output
+    assert not Path("b").exists()
+
+
+def test_a_run_with_errors_goes_on_with_them(first: Path) -> None:
+    """The restart knows the state; that the sea has errors, the command line must say again."""
+    (first / "here" / "it.yaml").write_text(YAML)
+    told = ("--set", "current_error.speed=0.3", "--set", "start.north=2 km")
+    assert call("run", "here/it.yaml", "-o", "whole", "-q", "--no-map", *told).exit_code == 0
+    model, _ = build("here/it.yaml")
+    half = with_errors(model, {"current_error.speed": 0.3, "start.north": 2000.0})
+    half.advance(0.125)
+    state = half.save("half.restart.nc")
+    assert call("run", "here/it.yaml", "-o", "rest", "-q", "--no-map", "--resume", str(state), *told).exit_code == 0
+    with open_run("whole") as whole, open_run("rest") as rest:
+        np.testing.assert_array_equal(rest["lon"].isel(time=-1), whole["lon"].isel(time=-1))
+    refused = call("run", "here/it.yaml", "-o", "odd", "-q", "--no-map", "--resume", str(state))
+    assert refused.exit_code == 2, refused.output

@@ -79,7 +79,7 @@ def test_what_a_crack_released_is_told_per_area_and_as_toughness(run: xr.Dataset
     (b,) = why.explain(run.assign(released_energy=("bond", energy), cracked_area=("bond", area))).breakups
     assert b.released_per_area == pytest.approx(2000.0)
     assert b.released_toughness == pytest.approx(np.sqrt(2000.0 * Scene(run).parameters.bonds.youngs_modulus))
-    assert "2000 J per m2" in " ".join(why.words(why.Reasons("", "", [b], 0, 18e3)))
+    assert "2000 J/m2" in " ".join(why.words(why.Reasons("", "", [b], 0, 18e3)))
 
 
 def test_opposite_pulls_are_carried_as_tension(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -274,7 +274,7 @@ def test_the_sea_floor_is_found_from_the_balance(run: xr.Dataset, monkeypatch: p
     reasons = why.explain(aground)
     assert why.FLOOR in why.words(reasons)[0]  # the reader is told that the budget closes by construction
     (told,) = why.words(replace(reasons, breakups=[replace(reasons.breakups[0], closure=0.012)]))
-    assert "recorded motion when it was last afloat to 1.2 %" in told
+    assert "recorded motion when it was last afloat within 1.2 %" in told
     budget = reasons.breakups[0].budgets["both"]
     assert budget.residual is not None
     assert np.hypot(*budget.residual) < 1e-6 * 4.8e9

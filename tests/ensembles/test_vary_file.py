@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from riftberg import open_sweep, sweep
-from riftberg.cli.compare import _opened
+from riftberg.cli.compare import opened
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import varied_of
+from riftberg.ensembles.vary import Draws, grouped, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed_document, parse_settings
@@ -47,7 +47,7 @@ def test_berg_placement_and_forcing_of_a_file_are_varied(file: str, tmp_path: Pa
 def test_members_that_start_later_have_their_own_dates(file: str, tmp_path: Path) -> None:
     result = sweep(file, "start=2020-12-09,2020-12-11 06:00", every_hours=1, workers=0, output=tmp_path / "s")
     assert (result["fragment_birth_time"].diff("member") == np.timedelta64(54, "h")).all()
-    assert _opened(tmp_path / "s" / "sweep.nc#1")["time"].values[0] == np.datetime64("2020-12-11T06:00")
+    assert opened(tmp_path / "s" / "sweep.nc#1")["time"].values[0] == np.datetime64("2020-12-11T06:00")
     assert open_sweep(tmp_path / "s")["time"].values[0] == np.datetime64("2020-12-09")
 
 
@@ -101,8 +101,40 @@ def test_what_the_file_cannot_say_is_refused(file: str, settings, words) -> None
 def test_a_key_of_a_file_is_refused_for_a_built_in_experiment() -> None:
     with pytest.raises(InputError, match="a68a has no experiment file with this key"):
         build("a68a", Options(changes=parse_settings(["forcing.eddy.speed=1"])))
-    with pytest.raises(InputError, match="a distribution of a key of the experiment file"):
-        varied_of("forcing.eddy.speed~uniform(0, 1)")
+
+
+def test_keys_of_a_file_have_distributions_in_their_unit(file: str) -> None:
+    drawn = [
+        "forcing.eddy.radius~normal(20 km, 10 %)",
+        "forcing.eddy.speed~uniform(20, 40 cm/s)",
+        "forcing.uniform.current.0~normal(0.1, 0.02)",
+        "start~choice(2020-12-09, 2020-12-12)",
+    ]
+    varied = varied_of(drawn)
+    assert [v.unit for v in varied] == ["m", "m s-1", "m s-1", ""]
+    assert varied[0].distribution.numbers == (20e3, 2e3)
+    assert varied[0].distribution.limits.low == 0.0
+    assert varied[1].distribution.numbers == pytest.approx((0.2, 0.4))
+    members = members_of(varied, Draws(4))
+    assert all(0.2 <= member["forcing.eddy.speed"] <= 0.4 for member in members)
+    assert {member["start"] for member in members} <= {"2020-12-09", "2020-12-12"}
+    model = build(file, Options(changes=grouped(members[2])))[0]
+    sample = model.forcing.parts if hasattr(model.forcing, "parts") else []
+    assert any(getattr(part, "radius", None) == members[2]["forcing.eddy.radius"] for part in sample)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("forcing.edy.speed~uniform(0, 1)", "experiment files have no key forcing.edy.speed"),
+        ("forcing.uniform.current~normal(0.1, 0.02)", "Draw an item, such as forcing.uniform.current.0"),
+        ("forcing.eddy.radius~normal(20 s, 10 %)", "20 s"),
+        ("start~uniform(1, 2)", "no number"),
+    ],
+)
+def test_distributions_that_no_key_has_are_refused(text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        varied_of(text)
 
 
 def test_several_bergs_are_changed_alike_or_one_by_its_number() -> None:

@@ -17,7 +17,7 @@ from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Box, Scene, corner_offsets, element_polygons
 from riftberg.viz.map import draw_map
 from riftberg.viz.panels import Panel, speed_bar
-from riftberg.viz.style import Labels, degree_label, new_figure, round_length
+from riftberg.viz.style import LED, Labels, degree_label, new_figure, round_length
 
 RADIUS = 6_363_827.0
 
@@ -192,8 +192,14 @@ def test_labels_never_overlap() -> None:
     labels = Labels(ax)
     placed = [labels.put("12 Dec", 0.5 + 0.002 * k, 0.5) for k in range(12)]
     assert 0 < sum(placed) < 12
-    boxes = [text.get_window_extent() for text in ax.texts]
+    boxes = [text.get_window_extent() for text in ax.texts if text.get_text()]
+    assert len(boxes) == sum(placed)
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+    # A label that stands away from its point is joined to it by a line.
+    led = [text for text in ax.texts if text.get_text() and np.hypot(*text.get_position()) > LED]
+    lines = [text for text in ax.texts if not text.get_text()]
+    assert led
+    assert sorted(text.xy for text in led) == sorted(text.xy for text in lines)
 
 
 def test_a_notebook_shows_the_figure_without_pyplot(run: tuple[FakeModel, xr.Dataset]) -> None:

@@ -62,11 +62,11 @@ def compare(
 
 def names_of(runs: Sequence[Path]) -> list[str]:
     """Return short names that differ: of the folders, or the paths where these are the same."""
-    short = [run.name if _member(run) else folder_of(run).name for run in runs]
+    short = [run.name if member_of(run) else folder_of(run).name for run in runs]
     return short if all(short) and len(set(short)) == len(short) else [str(run) for run in runs]
 
 
-def _member(run: Path) -> tuple[Path, int] | None:
+def member_of(run: Path) -> tuple[Path, int] | None:
     """Return the sweep and the number of a member, such as of ``sweep.nc#3``; None for a run."""
     path, mark, number = str(run).rpartition("#")
     return (Path(path), int(number)) if mark and number.isdecimal() and not run.exists() else None
@@ -86,12 +86,12 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
     from riftberg.diagnostics.compare import compare, member_compared, read_compared
 
     for run in runs:
-        if not _member(run):
+        if not member_of(run):
             check_file(folder_of(run) / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
-    known = _known(_opened(runs[0]), observed)
+    known = _known(opened(runs[0]), observed)
     found = [
-        member_compared(_opened(run), name, known.fixes)
-        if _member(run)
+        member_compared(opened(run), name, known.fixes)
+        if member_of(run)
         else read_compared(folder_of(run), name, known.fixes)
         for run, name in zip(runs, names, strict=True)
     ]
@@ -99,14 +99,14 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
     return compare(found, known.within(begin, end))
 
 
-def _opened(run: Path) -> xr.Dataset:
+def opened(run: Path) -> xr.Dataset:
     """Return a run, or a member of a sweep."""
     import numpy as np
 
     from riftberg.ensembles.result import open_sweep
     from riftberg.runs.run_file import open_run
 
-    member = _member(run)
+    member = member_of(run)
     if member is None:
         return open_run(folder_of(run))
     sweep = open_sweep(member[0])
@@ -178,7 +178,7 @@ def joined_maps(runs: Sequence[Path], path: Path) -> list[Path]:
     import numpy as np
     from matplotlib.image import imread, imsave
 
-    maps = [folder_of(run) / "map.png" for run in runs if not _member(run)]
+    maps = [folder_of(run) / "map.png" for run in runs if not member_of(run)]
     if not maps or not all(one.is_file() for one in maps):
         return []
     pictures = []

@@ -14,6 +14,7 @@ import typer
 from riftberg.cli.options import Names, Quiet, as_named, dates, entries_of, pair, positive, results_folder
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError, RiftbergError
+from riftberg.system.input_files import in_folder
 
 if TYPE_CHECKING:
     from riftberg.products.registry import Choice
@@ -24,7 +25,8 @@ EXIT_LACKING = 1
 @reported
 def doctor(
     files: Annotated[
-        list[str] | None, typer.Argument(metavar="FILES...", help="Files, patterns in quotes, or Zarr stores.")
+        list[str] | None,
+        typer.Argument(metavar="FILES...", help="Files, patterns in quotes, Zarr stores, or addresses."),
     ] = None,
     experiment: Annotated[
         str | None,
@@ -152,7 +154,7 @@ def _asked(name: str, named: bool) -> Asked:
                 f"its forcing is of kind {forcing.kind!r}", where=f"--for {name}", remedy="It needs no files"
             )
         end = experiment.start + timedelta(days=experiment.days)
-        products = {str(Path(name).parent / entry.file): entry.choice for entry in forcing.entries}
+        products = {in_folder(Path(name).parent, entry.file): entry.choice for entry in forcing.entries}
         left_out = set() if forcing.sea_level == "files" else {"ssh"}
         left_out |= {"ua", "va"} if forcing.wind == "none" else set()
         max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))

@@ -18,7 +18,7 @@ import typer
 
 from riftberg.errors import InputError, nearest
 from riftberg.system.atomic_files import only_writer
-from riftberg.system.input_files import is_folder, shown, value_shown
+from riftberg.system.input_files import in_folder, is_folder, shown, value_shown
 from riftberg.system.limits import human
 
 if TYPE_CHECKING:
@@ -306,8 +306,11 @@ def named_files(experiment: str, names: str, data: Path | None) -> tuple[Any, ..
             "the forcing has no files", where="--names", remedy="It is for experiment files with kind: files"
         )
     folder = data or Path(experiment).parent
-    known = {str(folder / entry.file): entry.choice for entry in forcing.entries if entry.product or entry.names}
-    free = [str(folder / entry.file) for entry in forcing.entries if str(folder / entry.file) not in known]
+    own = [in_folder(folder, entry.file) for entry in forcing.entries]
+    known = {
+        file: entry.choice for file, entry in zip(own, forcing.entries, strict=True) if entry.product or entry.names
+    }
+    free = [file for file in own if file not in known]
     files, choices = as_named(free, None, names)
     return entries_of([*known, *files], known | choices)
 
@@ -317,4 +320,4 @@ def entries_of(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any
     from riftberg.ocean.files_schema import NamedFiles
 
     # A product that is not known is refused where the files are opened, as in a run.
-    return tuple(NamedFiles.chosen(str(Path(file).absolute()), choices[file]) for file in files)
+    return tuple(NamedFiles.chosen(in_folder(Path.cwd(), file), choices[file]) for file in files)

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from riftberg.cli.compare import member_of, opened
 from riftberg.cli.options import Data, Days, NumericsName, Quiet, Settings, Without, output_folder, results_folder
 from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
@@ -16,7 +17,12 @@ from riftberg.errors import InputError
 
 @reported
 def rerun(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder that 'riftberg run' made, or its run.nc.")],
+    run: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RUN", help="Folder that 'riftberg run' made, or its run.nc; sweep.nc#3 is member 3 of a sweep."
+        ),
+    ],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-2]")
     ] = None,
@@ -35,17 +41,24 @@ def rerun(
     from riftberg.runs.layout import COMMAND, FILE, PLACE
     from riftberg.runs.run_file import open_run
 
-    with open_run(run) as dataset:
-        kept = dict(dataset.attrs)
+    member = member_of(run)
+    if member is None:
+        with open_run(run) as dataset:
+            kept, own = dict(dataset.attrs), list[str]()
+    else:
+        run, kept, own = member[0], *_kept_of_member(run)
     if COMMAND not in kept:
         raise InputError(
-            "keeps no experiment", where=str(run), remedy="Name a run of 'riftberg run' by this version or a later one"
+            "keeps no experiment",
+            where=str(run),
+            remedy="Name what 'riftberg run' or 'riftberg sweep' made, by this version or a later one",
         )
     _, command, experiment, *words = shlex.split(kept[COMMAND])
-    folder = output_folder(output, str(kept["experiment"]))
+    name = Path(str(kept["experiment"])).stem
+    folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
     if data is None and PLACE in kept:
         data = Path(os.path.normpath((run if run.is_dir() else run.parent) / kept[PLACE]))
-    more = [part for option, values in (("--set", settings), ("--without", without)) for value in values or ()
+    more = [part for option, values in (("--set", [*own, *(settings or ())]), ("--without", without)) for value in values or ()
             for part in (option, value)]  # fmt: skip
     single = {"--days": days, "--numerics": numerics, "--every": every, "--output": folder, "--data": data}
     for option, given in single.items():
@@ -66,3 +79,12 @@ def rerun(
             if FILE in kept and not (folder / "run.nc").exists():
                 file.unlink(missing_ok=True)
             raise
+
+
+def _kept_of_member(run: Path) -> tuple[dict[str, str], list[str]]:
+    """Return what a sweep keeps of its command, and what is set for one of its members."""
+    from riftberg.ensembles.result import values_of
+    from riftberg.experiments.origin import setting
+
+    one = opened(run)
+    return dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()]

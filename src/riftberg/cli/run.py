@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -121,8 +120,9 @@ def run(
 ) -> None:
     """Run an experiment and write run.nc, summary.json and map.png."""
     with allow_large(large):
+        errors, plain = parted(settings or [])
         one = None if numerics == "both" else numerics
-        options = make_options(settings, days, data, without, one, fetch, grid)
+        options = make_options(plain, days, data, without, one, fetch, grid)
         if names is not None:
             from riftberg.cli.options import named_files
 
@@ -132,7 +132,19 @@ def run(
         within(keep_minutes, "--keep-minutes", 0.0, 1e6)
         words = ["riftberg", *context.find_root().obj]
         wanted = RunOptions(
-            output, every, forces, map_, quiet, cells, keep_days, keep_minutes, words, experiment, data, settings or []
+            output,
+            every,
+            forces,
+            map_,
+            quiet,
+            cells,
+            keep_days,
+            keep_minutes,
+            words,
+            experiment,
+            data,
+            settings or [],
+            errors,
         )
         if output is not None:
             check_folder(output, RESULTS)
@@ -157,7 +169,8 @@ class RunOptions(NamedTuple):
     words: list[str]  # The command line
     experiment: str  # As named there
     data: Path | None  # Folder of data files
-    settings: Sequence[str]  # Parameters that were set
+    settings: Sequence[str]  # What was set
+    errors: Mapping[str, Any] = {}  # What of it is no parameter: the start, and errors of the surroundings, by name
 
     def added_to(self, info: Info) -> Info:
         """Return an experiment with the files that the command line requests."""
@@ -170,20 +183,23 @@ class RunOptions(NamedTuple):
 
     def origin(self, folder: Path) -> dict[str, str]:
         """Return what a run file in a folder keeps of the command that made it, for ``riftberg rerun``."""
-        from riftberg.runs.layout import COMMAND, FILE, PLACE
+        from riftberg.experiments.origin import origin
 
         shown = ("--map", "--no-map", "--quiet", "-q", self.experiment)
-        words = words_without(self.words, *KEPT_APART)[2:]
-        path = Path(self.experiment)
-        words = [path.name, *(w for w in words if w not in shown)]
-        words += [part for setting in self.settings for part in ("--set", setting)]
-        found = {COMMAND: shlex.join(["riftberg", "run", *words])}
-        home = self.data
-        if path.suffix in (".yaml", ".yml"):
-            found[FILE], home = path.read_text("utf-8-sig"), home or path.parent
-        if home is not None:
-            found[PLACE] = os.path.relpath(home.resolve(), folder.resolve())
-        return found
+        words = [word for word in words_without(self.words, *KEPT_APART)[2:] if word not in shown]
+        return origin(self.experiment, words, self.settings, self.data, folder)
+
+
+def parted(settings: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
+    """Return what is set of the start and of errors of the surroundings, checked, by name; and the other settings."""
+    from riftberg.ensembles.uncertain import UNCERTAIN, is_uncertain
+    from riftberg.experiments.changes import parse_settings
+
+    own = [setting for setting in settings if is_uncertain(setting.partition("=")[0].strip())]
+    errors = {
+        f"{g}.{name}": value for g, inner in parse_settings(own, UNCERTAIN).items() for name, value in inner.items()
+    }
+    return errors, [setting for setting in settings if setting not in own]
 
 
 def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
@@ -208,6 +224,7 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
 def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
     """Run an experiment with both numerics and show them side by side."""
     from riftberg.cli.compare import comparison, joined_maps, show
+    from riftberg.ensembles.uncertain import with_errors
     from riftberg.experiments import build
 
     if resume is not None:
@@ -218,6 +235,7 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
     for numerics in BOTH:
         chosen = replace(options, numerics=numerics)
         model, info = build(experiment, chosen)
+        model = with_errors(model, wanted.errors)
         info = wanted.added_to(info)
         if not folders:
             _print_notices(info, model, chosen, wanted)
@@ -318,11 +336,12 @@ def _built(
     experiment: str, options: Options, resume: Path | None, wanted: RunOptions
 ) -> tuple[Model, Info, Parameters]:
     """Return the model at its start or where it goes on, and the parameters of the experiment."""
+    from riftberg.ensembles.uncertain import with_errors
     from riftberg.experiments import build
 
     if resume is None:
         model, info = build(experiment, options)
-        return model, info, model.parameters
+        return with_errors(model, wanted.errors), info, model.parameters
     if options.changes:
         raise InputError(
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
@@ -334,6 +353,7 @@ def _built(
     if not is_folder(resume):
         check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc), or the folder of a run")
     fresh, info = build(experiment, options)
+    fresh = with_errors(fresh, wanted.errors)
     if is_folder(resume):
         interval = 3600.0 * wanted.hours(info)
         resume = last_good(resume, interval, lambda state, path: check_same_run(state, fresh, path, named=experiment))
@@ -463,12 +483,15 @@ class Session:
 
     def _saved(self, why: str) -> str:
         """Save the state and say how to go on."""
+        from riftberg.experiments.origin import setting
+
         try:
             path = self.model.save(self.folder / f"{why}.restart.nc")
         except (OSError, RiftbergError) as error:  # it must not hide why the run ended
             return f"The state cannot be saved ({refusal(error)})"
         # The restart file knows the parameters; the files of the part that was run stay as they are.
         words = words_without(self.wanted.words, "--output", "-o", "--resume", "--set", "-s")
+        words += [part for name, value in self.wanted.errors.items() for part in ("--set", setting(name, value))]
         place = ["--output", str(_beside(self.folder))] if self.placed else []
         return f"Go on with: {shlex.join([*words, *place, '--resume', str(path)])}"
 

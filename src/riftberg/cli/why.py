@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import shlex
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
 
     from riftberg.diagnostics.cut import Breakup
     from riftberg.diagnostics.why import Reasons
+    from riftberg.experiments import Options
 
 
 @reported
@@ -96,14 +100,18 @@ def add_controls(
         Folder of data files, for experiments that need one.
     """
     from riftberg.diagnostics.why import removed_by
+    from riftberg.experiments import Options
 
     name, parts_of_it = _experiment(experiment or reasons.experiment)
+    kept, left_out, errors = _kept(run)
+    parts_of_it = tuple(part for part in parts_of_it if part not in left_out)
     changes = {f"without {part}": ({part}, 1) for part in parts_of_it} | {"with half the long step": (set[str](), 2)}
     with TemporaryDirectory(prefix="riftberg-controls-") as folder:
         for number, (change, (parts, split)) in enumerate(changes.items()):
             if not quiet:
                 say(f"Control {change}:")
-            control = _control(run, name, parts, split, Path(folder) / f"{number}.nc", quiet, data)
+            control = _control(run, name, Path(folder) / f"{number}.nc", quiet=quiet, split=split, errors=errors,
+                               options=Options(kept, data=data, without=frozenset(parts) | left_out))  # fmt: skip
             for breakup in reasons.breakups:
                 breakup.controls[change] = removed_by(breakup, control)
             control.close()
@@ -126,13 +134,28 @@ def _experiment(name: str) -> tuple[str, tuple[str, ...]]:
     return entry.name, tuple(entry.parts)
 
 
+def _kept(run: xr.Dataset) -> tuple[dict[str, Any], frozenset[str], dict[str, Any]]:
+    """Return what the command of a run changed beside its parameters: of its berg, what was left out, and errors."""
+    from riftberg.cli.run import parted
+    from riftberg.experiments.changes import parse_settings
+    from riftberg.parameters import Parameters
+    from riftberg.runs.layout import COMMAND
+
+    words = shlex.split(str(run.attrs.get(COMMAND, "")))
+    given = {name: [value for word, value in pairwise(words) if word == name] for name in ("--set", "--without")}
+    errors, plain = parted(given["--set"])
+    changes = {g: inner for g, inner in parse_settings(plain).items() if g not in Parameters.model_fields}
+    return changes, frozenset(given["--without"]), errors
+
+
 def _control(
-    run: xr.Dataset, name: str, parts: set[str], split: int, path: Path, quiet: bool, data: Path | None
+    run: xr.Dataset, name: str, path: Path, *, quiet: bool, split: int, errors: dict[str, Any], options: Options
 ) -> xr.Dataset:
-    """Run a control; ``split`` shortens the long step, the sub-step stays."""
+    """Run a control; ``split`` shortens the long step, the sub-step stays. ``options``: what it changes beside parameters."""
     import numpy as np
 
-    from riftberg.experiments import Numerics, Options, build
+    from riftberg.ensembles.uncertain import with_errors
+    from riftberg.experiments import Numerics, build
     from riftberg.parameters import Parameters
     from riftberg.runs.progress import ProgressRecorder
     from riftberg.runs.run_file import RunWriter, open_run
@@ -147,7 +170,8 @@ def _control(
         stepping["substeps"] = max(1, round(stepping["substeps"] / split))
     # Some experiments have another ocean, or read it in another way, with the reference's numerics.
     numerics: Numerics = "reference" if same["compatibility"]["zero_start"] else "own"
-    model, _ = build(name, Options(same, days=days, data=data, without=frozenset(parts), numerics=numerics))
+    model, _ = build(name, replace(options, changes={**options.changes, **same}, days=days, numerics=numerics))
+    model = with_errors(model, errors)
     if len(model.elements.id) != run.sizes["trajectory"]:
         raise InputError(
             f"{name} builds {len(model.elements.id)} elements, the run has {run.sizes['trajectory']}", where="--controls",
@@ -179,6 +203,8 @@ def _print_breakup(b: Breakup) -> None:
     for name in load.stress:
         sides = [part / 1e9 for k in ("fragment", "rest") for part in b.budgets[k].forces[name]]
         across = (load.tension[name] / 1e9, load.couple[name] / 1e12, load.stress[name] / 1e3)
+        if not any((*sides, *across)):
+            continue
         table.add_row(name, *(f"{v:+.3f}" for v in (*sides, *across)))
     table.add_section()
     for title, name in (("inertia", "inertia"), ("through the cut", "residual")):

@@ -167,10 +167,7 @@ def _paragraph(b: Breakup) -> str:
     where = (
         "aground" if b.grounded else "afloat: nothing of it touched the sea floor" if load.aground == 0 else "afloat"
     )
-    place = place_text(first.lon, first.lat, latlon=False)
-    if b.latlon:
-        lon = (first.lon + 180.0) % 360.0 - 180.0
-        place = f"{abs(first.lat):.2f}{'N' if first.lat >= 0 else 'S'} {abs(lon):.2f}{'E' if lon >= 0 else 'W'}"
+    place = place_text(first.lon, first.lat, latlon=b.latlon, digits=2)
     large = max(abs(value) for _, value in b.causes) or 1.0
     shares = [f"{name} {value / 1e3:+.1f} kPa" for name, value in b.causes if abs(value) >= 0.02 * large]
     text = [
@@ -192,14 +189,11 @@ def _paragraph(b: Breakup) -> str:
             text.append(_sudden_words(b))
         text.append(_cause_words(b, first.strength))
     if b.crack_km is not None and b.crack_towards is not None:
-        text.append(
-            f"The crack runs {b.crack_km:.1f} km from end to end, along {b.crack_towards:.0f} and "
-            f"{b.crack_towards + 180.0:.0f} degrees from north."
-        )
+        text.append(f"The crack runs {b.crack_km:.1f} km from end to end, at {b.crack_towards:.0f} degrees from north.")
     if b.released_per_area is not None and b.released_toughness is not None:
         text.append(
-            f"The crack released {_short(b.released_per_area)} J per m2 of its area, as much as ice with a toughness of "
-            f"{_short(b.released_toughness / 1e3)} kPa m1/2 takes."
+            f"The crack released {_short(b.released_per_area)} J/m2 of its area, which a toughness of "
+            f"{_short(b.released_toughness / 1e3)} kPa m1/2 would take."
         )
     if b.hours_since_start < STARTING:
         text.append(
@@ -208,7 +202,7 @@ def _paragraph(b: Breakup) -> str:
         )
     if b.closure is not None:
         afloat = " when it was last afloat" if load.aground else ""
-        text.append(f"The forces explain the recorded motion{afloat} to {100.0 * b.closure:.1f} % of their sum.")
+        text.append(f"The forces explain the recorded motion{afloat} within {100.0 * b.closure:.1f} % of their sum.")
     if load.aground and not b.floor_recorded:
         text.append(FLOOR)
     for part, fate in b.controls.items():

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from riftberg.config.places import duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.state import Floats
 
@@ -444,7 +445,9 @@ def told(ds: xr.Dataset) -> list[str]:
     failed = int((ds["status"].values == 1).sum())
     counting = effective(weight)
     fewer = f", {counting:.1f} of them count" if counting < 0.995 * number else ""
-    lines = [f"{number} members{fewer}, {failed} failed; after {days:g} days, with intervals of {100 * LEVEL:.0f} %:"]
+    lines = [
+        f"{number} members{fewer}, {failed} failed; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"
+    ]
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
@@ -462,7 +465,8 @@ def told(ds: xr.Dataset) -> list[str]:
         major, minor = (float(ds[name].sel(cone=0.9).values[-1]) / 1e3 for name in ("cone_major", "cone_minor"))
         lat, lon = (float(ds[name].values[-1]) for name in ("cone_lat", "cone_lon"))
         lines.append(
-            f"  position {lat:.2f}, {lon:.2f}; 90 % within an ellipse of {major:.0f} by {minor:.0f} km (semi-axes)"
+            f"  position {place_text(lon, lat, latlon=True, digits=2)}; 90 % within an ellipse of {major:.0f} by "
+            f"{minor:.0f} km (semi-axes)"
         )
     best = np.unravel_index(int(ds["crack_probability"].values.argmax()), ds["crack_probability"].shape)
     share = float(ds["crack_probability"].values[best])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -86,7 +87,9 @@ def dataset_of(
         values = [member[v.name] for member in members]
         numeric = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
         kept = (
-            np.array(values, dtype=np.float64) if numeric else np.array([str(value) for value in values], dtype=object)
+            np.array(values, dtype=np.float64)
+            if numeric
+            else np.array([_text(value) for value in values], dtype=object)
         )
         about = {"long_name": v.meaning or v.name, "parameter": v.name}
         if numeric:
@@ -107,6 +110,11 @@ def dataset_of(
     return ds
 
 
+def _text(value: Any) -> str:
+    """Return a value that is no number as experiment files have it."""
+    return json.dumps(value) if isinstance(value, bool | list | tuple | dict) else str(value)
+
+
 def _listed(outcome: Outcome) -> list[int]:
     """Return the rows of the fragments that the tables hold, in order of birth."""
     table = outcome.fragments
@@ -116,6 +124,14 @@ def _listed(outcome: Outcome) -> list[int]:
     # Bergs of the start come first, then the largest.
     by_size = sorted(rows, key=lambda k: (table["parent"][k] != 0.0, -table["area"][k]))
     return sorted(by_size[:MOST_LISTED])
+
+
+def values_of(member: xr.Dataset) -> dict[str, Any]:
+    """Return what is varied of one member of a result, by ``group.name``."""
+    names = {str(coord.attrs["parameter"]): coord for coord in member.coords.values() if "parameter" in coord.attrs}
+    if variable_name(SEED) in member.coords:
+        names.setdefault(SEED, member[variable_name(SEED)])
+    return {name: coord.item() for name, coord in names.items()}
 
 
 def variable_name(name: str) -> str:

@@ -23,6 +23,7 @@ from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed
+from riftberg.experiments.origin import origin, settings_of
 from riftberg.experiments.registry import Options
 from riftberg.parameters import Parameters
 from riftberg.plane import EqualAreaPlane
@@ -423,7 +424,7 @@ class Store:
         title = f"{kind} of {plan.named}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
         about = {"title": title, "experiment": plan.named, "parameters_json": plan.first.parameters.model_dump_json(),
                  "comment": "parameters_json holds the parameters of the first member",
-                 **({"plan": plan.draws.plan} if plan.draws.number else {})}  # fmt: skip
+                 **({"plan": plan.draws.plan} if plan.draws.number else {}), **self._origin()}  # fmt: skip
         common: dict[str, Any] = {
             "start": plan.first.start, "days": plan.days, "every": plan.every,
             "latlon": plan.first.parameters.earth.latlon, "attributes": about,
@@ -455,6 +456,15 @@ class Store:
                 ds = with_probabilities(known, cracks, ice, weight).assign(self._control(common))
                 known.close()
                 write_sweep(ds.drop_vars(list(known.variables)), part, more=True)
+
+    def _origin(self) -> dict[str, str]:
+        """Return what the result keeps for ``riftberg rerun``, which makes one of its members again."""
+        o = self.plan.options
+        if not isinstance(self.plan.experiment, str):
+            return {}
+        words = ["--days", repr(self.plan.days), *(part for name in sorted(o.without) for part in ("--without", name))]
+        words += [] if o.numerics is None else ["--numerics", o.numerics]
+        return origin(self.plan.experiment, words, settings_of(o.changes), o.data, self.folder)
 
     def weights(self) -> dict[str, Any]:
         """Return what new sightings made of the members, empty where there were none."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, get_args, get_origin
@@ -25,7 +25,7 @@ from riftberg.ensembles.distributions import (
 )
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain
 from riftberg.errors import InputError
-from riftberg.experiments.changes import SETTABLE, file_value, find_field, is_of_file
+from riftberg.experiments.changes import SETTABLE, file_field, file_value, find_field, is_of_file
 from riftberg.parameters import group_now
 from riftberg.system.input_files import check_file, reading, value_shown
 from riftberg.system.limits import refuse_large
@@ -112,6 +112,8 @@ def _free(name: str, values: Any, where: str) -> Varied:
 
 def _of_parameter(name: str, values: Any, where: str) -> Varied:
     group, dot, key = name.partition(".")
+    if is_of_file(name) and isinstance(values, str) and values.startswith("~"):
+        return _drawn_of_file(name, values[1:], where)
     if is_of_file(name):
         return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
     if not dot:
@@ -133,11 +135,6 @@ def _of_file(values: Any, where: str) -> list[Any]:
     """Read values of a key of the experiment file: a range, or a list with commas, in which lists stand in brackets."""
     if not isinstance(values, str):
         return _listed(values, where)
-    if values.startswith("~"):
-        raise InputError(
-            "a distribution of a key of the experiment file", where=where,
-            remedy="Draw parameters, start, current_error and the like; of others give values",
-        )  # fmt: skip
     bounds = _RANGE.match(values)
     if bounds is None:
         parts = [part.strip() for part in re.split(r",(?![^\[{]*[\]}])", values)]
@@ -170,6 +167,37 @@ def _drawn(name: str, text: str, field: FieldInfo, section: Any, where: str) -> 
     return Varied(
         name, (), unit, field.description or "", distribution, 1 if distribution.choices or not several else several[0]
     )
+
+
+def _drawn_of_file(name: str, text: str, where: str) -> Varied:
+    """Read the distribution of a key of the experiment file, in the unit that numbers there have."""
+    field = file_field(name)
+    if field is None:
+        raise InputError(
+            f"experiment files have no key {name}",
+            where=where,
+            remedy="docs/reference/experiment-file.md lists the keys",
+        )
+    unit = unit_of(field)
+    distribution = read_distribution(
+        text, where=where, limits=Limits.of(field.metadata),
+        number=lambda part: number(part, unit, where=where), value=lambda part: file_value(part, where),
+    )  # fmt: skip
+    whole_list = (
+        any(get_origin(kind) in (tuple, list) for kind in kinds_of(field.annotation)) and not name[-1].isdecimal()
+    )
+    if not distribution.choices and (whole_list or not {float, int} & {*_numbers(field.annotation)}):
+        remedy = f"Draw an item, such as {name}.0, or use choice(value, value, ...)"
+        raise InputError("a distribution of what is no number", where=where, remedy=remedy)
+    return Varied(name, (), unit, field.description or "key of the experiment file", distribution)
+
+
+def _numbers(annotation: Any) -> Iterator[Any]:
+    """Give the plain kinds of an annotation, those of items of lists too."""
+    for kind in kinds_of(annotation):
+        yield kind
+        for item in get_args(kind):
+            yield from _numbers(item) if item is not Ellipsis else ()
 
 
 def _listed(values: Any, where: str) -> list[Any]:
@@ -337,7 +365,7 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
     for name, values in columns.items():
         group, _, key = name.partition(".")
         section = {**SETTABLE, **UNCERTAIN}.get(group)
-        if key and section is not None:
+        if key and section is not None and not is_of_file(name):
             columns[name] = [given(value, section, key, where=f"--vary {name}") for value in values]
     return columns, seeds
 

@@ -77,5 +77,5 @@ def build(options: Options) -> tuple[Model, Info]:
     if not options.own:
         notices.append("this ocean is another one than by default: it is fitted with the reference's numerics")
     left_out = "".join(f", without {part}" for part in sorted(options.without))
-    title = f"A68a, December 2020{left_out}"
+    title = f"A68a{left_out}"
     return story_model(options), Info("a68a", title, days=DAYS, output_every_hours=1.0, notices=tuple(notices))

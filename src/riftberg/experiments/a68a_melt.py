@@ -147,5 +147,5 @@ def build(options: Options) -> tuple[Model, Info]:
     notices = ["temperature, salinity and wind are formulas within published ranges, and the berg stays whole"]
     if options.days is not None and options.days > DAYS:
         notices.append("the track ends on 1 February 2021; beyond that the berg stays there")
-    title = "A68a melts, November 2020 to January 2021"
+    title = "A68a melts"
     return melting_a68a(options), Info("a68a-melt", title, days=DAYS, output_every_hours=24.0, notices=tuple(notices))

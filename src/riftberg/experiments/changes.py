@@ -9,7 +9,7 @@ from typing import Any, Final
 from pydantic.fields import FieldInfo
 
 from riftberg.bergs.keys import BergKeys
-from riftberg.config.values import fields_of, given
+from riftberg.config.values import fields_of, given, sections_in
 from riftberg.errors import InputError, nearest, together
 from riftberg.parameters import A68A_2022_KID, Parameters, group_now
 from riftberg.system.input_files import value_shown
@@ -29,6 +29,21 @@ def is_of_file(name: str) -> bool:
     """Whether a name is a path in an experiment file, such as ``forcing.eddy.speed`` or ``start``, and no parameter."""
     group, _, key = name.partition(".")
     return name == "start" or (group in ("bergs", "forcing") and bool(key)) or (group == BERG and "." in key)
+
+
+def file_field(name: str) -> FieldInfo | None:
+    """Return the field of a key of an experiment file, such as ``forcing.eddy.speed``; None where there is no such key.
+
+    Of an item of a list of numbers (``forcing.uniform.current.0``) it is the field of the list.
+    """
+    from riftberg.experiments.schema import Experiment
+
+    *way, last = [part for part in name.split(".") if not part.isdecimal()]
+    sections: list[Any] = [Experiment]
+    for part in way:
+        known = [fields_of(section)[part] for section in sections if part in fields_of(section)]
+        sections = [inner for field in known for inner in sections_in(field.annotation)]
+    return next((fields_of(section)[last] for section in sections if last in fields_of(section)), None)
 
 
 def file_value(text: str, where: str) -> Any:
@@ -75,13 +90,13 @@ def _put(values: Any, path: list[Any], value: Any) -> None:
         raise InputError("no section that has keys stands there", where=".".join(map(str, path))) from error
 
 
-def parse_settings(settings: Iterable[str]) -> Changes:
-    """Read ``group.name=value`` as given to ``--set``."""
+def parse_settings(settings: Iterable[str], settable: Mapping[str, Any] = SETTABLE) -> Changes:
+    """Read ``group.name=value`` as given to ``--set``; ``settable``: the section of each group."""
     changes: Changes = {}
     faults = []
     for setting in settings:
         try:
-            group, name, value = _parsed(setting)
+            group, name, value = _parsed(setting, settable)
             changes.setdefault(group, {})[name] = value
         except InputError as error:
             faults.append(error)
@@ -90,13 +105,13 @@ def parse_settings(settings: Iterable[str]) -> Changes:
     return changes
 
 
-def _parsed(setting: str) -> tuple[str, str, Any]:
+def _parsed(setting: str, settable: Mapping[str, Any]) -> tuple[str, str, Any]:
     """Return group, name and value of a setting."""
     key, equals, text = setting.partition("=")
     group, dot, name = key.strip().partition(".")
     if equals and is_of_file(key.strip()):
         return group, name, file_value(text.strip(), f"--set {setting}")
-    group = group_now(group, name)
+    group = group_now(group, name) if group in SETTABLE or group not in settable else group
     if not equals or not dot:
         raise InputError(
             f"{setting!r} is not of the form group.name=value",
@@ -104,8 +119,8 @@ def _parsed(setting: str) -> tuple[str, str, Any]:
             remedy="For example --set stepping.time_step=900",
         )
     where = f"--set {setting}"
-    find_field(group, name, where=where)
-    return group, name, given(text.strip(), SETTABLE[group], name, where=where)
+    find_field(group, name, where=where, settable=settable)
+    return group, name, given(text.strip(), settable[group], name, where=where)
 
 
 def find_field(group: str, name: str, *, where: str, settable: Mapping[str, Any] = SETTABLE) -> FieldInfo:

@@ -31,6 +31,7 @@ from riftberg.products.registry import Choice, open_named
 from riftberg.products.repair import VALID
 from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.state import Floats
+from riftberg.system.input_files import is_address
 from riftberg.system.limits import refuse_large
 from riftberg.system.netcdf_lock import closing_files
 
@@ -351,7 +352,10 @@ def _unused(opened: list[xr.Dataset], datasets: list[xr.Dataset], run: Run) -> l
 
 def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, Choice]]:
     """Return all files with the product or names that are given for them."""
-    files = [(entry, sorted(glob.glob(str(folder / entry.file)))) for entry in entries]
+    files = [
+        (entry, [entry.file] if is_address(entry.file) else sorted(glob.glob(str(folder / entry.file))))
+        for entry in entries
+    ]
     for entry, matches in files:
         if not matches:
             raise ForcingError(

@@ -15,6 +15,7 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.product import Heading, Product, Source, noted
+from riftberg.system.input_files import is_address
 from riftberg.system.netcdf_lock import open_lazily
 
 _CITATION = "see the file"
@@ -29,7 +30,7 @@ def _is_roms(heading: Heading) -> bool:
 def _with_grid(ds: xr.Dataset) -> xr.Dataset:
     """Take positions, angle and depth from a grid file in the same folder where the file itself lacks them."""
     where = str(ds.encoding.get("source", ""))
-    if {"lat_rho", "lon_rho"} <= set(ds.variables) or not where or "://" in where:
+    if {"lat_rho", "lon_rho"} <= set(ds.variables) or not where or is_address(where):
         return ds
     wanted = ("lat_rho", "lon_rho", "lat_u", "lon_u", "lat_v", "lon_v", "angle", "h")
     sizes = {dim: size for dim, size in ds.sizes.items() if str(dim).startswith(("xi_", "eta_"))}

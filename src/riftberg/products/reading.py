@@ -19,7 +19,7 @@ from riftberg.products.fields import gathered
 from riftberg.products.product import Product, noted
 from riftberg.products.records import REMARKS
 from riftberg.products.repair import REPAIRS, with_text_dates, within_valid_range
-from riftberg.system.input_files import check_file, is_folder, reading
+from riftberg.system.input_files import check_file, is_address, is_folder, reading
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
 from riftberg.system.process import SETTINGS, own_filters
 
@@ -54,14 +54,20 @@ _OPENINGS = (
 _NETCDF = (b"CDF", b"\x89HDF")
 
 
+BUCKETS: Final = ("s3://", "gs://")
+"""Beginnings of addresses at which nothing but stores can be opened."""
+
+REFERENCES: Final = (".json", ".parq", ".parquet")
+"""Endings of kerchunk's references to files elsewhere, which its own engine of xarray opens."""
+
 _MARKS = (".zgroup", ".zmetadata", "zarr.json")
 """Files that every Zarr store has."""
 
 
 def is_zarr(path: str) -> bool:
     """Tell whether ``path`` names a Zarr store (a folder, a zip of one, or an address)."""
-    if "://" in path:
-        return ".zarr" in path
+    if is_address(path):
+        return ".zarr" in path or path.startswith(BUCKETS)
     place = Path(path)
     if place.is_file():
         return _zipped(path) is not None
@@ -121,23 +127,32 @@ def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
 
 
 def _open(path: str, **options: Any) -> xr.Dataset:
-    remote = "://" in path
     if is_zarr(path):
         if find_spec("zarr") is None:
             raise ForcingError("Zarr is not installed", where=path, remedy="pip install 'riftberg[products]'")
         if path.startswith("gs://"):
             options["storage_options"] = {"token": "anon"}
         return _open_store(path, options)
-    if not remote:
-        check_readable(path)
     remedy = "The file may be no forcing file, or be cut short or damaged: then fetch it again and compare its size"
+    if path.endswith(REFERENCES):
+        if find_spec("kerchunk") is None:
+            raise ForcingError("kerchunk, which reads references, is not installed", where=path,
+                               remedy="pip install kerchunk")  # fmt: skip
+        options["engine"] = "kerchunk"
+    elif is_address(path):
+        remedy = (
+            "Check the address and the network. An address must speak OPeNDAP (of a THREDDS server that with /dodsC/ in place of "
+            "/fileServer/) or be a Zarr store (.zarr); other files are downloaded first"
+        )
+    else:
+        check_readable(path)
     with reading(path, "cannot be opened", remedy, ForcingError):
         return open_lazily(path, decode_cf=False, **options)
 
 
 def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
-    if "://" in path:
-        remedy = "Check the address and the network; stores at gs:// also need: pip install gcsfs"
+    if is_address(path):
+        remedy = "Check the address and the network; http:// needs pip install aiohttp, s3:// s3fs, gs:// gcsfs"
     elif Path(path).exists():
         remedy = "The folder is not a Zarr store, or an incomplete one: fetch or write it again"
     else:
@@ -148,7 +163,7 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
         # Listing a store of the second format, zarr-python stumbles over that format's own marks.
         warnings.filterwarnings("ignore", message=r"Object at \.z\w+ is not recognized")
         place: Any = path
-        if "://" not in path and Path(path).is_file():
+        if not is_address(path) and Path(path).is_file():
             from zarr.storage import ZipStore
 
             place = ZipStore(path, mode="r")

@@ -21,6 +21,7 @@ from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
+from riftberg.system.input_files import is_address
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 STAGES = ("nrt", "interim", "final")
@@ -125,7 +126,7 @@ def product_of(ds: xr.Dataset) -> Product | None:
 
 def _group_with_fields(path: str) -> str:
     """Return the first group of a netCDF-4 file that holds variables; empty if there is none."""
-    if is_zarr(path) or "://" in path:
+    if is_zarr(path) or is_address(path):
         return ""
     try:
         with open_netcdf(path) as file:
@@ -147,7 +148,7 @@ def expand(paths: Paths) -> list[str]:
     patterns: Iterable[str | Path] = [paths] if isinstance(paths, str | Path) else paths
     files: list[str] = []
     for path in map(str, patterns):
-        pattern = any(sign in path for sign in "*?[") and "://" not in path
+        pattern = any(sign in path for sign in "*?[") and not is_address(path)
         matches = sorted(glob(path)) if pattern else [path]
         if not matches:
             raise ForcingError("no file matches", where=path, remedy="Check the folder and the pattern")

@@ -74,6 +74,16 @@ def no_plain_file(path: str | Path) -> str:
         return ""
 
 
+def is_address(path: object) -> bool:
+    """Whether a text names something on the network, which no path of this machine is made of."""
+    return "://" in str(path)
+
+
+def in_folder(folder: Path, name: str) -> str:
+    """Return a file that is named from a folder; an address stays as it is."""
+    return name if is_address(name) else str(folder / name)
+
+
 def is_folder(path: Path) -> bool:
     """Whether a path is a folder; a path that cannot be looked at is none."""
     try:

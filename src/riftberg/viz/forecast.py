@@ -45,10 +45,8 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     for k, ax in enumerate(axes.values()):
         style.letter(ax, k)
     done = int((result["status"] == 0).sum())
-    first, last = (str(t)[:10] for t in result["time"].values[[0, -1]])
-    style.put_title(
-        figure, f"{result.attrs.get('experiment', 'Forecast')}: {done} members, {first} to {last}", size=13.0
-    )
+    name = Path(str(result.attrs.get("experiment", "Forecast"))).stem
+    style.put_title(figure, f"{name}: {done} members, {style.span_text(result['time'].values)}", size=13.0)
     style.lay_out(figure)
     return style.save_figure(figure, path)
 
@@ -95,6 +93,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
         )
     metres = DEGREE * EARTH_RADIUS_A68
     cosine = float(np.cos(np.nanmean(result["cone_lat"].values) * DEGREE))
+    in_hours = float(result["lead"].values[-1]) < 96.0  # else two of the ellipses would have one day
     steps = np.unique(np.linspace(0, result.sizes["time"] - 1, 5).astype(int))[1:]
     for n, k in enumerate(steps):
         centre = float(near(float(result["cone_lon"].values[k]), first, True)), float(result["cone_lat"].values[k])
@@ -113,7 +112,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
             label="90 % of positions" if n == 0 else None,
         )
         ax.annotate(
-            f"{result['lead'].values[k] / 24:.0f} d",
+            f"{result['lead'].values[k]:.0f} h" if in_hours else f"{result['lead'].values[k] / 24:.0f} d",
             centre,
             fontsize=8,
             color=colours.ARROW,

@@ -27,9 +27,12 @@ from riftberg.viz.panels import (
     fragment_colours,
     fragment_name,
     fragment_patches,
+    melt_bar,
+    melts,
     nearest_record,
     speed_bar,
     speed_scale,
+    thickness_lost,
     widened,
 )
 from riftberg.viz.polar import Projection, on_a_map
@@ -43,7 +46,7 @@ if TYPE_CHECKING:
 Outlines = Mapping[str, Sequence[Floats]]
 """Observed outlines: ISO date to rings of shape (n, 2), longitude and latitude."""
 
-NEAR = 24.0
+NEAR = 8.0
 """Marks on the track that are nearer than this (points) share one date."""
 
 OVERVIEW = 0.95
@@ -213,13 +216,19 @@ def _draw_figure(
     style.outer_names(places[: len(records)], columns)
     if flows:
         speed_bar(places[: len(records)], top)
+    # The colours of fragments tell several pieces apart; those of a single one are free for what it has lost.
+    lost = thickness_lost(scene) if len(scene.numbers) == 1 and melts(scene.run) else None
+    scale = (
+        None if lost is None else melt_bar(places[: len(records)], 0.0, float(np.nanmax(lost[records], initial=0.0)))
+    )
     style.put_title(figure, title, size=13.0)
     style.lay_out(figure)
     # Only now, for labels find their places by where the axes came to lie.
     overview.draw(records)
     for k, (panel, record) in enumerate(zip(panels, records, strict=True)):
         rings = observed.get(str(scene.times[record])[:10], ())
-        quiver = panel.draw_date(record, top, shown, rings, arrows=9, depths=False)
+        melted = None if lost is None or scale is None else (lost[record], scale)
+        quiver = panel.draw_date(record, top, shown, rings, arrows=9, depths=False, melted=melted)
         if quiver is not None and flows and k == 0:
             arrow_key(quiver, top)
 

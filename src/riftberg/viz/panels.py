@@ -13,7 +13,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.runs.background import KeptWater, StoredWater
-from riftberg.runs.scene import Box, Scene
+from riftberg.runs.scene import Box, Scene, filled_forward
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.coast import draw_coast
@@ -21,6 +21,7 @@ from riftberg.viz.polar import PolarWater, draw_graticule
 from riftberg.viz.style import is_short, moment_text
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.patches import Patch
@@ -175,15 +176,19 @@ class Panel(Map):
 
     def draw_date(
         self, record: int, top: float, shown: dict[int, str], rings: Sequence[Floats] = (), *, arrows: int = 13,
-        steps: int | None = None, depths: bool = True, **look: Any,
+        steps: int | None = None, depths: bool = True, melted: tuple[Floats, Normalize] | None = None, **look: Any,
     ) -> Quiver | None:  # fmt: skip
         """Draw a record: currents, or the sea floor where there are none, ice, observed outlines and a scale bar.
 
-        Returns the arrows of the currents.
+        ``melted``: thickness that the elements have lost (m) and its scale, which then colours the ice. Returns the arrows
+        of the currents.
         """
         quiver = self.draw_currents(record, top, arrows=arrows, steps=steps)
         self.draw_ground(shaded=quiver is None, labels=depths)
-        self.draw_ice(record, shown)
+        if melted is None:
+            self.draw_ice(record, shown)
+        else:
+            self.draw_values(record, melted[0], colours.melt_map(), melted[1])
         self.draw_outlines(rings, **look)
         self.draw_scale()
         return quiver
@@ -357,6 +362,30 @@ def speed_bar(axes: Sequence[Axes], top: float) -> None:
     bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
     bar.ax.tick_params(labelsize=8, length=2)
     bar.ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+
+
+def melts(run: xr.Dataset) -> bool:
+    """Whether any ice of a run has melted."""
+    return "melt_water" in run and float(run["melt_water"].isel(time=-1).sum()) > 0.0
+
+
+def thickness_lost(scene: Scene) -> Floats:
+    """Return the thickness (m) that elements have lost since the start, or since they were born, (time, element)."""
+    thickness = filled_forward(scene.run["thickness"].transpose("time", "trajectory").values)
+    return np.asarray(thickness[0] - thickness)
+
+
+def melt_bar(axes: Sequence[Axes], low: float, top: float) -> Normalize:
+    """Draw the scale of the thickness lost (m) below axes, and return it."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    scale = Normalize(low, max(0.01, top))
+    shown = ScalarMappable(scale, colours.melt_map())
+    bar = axes[0].figure.colorbar(shown, ax=axes, location="bottom", shrink=0.6, aspect=45, pad=0.02)
+    bar.set_label("thickness lost since the start (m)", fontsize=8)
+    bar.ax.tick_params(labelsize=8, length=2)
+    return scale
 
 
 def depth_bar(panel: Map) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -12,7 +12,7 @@ import xarray as xr
 
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
-from riftberg.runs.scene import Box, Scene, filled_forward
+from riftberg.runs.scene import Box, Scene
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import (
@@ -24,9 +24,12 @@ from riftberg.viz.panels import (
     fragment_colours,
     fragment_name,
     fragment_patches,
+    melt_bar,
+    melts,
     nearest_record,
     speed_bar,
     speed_scale,
+    thickness_lost,
     widened,
 )
 from riftberg.viz.polar import Projection, on_a_map
@@ -44,7 +47,7 @@ IMPACT = 0.1
 """A break came by an impact where no bond had this part of the strength at the record before."""
 
 CRACK = 2.0
-"""Largest stress of the scale, as a part of the strength; what is beyond is written."""
+"""Largest stress of the scale, as a part of the strength; what goes beyond is said."""
 
 
 def figure_title(run: xr.Dataset, what: str) -> str:
@@ -200,7 +203,7 @@ def draw_stress(
     text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
     return _bond_maps(
         scene, water, tension, path, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
-        label=f"largest tensile stress at a bond ({name}){text}; black: {_opened(scene)}", what="stress in the bonds", dpi=dpi,
+        label=f"largest tensile stress at a bond ({name}){text}{_opened(scene, records)}", what="stress in the bonds", dpi=dpi,
     )  # fmt: skip
 
 
@@ -233,7 +236,7 @@ def draw_damage(
     values = {r: damage[r] for r in records}
     top = max(0.01, *(float(np.nanmax(of_record, initial=0.0)) for of_record in values.values()))
     return _bond_maps(
-        scene, water, values, path, shades=colours.damage_map(), top=top, label=f"damage of a bond; black: {_opened(scene)}",
+        scene, water, values, path, shades=colours.damage_map(), top=top, label=f"damage of a bond{_opened(scene, values)}",
         what="damage of the bonds", dpi=dpi,
     )  # fmt: skip
 
@@ -279,19 +282,25 @@ def _bond_maps(
 
 
 def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
-    """Return the dates of records; of one that follows a break-up, when that was, for its values are of the hour before."""
+    """Return the dates of records and of the break-ups beside them: the values are the largest since the record before."""
     births = [birth[0] for n in scene.numbers if (birth := scene.birth(n)) is not None]
-    texts = moment_texts(scene.times, records)
-    for k, record in enumerate(records):
-        broke = [birth for birth in births if record > 0 and scene.times[record - 1] < birth <= scene.times[record]]
-        if broke:
-            texts[k] += f" (break-up at {moment_texts(np.array([broke[0], *scene.times]), [0])[0]})"
+    texts = []
+    for record in records:
+        before, after = (scene.times[min(max(record + k, 0), len(scene.times) - 1)] for k in (-1, 1))
+        now = scene.times[record]
+        broke = next((birth for birth in births if before < birth <= after), None)
+        when = [before, now] if broke is not None and broke <= now else [now]
+        text = " to ".join(moment_texts(scene.times, [int(np.searchsorted(scene.times, date)) for date in when]))
+        known = "" if broke is None else f"; breaks {moment_texts(np.array([broke, *scene.times]), [0])[0]}"
+        texts.append(text + known)
     return texts
 
 
-def _opened(scene: Scene) -> str:
-    """Return what is drawn black: cracks where the run knows lines, else broken bonds."""
-    return "cracks" if scene.crack_lines(0) else "broken bonds"
+def _opened(scene: Scene, records: Iterable[int]) -> str:
+    """Return what is drawn black: cracks where the run knows lines, else broken bonds; nothing where none broke."""
+    if all(scene.unbroken[record].all() for record in records):
+        return ""
+    return "; black: cracks" if scene.crack_lines(0) else "; black: broken bonds"
 
 
 def stress_unit(top: float) -> tuple[str, float]:
@@ -349,31 +358,23 @@ def draw_melt(
     pathlib.Path or matplotlib.figure.Figure
         The picture if ``path`` is given, else the figure.
     """
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     scene, water = on_a_map(run, projection)
-    if "melt_water" not in run or not float(run["melt_water"].isel(time=-1).sum()) > 0.0:
+    if not melts(run):
         raise InputError("nothing melts in this run", where="melt", remedy="Run with --set melt.enabled=true")
     record = len(scene.times) - 1 if date is None else nearest_record(scene, date)
-    thickness = filled_forward(run["thickness"].transpose("time", "trajectory").values)
-    lost = thickness[0] - thickness[record]  # of elements born on the way since then
+    lost = thickness_lost(scene)[record]
     figure = new_figure(12.0, 6.4, dpi)
     ax, curves = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     (box,) = common_boxes(scene, [record], margin=0.05)
     panel = Panel(ax, scene, box, water, labels=not scene.latlon)
-    low, top = float(np.nanmin(lost, initial=np.inf)), max(0.01, float(np.nanmax(lost, initial=0.0)))
-    scale = Normalize(
-        low if 0.5 * top < low < 0.99 * top else 0.0, top
-    )  # the pattern shows where all lose about the same
-    bar = figure.colorbar(ScalarMappable(scale, colours.melt_map()), ax=ax, location="bottom", shrink=0.8, aspect=40)
-    bar.set_label("thickness lost since the start (m)", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+    low, top = float(np.nanmin(lost, initial=np.inf)), float(np.nanmax(lost, initial=0.0))
+    # The pattern shows where all lose about the same.
+    scale = melt_bar([ax], low if 0.5 * top < low < 0.99 * top else 0.0, top)
     ax.set_title(moment_texts(scene.times, [record])[0], fontsize=10, pad=4)
     _melt_by_process(curves, scene)
     for k, one in enumerate((ax, curves)):
         style.letter(one, k)
-    style.put_title(figure, "\n".join([figure_title(run, "melt"), *melt_lines(run)[:1]]))
+    style.put_title(figure, "\n".join([figure_title(run, "thickness lost, melt water"), *melt_lines(run)[:1]]))
     style.lay_out(figure)
     panel.draw_ground(shaded=True)
     panel.draw_values(record, lost, colours.melt_map(), scale)
@@ -500,7 +501,7 @@ def _peak_stress(ax: Axes, scene: Scene, times: Any) -> None:
 
 
 def _cut_off_cracks(ax: Axes, times: Any, peak: Any, highest: float) -> None:
-    """End the scale at a stress (kPa) and write what goes beyond: the last bonds of a crack bear all of its load for a moment."""
+    """End the scale at a stress (kPa) and say so: the last bonds of a crack bear all of its load for a moment."""
     beyond = peak > highest
     if not beyond.any():
         return
@@ -510,6 +511,6 @@ def _cut_off_cracks(ax: Axes, times: Any, peak: Any, highest: float) -> None:
     for begin, end in zip(starts, ends, strict=True):
         k = begin + int(np.argmax(peak[begin:end]))
         ax.annotate(
-            f"{peak[k]:.0f} kPa in the crack", (times[k], highest), (4, -3), textcoords="offset points", fontsize=7,
+            "off the scale while it cracks", (times[k], highest), (4, -3), textcoords="offset points", fontsize=7,
             va="top", color=colours.STRESS_LINE,
         )  # fmt: skip

@@ -272,7 +272,9 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
         ax.plot(*born, "*", color=colour, mec="black", ms=12, ls="", zorder=9)
     labels = style.Labels(ax)
     records = [k for k in np.linspace(0, first.times.size - 1, min(6, first.times.size)).astype(int)]
-    ax.plot(*(a[records] for a in lines[0]), "o", mfc="white", mec="black", ms=5, ls="", zorder=8)
+    ax.plot(*(a[records] for a in lines[0]), "o", mfc="white", mec="black", ms=5, ls="", zorder=8,
+            label=f"dates of {runs[0].name}")  # fmt: skip
+    ax.plot([], [], "s", color="white", mec="black", ms=6, ls="", label="end")
     if any(born[0].size for born in births):
         ax.plot([], [], "*", color="white", mec="black", ms=11, ls="", label="place of a break-up")
     if seen[0].size:
@@ -282,6 +284,10 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     berg = f"{first.berg}: " if first.berg else ""
     style.put_title(figure, f"{berg}{', '.join(run.name for run in runs)}\n{style.span_text(first.times)}")
     style.lay_out(figure)
+    for x, y in zip(*(a[:: max(1, a.size // 60)] for a in lines[0]), strict=True):
+        labels.prefer_off(float(x), float(y))
+    for x, y in (place for born in births for place in zip(*born, strict=True)):
+        labels.avoid(float(x), float(y), 7.0)
     for k, text in zip(records, style.moment_texts(first.times, records, hour=False), strict=True):
         labels.put(text, float(lines[0][0][k]), float(lines[0][1][k]), fontsize=9)
     return style.save_figure(figure, path)

@@ -33,8 +33,19 @@ PLACES = (
     (12, -14, "left", "top"),
     (-12, 14, "right", "bottom"),
     (-12, -14, "right", "top"),
+    (26, 8, "left", "bottom"),
+    (26, -8, "left", "top"),
+    (-26, 8, "right", "bottom"),
+    (-26, -8, "right", "top"),
+    (40, 24, "left", "bottom"),
+    (40, -24, "left", "top"),
+    (-40, 24, "right", "bottom"),
+    (-40, -24, "right", "top"),
 )
 """Where a label may stand beside its point: offset in points and alignment, best first."""
+
+LED: Final = 11.0
+"""Distance (points) from which on a line joins a label to its point: between two marks it would belong to either."""
 
 EDITABLE: Any = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "riftberg"}
 """Settings of vector files: letters stay letters, which journals ask for, and two files of a picture are alike."""
@@ -265,6 +276,11 @@ class Labels:
         _, place, box = min(free, key=lambda found: found[0])  # the first of those off the lines, else the first
         label.set(position=place[:2], ha=place[2], va=place[3])
         self._taken.append(box)
+        if math.hypot(*place[:2]) > LED:
+            self.ax.annotate(
+                "", (x, y), place[:2], textcoords="offset points", zorder=6.5,
+                arrowprops={"arrowstyle": "-", "lw": 0.8, "color": colours.STRENGTH, "shrinkA": 0.0, "shrinkB": 3.0},
+            )  # fmt: skip
         return True
 
 
@@ -363,5 +379,8 @@ def span_text(times: Times) -> str:
     """Return from when to when a run goes, or how long it is."""
     if is_short(times):
         return f"{moment_text(times, times[-1])} long"
-    begin, end = (day_text(times[k], year=True, hour=length_of(times) < 2.0 * SECONDS_PER_DAY) for k in (0, -1))
+    hour = length_of(times) < 2.0 * SECONDS_PER_DAY
+    same_year = times[0].astype("datetime64[Y]") == times[-1].astype("datetime64[Y]")
+    # The hour would stand between day and year.
+    begin, end = (day_text(times[k], year=k != 0 or hour or not same_year, hour=hour) for k in (0, -1))
     return f"{begin} to {end}"

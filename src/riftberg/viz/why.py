@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.config.places import area_text
-from riftberg.diagnostics.cut import FORCES, Breakup
+from riftberg.diagnostics.cut import FORCES, Breakup, FirstBond
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.why import Reasons
 from riftberg.viz import colours, style
@@ -70,7 +70,7 @@ def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
     handles += [
         Line2D([], [], color="black", lw=2.4, label="other part of the berg (arrows), all forces (curves)"),
         Line2D([], [], color=colours.STRENGTH, lw=2.4, label="arrow: on the fragment"),
-        Line2D([], [], color=colours.STRENGTH, lw=1.2, ls="--", label="arrow: on the rest"),
+        Line2D([], [], color=colours.STRENGTH, lw=1.2, ls="--", label="arrow: on an equal mass of the rest"),
     ]
     figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=6, frameon=False)
 
@@ -80,14 +80,14 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
     reach = 0.0
     for k, name in enumerate(SIDES):
         budget = b.budgets[name]
-        vectors: list[tuple[str, Any, str]] = [
-            (n, f, COLOURS[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0
-        ]
+        vectors: list[tuple[Any, str]] = [(f, COLOURS[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0]
         if budget.residual is not None:
-            vectors.append(("other part", budget.residual, "black"))
-        per_mass = [(label, np.array(force) / budget.mass * 1e6, colour) for label, force, colour in vectors]
-        reach = max(reach, *(float(np.hypot(*v)) for _, v, _ in per_mass))
-        for _, vector, colour in per_mass:
+            vectors.append((budget.residual, "black"))
+        # On the rest as much of them as acts on a mass like that of the fragment: else its arrows would hide the others.
+        share = b.budgets["fragment"].mass / budget.mass / 1e9
+        drawn = [(np.array(force) * share, colour) for force, colour in vectors]
+        reach = max(reach, *(float(np.hypot(*v)) for v, _ in drawn))
+        for vector, colour in drawn:
             ax.annotate("", xy=(vector[0], vector[1]), xytext=(0.0, 0.0),
                         arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.4 if k == 0 else 1.2,
                                     "ls": "-" if k == 0 else "--", "shrinkA": 0, "shrinkB": 0})  # fmt: skip
@@ -99,10 +99,8 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
     ax.axvline(0.0, color=colours.GRID, lw=0.6, zorder=0)
     ax.set_title(f"forces at {minute_text(b.decisive.time)}", fontsize=9)
     size = area_text(1e6 * b.area_km2, squared="²")
-    ax.set_ylabel(
-        f"{b.name or f'fragment {b.fragment}'}, {size}\nforce per mass, north ($10^{{-6}}$ m s$^{{-2}}$)", fontsize=9
-    )
-    ax.set_xlabel("force per mass, east ($10^{-6}$ m s$^{-2}$)", fontsize=9)
+    ax.set_ylabel(f"{b.name or f'fragment {b.fragment}'}, {size}\nforce to the north (GN)", fontsize=9)
+    ax.set_xlabel("force to the east (GN)", fontsize=9)
     ax.tick_params(labelsize=7)
 
 
@@ -120,7 +118,7 @@ def _draw_load(ax: Axes, b: Breakup) -> None:
     ax.axhline(0.0, color=colours.ZERO, lw=0.6)
     ax.set_title(f"load of the cut of {b.decisive.cut_km:.3g} km, by force", fontsize=9)
     ax.set_ylabel("nominal stress (kPa)", fontsize=9)
-    ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
+    ax.set_xlabel(f"hours from {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
 
 
@@ -133,20 +131,25 @@ def _draw_first_bonds(ax: Axes, b: Breakup) -> None:
         hours = [*(end + h for h in bond.hours), end]
         stress = [*(s / 1e3 for s in bond.peak or bond.tension), bond.strength / 1e3]
         ax.plot(hours, stress, lw=1.4, color=str(0.12 + 0.15 * k), label=names[k])
-        if bond.peak:
+        if _differs(bond):
             ax.plot(hours[:-1], [s / 1e3 for s in bond.tension], lw=0.8, ls=":", color=str(0.12 + 0.15 * k))
         ax.plot(end, bond.strength / 1e3, "x", color=colours.GROUND, ms=7, mew=1.8)
     ax.axhline(strength, color=colours.STRENGTH, ls="--", lw=1.0)
     ax.text(0.01, strength, "strength", fontsize=7, va="bottom", transform=ax.get_yaxis_transform())
-    if b.first_bonds[0].peak:
+    if any(map(_differs, b.first_bonds)):
         ax.plot([], [], lw=0.8, ls=":", color="black", label="at the records")
     ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, title="bonds, by time of failure",
               title_fontsize=7)  # fmt: skip
     which = "largest tensile stress between records (kPa)" if b.first_bonds[0].peak else "tensile stress (kPa)"
     ax.set_ylabel(which, fontsize=9)
     ax.set_title("the first bonds to fail", fontsize=9)
-    ax.set_xlabel(f"hours before {minute_text(b.time)}", fontsize=9)
+    ax.set_xlabel(f"hours from {minute_text(b.time)}", fontsize=9)
     ax.tick_params(labelsize=8)
+
+
+def _differs(bond: FirstBond) -> bool:
+    """Whether the stress at the records is another than the largest between them, as it is where it rings."""
+    return bool(bond.peak) and not np.allclose(bond.peak, bond.tension, rtol=0.02, atol=0.01 * bond.strength)
 
 
 def _failures(times: Sequence[str]) -> list[str]:
