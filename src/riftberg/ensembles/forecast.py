@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
 from riftberg.ensembles.sweep import Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
-from riftberg.ensembles.vary import Draws, varied_of
+from riftberg.ensembles.vary import Draws, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments.registry import EXPERIMENTS, Options
 from riftberg.runs.progress import SweepBar
@@ -85,13 +85,8 @@ def forecast_plan(
 def forecast_errors(
     experiment: object, vary: Mapping[str, Any] | Iterable[str], *, defaults: bool = True
 ) -> dict[str, Any]:
-    """Return what a forecast varies: what the user gives comes before the errors of the same name."""
-    free = callable(experiment)
-    given = (
-        dict(vary)
-        if isinstance(vary, Mapping)
-        else {v.name: v.plain() for v in (varied_of(vary, free=free) if list(vary) else ())}
-    )
+    """Return what a forecast varies: what the user gives, then the file, then the errors that it has by itself."""
+    given = vary_with_file(experiment, vary)
     own = {
         v.name: v.plain() for error in (default_errors(experiment) if defaults else ()) for v in varied_of(error.vary)
     }

@@ -20,7 +20,7 @@ from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of
+from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed
 from riftberg.experiments.registry import Options
@@ -83,7 +83,7 @@ class SweepOptions(WorkerOptions, total=False):
 
 def sweep(
     experiment: str | Path | Maker,
-    vary: Mapping[str, Any] | Iterable[str],
+    vary: Mapping[str, Any] | Iterable[str] = (),
     *,
     days: float | str | None = None,
     every_hours: float | str | None = None,
@@ -98,10 +98,11 @@ def sweep(
     ----------
     experiment : str, path or callable
         Built-in experiment or YAML file; or a function that takes what is varied by name and returns a `riftberg.Model`.
-    vary : mapping, or iterable of str
-        Values by ``group.name``: a list, an array, or a text such as ``"14..24kPa:11"`` (eleven values) or
-        ``"14, 18, 24 kPa"``. The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
-        A distribution begins with ``~`` and needs ``members``: ``"~lognormal(18 kPa, 20 %)"``. Beside parameters, ``start``,
+    vary : mapping, or iterable of str, optional
+        What is varied, beside or instead of the section ``vary`` of an experiment file. Values by ``group.name``: a list, an
+        array, or a text such as ``"14..24kPa:11"`` (eleven values) or ``"14, 18, 24 kPa"``.
+        The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
+        A distribution needs ``members``: ``"lognormal(18 kPa, 20 %)"``. Beside parameters, ``start``,
         ``current_error``, ``wind_error`` and ``floor_error`` may be varied (`riftberg.ensembles.uncertain`).
     days : float or str, optional
         Length of the runs; needed where a function makes the models.
@@ -144,7 +145,9 @@ def sweep(
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
     cells = options.get("cells")
-    plan = planned(experiment, vary, common_options(days, options), every, cells, draws_of(options))
+    plan = planned(
+        experiment, vary_with_file(experiment, vary), common_options(days, options), every, cells, draws_of(options)
+    )
     if cells is not None and output is None:
         raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}

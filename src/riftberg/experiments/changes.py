@@ -9,7 +9,7 @@ from typing import Any, Final
 from pydantic.fields import FieldInfo
 
 from riftberg.bergs.keys import BergKeys
-from riftberg.config.values import fields_of, given
+from riftberg.config.values import fields_of, given, sections_in
 from riftberg.errors import InputError, nearest, together
 from riftberg.parameters import A68A_2022_KID, Parameters, group_now
 from riftberg.system.input_files import value_shown
@@ -29,6 +29,23 @@ def is_of_file(name: str) -> bool:
     """Whether a name is a path in an experiment file, such as ``forcing.eddy.speed`` or ``start``, and no parameter."""
     group, _, key = name.partition(".")
     return name == "start" or (group in ("bergs", "forcing") and bool(key)) or (group == BERG and "." in key)
+
+
+def file_field(name: str) -> FieldInfo | None:
+    """Return the field at a path in an experiment file, such as ``forcing.eddy.speed``; None where there is none.
+
+    Kinds of forcing that have keys of the same name give them the same unit.
+    """
+    from riftberg.experiments.schema import Experiment
+
+    sections: list[Any] = [Experiment]
+    found: list[FieldInfo] = []
+    for part in name.split("."):
+        if part.isdigit():  # the place in a list of sections
+            continue
+        found = [fields_of(section)[part] for section in sections if part in fields_of(section)]
+        sections = [inner for field in found for inner in sections_in(field.annotation)]
+    return found[0] if found else None
 
 
 def file_value(text: str, where: str) -> Any:
