@@ -52,6 +52,9 @@ BLOCK: Final = 250
 CONTROL: Final = -1
 """Number of the run of a forecast in which nothing is varied."""
 
+MEMBER: Final = "forcing.member"
+"""Key of the member of a product."""
+
 
 USUAL_HOURS: Final = 6.0
 """Interval of the tracks, h."""
@@ -205,6 +208,11 @@ class Plan:
             return self.experiment
         return str(getattr(self.experiment, "__qualname__", self.experiment))
 
+    @property
+    def control(self) -> dict[str, Any]:
+        """Values of the run in which nothing is varied: of products with members the first, which is their control."""
+        return {MEMBER: 0} if any(v.name == MEMBER for v in self.varied) else {}
+
     def described(self) -> dict[str, Any]:
         """Return what a sweep that goes on must have in common with the one before, as JSON holds it."""
         o = self.options
@@ -226,7 +234,7 @@ class Plan:
 
     def job(self, number: int, folder: Path, save_seconds: float) -> Job:
         """Return what a worker must know of a member."""
-        values = {} if number == CONTROL else self.members[number]
+        values = self.control if number == CONTROL else self.members[number]
         return Job(
             number, values, self.experiment, self.options, self.days, self.every, folder, save_seconds,
             large_allowed(), self.cells, self.digest,
