@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg import open_sweep, sweep
+from riftberg import forecast, open_sweep, sweep
 from riftberg.cli.compare import opened
+from riftberg.ensembles.forecast import forecast_errors
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, grouped, members_of, varied_of
+from riftberg.ensembles.vary import Draws, grouped, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed_document, parse_settings
@@ -101,6 +102,8 @@ def test_what_the_file_cannot_say_is_refused(file: str, settings, words) -> None
 def test_a_key_of_a_file_is_refused_for_a_built_in_experiment() -> None:
     with pytest.raises(InputError, match="a68a has no experiment file with this key"):
         build("a68a", Options(changes=parse_settings(["forcing.eddy.speed=1"])))
+    with pytest.raises(InputError, match=r"an experiment file has no key forcing\.edy\.speed"):
+        varied_of("forcing.edy.speed~uniform(0, 1)")
 
 
 def test_keys_of_a_file_have_distributions_in_their_unit(file: str) -> None:
@@ -126,8 +129,7 @@ def test_keys_of_a_file_have_distributions_in_their_unit(file: str) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("forcing.edy.speed~uniform(0, 1)", "experiment files have no key forcing.edy.speed"),
-        ("forcing.uniform.current~normal(0.1, 0.02)", "Draw an item, such as forcing.uniform.current.0"),
+        ("forcing.edy.speed~uniform(0, 1)", "an experiment file has no key forcing.edy.speed"),
         ("forcing.eddy.radius~normal(20 s, 10 %)", "20 s"),
         ("start~uniform(1, 2)", "no number"),
     ],
@@ -144,3 +146,72 @@ def test_several_bergs_are_changed_alike_or_one_by_its_number() -> None:
         {"thickness": 1.0},
         {"thickness": 3.0},
     ]
+
+
+VARY = """vary:
+  forcing.eddy.speed: normal(0.2, 0.5 m/s)
+  berg.rectangle.length: uniform(8, 10 km)
+  start.thickness: lognormal(1, 15 %)
+  current_error.speed: 0.2 m/s
+  fracture.normal_strength: 14..24kPa:3
+"""
+
+
+def test_numbers_of_the_file_are_drawn_in_their_units_within_their_limits() -> None:
+    speed, length = varied_of(["forcing.eddy.speed~normal(20, 2 cm/s)", "berg.rectangle.length~uniform(8, 10 km)"])
+    members = members_of([speed, length], Draws(64))
+    speeds, lengths = (np.array([m[name] for m in members]) for name in ("forcing.eddy.speed", "berg.rectangle.length"))
+    assert np.mean(speeds) == pytest.approx(0.2, abs=1e-3)
+    assert np.std(speeds) == pytest.approx(0.02, rel=0.05)
+    assert 8e3 < lengths.min() < 8.1e3 < 9.9e3 < lengths.max() < 10e3
+    (v,) = varied_of("berg.rectangle.length~normal(1 km, 1 km)")
+    assert "which cuts off 16 %" in v.told()
+    assert min(m[v.name] for m in members_of([v], Draws(32))) > 0.0
+    (shift,) = varied_of("forcing.uniform.current~normal(0, 0.1)")
+    assert all(len(m[shift.name]) == 2 for m in members_of([shift], Draws(2)))
+
+
+def test_what_the_file_varies_is_drawn_by_sweep_forecast_and_sensitivity(tmp_path: Path) -> None:
+    path = tmp_path / "it.yaml"
+    path.write_text(YAML + VARY)
+    found = vary_with_file(path, "fracture.normal_strength~lognormal(18 kPa, 20 %)")
+    assert found["forcing.eddy.speed"] == "~normal(0.2, 0.5 m/s)"
+    assert found["current_error.speed"] == [0.2]
+    assert found["fracture.normal_strength"] == "~lognormal(18 kPa, 20 %)"  # what is given comes before the file
+    of_forecast = forecast_errors(path, ())
+    assert of_forecast["current_error.speed"] == [0.2]  # and the file before the errors that a forecast has
+    assert of_forecast["fracture.normal_strength"] == [14e3, 19e3, 24e3]
+    assert "wind_error.speed" in of_forecast
+    result = sweep(path, members=2, workers=0, every_hours=3)
+    assert result.sizes["member"] == 6
+    assert result["status"].values.tolist() == [0] * 6
+    assert len(set(result["forcing_eddy_speed"].values)) == 2
+    made = forecast(
+        path, ["fracture.normal_strength=18 kPa"], members=2, default_errors=False, workers=0, every_hours=3
+    )
+    assert made["status"].values.tolist() == [0, 0]
+    assert float(made["control_lon"].isel(control_fragment=0, time=0)) == pytest.approx(-39.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("fracture.normal_strength: lognormal(18 kPa, 20)", r"line 6, vary.fracture.normal_strength.*factor of"),
+        ("forcing.eddy.sped: uniform(0, 1)", r"line 6, vary.forcing.eddy.sped.*no key forcing.eddy.sped"),
+        ("berg.thickness: normal(-100 m, 10 m)", r"line 6, vary.berg.thickness.*100 % of the probability"),
+    ],
+)
+def test_what_is_wrong_under_vary_is_told_with_its_line(line: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "it.yaml"
+    path.write_text(YAML + "vary:\n  " + line + "\n")
+    with pytest.raises(InputError, match="(?s)" + words):
+        sweep(path, members=2, workers=0)
+
+
+def test_values_are_taken_in_turn() -> None:
+    vary = varied_of(["forcing.eddy.speed~each(0.1, 0.2, 0.3)", "start.thickness~lognormal(1, 15 %)"])
+    members = members_of(vary, Draws(7))
+    assert [m["forcing.eddy.speed"] for m in members] == [0.1, 0.2, 0.3, 0.1, 0.2, 0.3, 0.1]
+    alone = members_of(varied_of("start.thickness~lognormal(1, 15 %)"), Draws(7))
+    assert [m["start.thickness"] for m in members] == [m["start.thickness"] for m in alone]
+    assert "each of 0.1, 0.2, 0.3 in turn" in vary[0].told()

@@ -92,7 +92,7 @@ def forecast(
         store = opened("forecast", experiment, make, output, RESULTS, resume, members, kept)
         if not quiet:
             if default_errors:
-                say(errors_line(store.plan.named))
+                say(errors_line(store.plan.named, store.plan.options.data))
             for v in store.plan.varied:
                 if v.distribution is not None and v.distribution.cut_off >= 5e-5:
                     say(f"  {v.told()}")

@@ -1,7 +1,8 @@
 """Numbers that are not known exactly: distributions as text, plans that draw from them, and seeds.
 
 ``lognormal(median, standard deviation of the logarithm)``, ``normal(mean, standard deviation)``, ``uniform(lowest, highest)``,
-``triangular(lowest, likeliest, highest)``, ``choice(value, value, ...)``. A part of a hundred counts as 0.01 in the spread of a
+``triangular(lowest, likeliest, highest)``, ``choice(value, value, ...)``, ``each(value, value, ...)``, whose values the members
+take in turn. A part of a hundred counts as 0.01 in the spread of a
 lognormal, and as part of the mean in that of a normal one.
 """
 
@@ -34,6 +35,9 @@ ARGUMENTS: Final = {
     "triangular": ("lowest", "likeliest", "highest"),
 }
 """What the numbers of each distribution are."""
+
+OF_VALUES: Final = ("choice", "each")
+"""Distributions of any values: drawn, or taken in turn."""
 
 EXAMPLE: Final = "For example --vary 'fracture.normal_strength~lognormal(18 kPa, 20 %)'"
 
@@ -86,6 +90,10 @@ class Distribution:
             return stats.uniform(a[0], a[1] - a[0])
         return stats.triang((a[1] - a[0]) / (a[2] - a[0]), loc=a[0], scale=a[2] - a[0])
 
+    def in_turn(self, draws: int) -> list[Any]:
+        """Return the values of ``each`` for draws, the first one first: as often as possible, and members may be added."""
+        return [self.choices[k % len(self.choices)] for k in range(draws)]
+
     @property
     def cut_off(self) -> float:
         """Probability that lies beyond the limits."""
@@ -111,7 +119,8 @@ class Distribution:
     def described(self, unit: str = "") -> str:
         """Return what its numbers are, for a line of the run."""
         if self.choices:
-            return f"one of {', '.join(value_shown(v) for v in self.choices)}, equally likely"
+            named = ", ".join(value_shown(v) for v in self.choices[:8]) + (", ..." if len(self.choices) > 8 else "")
+            return f"each of {named} in turn" if self.name == "each" else f"one of {named}, equally likely"
         parts = [
             f"{word} {number:g}" + (f" {unit}" if unit not in ("", "1") and "logarithm" not in word else "")
             for word, number in zip(ARGUMENTS[self.name], self.numbers, strict=True)
@@ -128,6 +137,12 @@ class Distribution:
         return f"{self.name}, {', '.join(parts)}{beyond}"
 
 
+def is_distribution(text: str) -> bool:
+    """Whether a text is the name of a distribution with something in brackets."""
+    call = _CALL.match(text)
+    return call is not None and call[1].strip().lower() in (*ARGUMENTS, *OF_VALUES)
+
+
 def read_distribution(
     text: str, *, where: str, number: Callable[[str], float], value: Callable[[str], Any], limits: Limits
 ) -> Distribution:
@@ -137,17 +152,17 @@ def read_distribution(
     """
     call = _CALL.match(text)
     name = call[1].strip().lower() if call else ""
-    if call is None or name not in (*ARGUMENTS, "choice"):
+    if call is None or name not in (*ARGUMENTS, *OF_VALUES):
         known = [f"{word}({', '.join(numbers)})" for word, numbers in ARGUMENTS.items()]
         raise InputError(
             f"{value_shown(text)} is no distribution", where=where,
-            remedy=f"{nearest(name, [*ARGUMENTS, 'choice'])}There are {'; '.join(known)}; choice(value, value, ...)",
+            remedy=f"{nearest(name, [*ARGUMENTS, *OF_VALUES])}There are {'; '.join(known)}; choice(value, value, ...)",
         )  # fmt: skip
-    parts = [part.strip() for part in call[2].split(",")]
-    if not all(parts) or (name != "choice" and len(parts) != len(ARGUMENTS[name])):
+    parts = [part.strip() for part in re.split(r",(?![^\[]*\])", call[2])]  # a list in brackets is one value
+    if not all(parts) or (name not in OF_VALUES and len(parts) != len(ARGUMENTS[name])):
         words = ", ".join(ARGUMENTS.get(name, ("value", "value", "...")))
         raise InputError(f"{value_shown(text)} has {len(parts)} numbers", where=where, remedy=f"Give {name}({words})")
-    if name == "choice":
+    if name in OF_VALUES:
         return Distribution(name, (), tuple(value(part) for part in parts), text=text)
     return _checked(Distribution(name, _numbers(name, parts, where, number), (), limits, text), where)
 

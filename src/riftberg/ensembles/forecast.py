@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
 from riftberg.ensembles.sweep import Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
-from riftberg.ensembles.vary import Draws, varied_of
-from riftberg.errors import InputError
+from riftberg.ensembles.vary import Draws, varied_of, vary_with_file
+from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.registry import EXPERIMENTS, Options
 from riftberg.runs.progress import SweepBar
 
@@ -58,18 +58,47 @@ MEMBERS: Final = 200
 """Members, unless another number is given."""
 
 
-def default_errors(experiment: object) -> tuple[DefaultError, ...]:
-    """Return the errors of an experiment's forecast."""
+def product_members(experiment: object, data: Path | None = None) -> dict[str, int]:
+    """Return of how many members the files of an experiment give a quantity, by its canonical name."""
+    from riftberg.experiments.yaml_file import read_file
+    from riftberg.ocean.files_forcing import members_of_files
+    from riftberg.ocean.files_schema import FileForcing
+
+    forcing = read_file(Path(str(experiment)))[0].forcing
+    if not isinstance(forcing, FileForcing):
+        return {}
+    try:
+        return members_of_files(forcing, data or Path(str(experiment)).parent)
+    except ForcingError:  # said where the experiment is built, with the options that it is built with
+        return {}
+
+
+def default_errors(experiment: object, data: Path | None = None) -> tuple[DefaultError, ...]:
+    """Return the errors of an experiment's forecast; ``data``: folder of its files.
+
+    A product with members of its own shows its error by them, so no random error is put on top.
+    """
     name = str(experiment)
     own = isinstance(experiment, str | Path) and name.endswith((".yaml", ".yml"))
+    count = product_members(experiment, data) if own else {}
+    random = [error for error, quantities in zip(DEFAULTS, (("uo",), ("ua", "taux")), strict=False)
+              if any(quantity in count for quantity in quantities)]  # fmt: skip
+    products: tuple[DefaultError, ...] = ()
+    if count:
+        most = max(count.values())
+        products = (DefaultError(
+            f"{most} members of the products in turn", (f"forcing.member~each({', '.join(map(str, range(most)))})",),
+            "the ensemble of the product",
+        ),)  # fmt: skip
     entry = next((entry for entry in EXPERIMENTS if entry.name == name), None)
     floor = (FLOOR,) if entry is None or entry.fetches else ()
-    return (*DEFAULTS, *floor, *((LATTICE,) if own or (entry is not None and entry.lattice) else ()))
+    kept = (error for error in DEFAULTS if error not in random)
+    return (*products, *kept, *floor, *((LATTICE,) if own or (entry is not None and entry.lattice) else ()))
 
 
-def errors_line(experiment: object) -> str:
+def errors_line(experiment: object, data: Path | None = None) -> str:
     """Return them in one line."""
-    return "Errors: " + "; ".join(error.what for error in default_errors(experiment))
+    return "Errors: " + "; ".join(error.what for error in default_errors(experiment, data))
 
 
 def forecast_plan(
@@ -77,23 +106,20 @@ def forecast_plan(
     draws: Draws, *, defaults: bool = True, cells: float | None = None,
 ) -> Plan:  # fmt: skip
     """Return the plan of a forecast."""
-    merged = forecast_errors(experiment, vary, defaults=defaults)
+    merged = forecast_errors(experiment, vary, defaults=defaults, data=options.data)
     drawn = Draws(draws.number or MEMBERS, draws.plan, draws.seed)
     return planned(experiment, merged, options, every_hours, cells, drawn, forecast=True)
 
 
 def forecast_errors(
-    experiment: object, vary: Mapping[str, Any] | Iterable[str], *, defaults: bool = True
+    experiment: object, vary: Mapping[str, Any] | Iterable[str], *, defaults: bool = True, data: Path | None = None
 ) -> dict[str, Any]:
-    """Return what a forecast varies: what the user gives comes before the errors of the same name."""
-    free = callable(experiment)
-    given = (
-        dict(vary)
-        if isinstance(vary, Mapping)
-        else {v.name: v.plain() for v in (varied_of(vary, free=free) if list(vary) else ())}
-    )
+    """Return what a forecast varies: what the user gives, then the file, then the errors that it has by itself."""
+    given = vary_with_file(experiment, vary)
     own = {
-        v.name: v.plain() for error in (default_errors(experiment) if defaults else ()) for v in varied_of(error.vary)
+        v.name: v.plain()
+        for error in (default_errors(experiment, data) if defaults else ())
+        for v in varied_of(error.vary)
     }
     return {**own, **given}
 

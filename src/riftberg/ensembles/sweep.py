@@ -20,7 +20,7 @@ from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of
+from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed
 from riftberg.experiments.origin import origin, settings_of
@@ -53,6 +53,9 @@ BLOCK: Final = 250
 CONTROL: Final = -1
 """Number of the run of a forecast in which nothing is varied."""
 
+MEMBER: Final = "forcing.member"
+"""Key of the member of a product."""
+
 
 USUAL_HOURS: Final = 6.0
 """Interval of the tracks, h."""
@@ -84,7 +87,7 @@ class SweepOptions(WorkerOptions, total=False):
 
 def sweep(
     experiment: str | Path | Maker,
-    vary: Mapping[str, Any] | Iterable[str],
+    vary: Mapping[str, Any] | Iterable[str] = (),
     *,
     days: float | str | None = None,
     every_hours: float | str | None = None,
@@ -99,10 +102,11 @@ def sweep(
     ----------
     experiment : str, path or callable
         Built-in experiment or YAML file; or a function that takes what is varied by name and returns a `riftberg.Model`.
-    vary : mapping, or iterable of str
-        Values by ``group.name``: a list, an array, or a text such as ``"14..24kPa:11"`` (eleven values) or
-        ``"14, 18, 24 kPa"``. The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
-        A distribution begins with ``~`` and needs ``members``: ``"~lognormal(18 kPa, 20 %)"``. Beside parameters, ``start``,
+    vary : mapping, or iterable of str, optional
+        What is varied, beside or instead of the section ``vary`` of an experiment file. Values by ``group.name``: a list, an
+        array, or a text such as ``"14..24kPa:11"`` (eleven values) or ``"14, 18, 24 kPa"``.
+        The last one changes fastest. Or texts such as ``"fracture.normal_strength=14..24kPa:11"``.
+        A distribution needs ``members``: ``"lognormal(18 kPa, 20 %)"``. Beside parameters, ``start``,
         ``current_error``, ``wind_error`` and ``floor_error`` may be varied (`riftberg.ensembles.uncertain`).
     days : float or str, optional
         Length of the runs; needed where a function makes the models.
@@ -145,7 +149,9 @@ def sweep(
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
     cells = options.get("cells")
-    plan = planned(experiment, vary, common_options(days, options), every, cells, draws_of(options))
+    plan = planned(
+        experiment, vary_with_file(experiment, vary), common_options(days, options), every, cells, draws_of(options)
+    )
     if cells is not None and output is None:
         raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
@@ -203,6 +209,11 @@ class Plan:
             return self.experiment
         return str(getattr(self.experiment, "__qualname__", self.experiment))
 
+    @property
+    def control(self) -> dict[str, Any]:
+        """Values of the run in which nothing is varied: of products with members the first, which is their control."""
+        return {MEMBER: 0} if any(v.name == MEMBER for v in self.varied) else {}
+
     def described(self) -> dict[str, Any]:
         """Return what a sweep that goes on must have in common with the one before, as JSON holds it."""
         o = self.options
@@ -224,7 +235,7 @@ class Plan:
 
     def job(self, number: int, folder: Path, save_seconds: float) -> Job:
         """Return what a worker must know of a member."""
-        values = {} if number == CONTROL else self.members[number]
+        values = self.control if number == CONTROL else self.members[number]
         return Job(
             number, values, self.experiment, self.options, self.days, self.every, folder, save_seconds,
             large_allowed(), self.cells, self.digest,

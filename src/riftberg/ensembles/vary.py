@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, get_args, get_origin
@@ -18,6 +18,7 @@ from riftberg.ensembles.distributions import (
     POINTS,
     Distribution,
     Limits,
+    is_distribution,
     member_seed,
     read_distribution,
     shares,
@@ -37,8 +38,8 @@ EXAMPLE: Final = "For example --vary fracture.normal_strength=14..24kPa:11, or -
 
 EXAMPLE_DRAWN: Final = "For example --vary 'fracture.normal_strength~lognormal(18 kPa, 20 %)'"
 
-_POSITIVE: Final = ("fracture.normal_strength", "fracture.shear_strength")
-"""Parameters without limits of their own (the reference takes any), which no ice has at 0 or below."""
+_POSITIVE: Final = ("normal_strength", "shear_strength", "thickness")
+"""Keys without limits of their own (the reference takes any strength, a berg a map of thickness), above 0 for all ice."""
 
 _RANGE: Final = re.compile(r"(.+?)\.\.([^:]+)(?::(.*))?$")
 
@@ -70,6 +71,9 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
     pairs = vary.items() if isinstance(vary, Mapping) else [_split(text) for text in _texts(vary)]
     varied: list[Varied] = []
     for name, values in pairs:
+        # Behind a name of its own a distribution needs no mark.
+        if isinstance(vary, Mapping) and isinstance(values, str) and is_distribution(values):
+            values = f"~{values}"
         drawn = isinstance(values, str) and values.startswith("~")
         where = f"--vary {name}{'' if drawn else '='}{values}" if isinstance(values, str) else f"vary, {name}"
         if any(other.name == name for other in varied):
@@ -80,6 +84,33 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
     if not varied:
         raise InputError("nothing is varied", where="--vary", remedy=EXAMPLE)
     return tuple(varied)
+
+
+def vary_with_file(experiment: object, vary: Mapping[str, Any] | Iterable[str]) -> dict[str, Any]:
+    """Return what is varied by name: what the experiment file says under ``vary``, and before it what is given."""
+    own = _vary_of_file(Path(str(experiment))) if str(experiment).endswith((".yaml", ".yml")) else {}
+    if isinstance(vary, Mapping):
+        return {**own, **vary}
+    free = callable(experiment)
+    return {**own, **{v.name: v.plain() for v in (varied_of(vary, free=free) if list(vary) else ())}}
+
+
+def _vary_of_file(path: Path) -> dict[str, Any]:
+    """Return the section ``vary`` of an experiment file; all that is wrong with it is reported with its lines."""
+    from riftberg.experiments.yaml_file import read_file
+
+    experiment, _, document = read_file(path)
+    found: dict[str, Any] = {}
+    faults: list[tuple[Any, InputError]] = []
+    for name, values in experiment.vary.items():
+        try:
+            (v,) = varied_of({name: [values] if isinstance(values, float) else values})
+            found[v.name] = v.plain()
+        except InputError as error:
+            faults.append((("vary", name), error))
+    if faults:
+        raise document.refusal(faults)
+    return found
 
 
 def _texts(vary: Any) -> list[str]:
@@ -112,9 +143,9 @@ def _free(name: str, values: Any, where: str) -> Varied:
 
 def _of_parameter(name: str, values: Any, where: str) -> Varied:
     group, dot, key = name.partition(".")
-    if is_of_file(name) and isinstance(values, str) and values.startswith("~"):
-        return _drawn_of_file(name, values[1:], where)
     if is_of_file(name):
+        if isinstance(values, str) and values.startswith("~"):
+            return _drawn_of_file(name, values[1:], where)
         return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
@@ -123,7 +154,9 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
         group = group_now(group, key)
     field = find_field(group, key, where=where, settable=settable)
     if isinstance(values, str) and values.startswith("~"):
-        return _drawn(f"{group}.{key}", values[1:], field, settable[group], where)
+        return _drawn(
+            f"{group}.{key}", values[1:], field, lambda part: given(part, settable[group], key, where=where), where
+        )
     if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
         values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
@@ -150,46 +183,40 @@ def _of_file(values: Any, where: str) -> list[Any]:
     return [f"{value:.12g} {unit}" if unit else value for value in spaced]
 
 
-def _drawn(name: str, text: str, field: FieldInfo, section: Any, where: str) -> Varied:
-    """Read the distribution of a parameter; one of several numbers has each of them drawn."""
-    key, unit = name.partition(".")[2], unit_of(field)
+def _drawn_of_file(name: str, text: str, where: str) -> Varied:
+    """Read the distribution of a key of an experiment file; one of values has them as the file would."""
+    field = file_field(name)
+    if field is None:
+        raise InputError(
+            f"an experiment file has no key {name}", where=where,
+            remedy="Name it as the file has it, such as forcing.eddy.speed",
+        )  # fmt: skip
+    return _drawn(name, text, field, lambda part: file_value(part, where), where)
+
+
+def _drawn(name: str, text: str, field: FieldInfo, value: Callable[[str], Any], where: str) -> Varied:
+    """Read the distribution of a parameter; one of several numbers has each of them drawn.
+
+    ``value``: reads one of the values of a choice.
+    """
+    unit = unit_of(field)
     kinds = kinds_of(field.annotation)
-    several = [len(get_args(kind)) for kind in kinds if get_origin(kind) is tuple]
+    item = name.rpartition(".")[2].isdecimal()  # one of a list, such as forcing.uniform.current.0
+    several = [len(get_args(kind)) for kind in kinds if get_origin(kind) is tuple and not item]
+    limits = Limits.of(field.metadata)
+    if name.rpartition(".")[2] in _POSITIVE and not np.isfinite(limits.low):
+        limits = Limits(0.0, limits.high)
     distribution = read_distribution(
-        text, where=where, limits=Limits(0.0) if name in _POSITIVE else Limits.of(field.metadata),
-        number=lambda part: number(part, unit, where=where),
-        value=lambda part: given(part, section, key, where=where),
+        text, where=where, limits=limits,
+        number=lambda part: number(part, unit, where=where), value=value,
     )  # fmt: skip
-    if not distribution.choices and not several and float not in kinds:
+    if not distribution.choices and not several and float not in (_numbers(field.annotation) if item else kinds):
         raise InputError(
             "a distribution of what is no number with decimals", where=where, remedy="Use choice(value, value, ...)"
         )
     return Varied(
         name, (), unit, field.description or "", distribution, 1 if distribution.choices or not several else several[0]
     )
-
-
-def _drawn_of_file(name: str, text: str, where: str) -> Varied:
-    """Read the distribution of a key of the experiment file, in the unit that numbers there have."""
-    field = file_field(name)
-    if field is None:
-        raise InputError(
-            f"experiment files have no key {name}",
-            where=where,
-            remedy="docs/reference/experiment-file.md lists the keys",
-        )
-    unit = unit_of(field)
-    distribution = read_distribution(
-        text, where=where, limits=Limits.of(field.metadata),
-        number=lambda part: number(part, unit, where=where), value=lambda part: file_value(part, where),
-    )  # fmt: skip
-    whole_list = (
-        any(get_origin(kind) in (tuple, list) for kind in kinds_of(field.annotation)) and not name[-1].isdecimal()
-    )
-    if not distribution.choices and (whole_list or not {float, int} & {*_numbers(field.annotation)}):
-        remedy = f"Draw an item, such as {name}.0, or use choice(value, value, ...)"
-        raise InputError("a distribution of what is no number", where=where, remedy=remedy)
-    return Varied(name, (), unit, field.description or "key of the experiment file", distribution)
 
 
 def _numbers(annotation: Any) -> Iterator[Any]:
@@ -352,20 +379,30 @@ def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], 
 def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[str, list[Any]], list[int]]:
     """Return the drawn values of each parameter, and the seed of the random fields of each row."""
     fields = seeded and draws.plan in POINTS  # there the random fields are one more input
-    widths = [v.parts for v in drawn] + [1] * fields
+    # What is taken in turn needs no draws of its own, but for plans that move one input after another.
+    turns = [
+        v for v in drawn if v.distribution is not None and v.distribution.name == "each" and draws.plan not in POINTS
+    ]
+    widths = [v.parts for v in drawn if v not in turns] + [1] * fields
     share = shares(draws.number, sum(widths), draws.plan, draws.seed, widths)
     seeds = [int(row[-1] * 2**52) if fields else member_seed(draws.seed, k) for k, row in enumerate(share)]
     columns: dict[str, list[Any]] = {}
     first = 0
     for v in drawn:
         assert v.distribution is not None
+        if v in turns:
+            columns[v.name] = v.distribution.in_turn(len(share))
+            continue
         parts = [v.distribution.quantiles(share[:, first + k]) for k in range(v.parts)]
         columns[v.name] = parts[0] if v.parts == 1 else list(zip(*parts, strict=True))
         first += v.parts
     for name, values in columns.items():
+        if is_of_file(name):
+            columns[name] = [list(value) if isinstance(value, tuple) else value for value in values]
+            continue
         group, _, key = name.partition(".")
         section = {**SETTABLE, **UNCERTAIN}.get(group)
-        if key and section is not None and not is_of_file(name):
+        if key and section is not None:
             columns[name] = [given(value, section, key, where=f"--vary {name}") for value in values]
     return columns, seeds
 

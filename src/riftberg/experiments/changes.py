@@ -32,18 +32,21 @@ def is_of_file(name: str) -> bool:
 
 
 def file_field(name: str) -> FieldInfo | None:
-    """Return the field of a key of an experiment file, such as ``forcing.eddy.speed``; None where there is no such key.
+    """Return the field at a path in an experiment file, such as ``forcing.eddy.speed``; None where there is none.
 
-    Of an item of a list of numbers (``forcing.uniform.current.0``) it is the field of the list.
+    Of an item of a list of numbers (``forcing.uniform.current.0``) it is the field of the list. Kinds of forcing that have
+    keys of the same name give them the same unit.
     """
     from riftberg.experiments.schema import Experiment
 
-    *way, last = [part for part in name.split(".") if not part.isdecimal()]
     sections: list[Any] = [Experiment]
-    for part in way:
-        known = [fields_of(section)[part] for section in sections if part in fields_of(section)]
-        sections = [inner for field in known for inner in sections_in(field.annotation)]
-    return next((fields_of(section)[last] for section in sections if last in fields_of(section)), None)
+    found: list[FieldInfo] = []
+    for part in name.split("."):
+        if part.isdigit():  # the place in a list of sections
+            continue
+        found = [fields_of(section)[part] for section in sections if part in fields_of(section)]
+        sections = [inner for field in found for inner in sections_in(field.annotation)]
+    return found[0] if found else None
 
 
 def file_value(text: str, where: str) -> Any:

@@ -247,6 +247,11 @@ class Experiment(Section):
     bergs: list[Berg] = key([], "", "several bergs instead of one, a list of sections as berg has them")
     forcing: Forcing
     parameters: dict[str, Any] = key({}, "", "groups of parameters, and optionally a preset")
+    vary: dict[str, str | float | list[Any]] = key(
+        {},
+        "",
+        "what sweep, forecast and sensitivity vary: a distribution or values by name, as their --vary; run leaves it",
+    )
 
     @field_validator("forcing", mode="before")
     @classmethod

@@ -233,7 +233,7 @@ def write_restart_file(path: Path, columns: list[tuple[Column, NDArray[Any]]], s
 
 
 BLOCK_RECORDS: Final = 150_000
-"""Records held in memory at most (some 30 MB), as long as writing them takes little time: each block begins with a copy of the file."""
+"""Records held in memory at most, some 30 MB, as long as writing them takes little time; each block copies the file."""
 
 CHUNK: Final = 4096
 """Records that lie together in the file."""

@@ -23,11 +23,13 @@ from riftberg.ocean.product_records import Block, ProductRecords, check_not_empt
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.axes import step_of
+from riftberg.products.fields import members_in
 from riftberg.products.levels import uppermost
 from riftberg.products.mesh import AxesMesh, Located, NodeMesh
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
-from riftberg.products.registry import Choice, open_named
+from riftberg.products.reading import open_raw
+from riftberg.products.registry import Choice, open_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.state import Floats
@@ -91,7 +93,8 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
             "an interval without a model grid", where="forcing.every_hours",
             remedy="Give spacing too, or leave it out: each product keeps its own grid and dates",
         )  # fmt: skip
-    opened = open_named(_paths(settings.entries, folder))
+    _check_member(settings, folder)
+    opened = open_named(_paths(settings.entries, folder), settings.member)
     settings, chosen = _with_box(settings, opened, run)
     # What the run does not take is left out before any values are read.
     datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]
@@ -364,6 +367,32 @@ def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, Choice]]:
                 remedy="Correct forcing.files or --data",
             )
     return [(path, entry.choice) for entry, matches in files for path in matches]
+
+
+def members_of_files(settings: FileForcing, folder: Path) -> dict[str, int]:
+    """Return of how many members of an ensemble the files give a quantity, by its canonical name; one is left out."""
+    found: dict[str, int] = {}
+    for number, (path, choice) in enumerate(_paths(settings.entries, folder)):
+        count = _members_of(path)
+        if count > 1:
+            found |= {str(name): count for ds, _ in read_named(path, choice, number, 0) for name in ds.data_vars}
+    return found
+
+
+def _members_of(path: str) -> int:
+    return max(members_in(open_raw(path, chunked=False)).values(), default=1)
+
+
+def _check_member(settings: FileForcing, folder: Path) -> None:
+    """Refuse a member that no file has."""
+    if settings.member is None:
+        return
+    most = max(_members_of(path) for path, _ in _paths(settings.entries, folder))
+    if settings.member >= most or most == 1:
+        raise ForcingError(
+            f"member {settings.member} of files with {most if most > 1 else 'no'} members", where="forcing.member",
+            remedy=f"Give 0 to {most - 1}" if most > 1 else "Leave it out",
+        )  # fmt: skip
 
 
 def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.Dataset]:

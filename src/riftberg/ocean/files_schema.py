@@ -92,6 +92,12 @@ class FileForcing(Section):
         "files", "", "geostrophic: the slope that balances the current; none leaves it out: no slope, unannounced"
     )
     wind: Literal["files", "none"] = key("files", "", "none leaves it out: calm air, unannounced")
+    member: int | None = key(
+        None,
+        "",
+        "of files with members of an ensemble the one that is read, from 0; riftberg forecast takes them in turn",
+        ge=0,
+    )
 
     @model_validator(mode="after")
     def _a_box(self) -> FileForcing:

@@ -26,7 +26,7 @@ from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF
 from riftberg.products.repair import VALID, without_land
-from riftberg.products.roles import coordinates_of, standard_name, units_of
+from riftberg.products.roles import coordinates_of, role_of, role_of_name, standard_name, units_of
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
 NAMING = (
@@ -188,6 +188,19 @@ def _canonical(
     return field, [*one, *remarks, *([placed] if placed else [])]
 
 
+def members_in(ds: xr.Dataset) -> dict[str, int]:
+    """Return the dimensions of members that a file has, with the number of members."""
+    return {
+        str(dim): int(size) for dim, size in ds.sizes.items()
+        if size > 1 and (role_of(dim, ds[dim].variable) if dim in ds.variables else role_of_name(dim)) == "member"
+    }  # fmt: skip
+
+
+def of_member(ds: xr.Dataset, member: int) -> xr.Dataset:
+    """Return a file with one of its members; one with fewer begins anew, so that files of two ensembles go together."""
+    return ds.isel({dim: member % size for dim, size in members_in(ds).items()}, drop=True)
+
+
 def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
     """Return the only member of an ensemble and a remark; refuse several."""
     member_remarks: list[str] = []
@@ -199,7 +212,8 @@ def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> t
             raise ForcingError(
                 f"{name} has {ds[other].size} members of an ensemble ({other})",
                 where=where,
-                remedy=f"Choose one, or average them: ncks -d {dim},0 FILE OUT, or in Python ds.isel({dim}=0)",
+                remedy=f"Choose one by member: 0 beside files in forcing (0 to {ds[other].size - 1}); riftberg forecast takes "
+                f"them in turn. In Python ds.isel({dim}=0)",
             )
         value = np.ravel(ds[other].values)[0]
         if value != 0:

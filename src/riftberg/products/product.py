@@ -87,6 +87,7 @@ class Product:
     select: Callable[[xr.Dataset, Collection[str]], dict[str, tuple[str, str]]] | None = None
     # Variable of a quantity or coordinate as the user names it, before all that a file says
     names: Mapping[str, str] = field(default_factory=dict)
+    member: int | None = None  # Of a file with several members of an ensemble the one that is read, from 0
     # Longest interval (s) that records by themselves can show: those farther apart are snapshots of something faster.
     # Without it months, or a week where there are only two records
     longest_step: float | None = None

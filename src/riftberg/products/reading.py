@@ -15,7 +15,7 @@ import xarray as xr
 from riftberg.errors import ForcingError
 from riftberg.products.axes import tidy_axes
 from riftberg.products.dates import stated_interval, told_kind
-from riftberg.products.fields import gathered
+from riftberg.products.fields import gathered, of_member
 from riftberg.products.product import Product, noted
 from riftberg.products.records import REMARKS
 from riftberg.products.repair import REPAIRS, with_text_dates, within_valid_range
@@ -183,7 +183,10 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
     for repair in REPAIRS:
         raw = repair(raw, path)
     raw = _with_named_coordinates(raw, product.names)
-    ds = product.reshape(within_valid_range(_decoded(product.mend(raw))))
+    decoded = _decoded(product.mend(raw))
+    if product.member is not None:
+        decoded = of_member(decoded, product.member)
+    ds = product.reshape(within_valid_range(decoded))
     ds.encoding["source"] = path
     # The undecoded heading says these: decoding takes units and bounds out of the attributes.
     stated, kind = stated_interval(raw, path), told_kind(raw, path) if product.kind_matters else ""

@@ -186,16 +186,16 @@ def open_all(paths: Paths, product: str | Product | None = None, *, levels: bool
 
 
 @closing_files(only_if_refused=True)
-def open_named(entries: Iterable[tuple[str, Choice]]) -> list[xr.Dataset]:
+def open_named(entries: Iterable[tuple[str, Choice]], member: int | None = None) -> list[xr.Dataset]:
     """Open files as the products named beside them, joined as `open_all` does.
 
-    ``entries``: files ((path, choice)).
+    ``entries``: files ((path, choice)); ``member``: of files with members of an ensemble, from 0.
     """
-    read_files = (read_named(path, product, number) for number, (path, product) in enumerate(entries))
+    read_files = (read_named(path, product, number, member) for number, (path, product) in enumerate(entries))
     return together(joined([part for parts in read_files for part in parts]))
 
 
-def read_named(path: str, product: Choice, number: int) -> list[tuple[xr.Dataset, Product]]:
+def read_named(path: str, product: Choice, number: int, member: int | None = None) -> list[tuple[xr.Dataset, Product]]:
     """Read one file as the product named for it, with its place among the files on each field.
 
     Of two files that give a field a run takes the later. Where a file does not look like the product named for it, an error
@@ -205,6 +205,7 @@ def read_named(path: str, product: Choice, number: int) -> list[tuple[xr.Dataset
         chosen = _with_names(open_raw(path, chunked=False), product)
     else:
         chosen = (product_named(product) if isinstance(product, str) else product) or recognise(path)
+    chosen = chosen if member is None else replace(chosen, member=member)
     try:
         parts = read(path, chosen)
     except ForcingError as error:
