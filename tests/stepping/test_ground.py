@@ -193,6 +193,6 @@ def test_ice_that_hardly_bends_rests_as_a_rigid_body() -> None:
     "where", [{"turn": 1.1}, {"turn": -2.6}, {"shift": (4e4, -7e4)}, {"mirror": -1.0}, {"turn": math.pi}]
 )
 def test_the_balance_does_not_depend_on_where_the_berg_lies(where: dict[str, Any]) -> None:
-    """Nor on which end of the line of contact is the first."""
+    """Nor on which end of the line of contact is the first, nor on where polygons are cut: round-off alone is left."""
     here, there = pressure(bed())[0], pressure(bed(), **where)[0]
-    np.testing.assert_allclose(there.load, here.load, rtol=1e-3, atol=2e-3 * here.load.max())
+    np.testing.assert_allclose(there.load, here.load, rtol=1e-8, atol=1e-9 * here.load.max())

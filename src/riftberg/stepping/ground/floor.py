@@ -60,6 +60,7 @@ class Floor:
         self.gouges: dict[int, Floats] = {}  # By the number of the block; shape (BLOCK, BLOCK), m
         self._key = np.zeros(0, np.int64)  # Sorted
         self._slot = np.zeros(0, np.int64)
+        # By slot; longer than what they hold, so that new blocks seldom copy all others
         self._corner = np.zeros((0, BLOCK + 1, BLOCK + 1))
         self._gouge = np.zeros((0, BLOCK, BLOCK))
         self._plane = np.zeros((0, 4))  # Depth in the middle, its change by a cell eastward and northward, least depth
@@ -109,16 +110,22 @@ class Floor:
         mean, east = depth.mean(axis=(1, 2)), (depth * away).sum(axis=(1, 2)) / weight
         north = (depth * away[:, None]).sum(axis=(1, 2)) / weight
         fitted = mean[:, None, None] + east[:, None, None] * away + north[:, None, None] * away[:, None]
-        gouged = np.array([key in self.gouges for key in keys.tolist()], bool)
+        gouged = np.isin(keys, list(self.gouges))
         flat = (abs(depth - fitted).max(axis=(1, 2)) < FLAT) & ~gouged
-        gouge = np.stack([self.gouges.get(key, np.zeros((BLOCK, BLOCK))) for key in keys.tolist()])
-        slot = self._key.size + np.arange(keys.size)
-        order = np.argsort(np.concatenate([self._key, keys]), kind="stable")
-        self._key = np.concatenate([self._key, keys])[order]
-        self._slot = np.concatenate([self._slot, slot])[order]
-        self._corner, self._gouge = np.concatenate([self._corner, depth]), np.concatenate([self._gouge, gouge])
-        self._plane = np.concatenate([self._plane, np.column_stack([mean, east, north, depth.min(axis=(1, 2))])])
-        self._flat = np.concatenate([self._flat, flat])
+        gouge = np.zeros((keys.size, BLOCK, BLOCK))
+        for n in np.flatnonzero(gouged).tolist():
+            gouge[n] = self.gouges[int(keys[n])]
+        known = self._key.size
+        slot = known + np.arange(keys.size)
+        if known + keys.size > len(self._flat):
+            more = known + 2 * keys.size
+            for name in ("_corner", "_gouge", "_plane", "_flat"):
+                old = getattr(self, name)
+                setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]), old.dtype)]))
+        self._corner[slot], self._gouge[slot], self._flat[slot] = depth, gouge, flat
+        self._plane[slot] = np.column_stack([mean, east, north, depth.min(axis=(1, 2))])
+        at = np.searchsorted(self._key, keys)
+        self._key, self._slot = np.insert(self._key, at, keys), np.insert(self._slot, at, slot)
 
     def keys_of(self, slots: Ints) -> Ints:
         """Numbers of blocks by their places in the store."""
@@ -236,14 +243,15 @@ def cut_by_cells(
             west, east = row[0, 3], row[0, 3]
             for n in range(size):
                 west, east = min(west, row[n, 3]), max(east, row[n, 3])
+            at, last = -1, 0
             for ib in range(math.floor(west * per_degree / BLOCK), math.floor(east * per_degree / BLOCK) + 1):
-                c = cut(row, size, 3, ib * BLOCK / per_degree, 1.0, room)
-                c = cut(room, c, 3, (ib + 1) * BLOCK / per_degree, -1.0, block)
-                if c < 3:
-                    continue
                 # Numbers of columns go round the sphere once.
                 key = jb * SHIFT + (ib % around if around > 0 else ib)
-                at = np.searchsorted(keys, key)
+                if at < 0 or key < last:
+                    at = int(np.searchsorted(keys, key))
+                while at < keys.size and keys[at] < key:  # the next one stands behind it
+                    at += 1
+                last = key
                 if at >= keys.size or keys[at] != key:
                     if absent < missing.size:
                         missing[absent] = key
@@ -251,6 +259,10 @@ def cut_by_cells(
                     continue
                 slot = slots[at]
                 if planes[slot, 3] + level - draft[e] > REACH:
+                    continue
+                c = cut(row, size, 3, ib * BLOCK / per_degree, 1.0, room)
+                c = cut(room, c, 3, (ib + 1) * BLOCK / per_degree, -1.0, block)
+                if c < 3:
                     continue
                 across = (
                     per_degree * 360.0 / (2.0 * math.pi * radius * math.cos((jb + 0.5) * BLOCK * cell / radius))
