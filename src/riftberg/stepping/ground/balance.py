@@ -50,6 +50,9 @@ COLUMNS_PER_LAMBDA: Final = 8.0
 LEAST_COLUMNS: Final = 6
 """Columns of a patch at least, so that it shows where bending falls to zero."""
 
+DISC: Final = np.array([[math.cos(a), math.sin(a)] for a in np.arange(64) * (math.pi / 32.0)])
+"""Circle of radius 1 about a point."""
+
 RIGID: Final = 1e40
 """Stiffness against tilt (N m) of a fragment that takes none."""
 
@@ -480,23 +483,20 @@ class _Patch(NamedTuple):
         s, t = corners @ axis, corners @ across
         s0, s1, t0, t1 = s.min(), max(s.max(), s.min() + 1e-3), t.min(), t.max()
 
-        def share(a: float, b: float, c: float, d: float) -> float:
-            """Part of a rectangle along and across the line that is ice."""
-            box = np.array([[a, c], [b, c], [b, d], [a, d]])
-            rectangle = shapely.Polygon(box[:, :1] * axis + box[:, 1:] * across)
-            return float(rectangle.intersection(hull.ice).area / rectangle.area)
-
-        left, right = share(s0, s1, t1, t1 + around), share(s0, s1, t0 - around, t0)
+        # Parts of the neighbourhood that are ice: strips on both sides of the line, short ones beyond its ends, and a disc.
+        wide, deepest = max(t1 - t0, 1.0), corners[np.argmax(pressed_parts[:, 2])]
+        boxes = np.array([
+            (s0, s1, t1, t1 + around), (s0, s1, t0 - around, t0), (s0 - 0.25 * around, s0, t0 - 0.5 * wide, t1 + 0.5 * wide),
+            (s1, s1 + 0.25 * around, t0 - 0.5 * wide, t1 + 0.5 * wide),
+        ])  # fmt: skip
+        strips = boxes[:, [0, 1, 1, 0], None] * axis + boxes[:, [2, 2, 3, 3], None] * across
+        shapes = np.append(shapely.polygons(strips), shapely.Polygon(deepest + around * DISC))
+        left, right, *over, at_point = (
+            shapely.area(shapely.intersection(shapes, hull.ice)) / shapely.area(shapes)
+        ).tolist()
         inner = 0.5 * (left + right)
-        deepest = corners[np.argmax(pressed_parts[:, 2])]
-        disc = shapely.Point(*deepest).buffer(around, quad_segs=16)
-        at_point = float(disc.intersection(hull.ice).area / disc.area)
         end = WATER_STIFFNESS * reach * reach * (1.08 + (4.0 - 1.08) * min(max(2.0 * inner - 1.0, 0.0), 1.0))
-        wide = max(t1 - t0, 1.0)
-        beyond = [
-            end * min(share(*span, t0 - 0.5 * wide, t1 + 0.5 * wide) / max(inner, 0.05), 1.0)
-            for span in ((s0 - 0.25 * around, s0), (s1, s1 + 0.25 * around))
-        ]
+        beyond = [end * min(part / max(inner, 0.05), 1.0) for part in over]
         load = found.load[inside]
         x, y = np.average(found.x[inside], weights=load), np.average(found.y[inside], weights=load)
         centre = x * across[0] + y * across[1]

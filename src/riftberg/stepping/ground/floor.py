@@ -57,6 +57,9 @@ class Floor:
     def __init__(self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float) -> None:
         self.cell, self.latlon, self.radius = cell, latlon, radius
         self._depth = depth
+        # Least depth of blocks that have been asked for that alone: most are too deep to be cut.
+        self._least_key = np.zeros(0, np.int64)  # Sorted
+        self._least = np.zeros(0)
         self.gouges: dict[int, Floats] = {}  # By the number of the block; shape (BLOCK, BLOCK), m
         self._key = np.zeros(0, np.int64)  # Sorted
         self._slot = np.zeros(0, np.int64)
@@ -67,6 +70,33 @@ class Floor:
         self._flat = np.zeros(0, np.bool_)
         self._room = 1024
 
+    def near(
+        self, body: BodyFootprint, lon: Floats, lat: Floats, draft: Floats, some: Booleans, level: float, way: float
+    ) -> Booleans:
+        """Which of ``some`` elements may come within `REACH` of the floor on a way of some metres, by least depths of blocks."""
+        corner = self._coordinates(body, lon, lat)[:, 3:]
+        while True:
+            near, missing = np.zeros(draft.size, np.bool_), np.empty(self._room, np.int64)
+            absent = blocks_in_reach(
+                body.start, corner, body.owner, draft, some, level, way / self.cell, self.cell, self.latlon, self.radius,
+                self._least_key, self._least, near, missing,
+            )  # fmt: skip
+            if not absent:
+                return near
+            keys = np.unique(missing[:absent])
+            at = np.searchsorted(self._least_key, keys)
+            least = self._depths(keys).min(axis=(1, 2))
+            self._least_key, self._least = np.insert(self._least_key, at, keys), np.insert(self._least, at, least)
+
+    def _coordinates(self, body: BodyFootprint, lon: Floats, lat: Floats) -> Floats:
+        """Corners for the kernels: x, y, nothing, longitude (x on a plane), latitude (y) in cells."""
+        corner = np.empty((len(lon), 5))
+        corner[:, :2], corner[:, 2], corner[:, 3] = body.corner, 0.0, lon
+        corner[:, 4] = (DEGREE * self.radius if self.latlon else 1.0) * lat / self.cell
+        if self.latlon:  # in one piece also where longitudes jump by a turn
+            corner[:, 3] = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0
+        return corner
+
     def patches(
         self, body: BodyFootprint, lon: Floats, lat: Floats, draft: Floats, near: Booleans, level: float
     ) -> Patches:
@@ -74,9 +104,7 @@ class Floor:
 
         ``draft`` (m) and ``near`` (whether it is looked at) are those of the elements of the fragment.
         """
-        scale = DEGREE * self.radius if self.latlon else 1.0
-        corner = np.empty((len(lon), 5))
-        corner[:, :2], corner[:, 2], corner[:, 3], corner[:, 4] = body.corner, 0.0, lon, scale * lat / self.cell
+        corner = self._coordinates(body, lon, lat)
         while True:
             room = self._room
             start, out = np.zeros(room + 1, np.int64), np.empty((8 * room, 3))
@@ -93,7 +121,7 @@ class Floor:
             else:
                 return Patches(start[: count + 1], out[: start[count]], owner[:count], gradient[:count], cell[:count])
 
-    def _add_blocks(self, keys: Ints) -> None:
+    def _depths(self, keys: Ints) -> Floats:
         """Ask the depth at the corners of the cells of some blocks."""
         rows, columns = (keys + SHIFT // 2) // SHIFT, (keys + SHIFT // 2) % SHIFT - SHIFT // 2
         step = np.arange(BLOCK + 1)
@@ -103,7 +131,11 @@ class Floor:
         lon = np.broadcast_to(x / per_degree[:, None, None], (keys.size, BLOCK + 1, BLOCK + 1))
         lat = np.broadcast_to(y / (DEGREE * self.radius if self.latlon else 1.0), lon.shape)
         depth = np.asarray(self._depth(lon.ravel(), lat.ravel()), float).reshape(lon.shape)
-        depth = np.where(np.isfinite(depth), depth, OPEN_DEPTH)
+        return np.where(np.isfinite(depth), depth, OPEN_DEPTH)
+
+    def _add_blocks(self, keys: Ints) -> None:
+        """Take some blocks into the store."""
+        depth, step = self._depths(keys), np.arange(BLOCK + 1)
         # The plane that fits the corners of the block best.
         away = step - 0.5 * BLOCK
         weight = (BLOCK + 1) * (away * away).sum()
@@ -205,6 +237,53 @@ def columns_of(row: int, cell: float, latlon: bool, radius: float) -> float:
     lat = (row + 0.5) * BLOCK * cell / radius
     blocks = max(1.0, math.floor(2.0 * math.pi * radius * max(math.cos(lat), 0.0) / (BLOCK * cell) + 0.5))
     return blocks * BLOCK / 360.0
+
+
+@kernel
+def blocks_in_reach(
+    start: Ints, corner: Floats, owner: Ints, draft: Floats, some: Booleans, level: float, way: float, cell: float,
+    latlon: bool, radius: float, keys: Ints, least: Floats, near: Booleans, missing: Ints,
+) -> int:  # fmt: skip
+    """Set which of ``some`` elements have a block within `REACH` on a ``way`` (cells); returns how many blocks are missing.
+
+    Columns of ``corner``: longitude (x on a plane), latitude (y) in cells.
+    """
+    absent = 0
+    for k in range(owner.size):
+        e = owner[k]
+        if near[e] or not some[e]:
+            continue
+        west, south = corner[start[k], 0], corner[start[k], 1]
+        east, north = west, south
+        for n in range(start[k], start[k + 1]):
+            west, east = min(west, corner[n, 0]), max(east, corner[n, 0])
+            south, north = min(south, corner[n, 1]), max(north, corner[n, 1])
+        for jb in range(math.floor((south - way) / BLOCK), math.floor((north + way) / BLOCK) + 1):
+            if near[e]:
+                break
+            per_degree = columns_of(jb, cell, latlon, radius)
+            around = round(per_degree * 360.0 / BLOCK) if latlon else 0
+            first = math.floor((west * per_degree - way) / BLOCK)
+            last = math.floor((east * per_degree + way) / BLOCK)
+            if around > 0:
+                last = min(last, first + around - 1)
+            at, before = -1, 0
+            for ib in range(first, last + 1):
+                # Numbers of columns go round the sphere once.
+                key = jb * SHIFT + (ib % around if around > 0 else ib)
+                if at < 0 or key < before:
+                    at = int(np.searchsorted(keys, key))
+                while at < keys.size and keys[at] < key:  # the next one stands behind it
+                    at += 1
+                before = key
+                if at >= keys.size or keys[at] != key:
+                    if absent < missing.size:
+                        missing[absent] = key
+                        absent += 1
+                elif least[at] + level - draft[e] <= REACH:
+                    near[e] = True
+                    break
+    return absent
 
 
 @kernel
