@@ -50,6 +50,9 @@ COLUMNS_PER_LAMBDA: Final = 8.0
 LEAST_COLUMNS: Final = 6
 """Columns of a patch at least, so that it shows where bending falls to zero."""
 
+DISC: Final = np.array([[math.cos(a), math.sin(a)] for a in np.arange(64) * (math.pi / 32.0)])
+"""Circle of radius 1 about a point."""
+
 RIGID: Final = 1e40
 """Stiffness against tilt (N m) of a fragment that takes none."""
 
@@ -300,7 +303,8 @@ def _loads(
 ) -> None:  # fmt: skip
     """Sum over the elements: load, its moments, friction capacity over mu, push of the slope; per polygon the excess volume.
 
-    ``overlap`` takes the overlap of all corners that was found, ``area`` the loaded area of each polygon.
+    ``overlap`` takes the overlap of all corners that was found, ``area`` of the loaded part of each polygon the area, its moments
+    by x and y, and the second moments xx, xy, yy.
     """
     most = CORNERS
     for k in range(column.size):
@@ -329,7 +333,8 @@ def _loads(
         sums[:] = 0.0
         s = cut(piece, size, 2, 0.0, 1.0, room)
         add_moments(room, s, 0.0, 1.0, sums)
-        area[k] = sums[3]
+        for i in range(6):
+            area[k, i] = sums[3 + i]
         if highest > top:
             sums[:] = 0.0
             s = cut(piece, size, 2, top, 1.0, room)
@@ -365,7 +370,7 @@ def press(
     def evaluate() -> tuple[Pressure, Floats, Floats]:
         load, x, y, capacity = np.zeros((4, elements))
         push, excess = np.zeros((elements, 2)), np.zeros(count)
-        overlap, area = np.zeros(len(cut_up.corner)), np.zeros(cut_up.column.size)
+        overlap, area = np.zeros(len(cut_up.corner)), np.zeros((cut_up.column.size, 6))
         _loads(
             cut_up.start, cut_up.corner, cut_up.origin, patches.owner, patches.gradient, cut_up.column, xc, yc, q, u,
             bed.stiffness, top, grip, load, x, y, capacity, push, excess, overlap, area,
@@ -471,39 +476,32 @@ class _Patch(NamedTuple):
             bed.modulus, bed.poisson, float(np.average(thickness[inside], weights=found.load[inside]))
         )
         around = math.sqrt(2.0) * reach
-        mine = np.flatnonzero(inside[patches.owner[cut_up.origin]] & (area > 0.0))
-        pressed_parts, ends = _pressed_corners(cut_up.start, cut_up.corner, overlap, mine)
+        mine = np.flatnonzero(inside[patches.owner[cut_up.origin]] & (area[:, 0] > 0.0))
+        pressed_parts = _pressed_corners(cut_up.start, cut_up.corner, overlap, mine)
         corners = pressed_parts[:, :2]
-        # Its line is the major axis of the loaded area.
-        weight, middle = area[mine], np.array([corners[a:b].mean(axis=0) for a, b in pairwise(ends.tolist())])
-        mean = (weight[:, None] * middle).sum(axis=0) / weight.sum()
-        spread = middle - mean
-        second = (weight[:, None, None] * spread[:, :, None] * spread[:, None, :]).sum(axis=0)
-        for k, (a, b) in enumerate(pairwise(ends.tolist())):
-            own = corners[a:b] - middle[k]
-            second += weight[k] / (b - a) * own.T @ own / 3.0
-        axis = np.linalg.eigh(second)[1][:, 1]
+        # Its line is the major axis of the loaded area, by exact moments: means over corners would depend on the cuts.
+        whole, x, y, xx, xy, yy = area[mine].sum(axis=0)
+        axis = np.linalg.eigh([[xx - x * x / whole, xy - x * y / whole], [xy - x * y / whole, yy - y * y / whole]])[1][
+            :, 1
+        ]
         across = np.array([-axis[1], axis[0]])
         s, t = corners @ axis, corners @ across
         s0, s1, t0, t1 = s.min(), max(s.max(), s.min() + 1e-3), t.min(), t.max()
 
-        def share(a: float, b: float, c: float, d: float) -> float:
-            """Part of a rectangle along and across the line that is ice."""
-            box = np.array([[a, c], [b, c], [b, d], [a, d]])
-            rectangle = shapely.Polygon(box[:, :1] * axis + box[:, 1:] * across)
-            return float(rectangle.intersection(hull.ice).area / rectangle.area)
-
-        left, right = share(s0, s1, t1, t1 + around), share(s0, s1, t0 - around, t0)
+        # Parts of the neighbourhood that are ice: strips on both sides of the line, short ones beyond its ends, and a disc.
+        wide, deepest = max(t1 - t0, 1.0), corners[np.argmax(pressed_parts[:, 2])]
+        boxes = np.array([
+            (s0, s1, t1, t1 + around), (s0, s1, t0 - around, t0), (s0 - 0.25 * around, s0, t0 - 0.5 * wide, t1 + 0.5 * wide),
+            (s1, s1 + 0.25 * around, t0 - 0.5 * wide, t1 + 0.5 * wide),
+        ])  # fmt: skip
+        strips = boxes[:, [0, 1, 1, 0], None] * axis + boxes[:, [2, 2, 3, 3], None] * across
+        shapes = np.append(shapely.polygons(strips), shapely.Polygon(deepest + around * DISC))
+        left, right, *over, at_point = (
+            shapely.area(shapely.intersection(shapes, hull.ice)) / shapely.area(shapes)
+        ).tolist()
         inner = 0.5 * (left + right)
-        deepest = corners[np.argmax(pressed_parts[:, 2])]
-        disc = shapely.Point(*deepest).buffer(around, quad_segs=16)
-        at_point = float(disc.intersection(hull.ice).area / disc.area)
         end = WATER_STIFFNESS * reach * reach * (1.08 + (4.0 - 1.08) * min(max(2.0 * inner - 1.0, 0.0), 1.0))
-        wide = max(t1 - t0, 1.0)
-        beyond = [
-            end * min(share(*span, t0 - 0.5 * wide, t1 + 0.5 * wide) / max(inner, 0.05), 1.0)
-            for span in ((s0 - 0.25 * around, s0), (s1, s1 + 0.25 * around))
-        ]
+        beyond = [end * min(part / max(inner, 0.05), 1.0) for part in over]
         load = found.load[inside]
         x, y = np.average(found.x[inside], weights=load), np.average(found.y[inside], weights=load)
         centre = x * across[0] + y * across[1]
@@ -516,7 +514,7 @@ class _Patch(NamedTuple):
         line = line_stiffness(reach, max(inner, 0.05))
         further_in = (t1 - centre) if left < right else (centre - t0)
         line += WATER_STIFFNESS * abs(right - left) * further_in
-        line = max(line, WATER_STIFFNESS * weight.sum() / (s1 - s0))
+        line = max(line, WATER_STIFFNESS * whole / (s1 - s0))
         patch = cls(
             (float(axis[0]), float(axis[1])), float(s0 - pad * width), width, length, line, point_stiffness(reach, at_point),
             (beyond[0], beyond[1]), rigid, np.zeros(0),
@@ -541,16 +539,15 @@ class _Patch(NamedTuple):
 
 
 @kernel
-def _pressed_corners(start: Ints, corner: Floats, overlap: Floats, mine: Ints) -> tuple[Floats, Ints]:
-    """Corners of the loaded part of some polygons (x, y, overlap without any rise, m), and where each polygon begins."""
+def _pressed_corners(start: Ints, corner: Floats, overlap: Floats, mine: Ints) -> Floats:
+    """Corners of the loaded part of some polygons: x, y, overlap without any rise, m."""
     size, most = 0, CORNERS
     for k in mine:
         size += 2 * (start[k + 1] - start[k]) + 4
         most = max(most, 2 * (start[k + 1] - start[k]) + 4)
-    out, ends = np.empty((size, 3)), np.zeros(mine.size + 1, np.int64)
+    out = np.empty((size, 3))
     piece, room, count = np.empty((most, 4)), np.empty((most, 4)), 0
-    for m in range(mine.size):
-        k = mine[m]
+    for k in mine:
         n = start[k + 1] - start[k]
         for i in range(n):
             for j in range(3):
@@ -560,5 +557,4 @@ def _pressed_corners(start: Ints, corner: Floats, overlap: Floats, mine: Ints) -
             for j in range(3):
                 out[count, j] = room[i, j]
             count += 1
-        ends[m + 1] = count
-    return out[:count], ends
+    return out[:count]

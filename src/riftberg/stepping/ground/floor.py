@@ -57,14 +57,45 @@ class Floor:
     def __init__(self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float) -> None:
         self.cell, self.latlon, self.radius = cell, latlon, radius
         self._depth = depth
+        # Least depth of blocks that have been asked for that alone: most are too deep to be cut.
+        self._least_key = np.zeros(0, np.int64)  # Sorted
+        self._least = np.zeros(0)
         self.gouges: dict[int, Floats] = {}  # By the number of the block; shape (BLOCK, BLOCK), m
         self._key = np.zeros(0, np.int64)  # Sorted
         self._slot = np.zeros(0, np.int64)
+        # By slot; longer than what they hold, so that new blocks seldom copy all others
         self._corner = np.zeros((0, BLOCK + 1, BLOCK + 1))
         self._gouge = np.zeros((0, BLOCK, BLOCK))
         self._plane = np.zeros((0, 4))  # Depth in the middle, its change by a cell eastward and northward, least depth
         self._flat = np.zeros(0, np.bool_)
         self._room = 1024
+
+    def near(
+        self, body: BodyFootprint, lon: Floats, lat: Floats, draft: Floats, some: Booleans, level: float, way: float
+    ) -> Booleans:
+        """Which of ``some`` elements may come within `REACH` of the floor on a way of some metres, by least depths of blocks."""
+        corner = self._coordinates(body, lon, lat)[:, 3:]
+        while True:
+            near, missing = np.zeros(draft.size, np.bool_), np.empty(self._room, np.int64)
+            absent = blocks_in_reach(
+                body.start, corner, body.owner, draft, some, level, way / self.cell, self.cell, self.latlon, self.radius,
+                self._least_key, self._least, near, missing,
+            )  # fmt: skip
+            if not absent:
+                return near
+            keys = np.unique(missing[:absent])
+            at = np.searchsorted(self._least_key, keys)
+            least = self._depths(keys).min(axis=(1, 2))
+            self._least_key, self._least = np.insert(self._least_key, at, keys), np.insert(self._least, at, least)
+
+    def _coordinates(self, body: BodyFootprint, lon: Floats, lat: Floats) -> Floats:
+        """Corners for the kernels: x, y, nothing, longitude (x on a plane), latitude (y) in cells."""
+        corner = np.empty((len(lon), 5))
+        corner[:, :2], corner[:, 2], corner[:, 3] = body.corner, 0.0, lon
+        corner[:, 4] = (DEGREE * self.radius if self.latlon else 1.0) * lat / self.cell
+        if self.latlon:  # in one piece also where longitudes jump by a turn
+            corner[:, 3] = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0
+        return corner
 
     def patches(
         self, body: BodyFootprint, lon: Floats, lat: Floats, draft: Floats, near: Booleans, level: float
@@ -73,9 +104,7 @@ class Floor:
 
         ``draft`` (m) and ``near`` (whether it is looked at) are those of the elements of the fragment.
         """
-        scale = DEGREE * self.radius if self.latlon else 1.0
-        corner = np.empty((len(lon), 5))
-        corner[:, :2], corner[:, 2], corner[:, 3], corner[:, 4] = body.corner, 0.0, lon, scale * lat / self.cell
+        corner = self._coordinates(body, lon, lat)
         while True:
             room = self._room
             start, out = np.zeros(room + 1, np.int64), np.empty((8 * room, 3))
@@ -92,7 +121,7 @@ class Floor:
             else:
                 return Patches(start[: count + 1], out[: start[count]], owner[:count], gradient[:count], cell[:count])
 
-    def _add_blocks(self, keys: Ints) -> None:
+    def _depths(self, keys: Ints) -> Floats:
         """Ask the depth at the corners of the cells of some blocks."""
         rows, columns = (keys + SHIFT // 2) // SHIFT, (keys + SHIFT // 2) % SHIFT - SHIFT // 2
         step = np.arange(BLOCK + 1)
@@ -102,23 +131,33 @@ class Floor:
         lon = np.broadcast_to(x / per_degree[:, None, None], (keys.size, BLOCK + 1, BLOCK + 1))
         lat = np.broadcast_to(y / (DEGREE * self.radius if self.latlon else 1.0), lon.shape)
         depth = np.asarray(self._depth(lon.ravel(), lat.ravel()), float).reshape(lon.shape)
-        depth = np.where(np.isfinite(depth), depth, OPEN_DEPTH)
+        return np.where(np.isfinite(depth), depth, OPEN_DEPTH)
+
+    def _add_blocks(self, keys: Ints) -> None:
+        """Take some blocks into the store."""
+        depth, step = self._depths(keys), np.arange(BLOCK + 1)
         # The plane that fits the corners of the block best.
         away = step - 0.5 * BLOCK
         weight = (BLOCK + 1) * (away * away).sum()
         mean, east = depth.mean(axis=(1, 2)), (depth * away).sum(axis=(1, 2)) / weight
         north = (depth * away[:, None]).sum(axis=(1, 2)) / weight
         fitted = mean[:, None, None] + east[:, None, None] * away + north[:, None, None] * away[:, None]
-        gouged = np.array([key in self.gouges for key in keys.tolist()], bool)
+        gouged = np.isin(keys, list(self.gouges))
         flat = (abs(depth - fitted).max(axis=(1, 2)) < FLAT) & ~gouged
-        gouge = np.stack([self.gouges.get(key, np.zeros((BLOCK, BLOCK))) for key in keys.tolist()])
-        slot = self._key.size + np.arange(keys.size)
-        order = np.argsort(np.concatenate([self._key, keys]), kind="stable")
-        self._key = np.concatenate([self._key, keys])[order]
-        self._slot = np.concatenate([self._slot, slot])[order]
-        self._corner, self._gouge = np.concatenate([self._corner, depth]), np.concatenate([self._gouge, gouge])
-        self._plane = np.concatenate([self._plane, np.column_stack([mean, east, north, depth.min(axis=(1, 2))])])
-        self._flat = np.concatenate([self._flat, flat])
+        gouge = np.zeros((keys.size, BLOCK, BLOCK))
+        for n in np.flatnonzero(gouged).tolist():
+            gouge[n] = self.gouges[int(keys[n])]
+        known = self._key.size
+        slot = known + np.arange(keys.size)
+        if known + keys.size > len(self._flat):
+            more = known + 2 * keys.size
+            for name in ("_corner", "_gouge", "_plane", "_flat"):
+                old = getattr(self, name)
+                setattr(self, name, np.concatenate([old, np.zeros((more, *old.shape[1:]), old.dtype)]))
+        self._corner[slot], self._gouge[slot], self._flat[slot] = depth, gouge, flat
+        self._plane[slot] = np.column_stack([mean, east, north, depth.min(axis=(1, 2))])
+        at = np.searchsorted(self._key, keys)
+        self._key, self._slot = np.insert(self._key, at, keys), np.insert(self._slot, at, slot)
 
     def keys_of(self, slots: Ints) -> Ints:
         """Numbers of blocks by their places in the store."""
@@ -203,6 +242,53 @@ def columns_of(row: int, cell: float, latlon: bool, radius: float) -> float:
 # Many arguments: polygons come in, and `Patches` go out, as flat lists whose room Python has made, and makes larger
 # where they do not fit; blocks of the floor are looked up by key.
 @kernel
+def blocks_in_reach(
+    start: Ints, corner: Floats, owner: Ints, draft: Floats, some: Booleans, level: float, way: float, cell: float,
+    latlon: bool, radius: float, keys: Ints, least: Floats, near: Booleans, missing: Ints,
+) -> int:  # fmt: skip
+    """Set which of ``some`` elements have a block within `REACH` on a ``way`` (cells); returns how many blocks are missing.
+
+    Columns of ``corner``: longitude (x on a plane), latitude (y) in cells.
+    """
+    absent = 0
+    for k in range(owner.size):
+        e = owner[k]
+        if near[e] or not some[e]:
+            continue
+        west, south = corner[start[k], 0], corner[start[k], 1]
+        east, north = west, south
+        for n in range(start[k], start[k + 1]):
+            west, east = min(west, corner[n, 0]), max(east, corner[n, 0])
+            south, north = min(south, corner[n, 1]), max(north, corner[n, 1])
+        for jb in range(math.floor((south - way) / BLOCK), math.floor((north + way) / BLOCK) + 1):
+            if near[e]:
+                break
+            per_degree = columns_of(jb, cell, latlon, radius)
+            around = round(per_degree * 360.0 / BLOCK) if latlon else 0
+            first = math.floor((west * per_degree - way) / BLOCK)
+            last = math.floor((east * per_degree + way) / BLOCK)
+            if around > 0:
+                last = min(last, first + around - 1)
+            at, before = -1, 0
+            for ib in range(first, last + 1):
+                # Numbers of columns go round the sphere once.
+                key = jb * SHIFT + (ib % around if around > 0 else ib)
+                if at < 0 or key < before:
+                    at = int(np.searchsorted(keys, key))
+                while at < keys.size and keys[at] < key:  # the next one stands behind it
+                    at += 1
+                before = key
+                if at >= keys.size or keys[at] != key:
+                    if absent < missing.size:
+                        missing[absent] = key
+                        absent += 1
+                elif least[at] + level - draft[e] <= REACH:
+                    near[e] = True
+                    break
+    return absent
+
+
+@kernel
 def cut_by_cells(
     start: Ints, corner: Floats, owner: Ints, draft: Floats, near: Booleans, level: float, cell: float, latlon: bool,
     radius: float, keys: Ints, slots: Ints, depths: Floats, gouges: Floats, planes: Floats, flat: Booleans, out_start: Ints,
@@ -238,14 +324,15 @@ def cut_by_cells(
             west, east = row[0, 3], row[0, 3]
             for n in range(size):
                 west, east = min(west, row[n, 3]), max(east, row[n, 3])
+            at, last = -1, 0
             for ib in range(math.floor(west * per_degree / BLOCK), math.floor(east * per_degree / BLOCK) + 1):
-                c = cut(row, size, 3, ib * BLOCK / per_degree, 1.0, room)
-                c = cut(room, c, 3, (ib + 1) * BLOCK / per_degree, -1.0, block)
-                if c < 3:
-                    continue
                 # Numbers of columns go round the sphere once.
                 key = jb * SHIFT + (ib % around if around > 0 else ib)
-                at = np.searchsorted(keys, key)
+                if at < 0 or key < last:
+                    at = int(np.searchsorted(keys, key))
+                while at < keys.size and keys[at] < key:  # the next one stands behind it
+                    at += 1
+                last = key
                 if at >= keys.size or keys[at] != key:
                     if absent < missing.size:
                         missing[absent] = key
@@ -253,6 +340,10 @@ def cut_by_cells(
                     continue
                 slot = slots[at]
                 if planes[slot, 3] + level - draft[e] > REACH:
+                    continue
+                c = cut(row, size, 3, ib * BLOCK / per_degree, 1.0, room)
+                c = cut(room, c, 3, (ib + 1) * BLOCK / per_degree, -1.0, block)
+                if c < 3:
                     continue
                 across = (
                     per_degree * 360.0 / (2.0 * math.pi * radius * math.cos((jb + 0.5) * BLOCK * cell / radius))

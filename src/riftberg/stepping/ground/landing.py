@@ -24,7 +24,7 @@ from riftberg.errors import InputError, RunError
 from riftberg.ocean.forcing import sea_level
 from riftberg.parameters import Grounding, KernelParameters
 from riftberg.physics.floating import draft_of
-from riftberg.state import Elements, Floats, Ints, Keel
+from riftberg.state import Floats, Ints, Keel
 from riftberg.stepping.bodies.dynamics import BodyOperators, ElementForcing, add_forces, assemble_force_and_jacobian
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses, tangent_coordinates
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
@@ -64,6 +64,9 @@ LEAST_STEP: Final = 0.01
 STEEPEST: Final = 0.5
 """Slope of the floor up to which an element that is deep enough in its middle is not looked at."""
 
+ASIDE: Final = 100.0
+"""How far forces may take a fragment from its way in a step, m."""
+
 DEEP_KEEL: Final = 1.0
 """How far below the floor a keel may start, m."""
 
@@ -92,7 +95,7 @@ class Fragment(NamedTuple):
     xy: Floats  # m; shape (elements, 2)
     thickness: Floats  # m
     draft: Floats  # m
-    reach: Floats  # Distance of the corners of an element from its centre, m
+    radius: float  # Of the circle about its origin that holds it, m
     hull: Hull
     first: Ints  # Intact bonds
     second: Ints
@@ -164,12 +167,10 @@ class Seabed:
             place[rows] = np.arange(rows.size)
             first, second = place[bonds.first], place[bonds.second]
             whole = (bonds.status == 0) & (first >= 0)
-            away = np.hypot(*(footprint.corner - xy[rows][np.repeat(footprint.owner, np.diff(footprint.start))]).T)
-            reach = np.zeros(rows.size)
-            np.maximum.at(reach, np.repeat(footprint.owner, np.diff(footprint.start)), away)
+            radius = float(np.hypot(*footprint.corner.T).max())
             hull = hull_of(footprint.corner, footprint.start, footprint.owner, thickness, draft)
             self._fragments[b] = Fragment(
-                rows, footprint, xy[rows], thickness, draft, reach, hull, first[whole], second[whole]
+                rows, footprint, xy[rows], thickness, draft, radius, hull, first[whole], second[whole]
             )
         return self._fragments[b]
 
@@ -194,12 +195,11 @@ class Seabed:
     ) -> GroundPhase | None:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does."""
         self.prepare(model, bodies)
-        el, c = model.elements, model.constants
-        keel = Keel._make(array.copy() for array in el.keel)
+        keel = Keel._make(array.copy() for array in model.elements.keel)
         phases = []
         for b in range(bodies.pose.shape[0]):
             rows = np.flatnonzero(op.body == b)
-            near = self._near(el, rows, bodies.twist[b], h, c)
+            near = self._near(model, bodies, b, rows, time, h)
             if not near.any():
                 continue
             fragment = self.fragment(model, bodies, b)
@@ -210,14 +210,24 @@ class Seabed:
                 phases.append(run)
         return GroundPhase(_phase_of(phases, h), keel) if phases else None
 
-    def _near(self, el: Elements, rows: Ints, twist: Floats, h: float, p: KernelParameters) -> NDArray[np.bool_]:
-        """Which elements of a fragment may come near the floor in the step, by the depth in their middle."""
-        thickness, depth = el.body.thickness[rows], el.environment.depth[rows]
-        draft = np.array([draft_of(x, p.rho_ice) for x in thickness])
+    def _near(
+        self, model: RunState, bodies: Bodies, b: int, rows: Ints, time: float, h: float
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """Which elements of a fragment may come near the floor in the step."""
+        el, p, twist = model.elements, model.constants, bodies.twist[b]
+        draft = np.array([draft_of(x, p.rho_ice) for x in el.body.thickness[rows]])
         size = np.sqrt(el.body.length[rows] * el.body.width[rows])
-        # Half of the diagonal of an element, the way of the step, and a level of some metres.
+        # By the depth in their middle first, so that deep water is never asked for its blocks: half of the diagonal of an
+        # element, the way of the step, and a level of some metres.
         reach = size + h * math.hypot(twist[0], twist[1]) + 20.0
-        return np.asarray((depth < draft + STEEPEST * reach) | (el.keel.floor_load[rows] > 0.0))
+        some = np.asarray((el.environment.depth[rows] < draft + STEEPEST * reach) | (el.keel.floor_load[rows] > 0.0))
+        if not some.any():
+            return some
+        fragment, pose = self.fragment(model, bodies, b), bodies.pose[b]
+        lon, lat = corner_positions(fragment.footprint.corner, pose, p)
+        level = min(_level(model, pose, time + t) for t in (0.0, 0.5 * h, h))
+        way = h * (math.hypot(twist[0], twist[1]) + fragment.radius * abs(twist[2])) + ASIDE
+        return self.floor.near(fragment.footprint, lon, lat, draft, some, level, way)
 
     def check_start(self, model: RunState, bodies: Bodies) -> None:
         """Refuse keels that start deep below the floor, or settle them into gouges."""
@@ -225,7 +235,7 @@ class Seabed:
         el, c, g = model.elements, model.constants, model.parameters.grounding
         for b in range(bodies.pose.shape[0]):
             rows = np.flatnonzero(bodies.body == b)
-            near = self._near(el, rows, bodies.twist[b], 0.0, c)
+            near = self._near(model, bodies, b, rows, model.time, 0.0)
             if not near.any():
                 continue
             fragment = self.fragment(model, bodies, b)
@@ -343,8 +353,8 @@ class _Landing:
 
     def integrate(self, h: float) -> None:
         """Take the fragment through ``h`` s."""
-        _, found = self._press(self.path, 0.0)
-        touches, dt, stop = found.touches, h, 0.0
+        # Without a rise nothing overlaps, or the floor carries some of it.
+        touches, dt, stop = bool(self._overlaps(self.pose, 0.0).any()), h, 0.0
         while (left := h - self.elapsed) > 1e-12 * h:
             dt = min(dt, left)
             middle, friction, end, accepted = self._substep(dt, touches)
