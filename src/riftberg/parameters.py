@@ -339,10 +339,10 @@ class Parameters(Group):
             )
         if f.criterion in (None, "bond") or not f.enabled:
             return
-        if f.criterion == "ice" and not self.elastic_cells:
+        if f.criterion in NEED_CELLS and not self.elastic_cells:
             raise ValueError(
-                "fracture.criterion = 'ice' reads the stress of elastic cells: set bonds.elasticity = 'cells', or "
-                "fracture.criterion = 'bond'"
+                f"fracture.criterion = {f.criterion!r} reads the stress of elastic cells: set bonds.elasticity = 'cells', or "
+                f"fracture.criterion = {'bond' if f.criterion == 'ice' else 'averaged'!r}"
             )
         if self.stepping.scheme != "quasi_static":
             raise ValueError(

@@ -89,15 +89,9 @@ class NeighbourSearch:
         if not p.isotropic:
             return partners, bonds.rest_length[bond]
         diagonals = find_diagonals(el, bonds, p)
-        first, second, rest = (
-            np.concatenate(pair)
-            for pair in (
-                (bonds.first, diagonals.first),
-                (bonds.second, diagonals.second),
-                (bonds.rest_length, diagonal_lengths(diagonals.way, bonds.rest_length)),
-            )
-        )
-        status = np.concatenate([bonds.status, np.zeros(diagonals.first.size, np.int64)])
+        first, second = np.append(bonds.first, diagonals.first), np.append(bonds.second, diagonals.second)
+        rest = np.append(bonds.rest_length, diagonal_lengths(diagonals.way, bonds.rest_length))
+        status = np.append(bonds.status, np.zeros_like(diagonals.first))
         partners, bond = adjacency(first, second, status, el.size)
         return partners, rest[bond]
 

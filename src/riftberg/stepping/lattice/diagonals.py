@@ -61,7 +61,7 @@ def find_diagonals(el: Elements, bonds: Bonds, p: KernelParameters) -> Diagonals
 def holds(way: Ints, d: int, status: Ints) -> bool:
     """Whether a way around the corner of diagonal ``d`` is left."""
     one = status[way[d, 0, 0]] == 0 and status[way[d, 0, 1]] == 0
-    return one or (way[d, 1, 0] >= 0 and status[way[d, 1, 0]] == 0 and status[way[d, 1, 1]] == 0)
+    return bool(one or (way[d, 1, 0] >= 0 and status[way[d, 1, 0]] == 0 and status[way[d, 1, 1]] == 0))
 
 
 @kernel
