@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from riftberg.physics.averaging import critical_distance, disc_of_lattice
+from riftberg.physics.averaging import critical_toughness, disc_of_lattice
 from scripts import loaded, table_rows
 
 SCRIPT = loaded("benchmarks/convergence.py")
@@ -38,7 +38,8 @@ def test_the_strengths_that_follow_from_toughness_are_those_of_the_code() -> Non
     assert [row[0] for row in found] == ["50 kPa m½", "100 kPa m½", "150 kPa m½", "400 kPa m½"]
     for name, *cells in found:
         toughness = 1e3 * float(name.split()[0])
-        distance = critical_distance(toughness, 18e3)
+        distance = 2.0 / math.pi * (toughness / 18e3) ** 2
+        assert critical_toughness(distance, 18e3) == pytest.approx(toughness)
         strengths = [18.0 * disc_of_lattice(distance, spacing)[1] for spacing in (3e3, 1.5e3)]
         far = 1e-3 * toughness / math.sqrt(math.pi * 1.5e3)
         assert cells == [f"{distance:.3g} m", *(f"{strength:.2g} kPa" for strength in (*strengths, far))]

@@ -79,6 +79,9 @@ MOVED: Final = dict.fromkeys(
 FROM_ELEMENTS: Final = -1.0
 """Stiffness of a pair law that follows from the two elements (`riftberg.physics.contact.pair_stiffness`)."""
 
+SPRING_POISSON_TOLERANCE: Final = 1e-3
+"""How near to 1/3 Poisson's ratio must be given for a lattice of springs between centres, which has no other."""
+
 CONTACT_PHASE: Final = 0.5
 """Frequency of a contact times the long step, where contact acts in it and its stiffness follows from the elements."""
 
@@ -120,7 +123,9 @@ class KernelParameters(NamedTuple):
     dem: bool
     bonds_on: bool
     hexagonal: bool
+    isotropic: bool  # Whether the lattice of bonds is alike in all directions, with diagonals in squares
     spring: float
+    spring_modulus: float  # Of spring bonds: modulus over density, m2 s-2
     youngs_modulus: Annotated[float, "bonds.youngs_modulus"]
     poisson: Annotated[float, "bonds.poisson"]
     bond_damping: Annotated[float, "bonds.damping"]
@@ -243,6 +248,7 @@ class Parameters(Group):
                 f"{asked} needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
                 "bonds.law = 'dem', or bonds.elasticity = 'bonds' and fracture.criterion = 'bond'"
             )
+        self._check_isotropic()
         self._check_criterion()
         g = self.grounding
         if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
@@ -265,6 +271,37 @@ class Parameters(Group):
                 "set stepping.interactions = false with it"
             )
         return self
+
+    def _check_isotropic(self) -> None:
+        """Refuse isotropic bonds where there are none, or none of this Poisson's ratio."""
+        b, asked = self.bonds, "bonds.elasticity = 'isotropic'"
+        if b.elasticity != "isotropic":
+            return
+        if self.stepping.scheme == "quasi_static":
+            raise ValueError(
+                f"{asked} is for explicit schemes: with stepping.scheme = 'quasi_static' the ice is alike in all directions by "
+                "bonds.elasticity = 'cells'"
+            )
+        if b.law == "none" or b.no_shear:
+            raise ValueError(
+                f"{asked} needs bonds with shear: set bonds.law = 'dem' (or 'spring') and bonds.no_shear = false"
+            )
+        if self.compatibility != Compatibility():
+            raise ValueError(
+                f"{asked} changes the bonds that the reference has: leave out compatibility, or set it to 'bonds'"
+            )
+        if b.law == "spring":
+            if abs(b.poisson - 1.0 / 3.0) > SPRING_POISSON_TOLERANCE or b.spring is not None:
+                raise ValueError(
+                    f"{asked} with bonds.law = 'spring' makes ice of Poisson's ratio 1/3 and its own stiffness: set "
+                    f"bonds.poisson = 0.3333 (it is {b.poisson:g}) and leave out bonds.spring, or set bonds.law = 'dem'"
+                )
+        elif b.poisson > 1.0 / 3.0 or (b.packing == "square" and b.poisson < 0.0):
+            bounds = "above -1 and up to 0.3333" if b.packing == "hexagonal" else "from 0 to 0.3333"
+            raise ValueError(
+                f"bonds.poisson = {b.poisson:g} is more than bonds of {b.packing} elements can have with {asked}: give a value "
+                f"{bounds}, or take stepping.scheme = 'quasi_static', whose elastic cells can have any"
+            )
 
     def _check_seabed(self) -> None:
         """Refuse a bed of sediment without its numbers, or with a scheme that does not know it."""
@@ -302,10 +339,10 @@ class Parameters(Group):
             )
         if f.criterion in (None, "bond") or not f.enabled:
             return
-        if f.criterion == "ice" and not self.elastic_cells:
+        if f.criterion in NEED_CELLS and not self.elastic_cells:
             raise ValueError(
-                "fracture.criterion = 'ice' reads the stress of elastic cells: set bonds.elasticity = 'cells', or "
-                "fracture.criterion = 'bond'"
+                f"fracture.criterion = {f.criterion!r} reads the stress of elastic cells: set bonds.elasticity = 'cells', or "
+                f"fracture.criterion = {'bond' if f.criterion == 'ice' else 'averaged'!r}"
             )
         if self.stepping.scheme != "quasi_static":
             raise ValueError(
@@ -425,7 +462,12 @@ class Parameters(Group):
             dem=p.bonds.law == "dem",
             bonds_on=p.bonds.law != "none",
             hexagonal=hexagonal,
+            isotropic=p.bonds.elasticity == "isotropic",
             spring=FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
+            # Springs in rows and diagonals of squares share the load of the rows alone: 3/4 and 3/8 of E H, nu = 1/3.
+            spring_modulus=p.bonds.youngs_modulus
+            / p.ice.density
+            * (0.75 if p.bonds.elasticity == "isotropic" and not hexagonal else 1.0),
             max_bonds=(6 if hexagonal else 4) if p.bonds.max_bonds is None else p.bonds.max_bonds,
         )
 

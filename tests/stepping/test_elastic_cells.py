@@ -374,11 +374,10 @@ def test_criteria_of_the_ice_take_elastic_cells_or_are_refused_by_name() -> None
     ):  # fmt: skip
         assert not Parameters(**groups).elastic_cells
     assert Parameters(fracture={"enabled": False, "criterion": "bond"}, bonds={"elasticity": "cells"}).elastic_cells
-    assert not Parameters(
-        fracture={"criterion": "toughness", "toughness": 1e5}, bonds={"elasticity": "bonds"}
-    ).elastic_cells
-    with pytest.raises(InputError, match=r"fracture\.criterion = 'ice' reads the stress of elastic cells"):
-        Parameters(fracture={"criterion": "ice"}, bonds={"elasticity": "bonds"})
+    # A toughness of bonds came out up to 17 % too low at notches of few elements, and has no lines for cracks.
+    for criterion in ("ice", "toughness"):
+        with pytest.raises(InputError, match=rf"fracture\.criterion = '{criterion}' reads the stress of elastic cells"):
+            Parameters(fracture={"criterion": criterion, "toughness": 1e5}, bonds={"elasticity": "bonds"})
     for toughness in (0.0, -1.0):
         with pytest.raises(InputError, match="toughness"):
             Parameters(fracture={"criterion": "toughness", "toughness": toughness})

@@ -26,6 +26,7 @@ from riftberg.stepping.lattice.bridges import bridge_moments
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
 from riftberg.stepping.lattice.elastic_cells import ElasticCells, with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
+from verification.test_cracks_in_cells import edge_factor
 
 RADIUS, THICKNESS, SPACING = 750.0, 200.0, 1500.0
 STRENGTH = 18e3
@@ -247,6 +248,47 @@ def test_a_long_crack_runs_at_its_toughness(packing, angle) -> None:
     assert 1.0 / ratio == pytest.approx(1.0, abs=0.16)
     # Twice the toughness bears twice the load; the strength has no part in it.
     assert Toughness(2.0 * intensity).most_critical(plate.under(2.0 * pull), strong)[1] == pytest.approx(ratio)
+
+
+EDGES = [
+    pytest.param(
+        packing, angle, cells, limit, marks=() if (packing, angle) in SOME and cells == 8 else pytest.mark.slow
+    )
+    for packing, angle in LATTICES
+    for cells, limit in ((4, 0.06), (8, 0.04), (16, 0.04))
+]
+
+
+@pytest.mark.parametrize(("packing", "angle", "cells", "limit"), EDGES)
+def test_a_crack_from_the_edge_runs_at_the_k_of_the_handbook(packing, angle, cells, limit) -> None:
+    """Width W = 3.75 a, length 3 W, free ends: mean over four advances, from 8 cells on within 4 % of K (`edge_factor`)."""
+    width = 3.75 * cells * SPACING
+    length, found = 3.0 * width, []
+    for depth in (cells + np.arange(4)) * SPACING:
+        whole = Iceberg.rectangle(
+            length, width, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, lattice_angle=angle
+        )
+        # Beside the middle, where a row of elements may lie.
+        line = [(0.21 * SPACING, -0.6 * width), (0.21 * SPACING, depth - 0.5 * width)]
+        plate = Plate(packing, angle, length, width, whole.with_rifts([line], broken=True))
+        plate.tips = tips_of_rifts(plate.el, plate.bonds, plate.p)
+        pull = np.zeros(plate.el.size)
+        for sign in (-1.0, 1.0):  # without a moment about the middle line, over the last three cells
+            mass = plate.el.mass * (sign * plate.x > 0.5 * length - 3.0 * SPACING)
+            mass *= 1.0 - (mass * plate.y).sum() / (mass * plate.y**2).sum() * plate.y
+            pull += sign * mass * (1e3 * width * THICKNESS / mass.sum())
+        # The crack ends where the facet of its last broken bond does.
+        b = plate.bonds
+        across = abs(plate.x[b.first] - plate.x[b.second]) * plate.now.cells.facet[b.first]
+        ends = 0.5 * (plate.y[b.first] + plate.y[b.second] + across)
+        a = float(ends[b.status != 0].max()) + 0.5 * width
+        intensity = 1e3 * np.sqrt(np.pi * a) * edge_factor(a / width)
+        strong = Strengths(*(np.full(plate.now.intact.size, 1e30) for _ in range(2)))
+        row, ratio = Toughness(intensity).most_critical(plate.under(pull), strong)
+        found.append(ratio)
+        near = plate.y[[b.first[plate.now.intact[row]], b.second[plate.now.intact[row]]]].mean() + 0.5 * width
+        assert abs(near - a) < 1.5 * SPACING  # at the tip, not elsewhere
+    assert np.mean(found) == pytest.approx(1.0, abs=limit)
 
 
 def test_a_tip_at_a_crack_or_at_the_outline_has_run_out() -> None:

@@ -17,7 +17,7 @@ from riftberg.system.input_files import value_shown
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
-Elasticity = Literal["bonds", "cells"]
+Elasticity = Literal["bonds", "isotropic", "cells"]
 GroundingLaw = Literal["linear", "quadratic", "seabed"]
 ContactLaw = Literal["spring", "crushing"]
 Sediment = Literal["rock", "sand", "clay", "other"]
@@ -248,9 +248,10 @@ class BondParameters(Group):
     elasticity: Elasticity | None = quantity(
         None,
         "",
-        "what is elastic: the bonds, or (with quasi_static) the ice of the cells, as a solid that is alike in all directions; "
-        "none means cells with quasi_static, but for the criteria bond and averaged, else bonds",
-        "equations 5; cells: Argyris 1964, Hughes and Brezzi 1989",
+        "what is elastic: bonds, each for itself as published; isotropic (explicit schemes), bonds that make a solid alike "
+        "in all directions; cells (quasi_static), the ice of the elements, such a solid too. none means cells with quasi_static, "
+        "but for the criteria bond and averaged, else bonds",
+        "equations 5; isotropic: Ostoja-Starzewski 2002; cells: Argyris 1964, Hughes and Brezzi 1989",
     )
     spring: float | None = quantity(
         None,

@@ -46,14 +46,6 @@ def disc_radius(distance: float) -> float:
     return 0.5 * math.pi * DISC**2 * distance
 
 
-def critical_distance(toughness: float, strength: float) -> float:
-    """Distance (m) over which a mean stress of the strength (Pa) drives a crack: ``(2 / pi) (K_Ic / sigma_c)^2``.
-
-    ``toughness`` K_Ic in Pa m^(1/2).
-    """
-    return 2.0 / math.pi * (toughness / strength) ** 2
-
-
 def critical_toughness(distance: float, strength: float) -> float:
     """Toughness K_Ic (Pa m^(1/2)) that a strength (Pa) over a distance (m) amounts to: ``sigma_c sqrt(pi l / 2)``."""
     return strength * math.sqrt(0.5 * math.pi * distance)

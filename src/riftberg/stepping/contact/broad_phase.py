@@ -23,6 +23,7 @@ from riftberg.state.numbering import numbered
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.run_state import RunState
+from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
 
 NEWBORN_CHILD = -1.0
 """Foot of a child of footloose calving that takes no part in contact yet."""
@@ -88,6 +89,20 @@ class NeighbourSearch:
             self._bonded = adjacency(bonds.first, bonds.second, bonds.status, el.size)
             self._listed = listed
         return self._bonded
+
+    def springs(self, el: Elements, bonds: Bonds, p: KernelParameters) -> tuple[PairList, Floats]:
+        """Partners over spring bonds and diagonals, and the rest length (m) of each entry; none with the reference's rule."""
+        partners, bond = self.bonded(el, bonds)
+        if p.rest_length_from_sizes:
+            return partners, np.zeros(0)
+        if not p.isotropic:
+            return partners, bonds.rest_length[bond]
+        diagonals = find_diagonals(el, bonds, p)
+        first, second = np.append(bonds.first, diagonals.first), np.append(bonds.second, diagonals.second)
+        rest = np.append(bonds.rest_length, diagonal_lengths(diagonals.way, bonds.rest_length))
+        status = np.append(bonds.status, np.zeros_like(diagonals.first))
+        partners, bond = adjacency(first, second, status, el.size)
+        return partners, rest[bond]
 
     def find(
         self, el: Elements, reach: float, rule: int, c: KernelParameters, cells: CellSearch | None = None
@@ -198,11 +213,6 @@ def _selected(pairs: PairList, chosen: NDArray[np.bool_]) -> PairList:
     """Return ``pairs`` with some of their entries."""
     number = np.bincount(_owners(pairs)[chosen], minlength=pairs.start.size - 1)
     return PairList(np.concatenate([[0], np.cumsum(number)]), pairs.partner[chosen])
-
-
-def rest_lengths(bonds: Bonds, bond: Ints, p: KernelParameters) -> Floats:
-    """Rest lengths (m) of the entries of a list of bonded partners; none where the reference's rule holds."""
-    return np.zeros(0) if p.rest_length_from_sizes else bonds.rest_length[bond]
 
 
 NO_PAIRS: Final = (np.zeros(0, np.int64), np.zeros(0, np.int64))

@@ -27,7 +27,7 @@ class Batch:
         self.near = NeighbourSearch()
         self._inside = 0
         self.gather(run)
-        self.work = allocate_workspace(self.elements, self.bonds)
+        self.work = allocate_workspace(self.elements, self.bonds, run.constants)
 
     def gather(self, run: RunState) -> None:
         """Copy its elements and bonds from the state of a run."""

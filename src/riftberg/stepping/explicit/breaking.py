@@ -21,7 +21,7 @@ from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.explicit import tiles as tile
-from riftberg.stepping.explicit.tiles import BondTiles
+from riftberg.stepping.explicit.tiles import BondTiles, free_diagonals
 from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fracture.strengths import residual_strength
@@ -137,6 +137,7 @@ def _force_while_breaking(bond: Floats, scratch: Floats, ends: Floats, k: int) -
     u1, v1, u2, v2 = ends[tile.U + k], ends[tile.V + k], scratch[tile.U + k], scratch[tile.V + k]
     du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), scratch[tile.TURN + k])
     push = normal_force(bond[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], half)
+    push *= bond[tile.NORMAL_PART + k]
     return push * scratch[tile.NX + k] - damping * du, push * scratch[tile.NY + k] - damping * dv
 
 
@@ -156,13 +157,14 @@ def record_breaks(
             n = pairs.used[0]
             pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
             pairs.used[0] = n + 1
+    free_diagonals(tiles, bonds.status)
 
 
 @kernel
 def store_bonds(bond_ids: Ints, bonds: Bonds, bond: Floats, scratch: Floats, rotation: Floats) -> None:
     """Write stresses, slip and length of the bonds of a tile to the state; broken ones keep those at which they broke."""
     for k in range(tile.LANES):
-        if bond[tile.INTACT + k] > 0.0:
+        if bond[tile.INTACT + k] > 0.0 and bond_ids[k] >= 0:
             store_bond(bonds, bond_ids[k], bond, scratch, k, rotation)
 
 

@@ -20,7 +20,6 @@ from riftberg.stepping.contact.broad_phase import (
     contact_groups,
     contact_rows,
     group_substeps,
-    rest_lengths,
     with_partners,
 )
 from riftberg.stepping.explicit.batches import Batch
@@ -167,7 +166,7 @@ class MultipleStepper(Stateless):
         sizes = interaction_sizes(el, c)
         outer, around = self._collisions(run, sizes), allocate_surroundings(el.size)
         # The kernel of the step, so that none is compiled for this alone; no sub-steps are taken that would need a workspace.
-        work = self._batches[0].work if self._batches else allocate_workspace(el, run.bonds)
+        work = self._batches[0].work if self._batches else allocate_workspace(el, run.bonds, c)
         plan = self._plan(run)._replace(starting=False, skip_outer=False, apply_inner=False, sync_only=True)
         report = take_long_step(el, run.bonds, work, outer, outer, sizes, around, np.arange(el.size), plan, c)
         return (el.u_sync, el.v_sync) if report.iterations >= 0 else (run.elements.u_sync, run.elements.v_sync)
@@ -240,13 +239,13 @@ class MultipleStepper(Stateless):
         # Groups of a batch may leave out numbers; that costs nothing.
         if c.dem or not c.bonds_on:
             return NeighbourLists(none, none, none, np.zeros(0), group)
-        bonded, bond = near.bonded(el, batch.bonds)
+        bonded, rest = near.springs(el, batch.bonds, c)
         reach = _inner_reach(el, interaction_sizes(el, c), run.parameters.stepping.time_step)
         cells = None if self._cells is None else self._cells.within(1 if c.explicit_substeps else 2)
         touching = near.same_berg(el, batch.bonds, reach, c, cells)
         if c.explicit_substeps:
             touching = with_partners(touching, el.bond_count < c.max_bonds)
-        return NeighbourLists(bonded, touching, none, rest_lengths(batch.bonds, bond, c), group)
+        return NeighbourLists(bonded, touching, none, rest, group)
 
     def _gather_pairs(self, batch: Batch, dt: float, c: KernelParameters) -> None:
         """List the pairs inside bergs that may touch in this step."""

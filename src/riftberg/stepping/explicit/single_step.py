@@ -12,7 +12,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, metres_per_unit, move
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, no_pairs
-from riftberg.stepping.contact.broad_phase import NO_PAIRS, NeighbourSearch, contact_cells, contact_rows, rest_lengths
+from riftberg.stepping.contact.broad_phase import NO_PAIRS, NeighbourSearch, contact_cells, contact_rows
 from riftberg.stepping.forces.implicit_velocity import (
     INTERACTIONS_ONLY,
     VERLET,
@@ -63,8 +63,7 @@ class SingleStepper(Stateless):
             near, self._version = NeighbourSearch(), run.population.version
             self._near = near
         if c.bonds_on:
-            bonded, bond = near.bonded(el, bonds)
-            rest = rest_lengths(bonds, bond, c)
+            bonded, rest = near.springs(el, bonds, c)
         reach, cells = 2.0 * float(sizes.radius.max()), self._cells
         if c.plain_kid_branch:
             around = None if cells is None else cells.within(1)

@@ -21,6 +21,7 @@ from riftberg.state.numbering import numbered
 from riftberg.state.population import cut_out
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.lattice.diagonals import find_diagonals
 from riftberg.stepping.lattice.modes import largest_eigenvalue, substep_matrix
 from riftberg.stepping.run_state import RunState
 
@@ -132,11 +133,13 @@ def _spring_frequency(run: RunState) -> float:
     held = np.flatnonzero(bonds.status == 0)
     if held.size == 0:
         return 0.0
-    i, j, mass = bonds.first[held], bonds.second[held], el.body.mass
+    diagonals = find_diagonals(el, bonds, c)
+    i, j = np.append(bonds.first[held], diagonals.first), np.append(bonds.second[held], diagonals.second)
+    mass = el.body.mass
     metric = Metric(c.latlon, c.earth_radius, c.period)
     x, y = separations(metric, el.place.lon[i], el.place.lat[i], el.place.lon[j], el.place.lat[j])
     squared = np.maximum(x * x + y * y, 1e-300)
-    stiffness = np.full(held.size, c.spring) if c.spring >= 0.0 else c.modulus / squared
+    stiffness = np.full(i.size, c.spring) if c.spring >= 0.0 else c.spring_modulus / squared
     lighter = stiffness * np.minimum(mass[i], mass[j]) / squared
     sums = np.zeros((el.size, 2, 2))
     for end in (i, j):

@@ -22,6 +22,7 @@ from riftberg.stepping.explicit.breaking import ContactPairs, allocate_pairs
 from riftberg.stepping.explicit.tiles import BondTiles, allocate_tiles
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
 from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.lattice.diagonals import find_diagonals
 
 POLAR_LATITUDE = 88.0
 """North of this (degrees) the tangent plane, used from 89 degrees on, may be needed within a long step."""
@@ -77,10 +78,11 @@ def allocate_fields(count: int) -> SubstepFields:
     return SubstepFields(*(np.zeros(count) for _ in SubstepFields._fields))
 
 
-def allocate_workspace(elements: Elements, bonds: Bonds) -> Workspace:
+def allocate_workspace(elements: Elements, bonds: Bonds, p: KernelParameters) -> Workspace:
     """Return a workspace for the sub-steps of these elements and bonds."""
     pairs = allocate_pairs(max(bonds.first.size, 1))
-    return Workspace(allocate_tiles(bonds, elements.size), pairs, allocate_fields(elements.size))
+    tiles = allocate_tiles(bonds, elements.size, find_diagonals(elements, bonds, p))
+    return Workspace(tiles, pairs, allocate_fields(elements.size))
 
 
 @kernel

@@ -28,11 +28,12 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
-from riftberg.physics.bonds import damping_constant, signed_slip
+from riftberg.physics.bonds import beam_parts, damping_constant, isotropic_parts, signed_slip
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.forces.sizes import Sizes, sides_of
 from riftberg.stepping.fracture.strengths import residual_strength
+from riftberg.stepping.lattice.diagonals import NO_DIAGONALS, Diagonals, diagonal_length, holds
 
 Indices = NDArray[np.uint32]
 """Unsigned, because numba then leaves out the test for negative (wrap-around) indices."""
@@ -74,8 +75,10 @@ NORMAL_LIMIT, SHEAR_LIMIT, PEAK_STRESS, SLIP = (LANES * n for n in range(13, 17)
 FX, FY, TORQUE2 = (LANES * n for n in range(17, 20))
 # What only damage needs.
 STRENGTH, DAMAGE = (LANES * n for n in range(20, 22))
+# Stiffness against extension and slip, as parts of E H w / l_0, and the facet as a part of the width w.
+NORMAL_PART, SHEAR_PART, FACET = (LANES * n for n in range(22, 25))
 
-BOND_TILE: Final = LANES * 22
+BOND_TILE: Final = LANES * 25
 """Numbers in a tile of bonds."""
 
 # In the scratch tile, after the second ends: direction of the bond, half its overlap, length, width, thickness, turn of the
@@ -112,10 +115,20 @@ def tile_count(count: int) -> int:
     return (count + LANES - 1) // LANES
 
 
+EMPTY: Final = -1
+"""Stands for a bond in a lane that holds none."""
+
+
+@kernel
+def diagonal_of(bond_id: int) -> int:
+    """Number of the diagonal in a lane, below 0 where it holds none; the reverse goes by the same formula."""
+    return EMPTY - 1 - bond_id
+
+
 class BondTiles(NamedTuple):
     """Intact bonds in lanes, layer by layer, and the elements that they join."""
 
-    bond_ids: Ints  # Row in the state of the bond of each lane, or -1
+    bond_ids: Ints  # Row in the state of the bond of each lane; `EMPTY`, or below it a diagonal: see `diagonal_of`
     second_end: Indices  # Where its second end begins in ``ends``; its first end is its place in the layer
     ends: Floats  # What bonds see of elements, in tiles, and one tile more; where no element is, numbers that differ
     elem: Floats  # What elements have for themselves, in tiles
@@ -126,6 +139,7 @@ class BondTiles(NamedTuple):
     slots: Indices  # Where the k-th bond that ends at each element begins in ``bond``, or the zeros; shape (elements, slots)
     rotation: Floats  # By how much elements have turned since the bonds were packed, rad
     counter: Ints  # Work space, one number for each element
+    diagonals: Diagonals
 
 
 def _aligned(count: int) -> Floats:
@@ -135,10 +149,13 @@ def _aligned(count: int) -> Floats:
     return padded[begin : begin + count]
 
 
-def allocate_tiles(bonds: Bonds, element_count: int) -> BondTiles:
-    """Allocate lanes for all bonds of the state; `pack_bonds` fills them."""
-    further = bonds.first[bonds.second != bonds.first + 1]
-    begin, end = (np.bincount(end_ids, minlength=element_count) for end_ids in (further, bonds.second))
+def allocate_tiles(bonds: Bonds, element_count: int, diagonals: Diagonals = NO_DIAGONALS) -> BondTiles:
+    """Allocate lanes for all bonds of the state, and for the diagonals; `pack_bonds` fills them."""
+    first, second = (
+        np.concatenate(pair) for pair in ((bonds.first, diagonals.first), (bonds.second, diagonals.second))
+    )
+    further = first[second != first + 1]
+    begin, end = (np.bincount(end_ids, minlength=element_count) for end_ids in (further, second))
     width = tile_count(element_count)
     count = width * (1 + int(begin.max(initial=0))) if bonds.first.size else 0
     size = count * LANES
@@ -157,15 +174,17 @@ def allocate_tiles(bonds: Bonds, element_count: int) -> BondTiles:
         slots=np.zeros((element_count, max(int(end.max(initial=0)), 1)), np.uint32),
         rotation=np.zeros(width * LANES),
         counter=np.zeros(element_count, np.int64),
+        diagonals=diagonals,
     )
 
 
 @kernel
 def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
-    """Give each unbroken bond a layer: the first one to the next element, else the next one of its first end."""
+    """Give each unbroken bond a layer: the first one to the next element, else the next one of its first end; then diagonals."""
     bond_ids, second, counter, status = tiles.bond_ids, tiles.second_end, tiles.counter, bonds.status
+    begin, end, way = tiles.diagonals.first, tiles.diagonals.second, tiles.diagonals.way
     width = tile_count(counter.size) * LANES
-    bond_ids[:] = -1
+    bond_ids[:] = EMPTY
     counter[:] = 0
     for b in range(status.size):
         if status[b] == 0:
@@ -177,6 +196,14 @@ def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
                 layer = counter[i]
             r = layer * width + i
             bond_ids[r], second[r] = b, end_offset(j)
+    for d in range(begin.size):
+        if holds(way, d, status):
+            layer = 0
+            if end[d] != begin[d] + 1:
+                counter[begin[d]] += 1
+                layer = counter[begin[d]]
+            r = layer * width + begin[d]
+            bond_ids[r], second[r] = diagonal_of(d), end_offset(end[d])
 
 
 @kernel
@@ -188,8 +215,8 @@ def _list_tiles(tiles: BondTiles) -> int:
     for b in range(in_use.size):
         holds_bonds = False
         for r in range(b * LANES, (b + 1) * LANES):
-            holds_bonds = holds_bonds or bond_ids[r] >= 0
-            if bond_ids[r] < 0:
+            holds_bonds = holds_bonds or bond_ids[r] != EMPTY
+            if bond_ids[r] == EMPTY:
                 bond[bond_offset(r) + INTACT] = 0.0
                 # A bond to the next element, so that its length is not 0, also where that lies due east on a plane.
                 second[r] = end_offset(r % width + 1)
@@ -203,13 +230,13 @@ def _list_tiles(tiles: BondTiles) -> int:
 @kernel
 def _fill_slots(tiles: BondTiles, second: Ints) -> None:
     """List the bonds that end at each element, in order of lane; unused slots point at the tile of zeros."""
-    slots, counter, bond_ids = tiles.slots, tiles.counter, tiles.bond_ids
+    slots, counter, bond_ids, end = tiles.slots, tiles.counter, tiles.bond_ids, tiles.diagonals.second
     counter[:] = 0
     # The last tile holds zeros for good: an unused slot adds nothing, and no branch is needed.
     slots[:, :] = tiles.bond.size - BOND_TILE
     for r in range(bond_ids.size):
-        if bond_ids[r] >= 0:
-            j = second[bond_ids[r]]
+        if bond_ids[r] != EMPTY:
+            j = second[bond_ids[r]] if bond_ids[r] >= 0 else end[diagonal_of(bond_ids[r])]
             slots[j, counter[j]] = bond_offset(r)
             counter[j] += 1
 
@@ -228,6 +255,14 @@ def _copy_bond(bond: Floats, at: int, b: int, bonds: Bonds, p: KernelParameters)
 
 
 @kernel
+def _begin_diagonal(bond: Floats, at: int) -> None:
+    """What stands for the state of a diagonal, which has none: it never breaks by itself."""
+    bond[at + INTACT], bond[at + PEAK_STRESS], bond[at + SLIP] = 1.0, 0.0, 0.0
+    bond[at + STRENGTH], bond[at + DAMAGE] = 1.0, 0.0
+    bond[at + NORMAL_LIMIT] = bond[at + SHEAR_LIMIT] = math.inf
+
+
+@kernel
 def _thickness_rule(
     r1: float, r2: float, t1: float, t2: float, first_is_earlier: bool, quirk: bool
 ) -> tuple[float, float]:
@@ -240,15 +275,15 @@ def _thickness_rule(
 
 @kernel
 def _fill_constants(
-    bond: Floats, at: int, i: int, j: int, b: int, elements: Elements, rest_length: Floats, sizes: Sizes, rank: Ints,
+    bond: Floats, at: int, i: int, j: int, rest_length: float, diagonal: bool, elements: Elements, sizes: Sizes, rank: Ints,
     p: KernelParameters,
 ) -> None:  # fmt: skip
-    """Constants of the law for bond ``b`` from element i to j (equations 5.4; quirks Q10, Q11)."""
+    """Constants of the law for a bond or diagonal from element i to j (equations 5.4; quirks Q10, Q11)."""
     r1, r2, thickness = sizes.bond_radius[i], sizes.bond_radius[j], elements.body.thickness
     rest = r1 + r2
-    if not p.rest_length_from_sizes and not math.isnan(rest_length[b]):
+    if not p.rest_length_from_sizes and not math.isnan(rest_length):
         # A bond keeps the shape with which it formed: sides that melt since do not strain or narrow it.
-        rest = rest_length[b]
+        rest = rest_length
         formed = rest / (r1 + r2)
         r1, r2 = r1 * formed, r2 * formed
     first_is_earlier = rank[i] <= rank[j]
@@ -262,13 +297,19 @@ def _fill_constants(
         p.youngs_modulus, p.poisson, p.bond_damping, sizes.bond_mass[i], sizes.bond_mass[j]
     )
     bond[at + MODULUS] = p.youngs_modulus / rest
+    sides = sides_of(elements.body.sides[i], p)
+    parts = isotropic_parts(sides, diagonal, p.poisson) if p.isotropic else beam_parts(p.poisson)
+    bond[at + NORMAL_PART], bond[at + SHEAR_PART], bond[at + FACET] = parts
+    if diagonal:
+        # The rows damp whatever moves; more would shorten the sub-step for nothing.
+        bond[at + DAMPING] = 0.0
 
 
 @kernel
 def _fill_place(
     bond: Floats, at: int, i: int, j: int, sx: float, sy: float, elements: Elements, p: KernelParameters
 ) -> None:
-    """Latitude of the bond with its cosine and sine, and the shear displacement along its present tangent."""
+    """Latitude of a bond or diagonal with its cosine and sine, and the shear displacement along its present tangent."""
     x, y = elements.shown.lon_pair, elements.shown.lat_pair
     mean = 0.5 * (y[i] + y[j])
     per_unit = DEGREE * p.earth_radius if p.latlon else 1.0
@@ -288,14 +329,29 @@ def pack_bonds(
     count = _list_tiles(tiles)
     _fill_slots(tiles, bonds.second)
     bond, first, second, sx, sy = tiles.bond, bonds.first, bonds.second, bonds.shear_x, bonds.shear_y
+    begin, end, way, rest = tiles.diagonals.first, tiles.diagonals.second, tiles.diagonals.way, bonds.rest_length
     for r in range(tiles.bond_ids.size):
-        b = tiles.bond_ids[r]
+        b, at = tiles.bond_ids[r], bond_offset(r)
         if b >= 0:
-            at, i, j = bond_offset(r), first[b], second[b]
             _copy_bond(bond, at, b, bonds, p)
-            _fill_constants(bond, at, i, j, b, elements, bonds.rest_length, sizes, rank, p)
-            _fill_place(bond, at, i, j, sx[b], sy[b], elements, p)
+            _fill_constants(bond, at, first[b], second[b], rest[b], False, elements, sizes, rank, p)
+            _fill_place(bond, at, first[b], second[b], sx[b], sy[b], elements, p)
+        elif b != EMPTY:
+            d = diagonal_of(b)
+            _begin_diagonal(bond, at)
+            length = diagonal_length(way, d, rest)
+            _fill_constants(bond, at, begin[d], end[d], length, True, elements, sizes, rank, p)
+            _fill_place(bond, at, begin[d], end[d], 0.0, 0.0, elements, p)
     return count
+
+
+@kernel
+def free_diagonals(tiles: BondTiles, status: Ints) -> None:
+    """Free the diagonals of whose corner no way is left."""
+    bond_ids, bond, way = tiles.bond_ids, tiles.bond, tiles.diagonals.way
+    for r in range(bond_ids.size):
+        if bond_ids[r] < EMPTY and not holds(way, diagonal_of(bond_ids[r]), status):
+            bond[bond_offset(r) + INTACT] = 0.0
 
 
 @kernel

@@ -20,8 +20,10 @@ from typing import Any
 import numpy as np
 
 from riftberg.parameters import Parameters
+from riftberg.physics.bonds import beam_parts, isotropic_parts
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
 
 ACCURACY = 0.01
 """Relative accuracy of the largest eigenvalue: far less than the margin of ``stepping.safety``."""
@@ -39,9 +41,14 @@ def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) ->
 
 
 def _dem_stiffness(
-    p: Parameters, radii: tuple[Floats, Floats], thickness: Floats, i: Ints, j: Ints
+    p: Parameters,
+    radii: tuple[Floats, Floats],
+    thickness: Floats,
+    parts: tuple[Floats, Floats, Floats],
+    i: Ints,
+    j: Ints,
 ) -> tuple[Floats, Floats, Floats]:
-    """Normal, shear (N m-1) and bending (N m) stiffness of undeformed bonds (equations 5.4)."""
+    """Normal, shear (N m-1) and bending (N m) stiffness of undeformed bonds (equations 5.4); ``parts``: `_parts`."""
     r1, r2 = radii
     rest = r1 + r2
     reach = np.minimum(r1, r2) / rest
@@ -50,9 +57,19 @@ def _dem_stiffness(
     height = of_smaller + reach * (of_larger - of_smaller)
     if p.compatibility.bond_thickness_of_second:
         height = np.maximum(thickness[i], thickness[j]) + reach * np.abs(thickness[i] - thickness[j])
-    normal = p.bonds.youngs_modulus * height * width / rest
-    shear = 0.0 * normal if p.bonds.no_shear else normal / (2.0 * (1.0 + p.bonds.poisson))
-    return normal, shear, normal * width**2 / 12.0
+    beam = p.bonds.youngs_modulus * height * width / rest
+    of_normal, of_shear, facet = parts
+    shear = 0.0 * beam if p.bonds.no_shear else beam * of_shear
+    return beam * of_normal, shear, beam * facet**3 * width**2 / 12.0
+
+
+def _parts(p: Parameters, sides: Ints, diagonal: Ints) -> tuple[Floats, Floats, Floats]:
+    """Stiffness of bonds as parts of that of a beam, by the sides of their elements: see `isotropic_parts`."""
+    nu = p.bonds.poisson
+    of = [isotropic_parts(s, d, nu) if p.bonds.elasticity == "isotropic" else beam_parts(nu) for s, d in zip(
+        sides.tolist(), diagonal.tolist(), strict=True)]  # fmt: skip
+    normal, shear, facet = np.array(of).reshape(-1, 3).T
+    return normal, shear, facet
 
 
 def _radii_when_formed(p: Parameters, rest: Floats, r1: Floats, r2: Floats) -> tuple[Floats, Floats]:
@@ -71,7 +88,7 @@ def _dem_damping(p: Parameters, sizes: Sizes, i: Ints, j: Ints) -> Floats:
 def _spring_stiffness(p: Parameters, rest: Floats) -> Floats:
     """Stiffness (s-2) of spring bonds of some rest lengths (m): as given, or that of the ice (equations 5.2; Riftberg)."""
     if p.bonds.spring is None:
-        return np.asarray(p.bonds.youngs_modulus / (p.ice.density * rest**2))
+        return np.asarray(p.kernel_values().spring_modulus / rest**2)
     return np.full(rest.shape, p.bonds.spring)
 
 
@@ -94,14 +111,19 @@ def substep_matrix(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes
     # SciPy's sparse matrices take a third of a second to import, which runs with a given number of sub-steps do not need.
     from scipy.sparse import bmat, csr_matrix, diags
 
-    on = bonds.status == 0
-    i, j, count = bonds.first[on], bonds.second[on], elements.mass.size
+    on, count = bonds.status == 0, elements.mass.size
+    kernel = p.kernel_values()
+    diagonals = find_diagonals(elements, bonds, kernel)
+    i, j = np.append(bonds.first[on], diagonals.first), np.append(bonds.second[on], diagonals.second)
+    rest = np.append(bonds.rest_length[on], diagonal_lengths(diagonals.way, bonds.rest_length))
+    diagonal = np.arange(i.size) >= on.sum()
     nothing, one = np.zeros(i.size), np.ones(i.size)
-    r1, r2 = _radii_when_formed(p, bonds.rest_length[on], sizes.bond_radius[i], sizes.bond_radius[j])
+    r1, r2 = _radii_when_formed(p, rest, sizes.bond_radius[i], sizes.bond_radius[j])
     nx, ny = _directions(p, elements, i, j)
     if p.bonds.law == "dem":
-        normal, shear, bending = _dem_stiffness(p, (r1, r2), elements.thickness, i, j)
-        damper = _dem_damping(p, sizes, i, j)
+        sides = np.where(elements.body.sides > 0, elements.body.sides, kernel.max_sides)[i]
+        normal, shear, bending = _dem_stiffness(p, (r1, r2), elements.thickness, _parts(p, sides, diagonal), i, j)
+        damper = np.where(diagonal, 0.0, _dem_damping(p, sizes, i, j))
         damp_slip, damp_tangent = (damper, nothing) if p.bonds.objective_damping else (nothing, damper)
         damp_normal = damp_spin = damper
     else:
