@@ -22,8 +22,8 @@ from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency
 from riftberg.state.numbering import numbered
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.run_state import RunState
 from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
+from riftberg.stepping.run_state import RunState
 
 NEWBORN_CHILD = -1.0
 """Foot of a child of footloose calving that takes no part in contact yet."""
