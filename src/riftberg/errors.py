@@ -165,6 +165,8 @@ def _naming(function: Any) -> Any:
             unknown = re.search(r"unexpected keyword argument '(\w+)'", text)
             names = [unknown[1]] if unknown else [name for name in options if name not in known and absent is not known]
             hints = [(name, hint) for name in names if name in options and (hint := nearest(name, absent))]
+            if not hints and unknown and unknown[1] in options and "It may be" not in text:
+                hints = [(unknown[1], "")]
             if not hints or "Did you mean" in text:
                 raise
             name, hint = hints[0]

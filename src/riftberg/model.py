@@ -39,11 +39,10 @@ from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.outline import measure_outlines
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 from riftberg.stepping.laws import Laws, WithForce
-from riftberg.stepping.new_elements import complete_state, sample_new_elements
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper
 from riftberg.stepping.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
-from riftberg.stepping.stepper import Stepper
+from riftberg.stepping.stepper import Stepper, complete_state, sample_new_elements
 from riftberg.system.input_files import shortened, value_shown
 from riftberg.system.limits import check_work
 from riftberg.system.process import Hold, held
@@ -602,7 +601,7 @@ def _bytes_of(arrays: tuple[Floats, ...]) -> list[bytes]:
 def _with_constant_size(p: Parameters, elements: Elements, bonds: Bonds) -> Parameters:
     """Fill in the constant interaction size: if one side is 0, both become the means of all elements (Q37).
 
-    Several bergs have their own means (`riftberg.stepping.new_elements`), unless they are coupled as in the reference.
+    Several bergs have their own means (`riftberg.stepping.stepper`), unless they are coupled as in the reference.
     """
     b = p.bonds
     if not b.constant_size or (b.constant_length > 0.0 and b.constant_width > 0.0):

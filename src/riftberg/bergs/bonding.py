@@ -133,7 +133,7 @@ def make_elements(lon: Floats, lat: Floats, settings: BergOptions, *, static: An
     check_elements(len(lon), kind=BergError)
     radius, density, velocity = settings.radius, settings.density, settings.velocity
     elements = new_elements(len(lon))
-    thickness = np.broadcast_to(one_each(settings.thickness, len(lon), "thickness"), lon.shape)
+    thickness = np.broadcast_to(thickness_of_each(settings.thickness, len(lon)), lon.shape)
     _check_elements(lon, lat, radius, thickness, density, settings.latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
@@ -212,19 +212,19 @@ def inscribed_radius(elements: Elements, packing: Packing) -> Floats:
     return np.sqrt(elements.body.length * elements.body.width * inscribed_share(elements, packing))
 
 
-def one_each(values: Any, size: int, what: str) -> Floats:
-    """Return one number, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
+def thickness_of_each(values: Any, size: int) -> Floats:
+    """Return one thickness, or one for each of ``size`` things, as floats; lists and numbers of any kind will do."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BergError(
-            f"{what} {value_shown(values)} is no number", remedy=f"Give one number, {size} numbers, or a map"
+            f"thickness {value_shown(values)} is no number", remedy=f"Give one number, {size} numbers, or a map"
         ) from error
     if array.size == 1:
         return array.reshape(())
     if array.shape != (size,):
         raise BergError(
-            f"{what} of shape {array.shape}",
+            f"thickness of shape {array.shape}",
             remedy=f"Give one number, {size} numbers (one each), or a map with longitude and latitude",
         )
     return array
@@ -239,7 +239,7 @@ def thickness_at(source: Any, lon: Floats, lat: Floats, read: Any) -> Any:
     ``source``: the thickness, m.
     """
     if not (isinstance(source, str | Path | Raster) or is_gridded(source)):
-        return one_each(source, len(lon), "thickness")
+        return thickness_of_each(source, len(lon))
     raster: Raster = source if isinstance(source, Raster) else read(source)
     values = raster.above(0.0).sample(lon, lat)
     missing = ~np.isfinite(values)

@@ -128,7 +128,7 @@ class FieldOptions(TypedDict, total=False):
 
 def berg_options(options: Mapping[str, Any], kind: type, thickness: Any, **own: Any) -> BergOptions:
     """Return options without units; a typed dict lists those that are known, and ``own`` are further ones."""
-    check_names(options, kind)
+    check_names(options, kind, "thickness", *own)
     thickness, metres = _thickness(thickness), says_metres(options.get("latlon"))
     # Arrays with one value for each element pass by the section, whose limits are those of one number.
     each = {name: _each(name, value) for name, value in options.items() if _one_per_element(name, value)}

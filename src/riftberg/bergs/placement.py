@@ -87,9 +87,14 @@ def turned(x: Floats, y: Floats, degrees: float) -> tuple[Floats, Floats]:
     return c * x - s * y, s * x + c * y
 
 
-def relax(
-    lon: Floats, lat: Floats, first: Ints, second: Ints, rest: Floats, metric: Metric, *, rounds: int = 5
-) -> tuple[Floats, Floats]:
+ROUNDS = 5
+"""Gauss-Newton rounds at most; the elongations are small, so two or three are enough."""
+
+ITERATIONS = 600
+"""Iterations of conjugate gradients in a round at most."""
+
+
+def relax(lon: Floats, lat: Floats, first: Ints, second: Ints, rest: Floats, metric: Metric) -> tuple[Floats, Floats]:
     """Move elements by the least displacements that bring bonded distances to their rest length.
 
     Gauss-Newton rounds on the sum of squared elongations; each round solves for the displacements of least norm with
@@ -99,7 +104,7 @@ def relax(
     degrees.
     """
     scale = DEGREE * metric.radius
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         x, y = separations(metric, lon[first], lat[first], lon[second], lat[second])
         length = np.hypot(x, y)
         if np.max(np.abs(rest - length), initial=0.0) < 1e-6:
@@ -110,7 +115,7 @@ def relax(
 
 
 def _least_squares(
-    nx: Floats, ny: Floats, first: Ints, second: Ints, missing: Floats, size: int, iterations: int = 600
+    nx: Floats, ny: Floats, first: Ints, second: Ints, missing: Floats, size: int
 ) -> tuple[Floats, Floats]:
     """Displacements of least norm whose bond elongations fit ``missing`` (m) best: CGLS, started from zero."""
 
@@ -125,7 +130,7 @@ def _least_squares(
     direction, norm = gradient, float(np.vdot(gradient, gradient))
     # Below 1e-8 m per element only round-off is left, and a rigid (hexagonal) lattice would follow it astray.
     target = max(1e-14 * norm, 1e-16 * size)
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         if norm <= target:
             break
         stretch = nx * (direction[0, first] - direction[0, second]) + ny * (direction[1, first] - direction[1, second])

@@ -233,32 +233,31 @@ def check_folder(
         )  # fmt: skip
 
 
-def check_output(path: Path, *, option: str = "--output", inputs: Iterable[Path | None] = ()) -> None:
+def check_output(path: Path, *, inputs: Iterable[Path | None] = ()) -> None:
     """Refuse a file that cannot be written, or that is one of those read."""
-    where = f"{option} {shown(path)}"
+    where = f"--output {shown(path)}"
     with suppress(OSError, ValueError):
         if path.is_dir():
             raise InputError("a folder, where a file goes", where=where, remedy="Name a file in it")
         if path.exists() and any(other is not None and other.exists() and path.samefile(other) for other in inputs):
             raise InputError("the output is one of the inputs", where=where, remedy="Name another file")
-    check_folder(path.parent, [], option=option)
+    check_folder(path.parent)
 
 
 @contextmanager
 def results_folder(
-    folder: Path, names: Iterable[str] = (), *, option: str = "--output", needed: float = LEAST_SPACE,
-    taken: Iterable[str] = (),
-) -> Iterator[Path]:  # fmt: skip
+    folder: Path, names: Iterable[str] = (), *, needed: float = LEAST_SPACE, taken: Iterable[str] = ()
+) -> Iterator[Path]:
     """Make a folder; remove what was made where an error leaves it empty.
 
     Parameters
     ----------
-    folder, names, option, needed
+    folder, names, needed
         As in `check_folder`.
     taken : iterable of str
         Files there that nobody else may write meanwhile.
     """
-    check_folder(folder, names, option=option, needed=needed)
+    check_folder(folder, names, needed=needed)
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:

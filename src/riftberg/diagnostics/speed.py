@@ -171,13 +171,17 @@ def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: f
     }
 
 
-def measure_whole(build: Callable[[], Model], days: float, every_hours: float, *, repeats: int = 3) -> dict[str, Any]:
+REPEATS = 3
+"""Whole runs of a measurement; the best of each day counts."""
+
+
+def measure_whole(build: Callable[[], Model], days: float, every_hours: float) -> dict[str, Any]:
     """Return the processor time of whole runs: what a day costs changes when a berg breaks, grounds or melts.
 
     ``build`` makes the model anew, as nothing else takes it back to its start; ``every_hours``: interval of its records.
     """
     daily, written, sticks = [], [], []
-    for _ in range(repeats):
+    for _ in range(REPEATS):
         daily.append(_processor_days(build(), days))
         model = build()
         with tempfile.TemporaryDirectory() as folder:

@@ -66,12 +66,12 @@ def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
     return InputError(f"cannot be read ({error})", where=where, remedy=_AGAIN)
 
 
-def dimension(dataset: netCDF4.Dataset, path: Path, name: str = "i") -> int:
-    """Return the size of a dimension."""
-    if name not in dataset.dimensions:
+def records_in(dataset: netCDF4.Dataset, path: Path) -> int:
+    """Return the number of elements or bonds, the size of dimension ``i``."""
+    if "i" not in dataset.dimensions:
         names = ", ".join(dataset.dimensions) or "none"
-        raise InputError(f"no dimension '{name}' (found: {names})", where=str(path), remedy="KID files have it")
-    size = len(dataset.dimensions[name])
+        raise InputError(f"no dimension 'i' (found: {names})", where=str(path), remedy="KID files have it")
+    size = len(dataset.dimensions["i"])
     refuse_large(
         size, MOST_RECORDS, "records", size=500.0, where=str(path), kind=InputError,
         remedy="The header is damaged, or give a smaller file",

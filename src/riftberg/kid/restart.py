@@ -23,8 +23,8 @@ from riftberg.kid.ncfile import (
     Column,
     checksum,
     column,
-    dimension,
     opened_dataset,
+    records_in,
     unpacked,
     whole_column,
     write_restart_file,
@@ -177,7 +177,7 @@ def as_iceberg(elements: Elements, bonds: Bonds | None, p: Parameters, source: P
 
 
 def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
-    size = dimension(dataset, path)
+    size = records_in(dataset, path)
     if size == 0:
         raise BergError("no element in the file", where=str(path), remedy="A run needs at least one")
     elements = new_elements(size)
@@ -374,7 +374,7 @@ def read_bonds(path: Path, elements: Elements, metric: Metric) -> Bonds:
                 where=str(path),
                 remedy="KID cannot read it either; set manually_initialize_bonds = .true.",
             )
-        size = dimension(dataset, path)
+        size = records_in(dataset, path)
         first = _rows(dataset, path, elements, "first", size)
         second = _rows(dataset, path, elements, "other", size)
         keep = _check_mirrors(first, second, elements, path)

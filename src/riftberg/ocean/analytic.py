@@ -238,6 +238,6 @@ class ConstantForcing(Section):
     depth: float = key(1e4, "m", "depth of water", gt=0, le=1e5)
 
 
-def steady_value(part: Any, name: str, value: Any, *, metres: bool = False) -> Any:
+def steady_value(part: Any, name: str, value: Any) -> Any:
     """Return a value of a section without unit, or refuse it in the words that an experiment file gets."""
-    return given(value, part, name, kind=ForcingError, metres=metres)
+    return given(value, part, name, kind=ForcingError)

@@ -145,21 +145,15 @@ def _northernmost(i: int, j: int, lat: Floats) -> float:
 
 @kernel
 def contains(x: float, y: float, i: int, j: int, lon: Floats, lat: Floats, latlon: bool, period: float) -> bool:
-    """Body of `point_in_cell` on bare arrays."""
+    """Whether a point lies in a cell; south and west edges belong to the cell, north and east do not (equations 2.5).
+
+    ``x``, ``y``: longitude and latitude (degrees) or Cartesian position (m), any image of it.
+    """
     if not _in_box(x, y, i, j, lon, lat, period):
         return False
     if latlon and _northernmost(i, j, lat) > POLAR_LATITUDE:
         return _in_polar_cell(x, y, i, j, lon, lat, period)
     return _in_quadrilateral(x, y, i, j, lon, lat, period)
-
-
-@kernel
-def point_in_cell(x: float, y: float, i: int, j: int, grid: GridArrays) -> bool:
-    """Whether a point lies in a cell; south and west edges belong to the cell, north and east do not (equations 2.5).
-
-    ``x``, ``y``: longitude and latitude (degrees) or Cartesian position (m), any image of it.
-    """
-    return contains(x, y, i, j, grid.lon, grid.lat, grid.latlon, grid.period)
 
 
 @kernel

@@ -284,16 +284,6 @@ class StoryOcean(DescribedForcing):
         _fill(x, y, u, v, a, b, c, self.instant(time))
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
-    def geostrophic_level(self, lon: float, lat: float, time: float) -> float:
-        """Return the sea level (m) in geostrophic balance at one point.
-
-        The floor is given below that level: it is not one that changes the depth, as a tide is.
-        """
-        metre = EARTH_RADIUS_A68 * DEGREE
-        x, y = metre * math.cos(LATITUDE * DEGREE) * (lon - LONGITUDE), metre * (lat - LATITUDE)
-        psi = stream(x, y, self.instant(time))[0]
-        return 2.0 * EARTH_ROTATION * math.sin(LATITUDE * DEGREE) * psi / GRAVITY
-
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points."""
         x, y = np.ravel(np.asarray(lon, np.float64)), np.ravel(np.asarray(lat, np.float64))

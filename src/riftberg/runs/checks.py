@@ -25,7 +25,6 @@ from riftberg.parameters import Parameters
 from riftberg.runs.layout import SHAPE, dimensions_of_variables, forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements
 from riftberg.state.variables import ABOVE_0, LARGEST, LARGEST_WHOLE
-from riftberg.stepping.forces.media import FORCES
 from riftberg.system.input_files import check_file, reading, shown, value_shown
 from riftberg.system.limits import MOST_SUBSTEPS, MOST_TEXT, MOST_VALUES, refuse_large
 from riftberg.system.netcdf_lock import NETCDF, open_lazily
@@ -43,7 +42,7 @@ NEEDED: Final = (
     "first", "second", "status", "strength", "break_time", "break_grounded", "normal_stress", "shear_stress",
     *(f"fragment_{name}" for name in ("number", "parent", "birth_time", "elements", "area", "bonds_broken", "grounded")),
 )  # fmt: skip
-"""Variables of a run file that every reader may use; positions besides. What is added later may be missing in older files."""
+"""Variables of a run file that every reader may use; positions besides. What is added later may be missing."""
 
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
 _DATES_OF_COLLISIONS: Final = ("contact_time", "contact_end")
@@ -436,7 +435,6 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "meeting_dissipated": Bound((1,)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
-    "record_impulse_.+": Bound((None, len(FORCES), 2)),  # what the sums of forces were called before 0.1.0
     "record_seconds_.+": Bound(()),
     "record_times_.+": Bound((2,)),
     # Identifiers in the order of the rows of the run file; whether it has gaps, and which sizes change.

@@ -86,9 +86,7 @@ class StateKeeper:
             path.unlink(missing_ok=True)
 
 
-def last_good(
-    folder: Path, interval: float, check: Callable[[RestartState, Path], None], tell: Callable[[str], None] = say
-) -> Path:
+def last_good(folder: Path, interval: float, check: Callable[[RestartState, Path], None]) -> Path:
     """Return the restart file from which the run in a folder goes on: the latest that is whole, with all records before it.
 
     ``interval``: interval of the records, s.
@@ -119,7 +117,7 @@ def last_good(
             remedy="Start the run anew, without --resume",
         )  # fmt: skip
     for text in passed:
-        tell(f"Notice: {text}")
+        say(f"Notice: {text}")
     return max(good)[1]
 
 

@@ -25,10 +25,10 @@ class ProgressRecorder:
     ``days``: length of this run, days.
     """
 
-    def __init__(self, days: float, *, quiet: bool = False, terminal: bool | None = None) -> None:
+    def __init__(self, days: float, *, quiet: bool = False) -> None:
         self.days, self.quiet = days, quiet
-        self._notebook = terminal is None and in_notebook()
-        self.terminal = (sys.stderr.isatty() or self._notebook) if terminal is None else terminal
+        self._notebook = in_notebook()
+        self.terminal = sys.stderr.isatty() or self._notebook
         self._bar: Any = None
         self._shown = self._began = 0.0
         self._first_day = self._speed_day = 0.0

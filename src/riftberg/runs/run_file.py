@@ -256,9 +256,7 @@ class RunWriter:
         goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
         if goes_on:
             self._peak, self._next = np.array(peak), float(due)
-            self._means.go_on(
-                kept.get(self._key("sums"), kept.get(self._key("impulse"))), kept.get(self._key("seconds"))
-            )
+            self._means.go_on(kept.get(self._key("sums")), kept.get(self._key("seconds")))
         elif self.goes_on:
             raise InputError("the restart file does not know its last record", where=str(self.path), remedy=_ANEW)
         else:

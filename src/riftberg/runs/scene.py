@@ -360,9 +360,9 @@ class Scene:
         areas = np.bincount(index, weights=self.area_at(record))
         return {n: area for n, area in zip(number.tolist(), areas.tolist(), strict=True) if n > 0}
 
-    def area_of(self, number: int, record: int = -1) -> float:
-        """Return the area (m2) of a fragment at a record."""
-        return float(self.area_at(record)[self.berg[record] == number].sum())
+    def area_of(self, number: int) -> float:
+        """Return the area (m2) of a fragment at the last record."""
+        return float(self.area_at(-1)[self.berg[-1] == number].sum())
 
     def track(self, number: int) -> tuple[Floats, Floats, Ints]:
         """Return the centroid of a fragment at all records at which it exists, and the numbers of these records."""

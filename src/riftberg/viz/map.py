@@ -138,17 +138,8 @@ def draw_map(
     return figure if path is None else style.save_figure(figure, path)
 
 
-@overload
-def draw_tracks(
-    run: xr.Dataset, path: str | Path, *, title: str = "", projection: Projection = "auto", dpi: int = 150
-) -> Path: ...
-@overload
-def draw_tracks(
-    run: xr.Dataset, path: None = None, *, title: str = "", projection: Projection = "auto", dpi: int = 150
-) -> Figure: ...
-def draw_tracks(
-    run: xr.Dataset, path: str | Path | None = None, *, title: str = "", projection: Projection = "auto", dpi: int = 150
-) -> Path | Figure:
+@style.saved_or_shown
+def draw_tracks(run: xr.Dataset, *, title: str = "", projection: Projection = "auto", dpi: int = 150) -> Figure:
     """Draw the tracks of bergs and fragments on one map, with the ice at the first and the last date.
 
     Parameters
@@ -171,8 +162,6 @@ def draw_tracks(
     """
     required(run, xr.Dataset, "a run, as Model.run or riftberg.open_run return it", where="draw_tracks")
     scene, water = on_a_map(run, projection)
-    if path is not None:
-        style.check_format(path)
     figure = style.new_figure(7.0, 8.4, dpi)
     overview = Overview(figure.subplots(), scene, water, OVERVIEW)
     depth_bar(overview.panel)
@@ -181,7 +170,7 @@ def draw_tracks(
     style.put_title(figure, _title(run, scene, title))
     style.lay_out(figure)
     overview.draw(scene.telling_records(6))
-    return figure if path is None else style.save_figure(figure, path)
+    return figure
 
 
 def _title(run: xr.Dataset, scene: Scene, title: str) -> str:

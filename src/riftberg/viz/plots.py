@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -155,20 +155,10 @@ def _observed_panel(
     ax.set_title(f"Observed; currents of {day_text(scene.times[middle], hour=False)}", fontsize=10, pad=4)
 
 
-@overload
+@style.saved_or_shown
 def draw_stress(
-    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto",
-    dpi: int = 150,
-) -> Path: ...  # fmt: skip
-@overload
-def draw_stress(
-    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto",
-    dpi: int = 150,
-) -> Figure: ...  # fmt: skip
-def draw_stress(
-    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None,
-    projection: Projection = "auto", dpi: int = 150,
-) -> Path | Figure:  # fmt: skip
+    run: xr.Dataset, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto", dpi: int = 150
+) -> Figure:
     """Draw the bonds in the colour of their tensile stress; by default just before the large break-ups.
 
     Parameters
@@ -202,25 +192,15 @@ def draw_stress(
     beyond = fracture.enabled and top >= strength
     text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
     return _bond_maps(
-        scene, water, tension, path, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
+        scene, water, tension, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
         label=f"largest tensile stress at a bond ({name}){text}{_opened(scene, records)}", what="stress in the bonds", dpi=dpi,
     )  # fmt: skip
 
 
-@overload
+@style.saved_or_shown
 def draw_damage(
-    run: xr.Dataset, path: str | Path, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto",
-    dpi: int = 150,
-) -> Path: ...  # fmt: skip
-@overload
-def draw_damage(
-    run: xr.Dataset, path: None = None, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto",
-    dpi: int = 150,
-) -> Figure: ...  # fmt: skip
-def draw_damage(
-    run: xr.Dataset, path: str | Path | None = None, *, dates: Sequence[np.datetime64] | None = None,
-    projection: Projection = "auto", dpi: int = 150,
-) -> Path | Figure:  # fmt: skip
+    run: xr.Dataset, *, dates: Sequence[np.datetime64] | None = None, projection: Projection = "auto", dpi: int = 150
+) -> Figure:
     """Draw the bonds in the colour of their damage; by default just before the large break-ups and at the end.
 
     Parameters
@@ -236,15 +216,15 @@ def draw_damage(
     values = {r: damage[r] for r in records}
     top = max(0.01, *(float(np.nanmax(of_record, initial=0.0)) for of_record in values.values()))
     return _bond_maps(
-        scene, water, values, path, shades=colours.damage_map(), top=top, label=f"damage of a bond{_opened(scene, values)}",
+        scene, water, values, shades=colours.damage_map(), top=top, label=f"damage of a bond{_opened(scene, values)}",
         what="damage of the bonds", dpi=dpi,
     )  # fmt: skip
 
 
 def _bond_maps(
-    scene: Scene, water: Water | None, values: Mapping[int, Floats], path: str | Path | None, *, shades: Colormap,
-    top: float, label: str, what: str, dpi: int, beyond: bool = False,
-) -> Path | Figure:  # fmt: skip
+    scene: Scene, water: Water | None, values: Mapping[int, Floats], *, shades: Colormap, top: float, label: str,
+    what: str, dpi: int, beyond: bool = False,
+) -> Figure:  # fmt: skip
     """Draw the bonds at each record in the colour of their values, with a scale up to ``top`` below, open if ``beyond``."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import PowerNorm
@@ -278,7 +258,7 @@ def _bond_maps(
         panel.draw_ground(shaded=True)
         panel.draw_bonds(record, values[record], shades, scale)
         panel.draw_scale()
-    return figure if path is None else style.save_figure(figure, path)
+    return figure
 
 
 def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
@@ -324,20 +304,10 @@ def _before_breakups(scene: Scene) -> list[int]:
     return sorted({r + 1 if r < last and stress[r] < calm <= stress[r + 1] else r for r in records})
 
 
-@overload
+@style.saved_or_shown
 def draw_melt(
-    run: xr.Dataset, path: str | Path, *, date: np.datetime64 | None = None, projection: Projection = "auto",
-    dpi: int = 150,
-) -> Path: ...  # fmt: skip
-@overload
-def draw_melt(
-    run: xr.Dataset, path: None = None, *, date: np.datetime64 | None = None, projection: Projection = "auto",
-    dpi: int = 150,
-) -> Figure: ...  # fmt: skip
-def draw_melt(
-    run: xr.Dataset, path: str | Path | None = None, *, date: np.datetime64 | None = None,
-    projection: Projection = "auto", dpi: int = 150,
-) -> Path | Figure:  # fmt: skip
+    run: xr.Dataset, *, date: np.datetime64 | None = None, projection: Projection = "auto", dpi: int = 150
+) -> Figure:
     """Draw what melted: the ice in the colour of the thickness that it has lost, and the melt water by process over time.
 
     Parameters
@@ -379,7 +349,7 @@ def draw_melt(
     panel.draw_ground(shaded=True)
     panel.draw_values(record, lost, colours.melt_map(), scale)
     panel.draw_scale()
-    return figure if path is None else style.save_figure(figure, path)
+    return figure
 
 
 def _melt_by_process(ax: Axes, scene: Scene) -> None:
@@ -400,11 +370,8 @@ def _melt_by_process(ax: Axes, scene: Scene) -> None:
     ax.legend(fontsize=8, loc="upper left", frameon=False, reverse=True)
 
 
-@overload
-def draw_fragments(run: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path: ...
-@overload
-def draw_fragments(run: xr.Dataset, path: None = None, *, dpi: int = 150) -> Figure: ...
-def draw_fragments(run: xr.Dataset, path: str | Path | None = None, *, dpi: int = 150) -> Path | Figure:
+@style.saved_or_shown
+def draw_fragments(run: xr.Dataset, *, dpi: int = 150) -> Figure:
     """Draw areas and births of the fragments, the largest tensile stress and what is aground, over time.
 
     Parameters
@@ -422,8 +389,6 @@ def draw_fragments(run: xr.Dataset, path: str | Path | None = None, *, dpi: int 
         The picture if ``path`` is given, else the figure.
     """
     scene = Scene(run)
-    if path is not None:
-        style.check_format(path)
     figure = new_figure(11.0, 7.4, dpi)
     ground = scene.aground().sum(axis=1) if knows_floor(scene) else np.zeros(len(scene.times))
     bonded = run.sizes["bond"] > 0
@@ -451,7 +416,7 @@ def draw_fragments(run: xr.Dataset, path: str | Path | None = None, *, dpi: int 
     if len(times) > 1:
         lower.set_xlim(times[0], times[-1])
     style.put_title(figure, figure_title(run, "fragments"))
-    return figure if path is None else style.save_figure(figure, path)
+    return figure
 
 
 def knows_floor(scene: Scene) -> bool:

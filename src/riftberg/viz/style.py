@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Concatenate, Final, Literal, ParamSpec, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +20,11 @@ from riftberg.system.atomic_files import replacing
 from riftberg.viz import colours
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
+P = ParamSpec("P")
 
 PLACES = (
     (7, 5, "left", "bottom"),
@@ -79,6 +83,36 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
         else:
             figure.savefig(part, format=ending or None)
     return Path(path)
+
+
+class Picture(Protocol[P]):
+    """Drawing of a run: a file where a path is given, else a figure."""
+
+    @overload
+    def __call__(self, run: xr.Dataset, path: str | Path, *args: P.args, **kwargs: P.kwargs) -> Path: ...
+    @overload
+    def __call__(self, run: xr.Dataset, path: None = None, *args: P.args, **kwargs: P.kwargs) -> Figure: ...
+
+
+def saved_or_shown(draw: Callable[Concatenate[xr.Dataset, P], Figure]) -> Picture[P]:
+    """Return a function that draws a run with an argument ``path`` more: with it the figure is written."""
+
+    @functools.wraps(draw)
+    def drawn(run: xr.Dataset, path: str | Path | None = None, *args: P.args, **kwargs: P.kwargs) -> Path | Figure:
+        if path is not None:
+            check_format(path)
+        figure = draw(run, *args, **kwargs)
+        return figure if path is None else save_figure(figure, path)
+
+    signature = inspect.signature(draw)
+    first, *others = signature.parameters.values()
+    path = inspect.Parameter(
+        "path", inspect.Parameter.POSITIONAL_OR_KEYWORD, default=None, annotation="str | Path | None"
+    )
+    drawn.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[first, path, *others], return_annotation="Path | Figure"
+    )
+    return drawn  # type: ignore[return-value]
 
 
 def parts(figure: Figure, rows: int, columns: int, **options: Any) -> list[SubFigure]:
@@ -238,9 +272,9 @@ class Labels:
         """Keep labels off a rectangle of the picture, pixels."""
         self._taken.append(box)
 
-    def prefer_off(self, x: float, y: float, points: float = 2.0) -> None:
+    def prefer_off(self, x: float, y: float) -> None:
         """Keep labels off a point of a line where there is another place for them."""
-        self._better_free.append(self._mark(x, y, points))
+        self._better_free.append(self._mark(x, y, 2.0))
 
     def apart(self, first: tuple[float, float], second: tuple[float, float]) -> float:
         """Return the distance of two places on the picture, points."""

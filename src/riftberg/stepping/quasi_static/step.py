@@ -429,7 +429,7 @@ class TimeStep:
             tolerance = grounding_dt * EVENT_TOLERANCE
             before, after = _bracket(lambda t: _newly_grounded(retry(t), aground), h, tolerance)
             if h > tolerance:  # else the trial ends just after the touch already
-                trial = retry(before or after)
+                trial = retry(before or after)  # after it, where the touch comes at the very start
                 # The next step must reach past the touch, and hardly farther. From its new start the fragment takes a slightly
                 # other path than in the trials, so half the bracket is added.
                 next_dt = 1.5 * (after - before) if before else math.inf
@@ -458,6 +458,7 @@ class TimeStep:
             self._accept(start, trial, cracks=True)
             self._propagate_crack()  # from the most critical bond, if any: where contact presses has shifted a little
             # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
+            # The factor only trades steps against trials: each step is located to the same tolerance.
             return next_dt if self.faces is None else min(next_dt, max(8.0 * trial.h, shortest))
 
         if self._overload(self._end(trial)) <= 0.0:
@@ -530,7 +531,8 @@ class TimeStep:
         el, c, bodies = self.el, self.c, start.bodies
         work = self._workspace(bodies)
 
-        # Contact: fragments that may touch each other go through the step in sub-steps, island by island.
+        # Contact: fragments that may touch each other go through the step in sub-steps, island by island; then those that
+        # touch a bed of sediment. ``phase`` holds what both have done; it is None where no fragment took sub-steps.
         contact = self._resolve_contacts(start, h)
         ground = self._run_aground(start, h, contact)
         phase = contact if ground is None else joined(contact, ground.motion, bodies.body)
@@ -547,7 +549,8 @@ class TimeStep:
 
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         self.model.forcing.sample(el, start.time + h)
-        op, time, twist = self._operators(new), start.time + h, 2.0 * new.twist - bodies.twist
+        op, time = self._operators(new), start.time + h
+        twist = 2.0 * new.twist - bodies.twist  # first guess: the second half changes it as the first has done
         if ashore and phase is None:
             # Each half kick drives a body into the land that stops it.
             _stop_at_land(new.twist, op.levers, ashore)
@@ -768,8 +771,8 @@ class TimeStep:
         bond = bond if ratio > 1.0 else first
         if bond < 0:
             return
-        bond = self._on_its_way(now, bond)
-        self.cracked, starter, area = True, bond, 0.0
+        bond = self._bond_on_path(now, bond)
+        self.cracked, first_broken, area = True, bond, 0.0
         energy = elastic_energy(self.state.bodies.displacement, self.state.load)
         while True:
             area += self._facet_area(bond)
@@ -779,9 +782,11 @@ class TimeStep:
             if ratio <= 1.0:
                 break
             # What the last bonds bear while a crack runs through them is no stress that the ice has borne.
-            bond = self._on_its_way(now, bond)
-        self.bonds.released_energy[starter] = energy - elastic_energy(self.state.bodies.displacement, self.state.load)
-        self.bonds.cracked_area[starter] = area
+            bond = self._bond_on_path(now, bond)
+        self.bonds.released_energy[first_broken] = energy - elastic_energy(
+            self.state.bodies.displacement, self.state.load
+        )
+        self.bonds.cracked_area[first_broken] = area
         self._renumber()
         self._record_peaks(self._equilibrium(self.state))
 
@@ -794,7 +799,7 @@ class TimeStep:
         row, ratio = self.lattice.criterion.most_critical(moment, self.lattice.strengths(self.bonds, self.c))
         return (int(moment.intact[row]) if row >= 0 else -1), ratio
 
-    def _on_its_way(self, now: Equilibrium, failing: int) -> int:
+    def _bond_on_path(self, now: Equilibrium, failing: int) -> int:
         """Return the bond that breaks where one fails: with elastic cells the next one on the way of a crack line."""
         paths, bonds = self.lattice.paths, self.bonds
         if paths is None:
