@@ -82,3 +82,12 @@ def test_a_run_that_was_resumed_keeps_what_it_was_made_from(first: Path) -> None
     assert call("rerun", "s", "-o", "t", "-q", "--no-map").exit_code == 0
     with open_run("s") as one, open_run("t") as other:
         assert one.attrs["parameters_json"] == other.attrs["parameters_json"]
+
+
+def test_a_run_is_not_repeated_into_itself(first: Path) -> None:
+    """Bug: the run that others are compared with was lost."""
+    before = (first / "a" / "run.nc").read_bytes()
+    done = call("rerun", "a", "--days", "0.5", "-o", str(first / "here" / ".." / "a"))
+    assert done.exit_code == 2
+    assert "the run that is repeated would be lost. Name another folder" in done.output
+    assert (first / "a" / "run.nc").read_bytes() == before

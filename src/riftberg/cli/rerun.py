@@ -43,6 +43,10 @@ def rerun(
         )
     _, command, experiment, *words = shlex.split(kept[COMMAND])
     folder = output_folder(output, str(kept["experiment"]))
+    if folder.resolve() == (run if run.is_dir() else run.parent).resolve():
+        raise InputError(
+            "the run that is repeated would be lost", where=f"--output {folder}", remedy="Name another folder"
+        )
     if data is None and PLACE in kept:
         data = Path(os.path.normpath((run if run.is_dir() else run.parent) / kept[PLACE]))
     more = [part for option, values in (("--set", settings), ("--without", without)) for value in values or ()
