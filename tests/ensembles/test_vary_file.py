@@ -10,7 +10,7 @@ import pytest
 from riftberg import open_sweep, sweep
 from riftberg.cli.compare import _opened
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import varied_of
+from riftberg.ensembles.vary import designed, varied_of
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed_document, parse_settings
@@ -112,3 +112,14 @@ def test_several_bergs_are_changed_alike_or_one_by_its_number() -> None:
         {"thickness": 1.0},
         {"thickness": 3.0},
     ]
+
+
+def test_a_column_of_a_design_has_units_everywhere_or_nowhere(tmp_path: Path) -> None:
+    """Bug: 18 kPa in one row and 20 in the next were 20 Pa."""
+    for column in (["18 kPa", "20"], ["20", "18 kPa"], ["18 kPa", "2e4", "20 kPa"]):
+        with pytest.raises(
+            InputError, match=r"--design, fracture.normal_strength: (20|2e4) has no unit, but 18 kPa has"
+        ):
+            designed({"fracture.normal_strength": column})
+    _, members = designed({"fracture.normal_strength": ["18 kPa", "20000 Pa", "0"], "bonds.packing": ["square"] * 3})
+    assert [row["fracture.normal_strength"] for row in members] == [18e3, 20e3, 0.0]

@@ -45,7 +45,7 @@ def sensitivity(
     vary: Annotated[
         list[str] | None,
         typer.Option("--vary", metavar="GROUP.NAME~DISTRIBUTION",
-                     help="Input beside, or instead of, the errors of a forecast: 'drag.water~lognormal(0.9, 20 %)'. "
+                     help="Input beside, or instead of, the errors of a forecast: 'drag.ocean_scale~lognormal(1, 20 %)'. "
                      "May be repeated."),
     ] = None,
     default_errors: Annotated[
@@ -91,8 +91,6 @@ def sensitivity(
     from riftberg.runs.progress import SweepBar
     from riftberg.system.atomic_files import write_text
 
-    for day in at_day or ():
-        positive(day, "--at-day", "days", most=1e6)
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
     seen = None if observed is None else read_observed(observed)
@@ -110,6 +108,8 @@ def sensitivity(
             check_folder(folder, RESULTS)
             store = Store(folder, planned(experiment, errors, options, None, None, drawn), resume=False)
         plan = store.plan
+        for day in at_day or ():
+            positive(day, "--at-day", "days", most=plan.days)
         if not quiet:
             say(
                 f"{len(plan.members)} runs of {plan.days:g} days: {plan.draws.number} draws by the plan {plan.draws.plan}"

@@ -150,7 +150,8 @@ def _of_byu(path: Path) -> list[Sighting]:
                 f"{row['date']!r} is no date of the form YYYYDDD", where=where, remedy="Get the table again"
             )
         date = _day_of_year(row["date"], where)
-        axes = _axes_of(*(_number(row.get(name, "0") or "0", where) for name in ("size_1", "size_2")), where)
+        length, width = (_number(row.get(name, "0") or "0", where) for name in ("size_1", "size_2"))
+        axes = _axes_of(length, width, where)
         places = []
         for rank, sensor in enumerate(SENSORS):
             lat, lon, flag = (
