@@ -146,3 +146,12 @@ def test_a_run_with_errors_goes_on_with_them(first: Path) -> None:
         np.testing.assert_array_equal(rest["lon"].isel(time=-1), whole["lon"].isel(time=-1))
     refused = call("run", "here/it.yaml", "-o", "odd", "-q", "--no-map", "--resume", str(state))
     assert refused.exit_code == 2, refused.output
+
+
+def test_a_run_is_not_repeated_into_itself(first: Path) -> None:
+    """Bug: the run that others are compared with was lost."""
+    before = (first / "a" / "run.nc").read_bytes()
+    done = call("rerun", "a", "--days", "0.5", "-o", str(first / "here" / ".." / "a"))
+    assert done.exit_code == 2
+    assert "the run that is repeated would be lost. Name another folder" in done.output
+    assert (first / "a" / "run.nc").read_bytes() == before

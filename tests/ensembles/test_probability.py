@@ -73,6 +73,22 @@ def test_members_aground_at_the_start_are_pointed_out() -> None:
     assert not any("at the start:" in line for line in told(few))
 
 
+def test_one_member_has_a_position_and_no_spread() -> None:
+    """Bug: position nan, nan; 90 % within an ellipse of nan by nan km."""
+    lines = told(forecast_of([outcome(0, [-37.0, -36.5], [-56.0, -56.2])], 1))
+    assert "  position -56.20, -36.50; one member says nothing of the spread" in lines
+    assert not any("nan" in line for line in lines)
+
+
+def test_plans_for_sensitivity_are_no_forecasts(tmp_path: Path) -> None:
+    """Bug: a plan of three draws for a sensitivity ran 24 members, and their shares were called probabilities."""
+    for plan in ("morris", "saltelli"):
+        with pytest.raises(
+            InputError, match=f"plan: '{plan}' draws for a sensitivity.*Use sobol, random, latin-hypercube"
+        ):
+            riftberg.forecast("collision", members=3, plan=plan, output=tmp_path / plan)
+
+
 def test_presence_holds_each_member_once() -> None:
     ds = forecast_of([still(0, broken=2), outcome(1, [-37.0, -36.5, -36.0, -35.5, -35.0], [-56.0] * 5)], 4)
     at = ds["presence"].sel(cell_lon=-37.0, cell_lat=-56.0, method="nearest").values

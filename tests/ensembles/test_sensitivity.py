@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -131,6 +132,29 @@ def test_results_of_members() -> None:
     assert found["date of the first break-up"].values == pytest.approx([1.0, np.nan], nan_ok=True)
     assert np.isfinite(found["lon of the first break-up"].values).tolist() == [True, False]
     assert "broken by day 4" in results_of(ds)
+
+
+def test_days_after_the_end_of_the_runs_are_refused() -> None:
+    """Bug: by day 9 of runs of four days nothing had broken, in any of them."""
+    ds = forecast_of([outcome(0, [-37.0] * 5, [-56.0] * 5)], 4)
+    for day in (9.0, 0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match=r"at_days: day .* of runs of 4 days"):
+            results_of(ds, [day])
+    assert "broken by day 4" in results_of(ds, [4.0])
+
+
+def test_examples_in_the_help_are_of_parameters_that_exist() -> None:
+    """Bug: the help of ``riftberg sensitivity`` showed a parameter that there is not."""
+    runner, seen = CliRunner(), 0
+    for command in ("sensitivity", "forecast", "sweep", "run", "rerun"):
+        text = " ".join(runner.invoke(app, [command, "--help"], terminal_width=400).output.split())
+        for example in re.findall(r"'([a-z_]+\.[a-z_]+[~=][^']+)'", text):
+            varied_of([example])
+            seen += 1
+        for example in re.findall(r"(?<!['\w])([a-z_]+\.[a-z_]+)='([^']+)'", text):
+            varied_of(["=".join(example)])
+            seen += 1
+    assert seen >= 4
 
 
 def test_the_error_of_the_drift_is_the_mean_distance() -> None:

@@ -11,7 +11,7 @@ from riftberg import forecast, open_sweep, sweep
 from riftberg.cli.compare import opened
 from riftberg.ensembles.forecast import forecast_errors
 from riftberg.ensembles.uncertain import with_errors
-from riftberg.ensembles.vary import Draws, grouped, members_of, varied_of, vary_with_file
+from riftberg.ensembles.vary import Draws, designed, grouped, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed_document, parse_settings
@@ -215,3 +215,14 @@ def test_values_are_taken_in_turn() -> None:
     alone = members_of(varied_of("start.thickness~lognormal(1, 15 %)"), Draws(7))
     assert [m["start.thickness"] for m in members] == [m["start.thickness"] for m in alone]
     assert "each of 0.1, 0.2, 0.3 in turn" in vary[0].told()
+
+
+def test_a_column_of_a_design_has_units_everywhere_or_nowhere(tmp_path: Path) -> None:
+    """Bug: 18 kPa in one row and 20 in the next were 20 Pa."""
+    for column in (["18 kPa", "20"], ["20", "18 kPa"], ["18 kPa", "2e4", "20 kPa"]):
+        with pytest.raises(
+            InputError, match=r"--design, fracture.normal_strength: (20|2e4) has no unit, but 18 kPa has"
+        ):
+            designed({"fracture.normal_strength": column})
+    _, members = designed({"fracture.normal_strength": ["18 kPa", "20000 Pa", "0"], "bonds.packing": ["square"] * 3})
+    assert [row["fracture.normal_strength"] for row in members] == [18e3, 20e3, 0.0]

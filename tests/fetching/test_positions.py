@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from datetime import datetime
 from pathlib import Path
@@ -87,6 +88,63 @@ def test_tables_with_other_columns_are_refused_by_name(name: str, text: str, wor
     with pytest.raises(InputError, match=words) as caught:
         read_berg("X1", tmp_path)
     assert name in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("2021400,-60.0,-50.0,1,0,0,0,40,20", "line 3: '2021400': 2021 has no day 400"),
+        ("2021000,-60.0,-50.0,1,0,0,0,40,20", "line 3: '2021000': 2021 has no day 0"),
+        ("2021003,-160.0,-50.0,1,0,0,0,40,20", "line 3: latitude -160, longitude -50 are no place on Earth"),
+        ("2021003,-60.0,1050.0,1,0,0,0,40,20", "longitude 1050 are no place"),
+        (
+            "2021003,-60.0,-50.0,1,0,0,0,3000,2500",
+            "line 3: axes of 3000 and 2500 nautical miles: no berg is that large",
+        ),
+        ("2021003,-60.0,-50.0,1,0,0,0,74080,37040", "Give them in nautical miles"),
+    ],
+)
+def test_rows_that_no_berg_can_have_are_refused_by_line(row: str, words: str, tmp_path: Path) -> None:
+    """Bug: all but the first were taken as they stood, day 400 as February of the next year."""
+    (tmp_path / "x1.csv").write_text("\n".join([*TABLE.splitlines()[:2], row]))
+    with pytest.raises(InputError, match=re.escape(words)):
+        read_berg("x1", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("X2,20,10,-65.5,40.25,,13/45/2021", "'13/45/2021' is no date of the form month/day/year"),
+        ("X2,20,10,-655,40.25,,01/10/2021", "latitude -655, longitude 40.25 are no place on Earth"),
+        ("X2,20000,10,-65.5,40.25,,01/10/2021", "axes of 20000 and 10 nautical miles"),
+    ],
+)
+def test_rows_of_the_ice_center_too(row: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "DownloadCurrent?pId=134").write_text(f"{USNIC.splitlines()[0]}\n{row}\n", encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(words)):
+        read_berg("x2", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--size", "60,30"], "--size: '60' has no unit"),
+        (["--size", "60 km, 30"], "--size: '30' has no unit"),
+        (["--size", "6000 km,3000 km"], "no berg is that large"),
+        (["--azimuth", "nan"], "--azimuth: nan is not possible"),
+        (["--outline", "absent.geojson"], "absent.geojson: file not found"),
+        (["--outline", "two.csv"], "two.csv"),
+    ],
+)
+def test_a_shape_that_cannot_be_is_refused_before_a_file_is_written(
+    options: list[str], words: str, folder: Path
+) -> None:
+    """Bug: 60,30 without a unit made a berg of 60 by 30 metres, NaN an outline of NaN, and no file was looked for."""
+    Path("two.csv").write_text("lon,lat\n-50,-60\n-49,-60\n")
+    done = call("new", "X1", "--date", "2021-01-03", "--tables", str(folder), "-o", "x.yaml", *options)
+    assert done.exit_code == 2
+    assert words in done.output
+    assert not Path("x.yaml").exists()
 
 
 def test_fetched_tables_are_unpacked_into_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

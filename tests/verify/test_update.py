@@ -65,6 +65,25 @@ def test_a_sighting_of_a_break_up_weighs_by_its_doubt() -> None:
         log_likelihood(ds, None, error=5.0, broken=date.replace(year=2022))
 
 
+def test_sightings_that_no_member_explains_are_refused_and_not_weighed() -> None:
+    """Bug: columns of longitude and latitude the wrong way round left one member, with an area of 0 by 0 km."""
+    ds = spread([-20.0, 0.0, 30.0])
+    swapped = Observations("seen.csv", fixes=[Fix("a", DAYS[1].astype("datetime64[us]").item(), False, -56.0, -37.0)])
+    with pytest.raises(
+        InputError, match=r"seen.csv: on 2020-12-10 00:00 the berg was seen 2,\d\d\d km from the nearest member"
+    ):
+        log_likelihood(ds, swapped, error=6.0)
+    with pytest.raises(InputError, match=r"70 km from the nearest member, with an error of 6 km.*--error"):
+        log_likelihood(ds, fix(100.0), error=6.0)
+    assert np.isfinite(log_likelihood(ds, fix(100.0), error=20.0)).all()
+    early, late = (DAYS[n].astype("datetime64[us]").item() for n in (0, 1))
+    with pytest.raises(InputError, match="--whole-until: whole until after it broke"):
+        log_likelihood(ds, None, error=6.0, broken=early, whole_until=late)
+    failed = ds.assign(status=("member", np.array([1, 1, 1])))
+    with pytest.raises(InputError, match="no member came to its end"):
+        log_likelihood(failed, fix(0.0), error=6.0)
+
+
 def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() -> None:
     varied = varied_of(
         ["start.turn~normal(0, 5)", "start.strength~lognormal(1, 30 %)", "bonds.packing~choice(square, hexagonal)"]

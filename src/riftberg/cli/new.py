@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from riftberg.cli.options import check_output, positive
+from riftberg.cli.options import check_output, positive, within
 from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
 
@@ -51,6 +51,7 @@ def new(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="File.  [default: BERG-DATE.yaml]")] = None,
 ) -> None:
     """Write an experiment file for a named berg: place, size, products to fetch."""
+    from riftberg.bergs.outline import check_outline, read_features, select_outline
     from riftberg.config.values import number
     from riftberg.diagnostics.dates import parse_date
     from riftberg.experiments.yaml_file import read_file
@@ -63,10 +64,11 @@ def new(
     metres = number(thickness, "m", where="--thickness")
     given = None
     if size is not None:
-        parts = [number(part, "m", where="--size") for part in size.split(",")]
-        if len(parts) != 2 or min(parts) <= 0.0:
-            raise InputError(f"{size!r} is not two lengths", where="--size", remedy="For example --size '60 km,30 km'")
-        given = max(parts), min(parts)
+        given = _axes_given(size)
+    within(azimuth, "--azimuth", -360.0, 360.0)
+    if outline is not None:
+        where = str(outline)
+        check_outline(select_outline(read_features(outline), where=where).geometry, where=where)
     folder = tables or next((f for f in map(Path, ("riftberg-data/byu", "riftberg-data/usnic")) if f.is_dir()), None)
     if folder is None or not folder.is_dir():
         raise InputError(
@@ -87,6 +89,23 @@ def new(
         if line.startswith("# "):
             typer.echo(line[2:])
     typer.echo(f"Then: riftberg doctor --for {file}; riftberg run {file}")
+
+
+def _axes_given(size: str) -> tuple[float, float]:
+    """Return the axes (m) of ``--size``, the longer one first."""
+    from riftberg.config.values import number
+    from riftberg.fetching.positions import LONGEST
+
+    remedy = "For example --size '60 km,30 km'"
+    parts = size.split(",")
+    if bare := [part for part in parts if not any(c.isalpha() for c in part)]:
+        raise InputError(f"{bare[0].strip()!r} has no unit", where="--size", remedy=remedy)
+    metres = [number(part, "m", where="--size") for part in parts]
+    if len(metres) != 2 or min(metres) <= 0.0:
+        raise InputError(f"{size!r} is not two lengths", where="--size", remedy=remedy)
+    if max(metres) > LONGEST:
+        raise InputError(f"{size!r}: no berg is that large", where="--size", remedy=remedy)
+    return max(metres), min(metres)
 
 
 def ring_file(file: Path) -> Path:

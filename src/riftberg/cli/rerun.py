@@ -56,6 +56,10 @@ def rerun(
     _, command, experiment, *words = shlex.split(kept[COMMAND])
     name = Path(str(kept["experiment"])).stem
     folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
+    if folder.resolve() == (run if run.is_dir() else run.parent).resolve():
+        raise InputError(
+            "the run that is repeated would be lost", where=f"--output {folder}", remedy="Name another folder"
+        )
     if data is None and PLACE in kept:
         data = Path(os.path.normpath((run if run.is_dir() else run.parent) / kept[PLACE]))
     more = [part for option, values in (("--set", [*own, *(settings or ())]), ("--without", without)) for value in values or ()

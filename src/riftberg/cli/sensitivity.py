@@ -51,7 +51,7 @@ def sensitivity(
     vary: Annotated[
         list[str] | None,
         typer.Option("--vary", metavar="GROUP.NAME~DISTRIBUTION",
-                     help="Input beside, or instead of, the errors of a forecast: 'drag.water~lognormal(0.9, 20 %)'. "
+                     help="Input beside, or instead of, the errors of a forecast: 'drag.ocean_scale~lognormal(1, 20 %)'. "
                      "May be repeated."),
     ] = None,
     default_errors: DefaultErrors = True,
@@ -87,8 +87,6 @@ def sensitivity(
     from riftberg.ensembles.sweep import draws_of, planned
     from riftberg.system.atomic_files import write_text
 
-    for day in at_day or ():
-        positive(day, "--at-day", "days", most=1e6)
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
     seen = None if observed is None else read_observed(observed)
@@ -107,6 +105,8 @@ def sensitivity(
         }  # fmt: skip
         store = opened("sensitivity", experiment, make, output, RESULTS, resume, draws, kept)
         plan = store.plan
+        for day in at_day or ():
+            positive(day, "--at-day", "days", most=plan.days)
         if not quiet:
             say(
                 f"{len(plan.members)} runs of {plan.days:g} days: {plan.draws.number} draws by the plan {plan.draws.plan}"

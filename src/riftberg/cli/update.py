@@ -46,6 +46,8 @@ def update(
     """Weight the members of a forecast by new sightings; where too few of them count, run new ones around these."""
     from dataclasses import replace
 
+    import numpy as np
+
     from riftberg.cli.sweep import resumed
     from riftberg.diagnostics.dates import parse_date
     from riftberg.diagnostics.observed import read_observed
@@ -66,6 +68,9 @@ def update(
         for name, text, option in (("broken", broken, "--broken"), ("whole_until", whole_until, "--whole-until"))
     }
 
+    def count_of(likelihood: Any) -> int:
+        return int(np.isfinite(likelihood).sum())  # those that did not fail, however little they weigh
+
     def likelihood(of: Store) -> Any:
         ds = open_sweep(of.file, tracks=False)
         try:
@@ -75,8 +80,10 @@ def update(
 
     about = ", ".join(str(text) for text in (observed, broken, whole_until) if text is not None)
     known = likelihood(store)
+    if output is not None:
+        check_folder(new, ("sweep.json", "forecast.nc"))  # before anything is written
     weight, number = weighted(store, known, about)
-    done = int((weight > 0.0).sum())
+    done = count_of(known)
     say(f"{number:.1f} of {done} members count (effective number)")
     if number < FEWEST * done and resample:
         check_folder(new, ("sweep.json", "forecast.nc"))
@@ -89,8 +96,9 @@ def update(
         bar = None if quiet else SweepBar(len(again.members) + 1)
         run_sweep(store, workers=workers, bar=bar).close()
         store.set_base(base)
-        weight, number = weighted(store, likelihood(store), about)
-        say(f"New members: {number:.1f} of {int((weight > 0.0).sum())} count")
+        known = likelihood(store)
+        _, number = weighted(store, known, about)
+        say(f"New members: {number:.1f} of {count_of(known)} count")
     for line in told(open_sweep(store.file)):
         typer.echo(line)
     typer.echo(f"Written to {store.folder}: {store.file.name}, weights.json")

@@ -167,6 +167,17 @@ def read_distribution(
     return _checked(Distribution(name, _numbers(name, parts, where, number), (), limits, text), where)
 
 
+def refuse_bare_numbers(parts: Sequence[str], where: str) -> None:
+    """Refuse numbers without a unit beside others with one: 18 kPa and 20 are not 18 kPa and 20 Pa."""
+    units = [(_UNIT.match(part) or ["", ""])[1].strip() if looks_like_quantity(part) else "" for part in parts]
+    bare = [part for part, unit in zip(parts, units, strict=True) if looks_like_quantity(part) and not unit]
+    if bare and any(units) and bare[0].strip("+-.0"):
+        raise InputError(
+            f"{bare[0]} has no unit, but {next(p for p, unit in zip(parts, units, strict=True) if unit)} has", where=where,
+            remedy="Write the unit behind each",
+        )  # fmt: skip
+
+
 def with_unit_of_last(parts: Sequence[str], where: str) -> list[str]:
     """Give numbers without a unit that of the last one: ``14..24kPa`` is not 14 Pa to 24 kPa."""
     last = _UNIT.match(parts[-1])

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
+from riftberg.ensembles.distributions import PLANS, POINTS
 from riftberg.ensembles.sweep import Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
 from riftberg.ensembles.vary import Draws, varied_of, vary_with_file
 from riftberg.errors import ForcingError, InputError
@@ -106,6 +107,11 @@ def forecast_plan(
     draws: Draws, *, defaults: bool = True, cells: float | None = None,
 ) -> Plan:  # fmt: skip
     """Return the plan of a forecast."""
+    if draws.plan in POINTS:
+        raise InputError(
+            f"{draws.plan!r} draws for a sensitivity: its members have no probability", where="plan",
+            remedy=f"Use {', '.join(plan for plan in PLANS if plan not in POINTS)}, or riftberg sensitivity",
+        )  # fmt: skip
     merged = forecast_errors(experiment, vary, defaults=defaults, data=options.data)
     drawn = Draws(draws.number or MEMBERS, draws.plan, draws.seed)
     return planned(experiment, merged, options, every_hours, cells, drawn, forecast=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -186,10 +187,12 @@ def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     for k in range(times):
         known = np.isfinite(lon[:, k])
         w = weight[known]
-        if known.sum() < 2 or w.sum() <= 0.0:
+        if w.sum() <= 0.0:
             continue
         w = w / w.sum()
         middle[:, k] = w @ lon[known, k], w @ lat[known, k]
+        if known.sum() < 2:  # one place says nothing of the spread
+            continue
         metres = DEGREE * EARTH_RADIUS_A68
         x = (lon[known, k] - middle[0, k]) * metres * np.cos(middle[1, k] * DEGREE)
         y = (lat[known, k] - middle[1, k]) * metres
@@ -464,10 +467,11 @@ def told(ds: xr.Dataset) -> list[str]:
     if "cone_major" in ds:
         major, minor = (float(ds[name].sel(cone=0.9).values[-1]) / 1e3 for name in ("cone_major", "cone_minor"))
         lat, lon = (float(ds[name].values[-1]) for name in ("cone_lat", "cone_lon"))
-        lines.append(
-            f"  position {place_text(lon, lat, latlon=True, digits=2)}; 90 % within an ellipse of {major:.0f} by "
-            f"{minor:.0f} km (semi-axes)"
-        )
+        if math.isfinite(major):
+            spread = f"90 % within an ellipse of {major:.0f} by {minor:.0f} km (semi-axes)"
+        else:
+            spread = "one member says nothing of the spread"
+        lines.append(f"  position {place_text(lon, lat, latlon=True, digits=2)}; {spread}")
     best = np.unravel_index(int(ds["crack_probability"].values.argmax()), ds["crack_probability"].shape)
     share = float(ds["crack_probability"].values[best])
     if share > 0.0:

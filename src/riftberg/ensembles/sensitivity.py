@@ -51,6 +51,8 @@ def results_of(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, Resul
         return np.asarray((dates - start) / DAY, float)
 
     found = {"largest stress over strength": Result(ds["stress_ratio"].values, "1")}
+    if late := [day for day in at_days if not 0.0 < day <= length]:
+        raise InputError(f"day {late[0]:g} of runs of {length:g} days", where="at_days", remedy="Give days of the runs")
     for day in sorted(at_days) or (0.5 * length, length):
         for word, name in (("broken", "first_breakup"), ("aground", "first_aground")):
             # No date is later than any: a member that never breaks counts as whole.

@@ -21,6 +21,7 @@ from riftberg.ensembles.distributions import (
     is_distribution,
     member_seed,
     read_distribution,
+    refuse_bare_numbers,
     shares,
     with_unit_of_last,
 )
@@ -362,6 +363,7 @@ def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], 
             raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
         group = group if group in UNCERTAIN else group_now(group, key)
         field = find_field(group, key, where=where, settable=settable)
+        refuse_bare_numbers([str(value) for value in values], where)
         plain = tuple(given(value, settable[group], key, where=where) for value in values)
         varied.append(Varied(f"{group}.{key}", plain, unit_of(field), field.description or ""))
     names = [v.name for v in varied]

@@ -50,6 +50,9 @@ SOURCES: Final = {
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
 """Sensors of the BYU tables, the ones preferred first."""
 
+LONGEST: Final = 500e3
+"""Axis (m) that no berg has: the longest ever listed, B15, had 295 km."""
+
 FIX_WITHIN: Final = timedelta(days=3)
 SIZE_WITHIN: Final = timedelta(days=60)
 
@@ -146,15 +149,16 @@ def _of_byu(path: Path) -> list[Sighting]:
             raise InputError(
                 f"{row['date']!r} is no date of the form YYYYDDD", where=where, remedy="Get the table again"
             )
-        date = datetime(int(row["date"][:4]), 1, 1) + timedelta(days=int(row["date"][4:]) - 1)
-        sizes = [_number(row.get(name, "0"), where) for name in ("size_1", "size_2")]
-        axes = (sizes[0] * NAUTICAL_MILE, sizes[1] * NAUTICAL_MILE) if min(sizes) > 0.0 else None
+        date = _day_of_year(row["date"], where)
+        length, width = (_number(row.get(name, "0") or "0", where) for name in ("size_1", "size_2"))
+        axes = _axes_of(length, width, where)
         places = []
         for rank, sensor in enumerate(SENSORS):
             lat, lon, flag = (
                 _number(row.get(f"{sensor}_{k}", "") or ("0" if k < 3 else "1"), where) for k in (1, 2, 3)
             )
             if lat or lon:  # 0, 0 stands for no data
+                _check_place(lon, lat, where)
                 places.append((flag != 1.0, rank, lon, lat, sensor))
         if places:
             interpolated, _, lon, lat, sensor = min(places)
@@ -179,10 +183,44 @@ def _of_usnic(path: Path, name: str) -> list[Sighting]:
         if match is None:
             raise InputError(f"{row['last update']!r} is no date of the form month/day/year", where=where)
         length, width, lat, lon = (_number(row[key], where) for key in needed[1:5])
-        axes = (length * NAUTICAL_MILE, width * NAUTICAL_MILE) if min(length, width) > 0.0 else None
-        date = datetime(int(match[3]), int(match[1]), int(match[2]))
-        found.append(Sighting(date, lon, lat, "nic", True, axes))
+        try:
+            date = datetime(int(match[3]), int(match[1]), int(match[2]))
+        except ValueError as error:
+            raise InputError(f"{row['last update']!r} is no date of the form month/day/year", where=where) from error
+        _check_place(lon, lat, where)
+        found.append(Sighting(date, lon, lat, "nic", True, _axes_of(length, width, where)))
     return found
+
+
+def _day_of_year(text: str, where: str) -> datetime:
+    """Return the date of YYYYDDD."""
+    date = datetime(max(int(text[:4]), 1), 1, 1) + timedelta(days=int(text[4:]) - 1)
+    if date.year != int(text[:4]):
+        raise InputError(
+            f"{text!r}: {int(text[:4])} has no day {int(text[4:])}", where=where, remedy="Get the table again"
+        )
+    return date
+
+
+def _check_place(lon: float, lat: float, where: str) -> None:
+    if abs(lat) > 90.0 or abs(lon) > 360.0:
+        raise InputError(
+            f"latitude {lat:g}, longitude {lon:g} are no place on Earth",
+            where=where,
+            remedy="Latitude comes first there",
+        )
+
+
+def _axes_of(length: float, width: float, where: str) -> tuple[float, float] | None:
+    """Return the axes in m of those that are listed in nautical miles; None where none are."""
+    if min(length, width) <= 0.0:
+        return None
+    if max(length, width) * NAUTICAL_MILE > LONGEST:
+        raise InputError(
+            f"axes of {length:g} and {width:g} nautical miles: no berg is that large", where=where,
+            remedy="Give them in nautical miles",
+        )  # fmt: skip
+    return length * NAUTICAL_MILE, width * NAUTICAL_MILE
 
 
 def _number(text: str, where: str) -> float:

@@ -104,7 +104,9 @@ def reading(where: object, what: str, remedy: str, kind: type[InputError] = Inpu
     except (TypeError, AttributeError, IndexError) as error:  # their texts speak of Python
         raise kind(what, where=shown(where), remedy=remedy) from error
     except Exception as error:  # libraries raise what they like: struct.error, KeyError, zlib.error, UnicodeError ...
-        raise kind(f"{what} ({_reason(error)})", where=shown(where), remedy=remedy) from error
+        reason = _reason(error)
+        # What xarray says where no reader knows a file is a list of its own parts.
+        raise kind(what if "xarray's" in reason else f"{what} ({reason})", where=shown(where), remedy=remedy) from error
 
 
 def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError] = InputError) -> list[str]:

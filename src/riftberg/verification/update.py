@@ -24,6 +24,9 @@ FEWEST: Final = 1.0 / 3.0
 KERNEL: Final = 0.3
 """Width of the kernel of Liu and West (2001), in standard deviations of the members."""
 
+FARTHEST: Final = 10.0
+"""Distance of a sighting from all members, in standard deviations of its error, beyond which weights say nothing."""
+
 
 def log_likelihood(
     ds: xr.Dataset, observed: Observations | None, *, error: float, berg: str | None = None, hour: float | None = None,
@@ -34,6 +37,8 @@ def log_likelihood(
     ``error``: standard deviation of a position along each axis, km; ``doubt``: probability that it was wrongly seen whole or
     broken. Sightings are independent of each other.
     """
+    if broken is not None and whole_until is not None and whole_until >= broken:
+        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
     times = ds["time"].values.astype("datetime64[ns]")
     found = np.where(ds["status"].values == 0, 0.0, np.nan)
     count = 0
@@ -44,7 +49,16 @@ def log_likelihood(
             if times[0] <= np.datetime64(when, "ns") <= times[-1]:
                 away = at_date(times, lon, lat, np.datetime64(when, "ns"), place)
                 found -= 0.5 * (away**2).sum(axis=-1) / error**2
+                if (nearest := float(np.nanmin(np.hypot(*away.T)))) > FARTHEST * error:
+                    raise InputError(
+                        f"on {when:%Y-%m-%d %H:%M} the berg was seen {nearest:,.0f} km from the nearest member, with an error "
+                        f"of {error:g} km",
+                        where=str(observed.source),
+                        remedy="Check place, date and berg; if they are right, give an error that covers it (--error)",
+                    )
                 count += 1
+    if not np.isfinite(found).any():
+        raise InputError("no member came to its end", where="update", remedy="Look at the reasons in sweep.json")
     first = ds["first_breakup"].values.astype("datetime64[ns]")
     for date, was in ((broken, True), (whole_until, False)):
         if date is not None:
