@@ -26,7 +26,6 @@ from riftberg.ensembles.distributions import (
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, file_field, file_value, find_field, is_of_file
-from riftberg.parameters import group_now
 from riftberg.system.input_files import check_file, reading, value_shown
 from riftberg.system.limits import refuse_large
 
@@ -119,8 +118,6 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
     settable = {**SETTABLE, **UNCERTAIN}
-    if group not in UNCERTAIN:
-        group = group_now(group, key)
     field = find_field(group, key, where=where, settable=settable)
     if isinstance(values, str) and values.startswith("~"):
         return _drawn(f"{group}.{key}", values[1:], field, settable[group], where)
@@ -333,7 +330,6 @@ def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], 
         where = f"--design, {name}"
         if not dot:
             raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
-        group = group if group in UNCERTAIN else group_now(group, key)
         field = find_field(group, key, where=where, settable=settable)
         plain = tuple(given(value, settable[group], key, where=where) for value in values)
         varied.append(Varied(f"{group}.{key}", plain, unit_of(field), field.description or ""))
