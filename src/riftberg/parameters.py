@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import html
 import json
-import logging
 import math
 from collections.abc import Mapping
 from operator import attrgetter
@@ -67,14 +66,6 @@ __all__ = [
     "quantity",
 ]
 
-
-_LOG = logging.getLogger(__name__)
-
-MOVED: Final = dict.fromkeys(
-    (("drag", "radius_based"), ("contact", "damping_by_speed"), ("melt", "sea_ice_shift"), ("melt", "zero_rates"),
-     ("melt", "keep_shape"), ("footloose", "one_draw")), "compatibility",
-)  # fmt: skip
-"""Parameters that only parity with the reference needs, by their earlier place, with their group now."""
 
 FROM_ELEMENTS: Final = -1.0
 """Stiffness of a pair law that follows from the two elements (`riftberg.physics.contact.pair_stiffness`)."""
@@ -206,7 +197,7 @@ class Parameters(Group):
     @model_validator(mode="before")
     @classmethod
     def _scheme_that_is_asked(cls, values: Any) -> Any:
-        return _explicit_if_asked(in_new_places(values)) if isinstance(values, dict) else values
+        return _explicit_if_asked(values) if isinstance(values, dict) else values
 
     @classmethod
     def from_json(cls, text: str) -> Parameters:
@@ -216,7 +207,6 @@ class Parameters(Group):
             for group in ("drag", "compatibility"):
                 # Files of old versions name parameters that never did anything; they are no mistake of the user.
                 values[group] = {name: value for name, value in values[group].items() if name not in GONE}
-            values = in_new_places(values, notice=False)
         except (ValueError, KeyError, TypeError, AttributeError):
             return cls.model_validate_json(text)  # which says what is wrong
         return cls.model_validate(values)
@@ -421,7 +411,6 @@ class Parameters(Group):
         Changes that only the explicit scheme allows (sub-steps, spring bonds, bonds without shear) select that scheme, `mts`,
         in place of the quasi-static one, unless they name a scheme.
         """
-        groups = in_new_places(groups)
         if self.stepping.scheme == "quasi_static":
             groups = _explicit_if_asked(groups)
         values: dict[str, Any] = self.model_dump()
@@ -480,27 +469,6 @@ def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
     if packing == "hexagonal":
         return math.sqrt(area / (2.0 * math.sqrt(3.0)))
     return 0.5 * math.sqrt(area) if bonded else math.sqrt(area / math.pi)
-
-
-def group_now(group: str, name: str) -> str:
-    """Return the group of a parameter, with a notice where it is not the one that is named."""
-    place = MOVED.get((group, name), group)
-    if place != group:
-        _LOG.warning("%s.%s is %s.%s now; the old place is read until Riftberg 0.2.0", group, name, place, name)
-    return place
-
-
-def in_new_places(groups: dict[str, Any], *, notice: bool = True) -> dict[str, Any]:
-    """Return values by group with those of `MOVED` in their new group."""
-    for (group, name), place in MOVED.items():
-        values, there = groups.get(group), groups.get(place, {})
-        if isinstance(values, Mapping) and name in values and isinstance(there, Mapping | Group):
-            if notice:
-                group_now(group, name)
-            there = there.model_dump(exclude_unset=True) if isinstance(there, Group) else there
-            rest = {key: value for key, value in values.items() if key != name}
-            groups = {**groups, group: rest, place: {name: values[name], **there}}
-    return groups
 
 
 def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from riftberg.ensembles.vary import grouped, varied_of
 from riftberg.errors import NamelistError
-from riftberg.experiments.changes import parse_settings
 from riftberg.kid.namelist import read_namelist
 from riftberg.kid.parameters import NEVER, to_parameters
 from riftberg.parameters import A68A_2022_KID, Parameters
@@ -172,32 +169,3 @@ def test_impossible_value_names_the_entry(tmp_path: Path) -> None:
         mapped(tmp_path, rho_bergs=1100.0)
     with pytest.raises(NamelistError, match="ibdt = -1"):
         mapped(tmp_path, driver={"ibdt": -1.0})
-
-
-OLD_PLACES = {
-    "drag.radius_based": True, "contact.damping_by_speed": True, "melt.sea_ice_shift": 0.2, "melt.zero_rates": True,
-    "melt.keep_shape": True, "footloose.one_draw": True,
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("place", OLD_PLACES)
-def test_options_of_parity_are_read_in_their_earlier_groups_with_a_notice(
-    place: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    (group, name), value = place.split("."), OLD_PLACES[place]
-    ways = (
-        Parameters(**{group: {name: value}}),
-        Parameters().changed(**{group: {name: value}}),
-        Parameters().changed(**parse_settings([f"{place}={value}"])),
-        Parameters().changed(**grouped({v.name: v.values[0] for v in varied_of({place: [value]})})),
-    )
-    assert len(caplog.records) == len(ways)
-    assert all(f"{place} is compatibility.{name} now" in record.getMessage() for record in caplog.records)
-    assert all(getattr(p.compatibility, name) == value for p in ways)
-    assert Parameters(**{group: {name: value}, "compatibility": {name: 0}}).compatibility == Parameters().compatibility
-    old = json.loads(Parameters().model_dump_json())
-    old[group][name] = value
-    del old["compatibility"][name]
-    caplog.clear()
-    assert getattr(Parameters.from_json(json.dumps(old)).compatibility, name) == value
-    assert not caplog.records

@@ -432,7 +432,8 @@ class Store:
         """Write the result, a block of members at a time: memory does not grow with their number."""
         plan = self.plan
         kind = "Forecast" if plan.forecast else "Sweep"
-        title = f"{kind} of {plan.named}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
+        name = Path(plan.named).stem if plan.named.endswith((".yaml", ".yml")) else plan.named
+        title = f"{kind} of {name}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
         about = {"title": title, "experiment": plan.named, "parameters_json": plan.first.parameters.model_dump_json(),
                  "comment": "parameters_json holds the parameters of the first member",
                  **({"plan": plan.draws.plan} if plan.draws.number else {}), **self._origin()}  # fmt: skip

@@ -28,7 +28,6 @@ from riftberg.ensembles.distributions import (
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, file_field, file_value, find_field, is_of_file
-from riftberg.parameters import group_now
 from riftberg.system.input_files import check_file, reading, value_shown
 from riftberg.system.limits import refuse_large
 
@@ -151,8 +150,6 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
     settable = {**SETTABLE, **UNCERTAIN}
-    if group not in UNCERTAIN:
-        group = group_now(group, key)
     field = find_field(group, key, where=where, settable=settable)
     if isinstance(values, str) and values.startswith("~"):
         return _drawn(
@@ -361,7 +358,6 @@ def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], 
         where = f"--design, {name}"
         if not dot:
             raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
-        group = group if group in UNCERTAIN else group_now(group, key)
         field = find_field(group, key, where=where, settable=settable)
         refuse_bare_numbers([str(value) for value in values], where)
         plain = tuple(given(value, settable[group], key, where=where) for value in values)

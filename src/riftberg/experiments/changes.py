@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from riftberg.bergs.keys import BergKeys
 from riftberg.config.values import fields_of, given, sections_in
 from riftberg.errors import InputError, nearest, together
-from riftberg.parameters import A68A_2022_KID, Parameters, group_now
+from riftberg.parameters import A68A_2022_KID, Parameters
 from riftberg.system.input_files import value_shown
 
 Changes = dict[str, dict[str, Any]]
@@ -114,7 +114,6 @@ def _parsed(setting: str, settable: Mapping[str, Any]) -> tuple[str, str, Any]:
     group, dot, name = key.strip().partition(".")
     if equals and is_of_file(key.strip()):
         return group, name, file_value(text.strip(), f"--set {setting}")
-    group = group_now(group, name) if group in SETTABLE or group not in settable else group
     if not equals or not dot:
         raise InputError(
             f"{setting!r} is not of the form group.name=value",
