@@ -75,6 +75,11 @@ def forecast(
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw forecast.png.")] = True,
     quiet: Quiet = False,
     large: Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")] = False,
+    starts: Annotated[
+        Path | None,
+        typer.Option("--starts", metavar="FILE.csv",
+                     help="Several starts that the members take in turn: date, lon, lat, error_km, age_hours, outline."),
+    ] = None,
 ) -> None:  # fmt: skip
     """Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs."""
     from riftberg.cli.sweep import resumed
@@ -91,7 +96,7 @@ def forecast(
             kept = {
                 "--vary": vary, "--plan": plan, "--seed": seed, "--output": output, "--set": settings, "--days": days,
                 "--data": data, "--without": without, "--numerics": numerics, "--every": every,
-                "--no-default-errors": None if default_errors else True,
+                "--no-default-errors": None if default_errors else True, "--starts": starts,
             }  # fmt: skip
             store = resumed(resume, experiment, members, kept, "forecast")
         elif experiment is None:
@@ -101,7 +106,7 @@ def forecast(
         else:
             options = make_options(settings, days, data, without, numerics)
             draws = draws_of({"members": members, "plan": plan, "seed": seed})
-            made = forecast_plan(experiment, vary or [], options, every, draws, defaults=default_errors)
+            made = forecast_plan(experiment, vary or [], options, every, draws, defaults=default_errors, starts=starts)
             folder = output_folder(output, f"{Path(experiment).stem}-forecast", "sweep.json")
             check_folder(folder, RESULTS)
             store = Store(folder, made, resume=False)

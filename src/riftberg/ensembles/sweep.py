@@ -7,6 +7,7 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
@@ -15,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.config.values import check_names, native, number
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.cluster import computed, connected
 from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
@@ -51,6 +53,9 @@ BLOCK: Final = 250
 
 CONTROL: Final = -1
 """Number of the run of a forecast in which nothing is varied."""
+
+MOST_LAG: Final = 30.0
+"""Days that a member of a forecast may start before it, or the length of the forecast."""
 
 MEMBER: Final = "forcing.member"
 """Key of the member of a product."""
@@ -200,6 +205,12 @@ class Plan:
     forecast: bool = False  # A control is run too, and the result holds probabilities
     design: bool = False  # Members are rows of a table, not combinations
     digest: str = ""  # Checksum of the experiment file
+    start: datetime = datetime.min  # Of the forecast, or of the first member of a sweep
+
+    def lag(self, number: int) -> float:
+        """Return how much earlier than the forecast a member starts, s."""
+        begun = None if number == CONTROL or not self.forecast else self.members[number].get("start")
+        return 0.0 if begun is None else (self.start - datetime.fromisoformat(str(begun))).total_seconds()
 
     @property
     def named(self) -> str:
@@ -235,9 +246,10 @@ class Plan:
     def job(self, number: int, folder: Path, save_seconds: float) -> Job:
         """Return what a worker must know of a member."""
         values = self.control if number == CONTROL else self.members[number]
+        lag = self.lag(number)
         return Job(
-            number, values, self.experiment, self.options, self.days, self.every, folder, save_seconds,
-            large_allowed(), self.cells, self.digest,
+            number, values, self.experiment, self.options, self.days + lag / SECONDS_PER_DAY, self.every, folder, save_seconds,
+            large_allowed(), self.cells, self.digest, lag,
         )  # fmt: skip
 
 
@@ -306,7 +318,25 @@ def planned(
         forecast,
         design,
         digest_of(named),
+        _start_of(named, options, members, first, length) if forecast else first.start,
     )
+
+
+def _start_of(experiment: Any, options: Options, members: list[dict[str, Any]], first: Model, days: float) -> datetime:
+    """Return the start of a forecast, that of its file; members that start at other dates do so before it."""
+    if not isinstance(experiment, str) or "start" not in members[0]:
+        return first.start
+    from riftberg.experiments.yaml_file import read_file
+
+    start = read_file(Path(experiment), options.changes)[0].start
+    dates = [datetime.fromisoformat(str(member["start"])) for member in members]
+    if max(dates) > start or min(dates) <= start - timedelta(days=max(days, MOST_LAG)):
+        wrong = max(dates) if max(dates) > start else min(dates)
+        raise InputError(
+            f"a member starts on {wrong:%Y-%m-%d %H:%M}, the forecast on {start:%Y-%m-%d %H:%M}", where="start",
+            remedy=f"Members start with the forecast or up to {max(days, MOST_LAG):g} days before it",
+        )  # fmt: skip
+    return start
 
 
 def _cells(width: float | None, first: Model) -> float | None:
@@ -436,7 +466,7 @@ class Store:
                  "comment": "parameters_json holds the parameters of the first member",
                  **({"plan": plan.draws.plan} if plan.draws.number else {})}  # fmt: skip
         common: dict[str, Any] = {
-            "start": plan.first.start, "days": plan.days, "every": plan.every,
+            "start": plan.start, "lagged": plan.forecast, "days": plan.days, "every": plan.every,
             "latlon": plan.first.parameters.earth.latlon, "attributes": about,
         }  # fmt: skip
         cracks: dict[int, Any] = {}
@@ -446,7 +476,9 @@ class Store:
                 members = plan.members[first : first + BLOCK]
                 read = {k: self.outcome(first + k) for k in range(len(members)) if first + k in self.done}
                 outcomes = {k: outcome for k, outcome in read.items() if outcome is not None}
-                cracks.update({first + k: np.array(outcome.cracks) for k, outcome in outcomes.items()})
+                cracks.update(
+                    {first + k: _since(outcome.cracks, plan.lag(first + k)) for k, outcome in outcomes.items()}
+                )
                 ds = dataset_of(
                     plan.varied, members, outcomes, fragments=self._fragments, means=sorted(self._means), **common
                 )
@@ -490,6 +522,13 @@ class Store:
             values = values.rename(fragment="control_fragment") if "fragment" in values.dims else values
             found[f"control_{name}"] = values.assign_attrs(long_name=f"control: {values.attrs.get('long_name', name)}")
         return found
+
+
+def _since(cracks: list[list[float]], lag: float) -> np.ndarray[Any, Any]:
+    """Return broken bonds with their times (s) since the start of the forecast."""
+    rows = np.array(cracks, float).reshape(-1, 4)
+    rows[:, 0] -= lag
+    return rows
 
 
 def join_parts(folder: Path) -> int:

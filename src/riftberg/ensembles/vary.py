@@ -154,9 +154,11 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
         group = group_now(group, key)
     field = find_field(group, key, where=where, settable=settable)
     if isinstance(values, str) and values.startswith("~"):
-        return _drawn(
-            f"{group}.{key}", values[1:], field, lambda part: given(part, settable[group], key, where=where), where
-        )
+
+        def value(part: str) -> Any:  # a place in brackets, as the file has it, or a number with its unit
+            return given(file_value(part, where) if part[:1] == "[" else part, settable[group], key, where=where)
+
+        return _drawn(f"{group}.{key}", values[1:], field, value, where)
     if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
         values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
@@ -382,7 +384,7 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
     for v in drawn:
         assert v.distribution is not None
         if v in turns:
-            columns[v.name] = v.distribution.in_turn(len(share))
+            columns[v.name] = v.distribution.in_turn(len(share), draws.seed)
             continue
         parts = [v.distribution.quantiles(share[:, first + k]) for k in range(v.parts)]
         columns[v.name] = parts[0] if v.parts == 1 else list(zip(*parts, strict=True))
