@@ -9,7 +9,7 @@ import pytest
 
 from riftberg import forecast
 from riftberg.ensembles.starts import SPEED_OF_AGE, read_starts
-from riftberg.ensembles.vary import Draws, members_of, varied_of
+from riftberg.ensembles.vary import Draws, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
@@ -45,7 +45,7 @@ def test_members_take_the_starts_in_turn_with_the_errors_of_each(tmp_path: Path)
 
 def test_a_lagged_member_starts_earlier_and_is_told_by_the_dates_of_the_forecast(file: Path, tmp_path: Path) -> None:
     path = starts(tmp_path, "date,lon,lat\n2020-12-09 12:00,-39,-55\n2020-12-09 03:00,-39.1,-55.1\n")
-    result = forecast(file, starts=path, members=2, default_errors=False, workers=0, every_hours=6)
+    result = forecast(file, {"starts": path}, members=2, default_errors=False, workers=0, every_hours=6)
     assert result["status"].values.tolist() == [0, 0]
     assert str(result["init"].values)[:16] == "2020-12-09T12:00"
     assert result["time"].values[-1] - result["time"].values[0] == np.timedelta64(12, "h")
@@ -72,7 +72,7 @@ def test_starts_after_the_forecast_or_long_before_are_refused(file: Path, tmp_pa
     ):
         path = starts(tmp_path, f"date\n{date}\n")
         with pytest.raises(InputError, match=words):
-            forecast(file, starts=path, members=2, default_errors=False, workers=0)
+            forecast(file, {"starts": path}, members=2, default_errors=False, workers=0)
 
 
 def test_observed_outlines_are_starts(file: Path, tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_observed_outlines_are_starts(file: Path, tmp_path: Path) -> None:
         YAML.replace("rectangle: {length: 9 km, width: 6 km}, placement: [-39, -55]", "outline: {file: small.geojson}")
     )
     path = starts(tmp_path, "outline\nsmall.geojson\nlarge.geojson\n")
-    result = forecast(file, starts=path, members=3, default_errors=False, workers=0, every_hours=6)
+    result = forecast(file, {"starts": path}, members=3, default_errors=False, workers=0, every_hours=6)
     area = np.unique(result["fragment_area"].isel(fragment=0).values)
     assert area.size == 2
     assert area[1] / area[0] == pytest.approx(4.0, rel=0.1)
@@ -105,3 +105,12 @@ def test_observed_outlines_are_starts(file: Path, tmp_path: Path) -> None:
 def test_a_table_that_cannot_be_read_is_refused(text: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=words):
         read_starts(starts(tmp_path, text))
+
+
+def test_a_table_of_starts_is_named_among_what_is_varied(file: Path, tmp_path: Path) -> None:
+    path = starts(tmp_path, "lon,lat\n-39,-55\n-38.5,-55.5\n")
+    found = {"berg.placement": "~each([-39, -55], [-38.5, -55.5])"}
+    assert vary_with_file(file, [f"starts={path}"]) == found
+    assert vary_with_file(file, {"starts": path}) == found
+    file.write_text(YAML + "vary: {starts: starts.csv}\n")  # beside the file
+    assert vary_with_file(file, ["start.turn~normal(0, 5)"]) == {**found, "start.turn": "~normal(0, 5)"}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,6 +27,9 @@ from riftberg.cli.options import (
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 RESULTS = ("forecast.nc", "sweep.json", "forecast.png")
 """Files that a forecast writes into its folder, beside the folder ``members``."""
@@ -75,11 +79,6 @@ def forecast(
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw forecast.png.")] = True,
     quiet: Quiet = False,
     large: Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")] = False,
-    starts: Annotated[
-        Path | None,
-        typer.Option("--starts", metavar="FILE.csv",
-                     help="Several starts that the members take in turn: date, lon, lat, error_km, age_hours, outline."),
-    ] = None,
 ) -> None:  # fmt: skip
     """Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs."""
     from riftberg.cli.sweep import resumed
@@ -96,7 +95,7 @@ def forecast(
             kept = {
                 "--vary": vary, "--plan": plan, "--seed": seed, "--output": output, "--set": settings, "--days": days,
                 "--data": data, "--without": without, "--numerics": numerics, "--every": every,
-                "--no-default-errors": None if default_errors else True, "--starts": starts,
+                "--no-default-errors": None if default_errors else True,
             }  # fmt: skip
             store = resumed(resume, experiment, members, kept, "forecast")
         elif experiment is None:
@@ -106,13 +105,15 @@ def forecast(
         else:
             options = make_options(settings, days, data, without, numerics)
             draws = draws_of({"members": members, "plan": plan, "seed": seed})
-            made = forecast_plan(experiment, vary or [], options, every, draws, defaults=default_errors, starts=starts)
+            made = forecast_plan(experiment, vary or [], options, every, draws, defaults=default_errors)
             folder = output_folder(output, f"{Path(experiment).stem}-forecast", "sweep.json")
             check_folder(folder, RESULTS)
             store = Store(folder, made, resume=False)
         if not quiet:
             if default_errors:
                 say(errors_line(store.plan.named, store.plan.options.data))
+            if map_:
+                store.look = partial(first_picture, path=store.folder / "forecast.png")
             for v in store.plan.varied:
                 if v.distribution is not None and v.distribution.cut_off >= 5e-5:
                     say(f"  {v.told()}")
@@ -139,3 +140,13 @@ def forecast(
         for line in told(result):
             typer.echo(line)
         typer.echo(f"Written to {store.folder}: {', '.join(files)}")
+
+
+def first_picture(result: xr.Dataset, path: Path) -> None:
+    """Draw the members that are done while others still run."""
+    if "presence" in result:
+        from riftberg.ensembles.probability import notes
+        from riftberg.viz.forecast import draw_forecast
+
+        draw_forecast(result, path, notes=notes(result))
+        say(f"{path}: a first picture, of {int((result['status'] == 0).sum())} members")

@@ -137,7 +137,7 @@ def _new(
 ) -> Store:  # fmt: skip
     """Return a sweep at its start, checked."""
     from riftberg.ensembles.sweep import Store, planned
-    from riftberg.ensembles.vary import Draws, read_design, vary_with_file
+    from riftberg.ensembles.vary import Draws, read_design
 
     if experiment is None:
         raise InputError(
@@ -151,7 +151,7 @@ def _new(
             where="--design",
             remedy="Leave --vary, --members, --plan and --seed out",
         )
-    what = vary_with_file(experiment, vary or []) if design is None else read_design(design)
+    what = (vary or []) if design is None else read_design(design)
     plan = planned(experiment, what, options, every, cells, draws, design=design is not None)
     folder = output_folder(output, f"{Path(experiment).stem}-sweep", "sweep.json")
     check_folder(folder, RESULTS)

@@ -9,7 +9,6 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
-from riftberg.ensembles.starts import read_starts
 from riftberg.ensembles.sweep import Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
 from riftberg.ensembles.vary import Draws, varied_of, vary_with_file
 from riftberg.errors import ForcingError, InputError
@@ -104,12 +103,10 @@ def errors_line(experiment: object, data: Path | None = None) -> str:
 
 def forecast_plan(
     experiment: str | Path | Maker, vary: Mapping[str, Any] | Iterable[str], options: Options, every_hours: float | None,
-    draws: Draws, *, defaults: bool = True, cells: float | None = None, starts: str | Path | None = None,
+    draws: Draws, *, defaults: bool = True, cells: float | None = None,
 ) -> Plan:  # fmt: skip
     """Return the plan of a forecast."""
     merged = forecast_errors(experiment, vary, defaults=defaults, data=options.data)
-    if starts is not None:
-        merged |= read_starts(starts)
     drawn = Draws(draws.number or MEMBERS, draws.plan, draws.seed)
     return planned(experiment, merged, options, every_hours, cells, drawn, forecast=True)
 
@@ -137,7 +134,6 @@ def forecast(
     resume: bool = False,
     progress: bool = False,
     default_errors: bool = True,
-    starts: str | Path | None = None,
     **options: Unpack[SweepOptions],
 ) -> xr.Dataset:
     """Run an experiment as an ensemble with errors of ocean, air, floor, start and ice, and return probabilities.
@@ -152,8 +148,6 @@ def forecast(
         As for `riftberg.sweep`.
     default_errors : bool, optional
         Take the errors that a forecast has by itself.
-    starts : path, optional
-        Table of several starts that the members take in turn: `riftberg.ensembles.starts.read_starts`.
     **options
         As for `riftberg.sweep`; ``members`` is 200 by default.
 
@@ -173,7 +167,7 @@ def forecast(
         raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     plan = forecast_plan(
         experiment, vary, common_options(days, options), every, draws_of(options), defaults=default_errors,
-        cells=options.get("cells"), starts=starts,
+        cells=options.get("cells"),
     )  # fmt: skip
     with TemporaryDirectory(prefix="riftberg-forecast-") if output is None else nullcontext(output) as folder:
         store = Store(Path(folder).absolute(), plan, resume=resume)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime, timedelta
@@ -17,7 +17,7 @@ import xarray as xr
 
 from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
-from riftberg.ensembles.cluster import computed, connected
+from riftberg.ensembles.cluster import computed, connected, cores
 from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
@@ -51,6 +51,9 @@ WEIGHTS: Final = "weights.json"
 BLOCK: Final = 250
 """Members that are in memory at once while the result is written."""
 
+FIRST_LOOK: Final = 20
+"""Runs after which a first result is written while the others go on; then whenever they have doubled."""
+
 CONTROL: Final = -1
 """Number of the run of a forecast in which nothing is varied."""
 
@@ -68,8 +71,8 @@ USUAL_HOURS: Final = 6.0
 class WorkerOptions(TypedDict, total=False):
     """Where the members of a sweep run."""
 
-    scheduler: Any  # Address of a dask scheduler, or a client; by default a cluster of this machine is started
-    # Processes of that cluster, one for each core by default; 0 runs one member after the other in this process
+    scheduler: Any  # Address of a dask scheduler, or a client of it, whose workers run the members
+    # Processes of this machine, one for each core by default; 0 runs one member after the other in this process
     workers: int | None
     save_seconds: float  # Wall time between two saved states of a member, s; 60 by default
 
@@ -153,9 +156,7 @@ def sweep(
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
     cells = options.get("cells")
-    plan = planned(
-        experiment, vary_with_file(experiment, vary), common_options(days, options), every, cells, draws_of(options)
-    )
+    plan = planned(experiment, vary, common_options(days, options), every, cells, draws_of(options))
     if cells is not None and output is None:
         raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
@@ -265,7 +266,7 @@ def planned(
     if design:
         varied, members = designed(vary)
     else:
-        varied = varied_of(vary, free=callable(experiment))
+        varied = varied_of(vary_with_file(experiment, vary), free=callable(experiment))
         members = members_of(varied, draws)
     length = options.days
     if isinstance(named, str):
@@ -380,6 +381,7 @@ class Store:
         # Each part takes every n-th member, so that parts take equally long where the time depends on what is varied.
         self.own = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
         self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
+        self.look: Callable[[xr.Dataset], None] | None = None  # What is done with the result of the first members
         self.done: dict[int, str] = {}  # Status of the members that are done; what they came to is in their files
         self._fragments, self._means = 0, set[str]()  # What the result has room for
         # Through JSON, as the plan that is read back: a tuple would differ from the list that it became.
@@ -592,11 +594,14 @@ def run_sweep(
     numbers = store.waiting()
     jobs = [store.plan.job(k, store.members, save_seconds) for k in numbers]
     _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))
-    # Without a job no cluster is started, which takes seconds.
-    alone = (workers == 0 and scheduler is None) or not jobs
-    with held() as hold, nullcontext() if alone else connected(scheduler, workers) as client, store.taken():
+    processes = min(cores() if workers is None else workers, len(jobs))
+    with (
+        held() as hold,
+        connected(scheduler) if scheduler is not None and jobs else nullcontext() as client,
+        store.taken(),
+    ):
         try:
-            _collect(store, jobs, client, hold, bar)
+            _collect(store, computed(jobs, client, processes, hold), hold, bar)
         finally:  # what is done is kept, also after Ctrl-C
             (store.members / STOP).unlink(missing_ok=True)
             store.write()
@@ -605,15 +610,33 @@ def run_sweep(
     return open_sweep(store.file, tracks=False)
 
 
-def _collect(store: Store, jobs: list[Job], client: Any, hold: Hold, bar: SweepBar | None) -> None:
+def _collect(store: Store, outcomes: Iterator[Outcome], hold: Hold, bar: SweepBar | None) -> None:
     if bar is not None:
         bar.show(store.done)
     # A signal asks the members to stop; the loop goes on until all of them have saved their states.
     hold.then(store.stop)
-    for outcome in computed(jobs, client, hold):
+    due = max(FIRST_LOOK, 2 * len(store.done))
+    for outcome in outcomes:
         if outcome.status == "stopped":
             continue
         store.keep(outcome)
         _LOG.info("member %d %s %s", outcome.number, outcome.status, outcome.message)
         if bar is not None:
             bar.show(store.done)
+        if store.look is not None and len(store.done) >= due and len(store.done) < len(store.numbers):
+            due = 2 * len(store.done)
+            _look(store)
+
+
+def _look(store: Store) -> None:
+    """Write the result of the members that are done, and show it; whatever goes wrong is left to the end."""
+    try:
+        store.write()
+        known = open_sweep(store.file, tracks=False)
+        try:
+            assert store.look is not None
+            store.look(known)
+        finally:
+            known.close()
+    except Exception as error:  # the members go on
+        _LOG.warning("no first result: %s", error)
