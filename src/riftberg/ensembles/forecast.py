@@ -40,7 +40,9 @@ DEFAULTS: Final = (
     DefaultError("start 3 km", (
         "start.east~normal(0 km, 3 km)", "start.north~normal(0 km, 3 km)",
     ), "a round number; scatterometer fixes of A68A lie 8 km (east) and 5 km (north) off its outlines"),
-    DefaultError("strength 30 %", ("start.strength~lognormal(1, 30 %)",), "a round number; ice of five bergs and glaciers differs (Gagnon and Gammon 1995)"),
+    DefaultError("strength 30 %", (
+        "start.strength~lognormal(1, 30 %)",
+    ), "a round number; ice of four bergs and a glacier differs in its mean (Gagnon and Gammon 1995)"),
 )  # fmt: skip
 """Errors of a forecast. None of them was fitted; most are round numbers to start from."""
 
