@@ -54,7 +54,7 @@ def stated_error(path: str) -> SizeField:
         pair = [name for way in (_EAST, _NORTH) if (name := _error_variable(ds, way))]
         if len(pair) < 2:
             raise ForcingError("states no error of its current", where=path, remedy=remedy)
-        square = 0.0
+        square: Any = 0.0
         for name in pair:
             field = ds[name]
             axes = {role: dim for dim in field.dims if dim in ds.variables and (role := role_of(dim, ds[dim].variable))}
@@ -66,7 +66,7 @@ def stated_error(path: str) -> SizeField:
             factor = to_unit(f"1 {units_of(field) or 'm s-1'}", "m s-1")
             field = field.transpose(..., axes["lat"], axes["lon"])
             values = (factor * field.astype(float)) ** 2
-            square = square + 0.5 * (values.mean(axes["time"]) if "time" in axes and values.ndim > 2 else values)
+            square = square + 0.5 * (values.mean([axes["time"]]) if "time" in axes and values.ndim > 2 else values)
         lon, lat = (np.asarray(ds[axes[role]].values, float) for role in ("lon", "lat"))
         size = np.sqrt(np.asarray(square))
     if not np.isfinite(size).any():
@@ -195,7 +195,8 @@ def _time(apart: Sequence[Floats], seconds: Floats) -> float:
 def _correlations(values: Floats, axis: int) -> list[tuple[int, float, int]]:
     """Return lag, correlation and number of pairs along an axis, as far as the correlation stays above `LEAST`."""
     values = np.moveaxis(values, axis, -1)
-    variance, rows = float(np.nanmean(values**2)), []
+    rows: list[tuple[int, float, int]] = []
+    variance = float(np.nanmean(values**2))
     for lag in range(1, values.shape[-1] // 2 + 1):
         products = values[..., :-lag] * values[..., lag:]
         correlation = float(np.nanmean(products)) / variance
@@ -205,7 +206,7 @@ def _correlations(values: Floats, axis: int) -> list[tuple[int, float, int]]:
     return rows
 
 
-def _fitted(curve: Any, r: Sequence[float], rho: Sequence[float], pairs: Sequence[int], *, start: float) -> float:
+def _fitted(curve: Any, r: Sequence[float], rho: Sequence[float], pairs: Sequence[float], *, start: float) -> float:
     from scipy.optimize import curve_fit
 
     (scale,), _ = curve_fit(

@@ -481,9 +481,7 @@ class Store:
                 cracks.update(
                     {first + k: _since(outcome.cracks, plan.lag(first + k)) for k, outcome in outcomes.items()}
                 )
-                ds = dataset_of(
-                    plan.varied, members, outcomes, fragments=self._fragments, means=sorted(self._means), **common
-                )
+                ds = dataset_of(plan.varied, members, outcomes, room=(self._fragments, sorted(self._means)), **common)
                 numbers = np.arange(first, first + len(members))
                 yield ds.assign_coords(member=("member", numbers, ds["member"].attrs))
 
