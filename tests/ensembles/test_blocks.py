@@ -17,6 +17,7 @@ from riftberg.ensembles.forecast import forecast_plan
 from riftberg.ensembles.sweep import CONTROL, Store
 from riftberg.ensembles.vary import Draws
 from riftberg.experiments.registry import Options
+from riftberg.runs import progress
 
 from .made import outcome
 
@@ -60,6 +61,31 @@ def test_blocks_make_the_same_file_as_one_piece(tmp_path: Path, monkeypatch: pyt
     assert lazy["p_broken"].variable._in_memory
     xr.testing.assert_identical(lazy.load(), few)
     lazy.close()
+
+
+def test_a_first_result_is_shown_while_others_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "FIRST_LOOK", 2)
+    store = Store(tmp_path / "it", forecast_plan(drifting, (), Options(days=0.1), 2.4, Draws(6)), resume=False)
+    seen = []
+
+    def look(result: xr.Dataset) -> None:
+        seen.append((int((result["status"] == 0).sum()), float(result["p_broken"].values[-1])))
+        if len(seen) == 2:
+            raise ValueError("a picture that fails stops no member")
+
+    store.look = look
+    result = module.run_sweep(store, workers=0)
+    assert seen == [(1, 0.0), (3, 0.0)]  # the control is one of the runs that are done
+    assert result["status"].values.tolist() == [0] * 6
+
+
+def test_progress_says_how_long_it_takes(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    times = iter([0.0, 0.0, 60.0, 60.0, 400.0, 400.0])
+    monkeypatch.setattr(progress.clock, "monotonic", lambda: next(times, 400.0))
+    bar = progress.SweepBar(20)
+    for done in (5, 10, 20):
+        bar.show(dict.fromkeys(range(done), "done"))
+    assert "10 of 20 members, 2 min left" in capsys.readouterr().err
 
 
 @pytest.mark.slow

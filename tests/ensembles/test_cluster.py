@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ import xarray as xr
 from distributed import Client, LocalCluster
 
 from riftberg import Iceberg, Model, Parameters, Steady, sweep
-from riftberg.ensembles.cluster import connected
+from riftberg.ensembles.cluster import LOST_TIMES, _packed, pooled
 from riftberg.errors import InputError
 from riftberg.system.netcdf_lock import open_lazily, write_dataset
+from riftberg.system.process import Hold
 
 ALONE = {"threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
 """Settings of a cluster within this process."""
@@ -68,14 +70,12 @@ def test_a_client_that_is_not_the_default_is_used_and_left_as_it_was() -> None:
         assert client.status == "running"
 
 
-@pytest.mark.parametrize("how", ["cluster", "address"])
-def test_the_default_client_of_a_program_stays_its_default(how: str) -> None:
+def test_the_default_client_of_a_program_stays_its_default() -> None:
     with (
         LocalCluster(n_workers=1, **ALONE) as cluster,
         Client(cluster) as mine,
     ):
-        options = {"workers": 1} if how == "cluster" else {"scheduler": cluster.scheduler_address}
-        result = sweep(drifting, {"speed": [0.1]}, days="1 h", every_hours=1, **options)
+        result = sweep(drifting, {"speed": [0.1]}, days="1 h", every_hours=1, scheduler=cluster.scheduler_address)
         assert result["status"].values.tolist() == [0]
         assert Client.current() is mine
 
@@ -104,26 +104,54 @@ def test_an_unlimited_dimension_and_an_encoding_are_written(tmp_path: Path) -> N
         np.testing.assert_array_equal(back["thickness"], ds["thickness"])
 
 
-def _told() -> tuple[bool, str, int]:
-    """Tell of a worker whether it is deaf to interrupts, and by what it computes."""
-    return signal.getsignal(signal.SIGINT) is signal.SIG_IGN, str(dask.config.get("scheduler", None)), os.getpid()
+def _told(folder: str) -> tuple[bool, str, str, int]:
+    """Tell of a worker whether it is deaf to interrupts and by what it computes; the first one is killed."""
+    first = Path(folder) / "first"
+    if not first.exists():
+        first.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    deaf = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    return deaf, str(dask.config.get("scheduler", None)), os.environ["NUMBA_NUM_THREADS"], os.getpid()
 
 
-def test_workers_are_deaf_to_interrupts_also_those_in_the_place_of_lost_ones() -> None:
+def test_workers_are_deaf_to_interrupts_also_those_in_the_place_of_lost_ones(tmp_path: Path) -> None:
     """A worker that took the place of a lost one died of Ctrl-C, with its member."""
-    with connected(workers=1) as client:
-        deaf, computes_by, lost = client.submit(_told, pure=False).result()
-        assert deaf
-        assert computes_by == "synchronous"
-        os.kill(lost, signal.SIGKILL)
-        deaf, computes_by, number = client.submit(_told, pure=False).result(timeout=60)
-        while number == lost:  # told before the loss was noticed
-            deaf, computes_by, number = client.submit(_told, pure=False).result(timeout=60)
-        assert deaf
-        assert computes_by == "synchronous"
+    before = dict(os.environ)
+    found = [future.result() for future, _ in pooled(_told, [str(tmp_path)] * 3, 2, Hold())]
+    assert len(found) == 3
+    assert {row[:3] for row in found} == {(True, "synchronous", "1")}
+    assert os.getpid() not in {row[3] for row in found}
+    assert dict(os.environ) == before
 
 
-def test_two_sweeps_at_once_do_not_quarrel_about_a_port() -> None:
-    """Each asked for port 8787, and the second one warned that it was taken; warnings are errors here."""
-    with connected(workers=1) as one, connected(workers=1) as two:
-        assert one.submit(abs, -1).result() == two.submit(abs, -1).result() == 1
+def _ends(job: int) -> int:
+    """Return a number, or end the process."""
+    if job == 1:
+        os._exit(3)
+    return job
+
+
+def test_a_job_that_ends_its_process_again_and_again_has_failed_and_the_others_are_done() -> None:
+    ended = {job: future.exception() for future, job in pooled(_ends, [0, 1, 2, 3], 2, Hold())}
+    assert sorted(ended) == [0, 1, 2, 3]
+    assert type(ended[1]).__name__ == "BrokenProcessPool"
+    assert [ended[k] for k in (0, 2, 3)] == [None] * 3
+    assert LOST_TIMES == 3
+
+
+def test_nothing_begins_after_a_signal() -> None:
+    hold = Hold()
+    coming = pooled(abs, [-1, -2, -3, -4], 1, hold)
+    assert next(coming)[0].result() == 1
+    hold.requested = signal.SIGINT
+    assert len(list(coming)) <= 1  # what was under way
+
+
+def test_a_function_that_cannot_travel_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    def local(job: int) -> int:
+        return job
+
+    assert _packed(local, 1)  # by cloudpickle, which is beside dask
+    monkeypatch.setitem(sys.modules, "cloudpickle", None)
+    with pytest.raises(InputError, match="cannot be sent to other processes"):
+        _packed(local, 1)

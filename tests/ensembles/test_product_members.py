@@ -74,8 +74,11 @@ def test_members_of_a_forecast_take_those_of_the_product_in_turn(file: Path) -> 
     assert "current 0.1" not in line  # their spread is the error of the current
     result = forecast(file, ["wind_error.speed=0"], members=5, workers=0, every_hours=6)
     assert result["status"].values.tolist() == [0] * 5
-    assert result["forcing_member"].values.tolist() == [0, 1, 2, 0, 1]
+    taken = result["forcing_member"].values.astype(int).tolist()
+    assert sorted(taken[:3]) == [0, 1, 2]
+    assert len(set(taken[3:])) == 2
     way = (result["lon"].isel(fragment=0, time=-1) - result["lon"].isel(fragment=0, time=0)).values
+    way = way[[taken.index(k) for k in range(3)]]
     assert way[1] - way[0] == pytest.approx(way[2] - way[1], rel=0.1)
     assert way[2] > way[1] > way[0] > 0.0
     control = result["control_lon"].isel(control_fragment=0).values

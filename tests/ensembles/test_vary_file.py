@@ -208,10 +208,22 @@ def test_what_is_wrong_under_vary_is_told_with_its_line(line: str, words: str, t
         sweep(path, members=2, workers=0)
 
 
+def test_what_is_taken_in_turn_does_not_go_with_what_is_drawn() -> None:
+    """By the number of the member alone, all even members had the lower half of every Sobol' number."""
+    members = members_of(varied_of(["forcing.eddy.speed~each(0.1, 0.2)", "start.east~normal(0 km, 1 km)"]), Draws(256))
+    east = np.array([m["start.east"] for m in members])
+    first = np.array([m["forcing.eddy.speed"] for m in members]) == 0.1
+    assert first.sum() == 128
+    assert abs(east[first].mean() - east[~first].mean()) < 300.0
+    assert east[first].std() > 800.0
+
+
 def test_values_are_taken_in_turn() -> None:
     vary = varied_of(["forcing.eddy.speed~each(0.1, 0.2, 0.3)", "start.thickness~lognormal(1, 15 %)"])
     members = members_of(vary, Draws(7))
-    assert [m["forcing.eddy.speed"] for m in members] == [0.1, 0.2, 0.3, 0.1, 0.2, 0.3, 0.1]
+    speeds = [m["forcing.eddy.speed"] for m in members]
+    assert sorted(speeds[:3]) == sorted(speeds[3:6]) == [0.1, 0.2, 0.3]
+    assert [m["forcing.eddy.speed"] for m in members_of(vary, Draws(4))] == speeds[:4]  # the same where more are added
     alone = members_of(varied_of("start.thickness~lognormal(1, 15 %)"), Draws(7))
     assert [m["start.thickness"] for m in members] == [m["start.thickness"] for m in alone]
     assert "each of 0.1, 0.2, 0.3 in turn" in vary[0].told()

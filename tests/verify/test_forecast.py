@@ -18,6 +18,7 @@ from riftberg.ensembles.result import write_sweep
 from riftberg.errors import InputError
 from riftberg.verification.forecast import report, verified
 from riftberg.verification.sphere import moved
+from riftberg.verification.tracks import Case, Start, dressed_without
 
 START = datetime(2020, 12, 9, 13)
 SPEED = 12.0  # km a day, eastward
@@ -233,3 +234,56 @@ def test_bad_input_is_one_clear_sentence(words, message: str, tmp_path: Path, mo
 def test_one_member_is_no_ensemble(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="1 members are done"):
         verified(ensemble(1, members=1), read_observed(observe(tmp_path / "seen.csv", 1)))
+
+
+def with_cones(ds: xr.Dataset, sigma: float) -> xr.Dataset:
+    """Return an ensemble with ellipses around the mean track: so many km a day long, half as wide, across the motion."""
+    days = (ds["time"].values - ds["time"].values[0]) / np.timedelta64(1, "D")
+    factor = np.sqrt(-2.0 * np.log(1.0 - np.array([0.5, 0.9])))[:, None]
+    lon, lat = moved(-40.0, -56.0, SPEED * days, 0.0 * days)
+    return ds.assign_coords(cone=[0.5, 0.9]).assign(
+        cone_lon=("time", lon), cone_lat=("time", lat), cone_azimuth=("time", np.zeros(days.size)),
+        cone_major=(("cone", "time"), factor * 1e3 * sigma * days), cone_minor=(("cone", "time"), factor * 500.0 * sigma * days),
+    )  # fmt: skip
+
+
+def test_coverage_of_the_forecast_s_own_ellipses(tmp_path: Path) -> None:
+    """What was seen 20 km north of the middle is 2 sigma away after two days where the ellipse points north."""
+    path = tmp_path / "seen.csv"
+    for axis, inside in (((0.0, 20.0), True), ((20.0, 0.0), False)):
+        lon, lat = moved(-40.0, -56.0, np.array(2 * SPEED + axis[0]), np.array(axis[1]))
+        path.write_text(f"date,lon,lat\n2020-12-11T13:00,{float(lon)},{float(lat)}\n")
+        found = verified(with_cones(ensemble(1), 5.0), read_observed(path))
+        offset, covariance = found.own[2][0]
+        assert offset == pytest.approx(axis, abs=0.2)
+        assert np.diag(covariance) == pytest.approx([25.0, 100.0], rel=1e-6)
+        row = report([found], 0.0)["with_error"][0]
+        assert row["own_50%"] == 0.0
+        assert row["own_90%"] == float(inside)  # 2 sigma; the ellipse of 90 % ends at 2.15
+    # An error of the observation widens them.
+    assert report([found], 20.0)["with_error"][0]["own_90%"] == 1.0
+    assert report([found], 20.0)["without_error"][0]["own_90%"] == 0.0
+
+
+def test_unequal_weights_count_by_their_effective_number(tmp_path: Path) -> None:
+    """With the weight on four of thirty members, intervals were those of thirty."""
+    weight = np.where(np.arange(30) < 4, 1.0, 1e-6)
+    ds = ensemble(1).assign_coords(weight=("member", weight))
+    found = verified(ds, read_observed(observe(tmp_path / "seen.csv", 1)), broken=START + timedelta(days=3))
+    assert len(found.points[3][0].members) == 4
+    equal = verified(ensemble(1), read_observed(tmp_path / "seen.csv"), broken=START + timedelta(days=3))
+    few, many = (np.diff(report([f], 0.0)["forecasts"][0]["broken"][4]["interval"])[0] for f in (found, equal))
+    assert few > 1.5 * many
+
+
+def test_the_family_of_the_berg_trains_no_baseline() -> None:
+    def case(berg: str, east: float) -> Case:
+        before = {START - timedelta(days=3): (-40.0, -56.0)}
+        lon, lat = moved(-40.0, -56.0, np.array(east), np.array(0.0))
+        return Case(Start(berg, START, -40.5, -56.0, before), {1: (float(lon), float(lat))})
+
+    cases = [case("A68A", 500.0), case("A68", 500.0), case("A68D", 500.0), case("B22A", 10.0)]
+    for name in ("A68a", "A-68D", "A68"):
+        errors = dressed_without(cases, name)["staying put"].errors[1]
+        assert len(errors) == 1
+    assert len(dressed_without(cases, "B22A")["staying put"].errors[1]) == 3

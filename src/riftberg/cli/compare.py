@@ -114,7 +114,7 @@ def opened(run: Path) -> xr.Dataset:
         count = sweep.sizes["member"]
         raise InputError(f"no member {member[1]}", where=str(run), remedy=f"It has {count}, counted from 0")
     one = sweep.sel(member=member[1])
-    if "start" in sweep.coords:  # times are those of member 0
+    if "start" in sweep.coords and "comment" in sweep["time"].attrs:  # times are those of member 0
         one["time"] = one["time"] + (
             np.datetime64(str(one["start"].item())) - np.datetime64(str(sweep["start"].values[0]))
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,6 +35,8 @@ from riftberg.errors import RunError
 from riftberg.system.limits import allow_large
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from riftberg.ensembles.sweep import Plan
 
 RESULTS = ("forecast.nc", "sweep.json", "forecast.png")
@@ -93,6 +96,8 @@ def forecast(
         if not quiet:
             if default_errors:
                 say(errors_line(store.plan.named, store.plan.options.data))
+            if map_:
+                store.look = partial(first_picture, path=store.folder / "forecast.png")
             for v in store.plan.varied:
                 if v.distribution is not None and v.distribution.cut_off >= 5e-5:
                     say(f"  {v.told()}")
@@ -110,3 +115,13 @@ def forecast(
         for line in told(result):
             typer.echo(line)
         typer.echo(f"Written to {store.folder}: {', '.join(files)}")
+
+
+def first_picture(result: xr.Dataset, path: Path) -> None:
+    """Draw the members that are done while others still run."""
+    if "presence" in result:
+        from riftberg.ensembles.probability import notes
+        from riftberg.viz.forecast import draw_forecast
+
+        draw_forecast(result, path, notes=notes(result))
+        say(f"{path}: a first picture, of {int((result['status'] == 0).sum())} members")

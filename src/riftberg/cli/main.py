@@ -27,6 +27,7 @@ SUMMARIES: Final = {
     "update": "Weight the members of a forecast by new sightings; where too few of them count, run new ones around these.",
     "sensitivity": "Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift.",
     "hazard": "Write limits of ice, positions with error radius and probabilities of a forecast as GeoJSON, KML, netCDF and CSV.",
+    "product-errors": "Estimate the error of the current by the differences of two products: size, length, time.",
     "experiments": "List the built-in experiments.",
     "kid": "Run a KID or iKID case from its namelist; write trajectory, restart and bond files.",
     "bench": "Measure seconds per simulated day, compilation and memory, relative to a reference workload.",

@@ -93,7 +93,7 @@ def sweep(
 ) -> None:  # fmt: skip
     """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""
     from riftberg.ensembles.sweep import draws_of, join_parts, planned
-    from riftberg.ensembles.vary import Draws, read_design, vary_with_file
+    from riftberg.ensembles.vary import Draws, read_design
 
     with allow_large(large):
         positive(every, "--every", "hours", most=1e6)
@@ -123,7 +123,7 @@ def sweep(
                     "a design says itself what varies", where="--design",
                     remedy="Leave --vary, --members, --plan and --seed out",
                 )  # fmt: skip
-            what = vary_with_file(experiment, vary or []) if design is None else read_design(design)
+            what = (vary or []) if design is None else read_design(design)
             return planned(experiment, what, options, every, cells, draws, design=design is not None)
 
         store = opened("sweep", experiment, make, output, RESULTS, resume, members, kept, _part(part))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +13,7 @@ import typer
 from riftberg.cli.options import check_folder, results_folder, within
 from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
+from riftberg.verification.positions import USUAL_ERROR
 
 FILES = ("verification.json", "verification.png")
 """Files that the command writes."""
@@ -36,7 +39,7 @@ def verify(
     ] = None,
     error: Annotated[
         float, typer.Option("--error", help="Error of an observed position along each axis, km (standard deviation).")
-    ] = 6.0,
+    ] = USUAL_ERROR,
     hour: Annotated[
         float | None, typer.Option("--hour", help="Hour (UTC) of days without a time.  [default: of the start]")
     ] = None,
@@ -68,7 +71,7 @@ def verify(
     names = FILES if figure else FILES[:1]
     check_folder(folder, names)
     seen_broken, seen_whole = _dates(broken, "--broken", count), _dates(whole_until, "--whole-until", count)
-    dressed = {} if tracks is None else _dressed(tracks)
+    dressed = None if tracks is None else _dressed(tracks)
     forecasts = [
         verified(
             open_sweep(pairs[2 * k]), read_observed(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
@@ -100,12 +103,11 @@ def _dates(texts: list[str] | None, option: str, count: int) -> list[datetime | 
     return [None if text == "never" else parse_date(text, where=option)[0] for text in texts]
 
 
-def _dressed(tracks: Path) -> dict[str, Any]:
-    """Return the baselines with their errors on training bergs."""
-    from riftberg.verification.tracks import BASELINES, LEADS, Dressed, read_cases
+def _dressed(tracks: Path) -> Callable[[str], dict[str, Any]]:
+    """Return what gives the baselines with their errors on training bergs, for the name of the berg that is verified."""
+    from riftberg.verification.tracks import LEADS, dressed_without, read_cases
 
-    training = [case for case in read_cases(tracks, sorted({*LEADS, 10, 14})) if not case.held_out]
-    return {name: Dressed(model, training) for name, model in BASELINES.items()}
+    return partial(dressed_without, read_cases(tracks, sorted({*LEADS, 10, 14})))
 
 
 def _show(result: dict[str, Any]) -> None:
@@ -121,7 +123,8 @@ def _show(result: dict[str, Any]) -> None:
             f"{one['berg']}, start {one['start'][:16].replace('T', ' ')}: {one['members']} members{failed}; axes: {one['axes']}"
         )
     table = Table(title=f"Positions, km; error of the observation {result['error_km']:g} km added, without in brackets")
-    for name in ("days", "seen", "error of mean", "CRPS along", "across", "energy score", "in 50 %", "in 90 %", "spread / error",
+    for name in ("days", "seen", "error of mean", "CRPS along", "across", "energy score", "in 50 %", "in 90 %",
+                 "own 50 %", "own 90 %", "spread / error",
                  *(name for name in result["baselines"])):  # fmt: skip
         table.add_column(name, justify="right")
     keys = (
@@ -131,12 +134,14 @@ def _show(result: dict[str, Any]) -> None:
         "energy_km",
         "inside_50%",
         "inside_90%",
+        "own_50%",
+        "own_90%",
         "spread_over_error",
     )
     for row, bare in zip(result["with_error"], result["without_error"], strict=True):
         cells = []
         for key in keys:
-            form = ".0%" if "inside" in key else ".2f" if "over" in key else ".1f"
+            form = ".0%" if key.endswith("%") else ".2f" if "over" in key else ".1f"
             cells.append("" if key not in row else f"{row[key]:{form}} ({bare[key]:{form}})")
         others = []
         for rows in result["baselines"].values():

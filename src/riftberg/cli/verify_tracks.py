@@ -11,6 +11,7 @@ from riftberg.cli.options import results_folder, within
 from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
+from riftberg.verification.positions import USUAL_ERROR
 
 if TYPE_CHECKING:
     from riftberg.verification.tracks import Case, DriftModel
@@ -39,7 +40,7 @@ def verify_tracks(
     ] = None,
     error: Annotated[
         float, typer.Option("--error", help="Error of an observed position along each axis, km (standard deviation).")
-    ] = 6.0,
+    ] = USUAL_ERROR,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for cases.csv and tracks.json.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the tables.")] = False,
 ) -> None:  # fmt: skip

@@ -1,13 +1,18 @@
-"""Where the members of a sweep are computed: in this process, on a cluster of this machine, or on a scheduler's workers."""
+"""Where the members of a sweep are computed: in this process, in several of this machine, or by the workers of a scheduler."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
-from collections.abc import Iterator, Sequence
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, Final
 
 from riftberg.ensembles.member import Job, Outcome, run_member
 from riftberg.errors import InputError
@@ -26,52 +31,19 @@ def cores() -> int:
 
 
 @contextmanager
-def connected(scheduler: Any = None, workers: int | None = None) -> Iterator[Any]:
-    """Give a client of dask.distributed; a cluster of this machine is started and closed here."""
+def connected(scheduler: Any) -> Iterator[Any]:
+    """Give a client of dask.distributed for the address of a scheduler; a client itself is given as it is."""
     try:
-        import dask
         import distributed
     except ImportError as error:
         raise InputError(
-            "a sweep on several workers needs dask.distributed", where="sweep",
-            remedy="Install it: pip install 'riftberg[sweep]'; or give --workers 0",
+            "a scheduler of dask needs dask.distributed", where="sweep",
+            remedy="Install it: pip install 'riftberg[sweep]'; or leave --scheduler out, and give --workers",
         ) from error  # fmt: skip
     if isinstance(scheduler, distributed.Client):
         yield scheduler
         return
-    if scheduler is not None:
-        with _reached(distributed, str(scheduler)) as client:
-            yield client
-        return
-    # A process that is being spawned reads the script anew; without the guard each would start a cluster.
-    if getattr(multiprocessing.current_process(), "_inheriting", False):
-        raise InputError(
-            "a worker read the script that starts the sweep, and would start another", where="sweep",
-            remedy='Put the call under if __name__ == "__main__":',
-        )  # fmt: skip
-    alone = {
-        "NUMBA_NUM_THREADS": 1, "OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1,
-        # What a member reads in blocks of dask is computed in its own process; dask would send it round the cluster.
-        "DASK_SCHEDULER": "synchronous",
-    }  # fmt: skip
-    settings = {
-        "distributed.nanny.pre-spawn-environ": alone,
-        "distributed.scheduler.allowed-failures": LOST_TIMES,
-        "distributed.worker.daemon": True,
-        # Its look at every worker a hundred times a second costs a member a tenth of its time, and nobody sees the result.
-        "distributed.worker.profile.enabled": False,
-        "logging.distributed": "critical",
-    }
-    with (
-        dask.config.set(settings),
-        distributed.LocalCluster(
-            n_workers=workers or cores(), threads_per_worker=1, processes=True, silence_logs=50, memory_limit=0,
-            # Without a dashboard dask still asks for the port of one, and warns where another cluster has it.
-            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-        ) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):  # fmt: skip
-        client.register_plugin(_deaf_worker(distributed))
+    with _reached(distributed, str(scheduler)) as client:
         yield client
 
 
@@ -93,33 +65,130 @@ def _reached(distributed: Any, address: str) -> Iterator[Any]:
         yield client
 
 
-def _deaf_worker(distributed: Any) -> Any:
-    """Return what makes workers leave Ctrl-C and hang-ups to the process that started the sweep, which asks the members to stop.
+def computed(jobs: Sequence[Job], client: Any, workers: int, hold: Hold) -> Iterator[Outcome]:
+    """Give the outcomes of members as they come, until all have come or a signal waits.
 
-    A plugin and no call, because a worker that takes the place of a lost one must be deaf too.
+    ``client``: of dask, or None for ``workers`` processes of this machine; 0 runs one member after another in this one.
     """
-
-    class Deaf(distributed.WorkerPlugin):  # type: ignore[misc]
-        """Ignores interrupts."""
-
-        def setup(self, worker: Any) -> None:
-            with suppress(ValueError):  # not the main thread
-                for number in SIGNALS:
-                    if number != signal.SIGTERM:  # by which the cluster ends its workers
-                        signal.signal(number, signal.SIG_IGN)
-
-    return Deaf()
-
-
-def computed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
-    """Give the outcomes of members as they come, until all have come or a signal waits."""
-    if client is None:
+    if client is not None:
+        yield from _distributed(jobs, client, hold)
+    elif workers:
+        yield from (_outcome(future, job) for future, job in pooled(run_member, jobs, workers, hold))
+    else:
         for job in jobs:
             if hold.requested:
                 return
             yield run_member(job)
-        return
-    yield from _distributed(jobs, client, hold)
+
+
+ALONE: Final = {
+    "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
+    # What a member reads in blocks of dask is computed in its own process; dask would begin threads for it.
+    "DASK_SCHEDULER": "synchronous",
+}  # fmt: skip
+"""Environment of a process that runs one member at a time."""
+
+
+def pooled(function: Callable[[Any], Any], jobs: Sequence[Any], workers: int, hold: Hold) -> Iterator[tuple[Any, Any]]:
+    """Run a function of each job in processes of the standard library; give the futures as they end, with their jobs.
+
+    As many jobs are under way as there are processes, so that of a lost process it is known which jobs may have ended it:
+    these are done again by others, up to `LOST_TIMES` times. A signal lets those under way come to their end, and no more begin.
+    """
+    # A process that is being spawned reads the script anew; without the guard each would start processes of its own.
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise InputError(
+            "a worker read the script that starts the sweep, and would start another", where="sweep",
+            remedy='Put the call under if __name__ == "__main__":',
+        )  # fmt: skip
+    waiting, lost = deque(jobs), Counter[int]()
+    before = set(multiprocessing.active_children())
+    with _environment(ALONE):
+        while waiting and not hold.requested:
+            executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin_worker)
+            try:
+                for future, job in _through(executor, function, waiting, workers, hold):
+                    if isinstance(future.exception(), BrokenProcessPool) and lost[id(job)] < LOST_TIMES:
+                        lost[id(job)] += 1
+                        waiting.appendleft(job)
+                    else:
+                        yield future, job
+            except BaseException:  # a second Ctrl-C, or the caller wants no more: nobody waits for the members
+                for process in set(multiprocessing.active_children()) - before:
+                    process.terminate()
+                raise
+            finally:
+                executor.shutdown(cancel_futures=True)
+
+
+def _through(
+    executor: ProcessPoolExecutor, function: Callable[[Any], Any], waiting: deque[Any], workers: int, hold: Hold
+) -> Iterator[tuple[Any, Any]]:
+    """Send jobs through an executor and give what has ended, until none is left or the executor is broken."""
+    flying: dict[Any, Any] = {}
+    broken = False
+    while flying or (waiting and not (broken or hold.requested)):
+        while waiting and len(flying) < workers and not (broken or hold.requested):
+            job = waiting.popleft()
+            try:
+                flying[executor.submit(_called, _packed(function, job))] = job
+            except BrokenProcessPool:
+                waiting.appendleft(job)
+                broken = True
+        # Looked at now and then, so that a signal is not missed.
+        for future in wait(flying, timeout=WAIT_SECONDS, return_when=FIRST_COMPLETED).done:
+            broken = broken or isinstance(future.exception(), BrokenProcessPool)
+            yield future, flying.pop(future)
+
+
+def _packed(function: Callable[[Any], Any], job: Any) -> bytes:
+    """Return a call as bytes; functions of a notebook travel too where cloudpickle is installed, as it is beside dask."""
+    try:
+        import cloudpickle as pickler
+    except ImportError:
+        pickler = pickle
+    try:
+        return bytes(pickler.dumps((function, job)))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InputError(
+            f"the function that makes the models cannot be sent to other processes: {error}", where="sweep",
+            remedy="Define it at the top of a module, install cloudpickle, or give workers=0",
+        ) from error  # fmt: skip
+
+
+def _called(packed: bytes) -> Any:
+    function, job = pickle.loads(packed)
+    return function(job)
+
+
+def _begin_worker() -> None:
+    """Leave Ctrl-C and hang-ups to the process that started the sweep, which asks the members to stop; end with it."""
+    for number in SIGNALS:
+        if number != signal.SIGTERM:  # by which the members are ended
+            signal.signal(number, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: Any) -> None:
+    parent.join()
+    os._exit(1)
+
+
+@contextmanager
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Set variables of the environment, which processes that are started meanwhile inherit."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _distributed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
@@ -145,13 +214,13 @@ def _distributed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outco
 
 def _ended(futures: dict[Any, Job], client: Any) -> Iterator[Outcome]:
     """Drop the members that have not begun, and wait for the others, which save their states."""
-    from distributed import wait
+    import distributed
 
     running = {key for keys in client.processing().values() for key in keys}
     begun = [future for future in futures if future.key in running]
     client.cancel([future for future in futures if future.key not in running])
     with suppress(TimeoutError), client.as_current():
-        wait(begun, timeout=60)
+        distributed.wait(begun, timeout=60)
     for future in begun:
         if future.done() and not future.cancelled():
             yield _outcome(future, futures[future])
@@ -163,7 +232,7 @@ def _outcome(future: Any, job: Job) -> Outcome:
     if error is None:
         outcome: Outcome = future.result()
         return outcome
-    if type(error).__name__ == "KilledWorker":
+    if isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker":
         message = f"its worker was lost {LOST_TIMES + 1} times: killed, or out of memory"
         return Outcome(job.number, "failed", message)
     return Outcome(job.number, "failed", f"{type(error).__name__}: {' '.join(str(error).split())}")

@@ -90,9 +90,18 @@ class Distribution:
             return stats.uniform(a[0], a[1] - a[0])
         return stats.triang((a[1] - a[0]) / (a[2] - a[0]), loc=a[0], scale=a[2] - a[0])
 
-    def in_turn(self, draws: int) -> list[Any]:
-        """Return the values of ``each`` for draws, the first one first: as often as possible, and members may be added."""
-        return [self.choices[k % len(self.choices)] for k in range(draws)]
+    def in_turn(self, draws: int, seed: int) -> list[Any]:
+        """Return the values of ``each`` for draws: each once, then each once again, in an order of its own every time.
+
+        Not by the number of the draw alone: every second Sobol' number lies in the same half of each input. Distributions of
+        as many values keep step, so that they may be the columns of a table.
+        """
+        count = len(self.choices)
+        order = [
+            int(place) for turn in range(-(-draws // count))
+            for place in np.random.default_rng([seed, count, turn]).permutation(count)
+        ]  # fmt: skip
+        return [self.choices[place] for place in order[:draws]]
 
     @property
     def cut_off(self) -> float:

@@ -66,6 +66,7 @@ class Job:
     # Width (degrees) of the cells on which fresh water, heat and mass are written, in the folder `CELLS`
     cells: float | None = None
     digest: str = ""  # Of the experiment file when the sweep began
+    lag: float = 0.0  # How much earlier than the forecast the member starts, s
 
     @property
     def cells_path(self) -> Path:
@@ -128,7 +129,7 @@ def build_member(job: Job) -> Model:
 def run_member(job: Job) -> Outcome:
     """Run a member to its end; whatever goes wrong becomes its message."""
     began = clock.perf_counter()
-    track = Tracks(job.every)
+    track = Tracks(job.every, job.lag)
     try:
         with allow_large(job.large):
             if (job.folder / STOP).exists():
@@ -208,11 +209,11 @@ def _forget_cells(job: Job) -> None:
 class Tracks:
     """Recorder of the centroid and area of every fragment at equal intervals.
 
-    ``every``: interval, s.
+    ``every``: interval, s; ``lag``: how much later than the run the intervals begin, s.
     """
 
-    def __init__(self, every: float) -> None:
-        self.every = every
+    def __init__(self, every: float, lag: float = 0.0) -> None:
+        self.every, self.lag = every, lag
         self.rows: list[list[float]] = []
         self.first_aground = np.nan  # s
         self.stress_ratio = 0.0  # Largest stress over strength of a bond until the first break-up
@@ -235,7 +236,7 @@ class Tracks:
         if not model.fragments.breakups:
             self.stress_ratio = max(self.stress_ratio, _stress_ratio(model))
         # Steps need not divide the interval: the step nearest to the time that is due is recorded.
-        due = self.every * round(model.time / self.every)
+        due = self.lag + self.every * round((model.time - self.lag) / self.every)
         last = self.rows[-1][0] if self.rows else -np.inf
         if due <= last + _TOLERANCE or abs(model.time - due) > 0.5 * model.parameters.stepping.time_step + _TOLERANCE:
             return

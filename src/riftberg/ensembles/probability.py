@@ -376,10 +376,14 @@ def inputs_of(done: xr.Dataset) -> dict[str, Floats]:
     names = [str(name) for name in done.coords if "parameter" in done[name].attrs] + [
         name for name in MEANS if name in done
     ]
-    return {
+    found = {
         name: np.asarray(done[name].values, float) for name in names
         if done[name].dtype.kind in "fi" and np.ptp(done[name].values) > 0.0 and np.isfinite(done[name].values).all()
     }  # fmt: skip
+    factor = found.pop("start_error", 1.0)  # of starts with errors of their own
+    return {
+        name: values * factor if name in ("start_east", "start_north") else values for name, values in found.items()
+    }
 
 
 def sources(ds: xr.Dataset) -> dict[str, float]:

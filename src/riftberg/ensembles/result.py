@@ -59,17 +59,17 @@ _ABOUT: Final = {
 def dataset_of(
     varied: Sequence[Varied], members: Sequence[Mapping[str, Any]], outcomes: Mapping[int, Outcome], *,
     start: datetime, days: float, every: float, latlon: bool, attributes: Mapping[str, str],
-    fragments: int = 0, means: Sequence[str] = (),
+    room: tuple[int, Sequence[str]] = (0, ()), lagged: bool = False,
 ) -> xr.Dataset:  # fmt: skip
     """Return the result of a sweep, or of a block of its members.
 
-    ``days``, ``every``: length of the runs, days, and interval of the tracks, s; ``fragments``, ``means``: room that
-    other blocks need.
+    ``days``, ``every``: length of the runs, days, and interval of the tracks, s; ``room``: fragments and means of errors
+    that other blocks need; ``lagged``: members that start at other dates have their tracks by the dates of the whole.
     """
     count = len(members)
     listed = {number: _listed(outcome) for number, outcome in outcomes.items()}
     most = max((len(rows) for rows in listed.values()), default=0)
-    most = max(most, fragments)
+    most = max(most, room[0])
     times = np.arange(0.0, days * 86400.0 + 0.5 * every, every)
     ds = xr.Dataset(attrs={"Conventions": "CF-1.11", **attributes, "riftberg": __version__})
     ds["member"] = (
@@ -103,10 +103,11 @@ def dataset_of(
     later = np.zeros(count)
     if "start" in ds.coords:
         later = np.array([(datetime.fromisoformat(str(member["start"])) - start).total_seconds() for member in members])
-        ds["time"].attrs["comment"] = "dates of member 0; other members are as long after their own start"
-    _add_ends(ds, outcomes, later, start, means)
+        if not lagged:
+            ds["time"].attrs["comment"] = "dates of member 0; other members are as long after their own start"
+    _add_ends(ds, outcomes, later, start, room[1])
     _add_fragments(ds, outcomes, listed, later, start, latlon)
-    _add_tracks(ds, outcomes, listed, times, latlon)
+    _add_tracks(ds, outcomes, listed, times, later if lagged else np.zeros(count), latlon)
     return ds
 
 
@@ -215,15 +216,16 @@ def _add_fragments(
 
 
 def _add_tracks(
-    ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], times: Floats, latlon: bool
-) -> None:
+    ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], times: Floats, later: Floats,
+    latlon: bool,
+) -> None:  # fmt: skip
     shape = ds.sizes["member"], ds.sizes["fragment"], len(times)
     lon, lat, area, touching = (np.full(shape, np.nan) for _ in range(4))
     for number, outcome in outcomes.items():
         places = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
         for time, fragment, x, y, size, *ground in outcome.track:
-            k = round(time / (times[1] if len(times) > 1 else 1.0))
-            if fragment in places and k < len(times):
+            k = round((time + later[number]) / (times[1] if len(times) > 1 else 1.0))
+            if fragment in places and 0 <= k < len(times):
                 at = number, places[fragment], k
                 lon[at], lat[at], area[at] = x, y, size
                 touching[at] = ground[0] if ground else np.nan

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
@@ -15,7 +16,8 @@ import numpy as np
 import xarray as xr
 
 from riftberg.config.values import check_names, native, number
-from riftberg.ensembles.cluster import computed, connected
+from riftberg.constants import SECONDS_PER_DAY
+from riftberg.ensembles.cluster import computed, connected, cores
 from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
@@ -50,8 +52,14 @@ WEIGHTS: Final = "weights.json"
 BLOCK: Final = 250
 """Members that are in memory at once while the result is written."""
 
+FIRST_LOOK: Final = 20
+"""Runs after which a first result is written while the others go on; then whenever they have doubled."""
+
 CONTROL: Final = -1
 """Number of the run of a forecast in which nothing is varied."""
+
+MOST_LAG: Final = 30.0
+"""Days that a member of a forecast may start before it, or the length of the forecast."""
 
 MEMBER: Final = "forcing.member"
 """Key of the member of a product."""
@@ -64,8 +72,8 @@ USUAL_HOURS: Final = 6.0
 class WorkerOptions(TypedDict, total=False):
     """Where the members of a sweep run."""
 
-    scheduler: Any  # Address of a dask scheduler, or a client; by default a cluster of this machine is started
-    # Processes of that cluster, one for each core by default; 0 runs one member after the other in this process
+    scheduler: Any  # Address of a dask scheduler, or a client of it, whose workers run the members
+    # Processes of this machine, one for each core by default; 0 runs one member after the other in this process
     workers: int | None
     save_seconds: float  # Wall time between two saved states of a member, s; 60 by default
 
@@ -149,9 +157,7 @@ def sweep(
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
     cells = options.get("cells")
-    plan = planned(
-        experiment, vary_with_file(experiment, vary), common_options(days, options), every, cells, draws_of(options)
-    )
+    plan = planned(experiment, vary, common_options(days, options), every, cells, draws_of(options))
     if cells is not None and output is None:
         raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
@@ -201,6 +207,12 @@ class Plan:
     forecast: bool = False  # A control is run too, and the result holds probabilities
     design: bool = False  # Members are rows of a table, not combinations
     digest: str = ""  # Checksum of the experiment file
+    start: datetime = datetime.min  # Of the forecast, or of the first member of a sweep
+
+    def lag(self, number: int) -> float:
+        """Return how much earlier than the forecast a member starts, s."""
+        begun = None if number == CONTROL or not self.forecast else self.members[number].get("start")
+        return 0.0 if begun is None else (self.start - datetime.fromisoformat(str(begun))).total_seconds()
 
     @property
     def named(self) -> str:
@@ -236,9 +248,10 @@ class Plan:
     def job(self, number: int, folder: Path, save_seconds: float) -> Job:
         """Return what a worker must know of a member."""
         values = self.control if number == CONTROL else self.members[number]
+        lag = self.lag(number)
         return Job(
-            number, values, self.experiment, self.options, self.days, self.every, folder, save_seconds,
-            large_allowed(), self.cells, self.digest,
+            number, values, self.experiment, self.options, self.days + lag / SECONDS_PER_DAY, self.every, folder, save_seconds,
+            large_allowed(), self.cells, self.digest, lag,
         )  # fmt: skip
 
 
@@ -254,7 +267,7 @@ def planned(
     if design:
         varied, members = designed(vary)
     else:
-        varied = varied_of(vary, free=callable(experiment))
+        varied = varied_of(vary_with_file(experiment, vary), free=callable(experiment))
         members = members_of(varied, draws)
     length = options.days
     if isinstance(named, str):
@@ -307,7 +320,25 @@ def planned(
         forecast,
         design,
         digest_of(named),
+        _start_of(named, options, members, first, length) if forecast else first.start,
     )
+
+
+def _start_of(experiment: Any, options: Options, members: list[dict[str, Any]], first: Model, days: float) -> datetime:
+    """Return the start of a forecast, that of its file; members that start at other dates do so before it."""
+    if not isinstance(experiment, str) or "start" not in members[0]:
+        return first.start
+    from riftberg.experiments.yaml_file import read_file
+
+    start = read_file(Path(experiment), options.changes)[0].start
+    dates = [datetime.fromisoformat(str(member["start"])) for member in members]
+    if max(dates) > start or min(dates) <= start - timedelta(days=max(days, MOST_LAG)):
+        wrong = max(dates) if max(dates) > start else min(dates)
+        raise InputError(
+            f"a member starts on {wrong:%Y-%m-%d %H:%M}, the forecast on {start:%Y-%m-%d %H:%M}", where="start",
+            remedy=f"Members start with the forecast or up to {max(days, MOST_LAG):g} days before it",
+        )  # fmt: skip
+    return start
 
 
 def _cells(width: float | None, first: Model) -> float | None:
@@ -351,6 +382,7 @@ class Store:
         # Each part takes every n-th member, so that parts take equally long where the time depends on what is varied.
         self.own = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
         self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
+        self.look: Callable[[xr.Dataset], None] | None = None  # What is done with the result of the first members
         self.done: dict[int, str] = {}  # Status of the members that are done; what they came to is in their files
         self._fragments, self._means = 0, set[str]()  # What the result has room for
         # Through JSON, as the plan that is read back: a tuple would differ from the list that it became.
@@ -438,7 +470,7 @@ class Store:
                  "comment": "parameters_json holds the parameters of the first member",
                  **({"plan": plan.draws.plan} if plan.draws.number else {}), **self._origin()}  # fmt: skip
         common: dict[str, Any] = {
-            "start": plan.first.start, "days": plan.days, "every": plan.every,
+            "start": plan.start, "lagged": plan.forecast, "days": plan.days, "every": plan.every,
             "latlon": plan.first.parameters.earth.latlon, "attributes": about,
         }  # fmt: skip
         cracks: dict[int, Any] = {}
@@ -448,10 +480,10 @@ class Store:
                 members = plan.members[first : first + BLOCK]
                 read = {k: self.outcome(first + k) for k in range(len(members)) if first + k in self.done}
                 outcomes = {k: outcome for k, outcome in read.items() if outcome is not None}
-                cracks.update({first + k: np.array(outcome.cracks) for k, outcome in outcomes.items()})
-                ds = dataset_of(
-                    plan.varied, members, outcomes, fragments=self._fragments, means=sorted(self._means), **common
+                cracks.update(
+                    {first + k: _since(outcome.cracks, plan.lag(first + k)) for k, outcome in outcomes.items()}
                 )
+                ds = dataset_of(plan.varied, members, outcomes, room=(self._fragments, sorted(self._means)), **common)
                 numbers = np.arange(first, first + len(members))
                 yield ds.assign_coords(member=("member", numbers, ds["member"].attrs))
 
@@ -501,6 +533,13 @@ class Store:
             values = values.rename(fragment="control_fragment") if "fragment" in values.dims else values
             found[f"control_{name}"] = values.assign_attrs(long_name=f"control: {values.attrs.get('long_name', name)}")
         return found
+
+
+def _since(cracks: list[list[float]], lag: float) -> np.ndarray[Any, Any]:
+    """Return broken bonds with their times (s) since the start of the forecast."""
+    rows = np.array(cracks, float).reshape(-1, 4)
+    rows[:, 0] -= lag
+    return rows
 
 
 def join_parts(folder: Path) -> int:
@@ -564,11 +603,14 @@ def run_sweep(
     numbers = store.waiting()
     jobs = [store.plan.job(k, store.members, save_seconds) for k in numbers]
     _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))
-    # Without a job no cluster is started, which takes seconds.
-    alone = (workers == 0 and scheduler is None) or not jobs
-    with held() as hold, nullcontext() if alone else connected(scheduler, workers) as client, store.taken():
+    processes = min(cores() if workers is None else workers, len(jobs))
+    with (
+        held() as hold,
+        connected(scheduler) if scheduler is not None and jobs else nullcontext() as client,
+        store.taken(),
+    ):
         try:
-            _collect(store, jobs, client, hold, bar)
+            _collect(store, computed(jobs, client, processes, hold), hold, bar)
         finally:  # what is done is kept, also after Ctrl-C
             (store.members / STOP).unlink(missing_ok=True)
             store.write()
@@ -577,15 +619,33 @@ def run_sweep(
     return open_sweep(store.file, tracks=False)
 
 
-def _collect(store: Store, jobs: list[Job], client: Any, hold: Hold, bar: SweepBar | None) -> None:
+def _collect(store: Store, outcomes: Iterator[Outcome], hold: Hold, bar: SweepBar | None) -> None:
     if bar is not None:
         bar.show(store.done)
     # A signal asks the members to stop; the loop goes on until all of them have saved their states.
     hold.then(store.stop)
-    for outcome in computed(jobs, client, hold):
+    due = max(FIRST_LOOK, 2 * len(store.done))
+    for outcome in outcomes:
         if outcome.status == "stopped":
             continue
         store.keep(outcome)
         _LOG.info("member %d %s %s", outcome.number, outcome.status, outcome.message)
         if bar is not None:
             bar.show(store.done)
+        if store.look is not None and len(store.done) >= due and len(store.done) < len(store.numbers):
+            due = 2 * len(store.done)
+            _look(store)
+
+
+def _look(store: Store) -> None:
+    """Write the result of the members that are done, and show it; whatever goes wrong is left to the end."""
+    try:
+        store.write()
+        known = open_sweep(store.file, tracks=False)
+        try:
+            assert store.look is not None
+            store.look(known)
+        finally:
+            known.close()
+    except Exception as error:  # the members go on
+        _LOG.warning("no first result: %s", error)

@@ -22,6 +22,7 @@ class Start(Section):
 
     east: float = key(0.0, "m", "distance by which the berg starts farther east", ge=-1e6, le=1e6)
     north: float = key(0.0, "m", "distance by which the berg starts farther north", ge=-1e6, le=1e6)
+    error: float = key(1.0, "1", "factor on east and north, so that starts may differ in their errors", ge=0, le=1e6)
     turn: float = key(0.0, "degree", "turn of the berg at the start, counter-clockwise", ge=-360, le=360)
     thickness: float = key(1.0, "1", "factor on the thickness, and so on the mass", gt=0, le=10)
     size: float = key(1.0, "1", "factor on length and width of the outline and of each element", gt=0, le=10)
@@ -35,6 +36,9 @@ class CurrentError(Section):
     speed: float = key(0.0, "m s-1", "standard deviation of each component of the current's error", ge=0, le=10)
     length: float = key(50e3, "m", "length L of the correlation exp(-r2 / 2 L2) of the level's error", gt=0, le=1e7)
     time: float = key(3 * 86400.0, "s", "time T of the correlation exp(-t / T)", gt=0, le=1e9)
+    field: str | None = key(
+        None, "", "file of a product that states its own error of the current: its size by place, in place of speed"
+    )
 
 
 class WindError(Section):
@@ -77,7 +81,7 @@ def is_uncertain(name: str) -> bool:
 
 def has_fields(names: Any) -> bool:
     """Whether members with these inputs have random fields."""
-    return any(name.endswith(("_error.speed", "_error.spread", "_error.share")) for name in names)
+    return any(name.endswith(("_error.speed", "_error.spread", "_error.share", "_error.field")) for name in names)
 
 
 def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
@@ -104,8 +108,14 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
 
 def _errors(sections: Mapping[str, Any]) -> Errors:
     c, w, f = sections["current_error"], sections["wind_error"], sections["floor_error"]
+    size = None
+    if c.field is not None:
+        from riftberg.ensembles.product_errors import stated_error
+
+        size = stated_error(c.field)
+    speed = c.speed if size is None else 1.0  # the field holds the size
     return Errors(
-        current=FieldError(c.speed, c.length, c.time) if c.speed > 0.0 else None,
+        current=FieldError(speed, c.length, c.time) if speed > 0.0 else None, current_size=size,
         wind=FieldError(w.speed, w.length, w.time) if w.speed > 0.0 else None,
         floor=FieldError(1.0, f.length) if f.spread > 0.0 or f.share > 0.0 else None,
         floor_offset=f.offset, floor_scale=f.scale, floor_spread=f.spread, floor_share=f.share,
@@ -122,6 +132,7 @@ def _started(model: Model, start: Start) -> Model:
             "melt of a berg whose size is varied is not possible", where="start.size", remedy="Vary start.thickness"
         )
     return started(
-        model, east=start.east, north=start.north, turn=start.turn, size=start.size, thickness=start.thickness,
+        model, east=start.error * start.east, north=start.error * start.north, turn=start.turn, size=start.size,
+        thickness=start.thickness,
         strength=start.strength,
     )  # fmt: skip

@@ -25,6 +25,7 @@ from riftberg.ensembles.distributions import (
     shares,
     with_unit_of_last,
 )
+from riftberg.ensembles.starts import read_starts
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, file_field, file_value, find_field, is_of_file
@@ -40,6 +41,9 @@ EXAMPLE_DRAWN: Final = "For example --vary 'fracture.normal_strength~lognormal(1
 
 _POSITIVE: Final = ("normal_strength", "shear_strength", "thickness")
 """Keys without limits of their own (the reference takes any strength, a berg a map of thickness), above 0 for all ice."""
+
+STARTS: Final = "starts"
+"""Name of a table of starts among what is varied."""
 
 _RANGE: Final = re.compile(r"(.+?)\.\.([^:]+)(?::(.*))?$")
 
@@ -87,12 +91,21 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
 
 
 def vary_with_file(experiment: object, vary: Mapping[str, Any] | Iterable[str]) -> dict[str, Any]:
-    """Return what is varied by name: what the experiment file says under ``vary``, and before it what is given."""
+    """Return what is varied by name: what the experiment file says under ``vary``, and before it what is given.
+
+    ``starts`` is a table of starts, which becomes the names that its columns vary.
+    """
     own = _vary_of_file(Path(str(experiment))) if str(experiment).endswith((".yaml", ".yml")) else {}
     if isinstance(vary, Mapping):
-        return {**own, **vary}
-    free = callable(experiment)
-    return {**own, **{v.name: v.plain() for v in (varied_of(vary, free=free) if list(vary) else ())}}
+        given = dict(vary)
+        tables = [given.pop(STARTS)] if STARTS in given and not callable(experiment) else []
+    else:
+        texts = _texts(vary)
+        tables = [text.partition("=")[2].strip() for text in texts if text.partition("=")[0].strip() == STARTS]
+        texts = [text for text in texts if text.partition("=")[0].strip() != STARTS]
+        given = {v.name: v.plain() for v in (varied_of(texts, free=callable(experiment)) if texts else ())}
+    starts = {name: value for path in tables for name, value in read_starts(path).items()}
+    return {**own, **starts, **given}
 
 
 def _vary_of_file(path: Path) -> dict[str, Any]:
@@ -104,6 +117,9 @@ def _vary_of_file(path: Path) -> dict[str, Any]:
     faults: list[tuple[Any, InputError]] = []
     for name, values in experiment.vary.items():
         try:
+            if name == STARTS:
+                found |= read_starts(path.parent / str(values))
+                continue
             (v,) = varied_of({name: [values] if isinstance(values, float) else values})
             found[v.name] = v.plain()
         except InputError as error:
@@ -152,9 +168,11 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
     settable = {**SETTABLE, **UNCERTAIN}
     field = find_field(group, key, where=where, settable=settable)
     if isinstance(values, str) and values.startswith("~"):
-        return _drawn(
-            f"{group}.{key}", values[1:], field, lambda part: given(part, settable[group], key, where=where), where
-        )
+
+        def value(part: str) -> Any:  # a place in brackets, as the file has it, or a number with its unit
+            return given(file_value(part, where) if part[:1] == "[" else part, settable[group], key, where=where)
+
+        return _drawn(f"{group}.{key}", values[1:], field, value, where)
     if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
         values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
@@ -389,7 +407,7 @@ def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[
     for v in drawn:
         assert v.distribution is not None
         if v in turns:
-            columns[v.name] = v.distribution.in_turn(len(share))
+            columns[v.name] = v.distribution.in_turn(len(share), draws.seed)
             continue
         parts = [v.distribution.quantiles(share[:, first + k]) for k in range(v.parts)]
         columns[v.name] = parts[0] if v.parts == 1 else list(zip(*parts, strict=True))

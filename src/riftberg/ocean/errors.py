@@ -160,11 +160,35 @@ def read_spline(coefficients: Floats, periodic: bool, x: Floats, y: Floats, out:
         out[0, n], out[1, n], out[2, n], out[3, n], out[4, n] = value, east, north, east2, north2
 
 
-class Shore:
-    """A factor that goes from 1 at sea to 0 at land, smoothly over two lengths; 1 where no land is known."""
+@dataclass(frozen=True, eq=False)
+class SizeField:
+    """Standard deviation of an error by place, such as a product states it, on axes of longitude and latitude."""
 
-    def __init__(self, forcing: Forcing, plane: LocalPlane, length: float, reach: float) -> None:
-        from scipy.ndimage import distance_transform_edt
+    lon: Floats  # Degrees, rising
+    lat: Floats  # Degrees, rising
+    size: Floats  # (lat, lon), as a factor on the spread of `FieldError`
+    source: str = ""  # File
+
+    def at(self, lon: Floats, lat: Floats) -> Floats:
+        """Return it at points, linear between those of the product; beyond its edge the edge counts."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        middle = 0.5 * (self.lon[0] + self.lon[-1])
+        east = np.clip(middle + (lon - middle + 180.0) % 360.0 - 180.0, self.lon[0], self.lon[-1])
+        places = np.stack([np.clip(lat, self.lat[0], self.lat[-1]), east], axis=-1)
+        return np.asarray(RegularGridInterpolator((self.lat, self.lon), self.size)(places))
+
+
+class Envelope:
+    """A factor on the level of the error: from 1 at sea to 0 at land, smoothly over two lengths, times the size of the error.
+
+    1 where no land is known, and no size by place is given.
+    """
+
+    def __init__(
+        self, forcing: Forcing, plane: LocalPlane, length: float, reach: float, size: SizeField | None = None
+    ) -> None:
+        from scipy.ndimage import distance_transform_edt, gaussian_filter
 
         self.step, half = 0.25 * length, int(np.ceil(4.0 * reach / length))
         axis = self.step * np.arange(-half, half + 1)
@@ -179,13 +203,19 @@ class Shore:
             r, c = np.flatnonzero(rows), np.flatnonzero(columns)
             inside[r[0] : r[-1] + 1, c[0] : c[-1] + 1] = True
         land = (inside & ~known) | (depth <= 0.0)
-        self.half, self.any = half, bool(land.any())
+        self.half, self.any = half, bool(land.any()) or size is not None
         if not self.any:
             self.factor = np.ones((1, 1))
             return
         # Over two lengths: within one, the slope of the factor would make the current along the shore stronger than at sea.
-        part = np.clip((distance_transform_edt(~land) - 0.5) * self.step / (2.0 * length), 0.0, 1.0)
-        self.factor = np.ascontiguousarray(part * part * (3.0 - 2.0 * part))
+        part = np.ones(land.shape)
+        if land.any():
+            part = np.clip((distance_transform_edt(~land) - 0.5) * self.step / (2.0 * length), 0.0, 1.0)
+        self.factor = part * part * (3.0 - 2.0 * part)
+        if size is not None:
+            # Smooth over a length: each slope of the size adds to the current what the level has there.
+            self.factor *= gaussian_filter(size.at(lon, lat), length / self.step, mode="nearest")
+        self.factor = np.ascontiguousarray(self.factor)
 
 
 @dataclass(frozen=True)
@@ -228,6 +258,7 @@ class Errors:
     floor_spread: float = 0.0  # Least standard deviation of the random depth, m
     floor_share: float = 0.0  # The same in parts of the depth; the larger of both counts
     seed: int = 1
+    current_size: SizeField | None = None  # Factor on the spread of the current's error by place
 
 
 class UncertainForcing(DescribedForcing):
@@ -268,11 +299,12 @@ class UncertainForcing(DescribedForcing):
             return RandomField(error, seed=errors.seed, kind=kind, extent=extent, gradient=kind != "floor")
 
         self._current, self._wind, self._floor = (field(getattr(errors, kind), kind) for kind in _KINDS)
-        self._shore = None
+        self._envelope = None
         if errors.current is not None:
-            reach = 0.5 * extent + 10.0 * errors.current.length
-            shore = Shore(forcing, self.plane, errors.current.length, min(reach, 40.0 * errors.current.length))
-            self._shore = shore if shore.any else None
+            length = errors.current.length
+            reach = min(0.5 * extent + 10.0 * length, 40.0 * length)
+            envelope = Envelope(forcing, self.plane, length, reach, errors.current_size)
+            self._envelope = envelope if envelope.any else None
         self._moment: dict[str, tuple[float, Floats]] = {}
 
     def __getattr__(self, name: str) -> Any:
@@ -289,7 +321,9 @@ class UncertainForcing(DescribedForcing):
                 parts.append(f"{factor:g} x {word}")
             if error is not None:
                 days = "steady" if math.isinf(error.time) else f"{error.time / 86400.0:g} days"
-                parts.append(f"{word} {error.spread:g} m/s, {error.length / 1e3:g} km, {days}")
+                sized = word == "current" and e.current_size is not None
+                size = f"x {e.current_size.source}" if sized and e.current_size is not None else "m/s"
+                parts.append(f"{word} {error.spread:g} {size}, {error.length / 1e3:g} km, {days}")
         if e.floor_offset or e.floor_scale != 1.0:
             parts.append(f"floor {e.floor_scale:g} x depth {e.floor_offset:+g} m")
         if e.floor is not None:
@@ -394,9 +428,9 @@ class UncertainForcing(DescribedForcing):
         x, y, scale = place
         q = self._read(self._current, x, y, time)
         value, east, north, curve = q[0], q[1], q[2], q[3] + q[4]
-        if self._shore is not None:
-            t, step, half = np.empty((5, x.size)), self._shore.step, self._shore.half
-            read_spline(self._shore.factor, False, x / step + half, y / step + half, t)
+        if self._envelope is not None:
+            t, step, half = np.empty((5, x.size)), self._envelope.step, self._envelope.half
+            read_spline(self._envelope.factor, False, x / step + half, y / step + half, t)
             # The level itself is brought to zero, so that the current along the shore stays balanced.
             curve = t[0] * curve + 2.0 * (t[1] * east + t[2] * north) / step + value * (t[3] + t[4]) / step**2
             east, north = t[0] * east + value * t[1] / step, t[0] * north + value * t[2] / step

@@ -87,6 +87,7 @@ class SweepBar:
 
     def __init__(self, total: int) -> None:
         self.total, self._shown = total, 0.0
+        self._first: tuple[float, int] | None = None  # When the bar was shown first, and how many were done then
         self._bar: Any = None
         if in_notebook():
             self._bar = NotebookBar(total)
@@ -96,12 +97,21 @@ class SweepBar:
     def show(self, done: Mapping[int, str]) -> None:
         """Show how many members have a status."""
         failed = sum(status == "failed" for status in done.values())
-        text = f"{len(done)} of {self.total} members" + (f", {failed} failed" if failed else "")
+        text = f"{len(done)} of {self.total} members" + (f", {failed} failed" if failed else "") + self._left(len(done))
         if self._bar is not None:
             self._bar.show(len(done), text)
         elif (now := clock.monotonic()) - self._shown >= LOG_SECONDS or len(done) == self.total:
             self._shown = now
             say(text)
+
+    def _left(self, done: int) -> str:
+        """Return how long the other members will take if they take as long as those that were done since the bar was shown."""
+        now = clock.monotonic()
+        began, before = self._first = self._first or (now, done)
+        if done == before or done >= self.total:
+            return ""
+        minutes = (now - began) / (done - before) * (self.total - done) / 60.0
+        return f", {minutes:.0f} min left" if minutes >= 1.5 else f", {60.0 * minutes:.0f} s left"
 
     def stop(self) -> None:
         """Leave the bar as it stands."""

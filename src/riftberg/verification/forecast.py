@@ -7,8 +7,8 @@ position before the start they are east and north.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Any, Final
 
@@ -16,10 +16,11 @@ import numpy as np
 import xarray as xr
 
 from riftberg.diagnostics.observed import Observations
+from riftberg.ensembles.probability import effective
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.verification.positions import Point, position_scores, verdict
-from riftberg.verification.scores import fair_brier, liu_weisberg, reliability, wilson
+from riftberg.verification.scores import LEVELS, fair_brier, liu_weisberg, reliability, wilson
 from riftberg.verification.sphere import along_across, carried_on, distance, local
 from riftberg.verification.tracks import DAYS_BEFORE, Dressed, Start
 
@@ -40,11 +41,14 @@ class Verified:
     baselines: dict[str, dict[int, list[Point]]]  # The same of forecasts that cost nothing
     liu_weisberg: dict[str, float]  # Skill of the mean of the members, and the median of their own
     broken: dict[int, tuple[Floats, bool]]  # By day: members that have broken by then, and whether the berg had
+    # By lead time: of the forecast's own ellipses the offset of what was seen (2,) and the covariance (2, 2), km
+    own: dict[int, list[tuple[Floats, Floats]]] = field(default_factory=dict)
 
 
 def verified(
     ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, broken: datetime | None = None,
-    whole_until: datetime | None = None, hour: float | None = None, dressed: dict[str, Dressed] | None = None,
+    whole_until: datetime | None = None, hour: float | None = None,
+    dressed: dict[str, Dressed] | Callable[[str], dict[str, Dressed]] | None = None,
 ) -> Verified:  # fmt: skip
     """Put an ensemble beside what was observed.
 
@@ -62,8 +66,9 @@ def verified(
         When it was last seen whole; by default nothing is said of break-ups before `broken` is given.
     hour : float, optional
         Hour (UTC) of observations without a time; by default that of the start.
-    dressed : dict, optional
-        Baselines with errors of other bergs, by name (`riftberg.verification.tracks.Dressed`).
+    dressed : dict or callable, optional
+        Baselines with errors of other bergs, by name (`riftberg.verification.tracks.Dressed`); or a function that returns them
+        for the name of the berg that is verified, without those of its family.
 
     Returns
     -------
@@ -101,6 +106,8 @@ def verified(
         )  # fmt: skip
     points: dict[int, list[Point]] = {}
     baselines: dict[str, dict[int, list[Point]]] = {}
+    own: dict[int, list[tuple[Floats, Floats]]] = {}
+    others = dressed(named) if callable(dressed) else dressed or {}
     separations, ways, last = [], [], origin
     for when, place in later.items():
         days = (when - first) / timedelta(days=1)
@@ -114,7 +121,9 @@ def verified(
             separations.append(np.linalg.norm(ahead - truth, axis=-1) if len(members) == len(lon) else None)
             ways.append(float(distance(*last, *place)))
             last = place
-        for name, made in _baselines(Start(named, first, *origin, before), heading, when, dressed or {}).items():
+        if "cone_major" in ensemble:
+            own.setdefault(lead, []).append(_own_area(ensemble, times, np.datetime64(when, "ns"), place))
+        for name, made in _baselines(Start(named, first, *origin, before), heading, when, others).items():
             shown = np.stack(along_across(*local(*origin, made[:, 0], made[:, 1]), axes), axis=-1)
             baselines.setdefault(name, {}).setdefault(lead, []).append(Point(named, shown, truth))
     skills: dict[str, float] = {}
@@ -127,7 +136,7 @@ def verified(
         }
     return Verified(
         named, first, len(done), int(ensemble.sizes["member"]) - len(done), origin, heading, points, baselines, skills,
-        _broken(ds, start, times[-1], broken, whole_until),
+        _broken(ds, start, times[-1], broken, whole_until), own,
     )  # fmt: skip
 
 
@@ -149,15 +158,49 @@ def drift_error(
     return np.asarray(np.mean(apart, axis=0))
 
 
+def _own_area(ds: xr.Dataset, times: Any, when: np.datetime64, place: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Return how far what was seen lies from the middle of a forecast's ellipses (km east, north), and their covariance."""
+    after = int(np.clip(np.searchsorted(times, when), 1, len(times) - 1))
+    part = float((when - times[after - 1]) / (times[after] - times[after - 1]))
+    level = float(ds["cone"].values[-1])
+    offset, covariance = np.zeros(2), np.zeros((2, 2))
+    for k, weight in ((after - 1, 1.0 - part), (after, part)):
+        offset += weight * np.array(local(float(ds["cone_lon"][k]), float(ds["cone_lat"][k]), *place))
+        azimuth = np.radians(float(ds["cone_azimuth"][k]))
+        along = np.array([np.sin(azimuth), np.cos(azimuth)])
+        across = np.array([along[1], -along[0]])
+        for name, axis in (("cone_major", along), ("cone_minor", across)):
+            variance = (float(ds[name].sel(cone=level)[k]) / 1e3) ** 2 / (-2.0 * np.log(1.0 - level))
+            covariance += weight * variance * np.outer(axis, axis)
+    return offset, covariance
+
+
+def own_coverage(areas: Sequence[tuple[Floats, Floats]], error: float) -> dict[str, float]:
+    """Return the parts of what was seen that lie in a forecast's own ellipses, with an error of the observation (km) added."""
+    found = {}
+    for level in LEVELS:
+        # Within r standard deviations of a normal distribution in two dimensions lies 1 - exp(-r2 / 2).
+        limit = -2.0 * np.log(1.0 - level)
+        inside = [
+            float(offset @ np.linalg.pinv(covariance + error**2 * np.eye(2)) @ offset) <= limit
+            for offset, covariance in areas
+        ]
+        found[f"own_{level:.0%}"] = float(np.mean(inside))
+    return found
+
+
 def _by_weight(ensemble: xr.Dataset, done: Any) -> Any:
-    """Return the members that count, as often as their weights say (systematic resampling)."""
+    """Return the members that count, as often as their weights say (systematic resampling).
+
+    As many as their effective number: more would give scores and intervals a certainty that the weights do not have.
+    """
     if "weight" not in ensemble.coords and "weight" not in ensemble:
         return done
     weight = ensemble["weight"].values[done].astype(float)
     if not (np.isfinite(weight).all() and (weight >= 0.0).all() and weight.sum() > 0.0):
         raise InputError("weights that are no numbers from 0", where="ensemble", remedy="Make the ensemble again")
-    shares = np.cumsum(weight) / weight.sum()
-    return done[np.searchsorted(shares, (np.arange(len(done)) + 0.5) / len(done))]
+    shares, count = np.cumsum(weight) / weight.sum(), max(2, round(effective(weight)))
+    return done[np.searchsorted(shares, (np.arange(count) + 0.5) / count)]
 
 
 def _positions(
@@ -252,7 +295,10 @@ def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
     """Return all scores of forecasts, those of several bergs together, with and without the error of the observation (km)."""
     pooled: dict[int, list[Point]] = {}
     others: dict[str, dict[int, list[Point]]] = {}
+    own: dict[int, list[tuple[Floats, Floats]]] = {}
     for one in forecasts:
+        for lead, areas in one.own.items():
+            own.setdefault(lead, []).extend(areas)
         for lead, points in one.points.items():
             pooled.setdefault(lead, []).extend(points)
         for name, rows in one.baselines.items():
@@ -260,7 +306,11 @@ def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
                 others.setdefault(name, {}).setdefault(lead, []).extend(points)
 
     def scored(points: dict[int, list[Point]], added: float) -> list[dict[str, Any]]:
-        rows = [{"lead_days": lead, **position_scores(points[lead], added)} for lead in sorted(points)]
+        rows = [
+            {"lead_days": lead, **position_scores(points[lead], added),
+             **(own_coverage(own[lead], added) if points is pooled and lead in own else {})}
+            for lead in sorted(points)
+        ]  # fmt: skip
         return [{**row, "verdict": verdict(row)} for row in rows]
 
     days = [(p.mean(), len(p), over, day) for one in forecasts for day, (p, over) in sorted(one.broken.items())]

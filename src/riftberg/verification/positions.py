@@ -28,8 +28,11 @@ class Point(NamedTuple):
 
 
 USUAL_ERROR: Final = 6.0
-"""Error of a scatterometer position along each axis, km (standard deviation): those of A68a differ from the centroids of its
-outlines by 4 km on good days."""
+"""Error of a scatterometer position along each axis, km (standard deviation), of a usual giant berg.
+
+Those of A68a, 150 km long, lie 8.1 km east or west and 4.6 km north or south of the centroids of its outlines (medians of 16 days
+in December 2020).
+"""
 
 FEWEST: Final = 5
 """Bergs from which an interval from drawing bergs means something."""

@@ -123,6 +123,16 @@ def family(berg: str) -> str:
     return match[0] if match else berg
 
 
+def dressed_without(cases: Sequence[Case], berg: str) -> dict[str, Dressed]:
+    """Return the baselines with their errors on training bergs, without those of a berg's own family.
+
+    Pieces of one berg drift in the same water, and the parent's errors are those of the berg itself.
+    """
+    own = family(berg.upper().replace("-", ""))
+    training = [case for case in cases if not case.held_out and family(case.start.berg) != own]
+    return {name: Dressed(model, training) for name, model in BASELINES.items()}
+
+
 def read_cases(folder: str | Path, leads: Sequence[int] = LEADS) -> list[Case]:
     """Read the cases of all tables of BYU and NIC in a folder.
 

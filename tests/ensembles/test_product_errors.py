@@ -1,0 +1,116 @@
+"""Errors of a current: as a product states them by place, and from the differences of two products."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from ocean.test_errors import probes
+from riftberg import Steady
+from riftberg.cli.main import app
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.ensembles.product_errors import estimated, stated_error
+from riftberg.ensembles.uncertain import with_errors
+from riftberg.errors import ForcingError, InputError
+from riftberg.experiments import build
+from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
+
+DAY = 86400.0
+
+
+def product(path: Path, seed: int, speed: float = 0.1, days: int = 24, step: float = 0.25) -> Path:
+    """Write a current with random errors of 40 km and 2 days on top of a flow that all products share."""
+    lon, lat = np.arange(-42.0, -36.0 + step / 2, step), np.arange(-58.0, -54.0 + step / 2, step)
+    x, y = np.meshgrid(lon, lat)
+    berg = probes()
+    forcing = UncertainForcing(Steady(current=(0.2, 0.1)), Errors(FieldError(speed, 40e3, 2 * DAY), seed=seed), berg)
+    flow = [forcing.currents(x, y, k * DAY) for k in range(days)]
+    data = {
+        name: (("time", "lat", "lon"), np.array([f[k] for f in flow]),
+               {"units": "m s-1", "standard_name": f"{way}ward_sea_water_velocity"})
+        for k, (name, way) in enumerate((("uo", "east"), ("vo", "north")))
+    }  # fmt: skip
+    time = np.datetime64("2020-12-01", "ns") + np.arange(days) * np.timedelta64(1, "D")
+    xr.Dataset(data, {"time": time, "lat": ("lat", lat, {"units": "degrees_north"}),
+                      "lon": ("lon", lon, {"units": "degrees_east"})}).to_netcdf(path)  # fmt: skip
+    return path
+
+
+def test_size_length_and_time_come_back_from_the_differences(tmp_path: Path) -> None:
+    one, other = product(tmp_path / "one.nc", 1), product(tmp_path / "other.nc", 2)
+    found = estimated(one, other)
+    assert found.speed == pytest.approx(0.1, rel=0.1)
+    assert found.length == pytest.approx(40e3, rel=0.1)
+    assert found.time == pytest.approx(2 * DAY, rel=0.2)
+    # A product of another grid and fewer days gives about the same.
+    coarse = product(tmp_path / "coarse.nc", 3, days=20, step=1 / 3)
+    again = estimated(one, coarse)
+    assert again.records == 20
+    assert again.speed == pytest.approx(0.1, rel=0.15)
+    assert again.length == pytest.approx(40e3, rel=0.2)
+    done = CliRunner().invoke(app, ["product-errors", str(one), str(other), "--lat", "-57,-55"])
+    assert done.exit_code == 0, done.output
+    assert "--vary 'current_error.speed=0.1 m/s'" in done.output or "--vary 'current_error.speed=0.09" in done.output
+    assert "A lower bound" in done.output
+
+
+def test_products_that_do_not_differ_or_overlap_are_refused(tmp_path: Path) -> None:
+    one = product(tmp_path / "one.nc", 1, days=3)
+    with pytest.raises(InputError, match="the products do not differ"):
+        estimated(one, one)
+    with pytest.raises(InputError, match="do not share four by four points"):
+        estimated(one, product(tmp_path / "other.nc", 2, days=3), longitude=(0.0, 10.0))
+
+
+def stated(path: Path, west: float, east: float, units: str = "m s-1") -> Path:
+    """Write a product whose errors are these west and east of 37 W."""
+    lon, lat = np.arange(-45.0, -29.0, 0.5), np.arange(-60.0, -52.0, 0.5)
+    size = np.where(lon < -37.0, west, east) * np.ones((1, lat.size, 1))
+    about = {"units": units}
+    data = {name: (("time", "lat", "lon"), size, about) for name in ("uo_err", "vo_err")}
+    data |= {name: (("time", "lat", "lon"), 0.0 * size, about) for name in ("uo", "vo")}
+    coords = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+    xr.Dataset(data, coords).to_netcdf(path)
+    return path
+
+
+def test_the_size_by_place_is_that_of_the_product(tmp_path: Path) -> None:
+    field = stated_error(str(stated(tmp_path / "it.nc", 5.0, 20.0, "cm s-1")))
+    assert field.at(np.array([-42.0, -32.0]), np.array([-56.0, -56.0])) == pytest.approx([0.05, 0.2])
+    metres = DEGREE * EARTH_RADIUS_A68 * np.cos(np.radians(56.0))
+    elements = probes()
+    got = []
+    for seed in range(300):
+        errors = Errors(FieldError(1.0, 30e3, 2 * DAY), seed=seed, current_size=field)
+        forcing = UncertainForcing(Steady(), errors, elements)
+        places = -37.0 + np.array([-200e3, 200e3]) / metres, np.array([-56.0, -56.0])
+        got.append(forcing.currents(*places, 0.0))
+    spread = np.std(got, axis=(0, 1))
+    assert spread == pytest.approx([0.05, 0.2], rel=0.15)
+    assert "x it.nc" in forcing.describe()
+
+
+@pytest.mark.parametrize(
+    ("east", "north", "about"),
+    [("err_ugosa", "err_vgosa", {}),
+     ("eastward_eulerian_current_velocity_error", "northward_eulerian_current_velocity_error", {}),
+     ("eu", "ev", {"standard_name": "ward_sea_water_velocity standard_error"})],
+)  # fmt: skip
+def test_names_of_errors_are_known(east: str, north: str, about: dict[str, str], tmp_path: Path) -> None:
+    ds = xr.open_dataset(stated(tmp_path / "it.nc", 0.1, 0.1)).load().rename(uo_err=east, vo_err=north)
+    for name, way in ((east, "east"), (north, "north")):
+        ds[name].attrs |= {key: way + value for key, value in about.items()}
+    ds.to_netcdf(tmp_path / "other.nc")
+    assert stated_error(str(tmp_path / "other.nc")).size == pytest.approx(0.1)
+
+
+def test_a_product_without_errors_is_refused_before_the_first_member(tmp_path: Path) -> None:
+    path = product(tmp_path / "one.nc", 1, days=2)
+    with pytest.raises(ForcingError, match=r"one\.nc: states no error of its current"):
+        with_errors(build("a68a")[0], {"current_error.field": str(path)})
+    model = with_errors(build("a68a")[0], {"current_error.field": str(stated(tmp_path / "it.nc", 0.1, 0.1))})
+    assert isinstance(model.forcing.errors.current_size, SizeField)
