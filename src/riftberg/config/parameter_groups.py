@@ -695,7 +695,10 @@ class Compatibility(Group):
         False, "", "T16: a new berg gets the heat of all classes over the ice of its own", "files 3.2"
     )
     births_at_centre: bool = quantity(
-        False, "", "all bergs that calve in a cell are born in its middle, on top of each other", "files 3.2"
+        False,
+        "",
+        "bergs are born on others: all of a cell in its middle, footloose children on the rim of their parent",
+        "files 2.4, 3.2",
     )
     elements_stopped_alone: bool = quantity(
         False,

@@ -350,7 +350,8 @@ class Exchange:
         self._held[1] += float(((heat - got.heat_flux) * area).sum()) * self.ocean_step
         fluxes["left"] = got.left / area
         fluxes["left_heat"] = got.heat_left / area - LATENT_HEAT * fluxes["left"]
-        births = self.calving.bear(*date_of_birth(_next_step(self.model)), self.ocean_step)
+        others = self.model.elements if self.model.parameters.stepping.interactions else None
+        births = self.calving.bear(*date_of_birth(_next_step(self.model)), self.ocean_step, others)
         if births.ids.size:
             self._bear(births.elements)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from riftberg.config.parameter_groups import Calving, ClassTable
 from riftberg.errors import InputError
 from riftberg.life.footloose import FmsStream
+from riftberg.life.places import FreePlaces, corner_reach
 from riftberg.ocean.cells import position_in_cell
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
@@ -128,6 +129,18 @@ class Births(NamedTuple):
     real: Floats  # Ice calved by class, kg s-1; shape (classes, nj, ni)
 
 
+class _Birth(NamedTuple):
+    """A berg that leaves a store."""
+
+    size: int  # Class
+    row: int  # Of its cell in the domain
+    column: int
+    day: float  # Of the year
+    warmth: float  # Heat, J kg-1
+    identifier: int
+    spot: tuple[float, float, float, float]  # Longitude, latitude, coordinates in the cell
+
+
 class FluxCalving:
     """Calving from a flux of land ice, on the grid of an ocean."""
 
@@ -175,13 +188,13 @@ class FluxCalving:
             mean[:] = new * now + old * mean
         return s.mean_flux.copy(), s.mean_heat.copy()
 
-    def bear(self, year: int, day: float, dt: float) -> Births:
+    def bear(self, year: int, day: float, dt: float, others: Elements | None = None) -> Births:
         """Let bergs leave the stores that hold enough ice for one (files, 3.2).
 
-        ``dt``: step, s.
+        ``dt``: step, s; ``others``: ice beside which they must find room in their cell, or wait in their store.
         """
-        s = self.stores
-        rows: list[tuple[int, int, int, float, float]] = []
+        s, free = self.stores, None if others is None else FreePlaces(others, self.parameters)
+        rows: list[_Birth] = []
         real = np.zeros_like(s.ice)
         mass = heat = 0.0
         for k in range(self.south.mass.size):
@@ -191,11 +204,15 @@ class FluxCalving:
             for j, i in np.argwhere(s.ice[k] >= need).tolist():
                 offset = 0.0
                 while s.ice[k, j, i] >= need[j, i]:
+                    c = self.south if self.is_south[j, i] else self.north
+                    spot = self._spot(i, j, float(corner_reach(c.length[k], c.width[k])), free)
+                    if spot is None:
+                        break
                     # The reference gives a berg the heat of all classes over the ice of its own (quirk T16).
                     ice = self.stores.ice[:, j, i]
                     held = ice[k] if self.parameters.compatibility.heat_of_one_class else ice.sum()
                     warmth = float(self.stores.heat[j, i] / held)
-                    rows.append((k, j, i, day + offset / 86400.0, warmth))
+                    rows.append(_Birth(k, j, i, day + offset / 86400.0, warmth, s.next_identifier(i, j), spot))
                     s.heat[j, i] -= need[j, i] * warmth
                     s.ice[k, j, i] -= need[j, i]
                     mass, heat = mass + need[j, i], heat + need[j, i] * warmth
@@ -204,36 +221,50 @@ class FluxCalving:
         elements, ids = self._elements(rows, year)
         return Births(elements, ids, mass, heat, real)
 
-    def _elements(self, rows: list[tuple[int, int, int, float, float]], year: int) -> tuple[Elements, Ints]:
+    def _elements(self, rows: list[_Birth], year: int) -> tuple[Elements, Ints]:
         e = new_elements(len(rows))
-        ids = np.zeros(len(rows), np.int64)
-        for n, (k, j, i, day, warmth) in enumerate(rows):
+        halo = self.grid.arrays.halo
+        for n, (k, j, i, day, warmth, _, spot) in enumerate(rows):
             c = self.south if self.is_south[j, i] else self.north
             e.mass[n], e.thickness[n], e.width[n], e.length[n] = c.mass[k], c.thickness[k], c.width[k], c.length[k]
             e.start_mass[n], e.mass_scaling[n], e.heat_density[n] = c.mass[k], c.scaling[k], warmth
             e.start_year[n], e.start_day[n] = year, day
-            ids[n] = self.stores.next_identifier(i, j)
-            self._place(e, n, i, j)
+            e.cell_i[n], e.cell_j[n] = i + halo, j + halo
+            e.lon[n], e.lat[n], e.xi[n], e.eta[n] = spot
         e.start_lon[:], e.start_lat[:] = e.lon, e.lat
-        return e, ids
+        return e, np.array([birth.identifier for birth in rows], np.int64)
 
-    def _place(self, e: Elements, n: int, i: int, j: int) -> None:
-        """Put a newborn into the middle of its cell; in own runs beside it, so that no two lie on top of each other."""
+    def _spot(self, i: int, j: int, reach: float, free: FreePlaces | None) -> tuple[float, float, float, float] | None:
+        """Place of the next birth in a cell: longitude, latitude, coordinates in the cell; None where other ice leaves no room.
+
+        The middle of the cell with the reference's numerics; in own runs beside it, so that no two lie on top of each other.
+        """
         g = self.grid.arrays
         row, column = j + g.halo, i + g.halo
-        e.cell_i[n], e.cell_j[n] = column, row
         if self.parameters.compatibility.births_at_centre:
-            e.lon[n], e.lat[n] = g.lon_centre[row, column], g.lat_centre[row, column]
-            e.xi[n], e.eta[n], _ = position_in_cell(e.lon[n], e.lat[n], column, row, g)
-            return
+            lon, lat = float(g.lon_centre[row, column]), float(g.lat_centre[row, column])
+            xi, eta, _ = position_in_cell(lon, lat, column, row, g)
+            return lon, lat, xi, eta
         # Births follow a sequence that fills the cell evenly: near in number, far in place.
-        count = float(self.stores.counter[j, i])
+        count = float(self.stores.counter[j, i] + 1)
         xi, eta = (0.5 + WITHIN * ((0.5 + step * count) % 1.0 - 0.5) for step in _GOLDEN)
-        for at, corner in ((e.lon, g.lon), (e.lat, g.lat)):
+
+        def blended(corner: Floats) -> float:
             south = (1.0 - xi) * corner[row - 1, column - 1] + xi * corner[row - 1, column]
             north = (1.0 - xi) * corner[row, column - 1] + xi * corner[row, column]
-            at[n] = (1.0 - eta) * south + eta * north
-        e.xi[n], e.eta[n] = xi, eta
+            return float((1.0 - eta) * south + eta * north)
+
+        drawn = blended(g.lon), blended(g.lat)
+        if free is None:
+            return *drawn, xi, eta
+        across = float(np.sqrt(g.area[row, column]))
+        place = free.nearest(*drawn, reach, lambda x, y: position_in_cell(x, y, column, row, g)[2], across)
+        if place is None:
+            return None
+        free.take(*place, reach)
+        if place != drawn:
+            xi, eta, _ = position_in_cell(*place, column, row, g)
+        return *place, xi, eta
 
 
 def check_flux(flux: Floats, heat_flux: Floats, mask: NDArray[np.float64], where: str) -> None:

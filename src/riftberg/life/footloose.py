@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.errors import RunError
 from riftberg.life.melt import LifeValues, bit_shape
+from riftberg.life.places import FreePlaces, corner_reach
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
@@ -99,6 +100,10 @@ LET_GO: Final = -2.0
 """Foot of a child that has drifted off its parent and may collide."""
 
 
+FARTHEST: Final = 3.0
+"""How far from the rim of its parent a child is put at most, in distances at which both touch; else it waits."""
+
+
 class Living(Protocol):
     """A model, as far as births and deaths go."""
 
@@ -158,6 +163,8 @@ class _Calving:
         self.changes: list[tuple[int, int, float]] = []
         self.born: list[tuple[Elements, int]] = []
         self.gained = 0.0
+        beside = p.stepping.interactions and not p.compatibility.births_at_centre
+        self.free = FreePlaces(self.el, p) if beside else None
 
     def run(self) -> Calved:
         """Let all bergs calve in turn, and add their children."""
@@ -249,8 +256,9 @@ class _Calving:
         if self.p.footloose.style == "bits":
             self._keep_bits(e, density * thickness * area)
         else:
-            place = self._rim(e, width, length)
-            self._bear(e, place, self._piece(e, thickness, wide, density), pieces * life.mass_scaling[e])
+            place, piece = self._rim(e, width, length), self._piece(e, thickness, wide, density)
+            if not self._bear(e, place, piece, pieces * life.mass_scaling[e]):
+                self._keep_bits(e, density * thickness * area)
         before, lost = body.mass[e], density * thickness * area
         # A berg that has lost pieces is narrower, and may roll over at once.
         if v.rolls:
@@ -282,7 +290,8 @@ class _Calving:
         # Bergy bits go with the bits of which they came, in proportion.
         part = mass * scaling / held
         bergy = part * life.mass_of_fl_bergy_bits[e] * life.mass_scaling[e] / scaling
-        self._bear(e, place, (mass, *shape, bergy), scaling)
+        if not self._bear(e, place, (mass, *shape, bergy), scaling):
+            return
         life.mass_of_fl_bergy_bits[e] *= 1.0 - part
         life.mass_of_fl_bits[e] -= count * least / life.mass_scaling[e]
         self._changed(e, -count * least)
@@ -339,7 +348,8 @@ class _Calving:
         body = self.el.body
         density = body.mass[e] / (body.thickness[e] * body.width[e] * body.length[e])
         shape = self._piece(e, float(body.thickness[e]), wide, density)
-        self._bear(e, self._rim(e, body.width[e], body.length[e]), shape, total / shape[0])
+        if not self._bear(e, self._rim(e, body.width[e], body.length[e]), shape, total / shape[0]):
+            self._keep_bits(e, total / float(self.el.life.mass_scaling[e]))
 
     def _spawn_together(self, rows: Ints) -> None:
         """Make a berg of the footloose bits that all elements of a berg hold, at the one that holds most."""
@@ -353,7 +363,9 @@ class _Calving:
         mass = shape[0] * shape[2] * shape[1] * self.values.rho_ice
         scaling, part = count * least / mass, count * least / held.sum()
         bergy = part * float((life.mass_of_fl_bergy_bits[rows] * life.mass_scaling[rows]).sum())
-        self._bear(e, self._rim(e, body.width[e], body.length[e]), (mass, *shape, bergy / scaling), scaling)
+        place = self._rim(e, body.width[e], body.length[e])
+        if not self._bear(e, place, (mass, *shape, bergy / scaling), scaling):
+            return
         for row, mass_there in zip(rows, held, strict=True):
             if mass_there > 0.0:
                 self._changed(int(row), -part * float(mass_there))
@@ -372,8 +384,11 @@ class _Calving:
 
     def _bear(
         self, e: int, place: tuple[float, float], piece: tuple[float, float, float, float, float], scaling: float
-    ) -> None:
-        """Make a child of an element: mass (kg), thickness, width, length (m), bits (kg) of one berg; how many (files, 2.6)."""
+    ) -> bool:
+        """Make a child of an element: mass (kg), thickness, width, length (m), bits (kg) of one berg; how many (files, 2.6).
+
+        Returns whether there is room for it: where other ice lies, it is for the caller to keep the ice.
+        """
         child = self.el.taken([e])
         body, life = child.body, child.life
         body.mass[0], body.thickness[0], body.width[0], body.length[0], life.mass_of_bits[0] = piece
@@ -384,10 +399,25 @@ class _Calving:
             array[0] = 0
         body.free_y[0] = 1.0
         child.motion.spin[0] = child.motion.rotation[0] = child.kicks.spin_rate[0] = 0.0
-        self._put(child, e, place)
+        if self.free is None:
+            self._put(child, e, place)
+        elif not self._put_beside(child, e, place, self.free):
+            return False
         life.start_lon[0], life.start_lat[0] = child.place.lon[0], child.place.lat[0]
         life.start_year[0], life.start_day[0] = self.when.year, self.when.day
         self.born.append((child, e))
+        return True
+
+    def _put_beside(self, child: Elements, e: int, place: tuple[float, float], free: FreePlaces) -> bool:
+        """Put a child beside the ice that lies on the rim of its parent, if there is sea near enough."""
+        at, earth, body = child.place, self.p.earth, self.el.body
+        reach = float(corner_reach(child.length[0], child.width[0]))
+        lon, lat = move(float(at.lon[0]), float(at.lat[0]), *place, 1.0, earth.latlon, earth.radius)
+        farthest = FARTHEST * max(reach + float(corner_reach(body.length[e], body.width[e])), free.distance)
+        if free.nearest(lon, lat, reach, lambda x, y: self._holds(child, x, y, e), farthest) is None:
+            return False
+        free.take(float(at.lon[0]), float(at.lat[0]), reach)
+        return True
 
     def _put(self, child: Elements, e: int, place: tuple[float, float]) -> None:
         """Put a child on the rim, or where the parent is if there is no sea of this process there (files, 2.6)."""

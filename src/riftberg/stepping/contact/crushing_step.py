@@ -41,7 +41,8 @@ from riftberg.stepping.mat3 import solve
 
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2 = range(12)
 """Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
-since touching (s), speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques (N m)."""
+since touching (s), closing speed then (m s-1; below 0 that of faces that overlap and part), forces across and along (N), phase;
+force on the second element (N), torques (N m)."""
 
 COLUMNS: Final = 12
 
@@ -287,7 +288,12 @@ def _longest_substep(
         x1, y1, x2, y2 = island.separation[k, 0] + px, island.separation[k, 1] + py, qx, qy
         far, reach = math.hypot(x1 - x2, y1 - y2), faces.reach[i] + faces.reach[j]
         if far > reach + limit * (fastest + 0.5 * limit * quickest):
-            pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION] = APART, 0.0, 0.0
+            pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION], pair_state[k, SPEED] = (
+                APART,
+                0.0,
+                0.0,
+                0.0,
+            )
             continue
         nearest, nx, ny = np.inf, 1.0, 0.0
         for p in range(faces.begin[i], faces.end[i]):
@@ -311,9 +317,17 @@ def _longest_substep(
         # Where no contact says how long the face is, that of an element.
         stiffness = face_stiffness(law.strength, thickness, min(faces.reach[i], faces.reach[j]), law.depth)
         entry = ENTRY_PHASE / math.sqrt(stiffness * inverse)
+        one, two = work.acceleration[a], work.acceleration[b]
+        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
+        driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
         if nearest <= 0.0:
             work.gap[k], work.bound[k] = 0.0, 0.0
-            limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
+            if pair_state[k, PHASE] == APART and pair_state[k, SPEED] < 0.0:
+                # Faces that overlap and part are no limit before they can close faster than faces touch without an impact.
+                turns = (SLOW - pair_state[k, SPEED]) / driven if driven > 0.0 else REST_STEP
+                limit = min(limit, max(min(turns, REST_STEP), entry))
+            else:
+                limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
             if pair_state[k, PHASE] != APART:
                 limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
             if pair_state[k, PHASE] == IMPACT:
@@ -323,10 +337,7 @@ def _longest_substep(
                 work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
                 work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
             continue
-        pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION] = APART, 0.0, 0.0
-        one, two = work.acceleration[a], work.acceleration[b]
-        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
-        driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
+        pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION], pair_state[k, SPEED] = APART, 0.0, 0.0, 0.0
         # The gap is crossed no sooner than after the smallest root t of gap = closing t + driven t^2 / 2.
         meets = math.sqrt(closing * closing + 2.0 * driven * nearest)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
@@ -443,7 +454,12 @@ def _find_faces(
                 chord_y += cy
         chord = math.hypot(chord_x, chord_y)
         if not (area > 0.0 and chord > 0.0):
-            pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION] = APART, 0.0, 0.0
+            pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION], pair_state[k, SPEED] = (
+                APART,
+                0.0,
+                0.0,
+                0.0,
+            )
             continue
         nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
         row = work.face[count]
@@ -457,6 +473,7 @@ def _find_faces(
         state = pair_state[k]
         if state[PHASE] == APART:
             if closing <= 0.0:
+                state[SPEED] = closing
                 continue
             # Faces meet where they stand: what was crushed before is rubble that fills the gap.
             state[TOUCHED] = state[CRUSHED] = area / chord
@@ -561,7 +578,7 @@ def _update_faces(
         state[TORQUE_1] = -(row[OFFSET] * fy - row[OFFSET + 1] * fx)
         state[TORQUE_2] = row[OFFSET + 2] * fy - row[OFFSET + 3] * fx
         if force == 0.0 and closing <= 0.0:
-            state[PHASE] = APART
+            state[PHASE], state[SPEED] = APART, closing
         elif state[PHASE] == REST:
             if closing > AGAIN:
                 state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0
