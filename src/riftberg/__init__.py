@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from riftberg.runs.run_file import open_run
     from riftberg.stepping.laws import Laws
     from riftberg.system.limits import allow_large
+    from riftberg.verification.calibrate import calibrate
     from riftberg.viz.map import draw_map, draw_tracks
     from riftberg.viz.plots import draw_fragments, draw_stress
     from riftberg.viz.sweep import draw_sweep
@@ -50,6 +51,7 @@ _HOMES = {
     "GriddedForcing": "riftberg.ocean.gridded",
     "DatasetForcing": "riftberg.ocean.datasets",
     "Forcing": "riftberg.ocean.datasets",
+    "calibrate": "riftberg.verification.calibrate",
     "forecast": "riftberg.ensembles.forecast",
     "open_run": "riftberg.runs.run_file",
     "open_cells": "riftberg.ensembles.result",
@@ -78,6 +80,7 @@ __all__ = [
     "Steady",
     "__version__",
     "allow_large",
+    "calibrate",
     "draw_fragments",
     "draw_map",
     "draw_stress",

@@ -26,6 +26,7 @@ SUMMARIES: Final = {
     "forecast": "Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs.",
     "update": "Weight the members of a forecast by new sightings; where too few of them count, run new ones around these.",
     "sensitivity": "Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift.",
+    "calibrate": "Find inputs that agree with observed positions, headings and break-up, and say how well they are known.",
     "hazard": "Write limits of ice, positions with error radius and probabilities of a forecast as GeoJSON, KML, netCDF and CSV.",
     "product-errors": "Estimate the error of the current by the differences of two products: size, length, time.",
     "experiments": "List the built-in experiments.",

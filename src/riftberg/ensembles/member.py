@@ -23,6 +23,7 @@ from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import Options
 from riftberg.ocean.errors import UncertainForcing
 from riftberg.plane import EqualAreaPlane
+from riftberg.runs.tracks import berg_position
 from riftberg.stepping.forces.media import aground
 from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import value_shown
@@ -90,7 +91,7 @@ class Outcome:
     wall_seconds: float = 0.0  # Model time reached, and wall time spent by the attempt that ended it, s
     totals: dict[str, float] = field(default_factory=dict)  # Counts and sizes at the end
     fragments: dict[str, list[float]] = field(default_factory=dict)  # Table of bergs and fragments
-    # Rows of time, number, longitude, latitude, area, and 1 where aground
+    # Rows of time, number, longitude, latitude, area, 1 where aground, azimuth, and the largest stress over strength so far
     track: list[list[float]] = field(default_factory=list)
     # Broken bonds: time (s), middle east and north of the berg's centre at the start (m), length of the crack across it (m)
     cracks: list[list[float]] = field(default_factory=list)
@@ -207,7 +208,7 @@ def _forget_cells(job: Job) -> None:
 
 
 class Tracks:
-    """Recorder of the centroid and area of every fragment at equal intervals.
+    """Recorder of the centroid, area and long axis of every fragment at equal intervals.
 
     ``every``: interval, s; ``lag``: how much later than the run the intervals begin, s.
     """
@@ -233,23 +234,28 @@ class Tracks:
         touching = _aground(model)
         if np.isnan(self.first_aground) and touching.any():
             self.first_aground = model.time
-        if not model.fragments.breakups:
-            self.stress_ratio = max(self.stress_ratio, _stress_ratio(model))
+        # The step of the break-up ends with the stress of what is left; the ice that broke had reached its strength.
+        self.stress_ratio = max(self.stress_ratio, 1.0 if model.fragments.breakups else _stress_ratio(model))
         # Steps need not divide the interval: the step nearest to the time that is due is recorded.
         due = self.lag + self.every * round((model.time - self.lag) / self.every)
         last = self.rows[-1][0] if self.rows else -np.inf
         if due <= last + _TOLERANCE or abs(model.time - due) > 0.5 * model.parameters.stepping.time_step + _TOLERANCE:
             return
-        e = model.elements
+        e, earth = model.elements, model.parameters.earth
         area = e.length * e.width
         for number in np.unique(e.berg):
             rows = e.berg == number
             lon, lat = centroid(e.lon[rows], e.lat[rows], area[rows], model.constants.period)
-            self.rows.append([due, float(number), lon, lat, float(area[rows].sum()), float(touching[rows].any())])
+            here = berg_position(e.lon[rows], e.lat[rows], area[rows], latlon=earth.latlon, radius=earth.radius,
+                                 period=model.constants.period)  # fmt: skip
+            # Without a longer axis there is no azimuth; 0 as any other.
+            azimuth = float(np.nan_to_num(here.azimuth))
+            self.rows.append([due, float(number), lon, lat, here.area, float(touching[rows].any()), azimuth,
+                              self.stress_ratio])  # fmt: skip
 
     def kept(self) -> Any:
         """Return all rows as one array, for a saved state."""
-        whole = [self.first_aground, self.stress_ratio, 0.0, 0.0, 0.0, 0.0]
+        whole = [self.first_aground, self.stress_ratio, *[0.0] * 6]
         return np.array([*self.rows, whole], dtype=np.float64)
 
     def finish(self, model: BareModel) -> None:

@@ -220,15 +220,17 @@ def _add_tracks(
     latlon: bool,
 ) -> None:  # fmt: skip
     shape = ds.sizes["member"], ds.sizes["fragment"], len(times)
-    lon, lat, area, touching = (np.full(shape, np.nan) for _ in range(4))
+    lon, lat, area, touching, azimuth = (np.full(shape, np.nan) for _ in range(5))
+    stress = np.full((shape[0], shape[2]), np.nan)
     for number, outcome in outcomes.items():
         places = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
-        for time, fragment, x, y, size, *ground in outcome.track:
+        for time, fragment, x, y, size, *more in outcome.track:
             k = round((time + later[number]) / (times[1] if len(times) > 1 else 1.0))
             if fragment in places and 0 <= k < len(times):
                 at = number, places[fragment], k
                 lon[at], lat[at], area[at] = x, y, size
-                touching[at] = ground[0] if ground else np.nan
+                # What an earlier version did not note is missing.
+                touching[at], azimuth[at], stress[number, k] = (*more, *[np.nan] * 3)[:3]
     dims = ("member", "fragment", "time")
     (x_name, x_about), (y_name, y_about) = _place(latlon).values()
     ds[x_name], ds[y_name] = (dims, lon, x_about), (dims, lat, y_about)
@@ -238,6 +240,9 @@ def _add_tracks(
         {"units": "m2", "long_name": "plan area of the fragment", "coordinates": f"{y_name} {x_name}"},
     )
     ds["aground"] = (dims, touching, {"units": "1", "long_name": "1 where an element of the fragment is aground"})
+    ds["azimuth"] = (dims, azimuth, {"units": "degree", "long_name": "long axis, clockwise from north, 0 to 180"})
+    about = {"units": "1", "long_name": "largest stress over strength of a bond so far, until the first break-up"}
+    ds["stress_ratio_so_far"] = (("member", "time"), stress, about)
 
 
 def write_sweep(ds: xr.Dataset, path: str | Path, *, more: bool = False) -> Path:

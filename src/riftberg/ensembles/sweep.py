@@ -265,7 +265,7 @@ def planned(
         named = str(Path(named).absolute())
     draws = draws or Draws()
     if design:
-        varied, members = designed(vary)
+        varied, members = designed(vary, free=callable(experiment))
     else:
         varied = varied_of(vary_with_file(experiment, vary), free=callable(experiment))
         members = members_of(varied, draws)

@@ -367,10 +367,18 @@ def read_design(path: Path) -> dict[str, list[str]]:
     return {name: [row[k].strip() for row in rows[1:]] for k, name in enumerate(names)}
 
 
-def designed(columns: Mapping[str, Sequence[Any]]) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
-    """Return what a plan made elsewhere varies, and its members: one of each row."""
+def designed(
+    columns: Mapping[str, Sequence[Any]], *, free: bool = False
+) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
+    """Return what a plan made elsewhere varies, and its members: one of each row.
+
+    ``free``: a function makes the models, whose arguments take any value.
+    """
     varied = []
     for name, values in columns.items():
+        if free and not is_uncertain(name):
+            varied.append(Varied(name, tuple(values)))
+            continue
         group, dot, key = name.partition(".")
         settable = {**SETTABLE, **UNCERTAIN}
         where = f"--design, {name}"

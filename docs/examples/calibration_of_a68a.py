@@ -1,0 +1,78 @@
+"""Is the tuning of A68a unique: strengths, drags, shears and winds that agree with its outlines and its first break-up.
+
+python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER                         in the fitted ocean
+python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --errors                with random errors on it
+python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --members 10 --waves 1  to try it
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from sensitivity_of_a68a import a68a
+
+from riftberg import calibrate, open_sweep
+from riftberg.diagnostics.observed import read_observed
+from riftberg.verification.calibrate import Errors
+from riftberg.viz.calibration import draw_posterior, draw_predictive
+
+INPUTS = {
+    "start.strength": "~lognormal(1, 0.5)",
+    "water_drag": "~lognormal(1, 0.3)",
+    "shear": "~normal(1, 0.15)",
+    "eddy": "~normal(1, 0.1)",
+    "wind": "~lognormal(1, 0.3)",
+}
+OCEAN_ERRORS = {
+    "current_error.speed": [0.05], "current_error.length": [50e3], "current_error.time": [3 * 86400.0],
+    "wind_error.speed": [2.0], "wind_error.length": [300e3], "wind_error.time": [86400.0],
+}  # fmt: skip
+WHOLE, BROKEN = datetime(2020, 12, 16), datetime(2020, 12, 18)
+
+
+def story(folder: Path, weight: np.ndarray) -> str:
+    """Return how many members by weight lose a tip on 16 to 18 December and a finger on 19 to 22 December."""
+    told, first = [], 0
+    for path in sorted(p for p in folder.glob("wave-*") if not p.name.endswith("firm")):
+        ds = open_sweep(path)
+        area, born = ds["fragment_area"].values / 1e6, ds["fragment_birth_time"].values
+        own = ds["fragment_parent"].values > 0
+
+        def lost(low: float, high: float, begin: str, end: str, area=area, born=born, own=own):
+            return own & (area > low) & (area < high) & (born >= np.datetime64(begin)) & (born < np.datetime64(end))
+
+        tip = lost(80, 300, "2020-12-16", "2020-12-19").any(axis=1)
+        finger = lost(450, 900, "2020-12-19", "2020-12-23").any(axis=1)
+        told.append(np.stack([tip, finger, tip & finger], axis=1))
+        first += len(tip)
+    parts = weight @ np.concatenate(told)
+    return "tip {:.0%}, finger {:.0%}, both {:.0%} of the members after".format(*parts)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("observed", type=Path)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--errors", action="store_true")
+    parser.add_argument("--members", type=int, default=40)
+    parser.add_argument("--waves", type=int, default=3)
+    given = parser.parse_args()
+    began, folder = time.process_time(), given.folder / ("errors" if given.errors else "fitted")
+    found = calibrate(
+        a68a, read_observed(given.observed), INPUTS | (OCEAN_ERRORS if given.errors else {}), days=12.5, errors=Errors(),
+        whole_until=WHOLE, broken=BROKEN, waves=given.waves, members=given.members, output=folder,
+        resume=folder.exists(), workers=0,
+    )  # fmt: skip
+    found.to_netcdf(folder / "calibration.nc")
+    draw_posterior(found, folder / "posterior.png")
+    draw_predictive(found, folder / "predictive.png")
+    columns = [f"{when}_{end}" for when in ("prior", "posterior") for end in ("low", "median", "high")]
+    print(found[[*columns, "likeliest", "narrowed"]].to_dataframe().round(2).to_string())
+    print("left by wave:", found["wave_left"].values, "members that count:", found.attrs["effective_members"])
+    print("correlation:\n", np.round(found["correlation"].values, 2))
+    print(story(folder, found["member_weight"].values))
+    print(f"{time.process_time() - began:.0f} s of processor time")

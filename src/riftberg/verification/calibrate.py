@@ -1,0 +1,546 @@
+"""Fit of an experiment to observed positions, headings and break-up: which inputs agree with what was seen.
+
+Members are sweeps of a design (`riftberg.ensembles.sweep`), history matching and posterior are in `riftberg.ensembles.matching`.
+A break-up is a jump in the inputs; the margin to it is none: largest stress over strength until a date, of a berg that holds. A
+member that has broken by then is run once more with ice that does not break, which gives the margin beyond 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Final, Literal, Unpack, cast
+
+import numpy as np
+import xarray as xr
+
+from riftberg.config.values import check_names
+from riftberg.diagnostics.observed import Observations
+from riftberg.diagnostics.outlines import polygon_moments, polygon_on
+from riftberg.ensembles.distributions import member_seed, shares
+from riftberg.ensembles.forecast import LATTICE, default_errors
+from riftberg.ensembles.matching import Matched, Posterior, Targets, likeliest, match, posterior
+from riftberg.ensembles.sweep import Plan, Store, SweepOptions, WorkerOptions, common_options, planned, run_sweep
+from riftberg.ensembles.uncertain import SEED, has_fields
+from riftberg.ensembles.vary import Varied, varied_of
+from riftberg.errors import InputError
+from riftberg.plane import ConformalPlane
+from riftberg.state import Floats
+from riftberg.system.input_files import value_shown
+from riftberg.verification.forecast import _positions, at_date
+from riftberg.verification.positions import USUAL_ERROR
+
+if TYPE_CHECKING:
+    from riftberg.ensembles.member import Maker
+    from riftberg.experiments.registry import Options
+
+WAVES: Final = 3
+
+MOST_WAVES: Final = 10
+
+PER_INPUT: Final = 10
+"""Members of a wave for each input (Loeppky and others 2009)."""
+
+MOST_DATES: Final = 12
+"""Dates that are compared, evenly over those that were observed: positions of nearby days say the same."""
+
+AZIMUTH_ERROR: Final = 5.0
+"""Of an outline, degrees: two outlines of A68a of one day, of 24, 25 and 26 December 2020, differ by 2, 6 and 4."""
+
+MODEL_ERROR: Final = {"km": 3.0, "degree": 5.0, "log": 0.15}
+"""Error of the model itself: position, azimuth, margin. Another angle of the lattice moves A68a by 0.6 km and its margin by 0.13
+(docs/explanation/sensitivity.md); the rest is a guess."""
+
+EVERY: Final = 1.0
+"""Interval of the tracks, h: a berg on an inertial circle is 1 km beside the line between two positions 6 h apart."""
+
+MEMORY: Final = 5.0
+"""Time in which the error of the model's position is forgotten, days: its errors of one day and the next are nearly the same."""
+
+FIRM: Final = 20.0
+"""Factor on the strength of ice that does not break."""
+
+STRONGEST: Final = 100.0
+"""Largest factor on the strength."""
+
+LEAST_MARGIN: Final = 0.05
+"""Margins below it are alike: such a berg is far from breaking."""
+
+UNKNOWN: Final = 0.8
+"""Width of the interval of an input, over that of its distribution, above which the data cannot tell it."""
+
+LEVEL: Final = 0.9
+"""Of the intervals."""
+
+DAY: Final = np.timedelta64(1, "D")
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What was observed, at the dates that are compared."""
+
+    name: str  # Of the berg
+    places: Mapping[datetime, tuple[float, float]]  # Longitude and latitude, degrees
+    azimuths: Mapping[datetime, float]  # Long axis, degrees clockwise from north
+    whole_until: datetime | None  # When it was last seen whole
+    broken: datetime | None  # When it was first seen broken
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Standard deviations of observations and model."""
+
+    position: float = USUAL_ERROR  # km, along each axis
+    azimuth: float = AZIMUTH_ERROR  # degrees
+    model: float = MODEL_ERROR["km"]  # km, along each axis
+
+
+def seen_of(
+    observed: Observations | None, start: datetime, days: float, *, berg: str | None = None, hour: float | None = None,
+    broken: datetime | None = None, whole_until: datetime | None = None,
+) -> Seen:  # fmt: skip
+    """Return what was observed during the runs; refuses what lies outside of them."""
+    end = start + timedelta(days=days)
+    name = berg or "berg"
+    places: dict[datetime, tuple[float, float]] = {}
+    azimuths: dict[datetime, float] = {}
+    if observed is not None:
+        where = str(observed.source)
+        name, known = _positions(observed, berg, where, start, hour)
+        places = {when: place for when, place in known.items() if start < when <= end}
+        if not places and broken is None and whole_until is None:
+            raise InputError(
+                f"nothing was observed from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}", where=where,
+                remedy="Give observations of the time of the runs, or a date by --broken or --whole-until",
+            )  # fmt: skip
+        if len(places) > MOST_DATES:
+            chosen = np.linspace(0, len(places) - 1, MOST_DATES).round().astype(int)
+            places = {when: places[when] for when in np.array(list(places))[chosen].tolist()}
+        azimuths = _azimuths(observed, places, start, hour)
+    for option, date in (("--broken", broken), ("--whole-until", whole_until)):
+        if date is not None and not start < date <= end:
+            raise InputError(
+                f"{date:%Y-%m-%d %H:%M} is not within the runs", where=option,
+                remedy=f"Give a date from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}",
+            )  # fmt: skip
+    if broken is not None and whole_until is not None and whole_until >= broken:
+        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
+    if not places and broken is None and whole_until is None:
+        raise InputError(
+            "nothing to compare with", where="calibrate", remedy="Give observations, --broken or --whole-until"
+        )
+    return Seen(name, places, azimuths, whole_until, broken)
+
+
+def _azimuths(
+    observed: Observations, places: Mapping[datetime, tuple[float, float]], start: datetime, hour: float | None
+) -> dict[datetime, float]:
+    """Return the long axes at the dates of positions: of the outline or row that has the position."""
+    found: dict[datetime, float] = {}
+    largest: dict[datetime, float] = {}
+    for outline in observed.outlines:
+        when = _at(outline.when, outline.day_only, start, hour)
+        if when in places:
+            plane = ConformalPlane(*places[when], 6.371e6)
+            shape = polygon_on(plane, outline.ring)
+            if shape.area > largest.get(when, 0.0):
+                largest[when], found[when] = shape.area, polygon_moments(np.asarray(shape.exterior.coords))[2] % 180.0
+    for fix in observed.fixes:
+        when = _at(fix.when, fix.day_only, start, hour)
+        if when in places and np.isfinite(fix.azimuth) and places[when] == (fix.lon, fix.lat):
+            found.setdefault(when, fix.azimuth)
+    return {when: azimuth for when, azimuth in found.items() if np.isfinite(azimuth)}
+
+
+def _at(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
+    """Return the moment of an observation; of one without a time as `_positions` has it."""
+    return when + timedelta(hours=start.hour + start.minute / 60.0 if hour is None else hour) if day_only else when
+
+
+def targets_of(seen: Seen, errors: Errors) -> Targets:
+    """Return the numbers that a member is to reach: kilometres from the places that were seen, degrees, logarithms of margins."""
+    names: list[str] = []
+    blocks: list[Floats] = []
+    sides: list[float] = []
+    for axis in ("east", "north"):
+        names += [f"{when:%Y-%m-%d %H:%M} {axis}, km" for when in seen.places]
+        blocks.append(_covariance(list(seen.places), errors.position, errors.model))
+    names += [f"{when:%Y-%m-%d %H:%M} azimuth, degree" for when in seen.azimuths]
+    blocks.append(_covariance(list(seen.azimuths), errors.azimuth, MODEL_ERROR["degree"]))
+    for when, word, side in ((seen.whole_until, "whole until", -1.0), (seen.broken, "broken by", 1.0)):
+        if when is not None:
+            names.append(f"{word} {when:%Y-%m-%d %H:%M}, log margin")
+            blocks.append(np.array([[MODEL_ERROR["log"] ** 2]]))
+            sides.append(side)
+    size = sum(len(block) for block in blocks)
+    whole = np.zeros((size, size))
+    first = 0
+    for block in blocks:
+        whole[first : first + len(block), first : first + len(block)] = block
+        first += len(block)
+    return Targets(names, np.zeros(size), whole, np.array([0.0] * (size - len(sides)) + sides))
+
+
+def _covariance(dates: Sequence[datetime], error: float, model: float) -> Floats:
+    """Return the covariance of errors at some dates: those of observations are independent, those of the model last."""
+    days = np.array([(date - dates[0]).total_seconds() / 86400.0 for date in dates])
+    return np.asarray(error**2 * np.eye(len(days)) + model**2 * np.exp(-np.abs(days[:, None] - days) / MEMORY))
+
+
+def results_of(ds: xr.Dataset, seen: Seen, firm: xr.Dataset | None = None, factor: Floats | None = None) -> Floats:
+    """Return the results of the members of a sweep (members, targets) beside what was seen; NaN where one failed.
+
+    ``firm``: the runs of the members with ice that does not break, with their factors on the strength (``factor``); a member
+    that has none of its own is whole.
+    """
+    # A piece that breaks off shifts centroid and axis by a jump. While the berg was seen whole, one that broke is compared as if
+    # it had held: its margin rules it out, and what the emulator learns has no jump.
+    held = {
+        when for when in (*seen.places, *seen.azimuths) if seen.whole_until is not None and when <= seen.whole_until
+    }
+    columns: list[Floats] = []
+    away = [_of_whole(_away, ds, firm, when, place, when in held) for when, place in seen.places.items()]
+    for axis in range(2):
+        columns += [place[:, axis] for place in away]
+    columns += [_of_whole(_turned, ds, firm, when, axis, when in held) for when, axis in seen.azimuths.items()]
+    for when in (seen.whole_until, seen.broken):
+        if when is not None:
+            columns.append(np.log(np.maximum(margin_until(ds, when, firm, factor), LEAST_MARGIN)))
+    found = np.stack(columns, axis=1)
+    found[ds["status"].values != 0] = np.nan
+    return found
+
+
+def _of_whole(
+    result: Callable[[xr.Dataset, datetime, Any], Floats], ds: xr.Dataset, firm: xr.Dataset | None, when: datetime,
+    observed: Any, held: bool,
+) -> Floats:  # fmt: skip
+    """Return a result of each member beside what was observed; where ``held``, of the run that did not break."""
+    found = result(ds, when, observed)
+    broke = ds["first_breakup"].values <= np.datetime64(when, "ns")
+    if held and firm is not None and broke.any():
+        found[broke] = np.where(firm["status"].values[broke] == 0, result(firm, when, observed)[broke].T, np.nan).T
+    return found
+
+
+def _away(ds: xr.Dataset, when: datetime, place: tuple[float, float]) -> Floats:
+    """Return the kilometres of the first berg east and north of a place (members, 2)."""
+    lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
+    return at_date(ds["time"].values.astype("datetime64[ns]"), lon, lat, np.datetime64(when, "ns"), place)
+
+
+def _turned(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
+    """Return the angle from an axis to that of the first berg, degrees, at the record nearest to a date (members,)."""
+    nearest = int(np.abs(ds["time"].values.astype("datetime64[ns]") - np.datetime64(when, "ns")).argmin())
+    return np.asarray((ds["azimuth"].values[:, 0, nearest].astype(float) - axis + 90.0) % 180.0 - 90.0)
+
+
+def margin_until(
+    ds: xr.Dataset, when: datetime, firm: xr.Dataset | None = None, factor: Floats | None = None
+) -> Floats:
+    """Return the largest stress over strength of each member until a date, also beyond 1."""
+    margin = _so_far(ds, when)
+    broke = ds["first_breakup"].values <= np.datetime64(when, "ns")
+    if firm is not None and factor is not None and broke.any():
+        beyond = np.where(firm["status"].values == 0, _so_far(firm, when) * factor, np.nan)
+        margin = np.where(broke, np.maximum(beyond, 1.0), np.minimum(margin, 1.0))
+    return margin
+
+
+def _so_far(ds: xr.Dataset, when: datetime) -> Floats:
+    """Return the largest stress over strength until the first record from a date on."""
+    times = ds["time"].values.astype("datetime64[ns]")
+    record = min(int(np.searchsorted(times, np.datetime64(when, "ns"))), len(times) - 1)
+    return np.asarray(ds["stress_ratio_so_far"].values[:, record], float)
+
+
+class Runner:
+    """Runs the members of the waves, each a sweep in a folder of its own."""
+
+    def __init__(
+        self, folder: Path, experiment: Any, varied: Sequence[Varied], options: Options, seen: Seen, *, seed: int,
+        resume: bool, nuisance: Sequence[Varied] = (), **where: Any,
+    ) -> None:  # fmt: skip
+        self.folder, self.experiment, self.varied, self.nuisance = folder, experiment, varied, nuisance
+        self.options, self.seen, self.seed, self.resume, self.where = options, seen, seed, resume, where
+        self.waves: list[xr.Dataset] = []
+        self.bar: Any = None
+
+    @property
+    def inputs(self) -> list[Varied]:
+        """What is calibrated: what has a distribution."""
+        return [v for v in self.varied if v.distribution is not None]
+
+    def columns(self, wave: int, u: Floats) -> dict[str, list[Any]]:
+        """Return the values of the members of a wave by name."""
+        columns = {v.name: _quantiles(v, u[:, k]) for k, v in enumerate(self.inputs)}
+        columns |= {v.name: [v.values[0]] * len(u) for v in self.varied if v.distribution is None}
+        parts = sum(v.parts for v in self.nuisance)
+        drawn = shares(len(u), parts, "random", self.seed + 7919 * (wave + 1))
+        first = 0
+        for v in self.nuisance:
+            assert v.distribution is not None
+            rows = [v.distribution.quantiles(drawn[:, first + k]) for k in range(v.parts)]
+            columns[v.name] = rows[0] if v.parts == 1 else [list(pair) for pair in zip(*rows, strict=True)]
+            first += v.parts
+        if has_fields(columns) and SEED not in columns:
+            columns[SEED] = [member_seed(self.seed + wave, k) for k in range(len(u))]
+        return columns
+
+    def plan(self, wave: int, u: Floats) -> Plan:
+        """Return the sweep of a wave, checked."""
+        return self._planned(self.columns(wave, u), self.options)
+
+    def _planned(self, columns: dict[str, list[Any]], options: Options) -> Plan:
+        every = EVERY if options.days is None else min(EVERY, 24.0 * options.days)
+        return planned(self.experiment, columns, options, every, design=True)
+
+    def __call__(self, wave: int, u: Floats) -> Floats:
+        """Run a wave and return its results (members, targets)."""
+        ds = self._run(f"wave-{wave + 1}", self.plan(wave, u))
+        self.waves.append(ds)
+        dates = [date for date in (self.seen.whole_until, self.seen.broken) if date is not None]
+        broke = ds["first_breakup"].values <= np.datetime64(max(dates), "ns") if dates else np.zeros(len(u), bool)
+        if not broke.any():
+            return results_of(ds, self.seen)
+        rows = np.flatnonzero(broke)
+        columns = {name: [values[k] for k in rows] for name, values in self.columns(wave, u).items()}
+        own = np.array(columns.get("start.strength", [1.0] * len(rows)), float)
+        columns["start.strength"] = np.minimum(FIRM * own, STRONGEST).tolist()
+        start = ds["time"].values[0]
+        # Until the record that follows the last date: beyond it nobody asks.
+        days = min((np.datetime64(max(dates), "ns") - start) / DAY + 0.25, self._days(ds))
+        firm = self._run(f"wave-{wave + 1}-firm", self._planned(columns, replace(self.options, days=float(days))))
+        whole = firm.isel(member=np.cumsum(broke) - 1)  # members that did not break get some other's, which is not used
+        factor = np.ones(len(u))
+        factor[rows] = np.array(columns["start.strength"]) / own
+        return results_of(ds, self.seen, whole, factor)
+
+    def _days(self, ds: xr.Dataset) -> float:
+        return float((ds["time"].values[-1] - ds["time"].values[0]) / DAY)
+
+    def _run(self, name: str, plan: Plan) -> xr.Dataset:
+        folder = self.folder / name
+        store = Store(folder, plan, resume=self.resume and (folder / "sweep.json").exists())
+        bar = None if self.bar is None else self.bar(name, len(plan.members))
+        return run_sweep(store, bar=bar, **self.where).load()
+
+
+def _quantiles(v: Varied, share: Floats) -> list[Any]:
+    assert v.distribution is not None
+    return v.distribution.quantiles(share)
+
+
+def checked_inputs(
+    experiment: Any, vary: Mapping[str, Any] | Iterable[str]
+) -> tuple[tuple[Varied, ...], tuple[Varied, ...]]:
+    """Return what is calibrated, and what scatters beside it: the lattice, whose choice is none of the ice's."""
+    varied = varied_of(vary, free=callable(experiment))
+    for v in varied:
+        where = f"--vary {v.name}"
+        if v.distribution is None and len(v.values) > 1:
+            raise InputError(
+                f"{len(v.values)} values",
+                where=where,
+                remedy="Give a distribution, such as ~uniform(5 kPa, 30 kPa), or one value",
+            )
+        if v.distribution is not None and (v.distribution.choices or v.parts > 1):
+            what = "a choice" if v.distribution.choices else "several numbers"
+            raise InputError(f"{what} cannot be calibrated", where=where, remedy="Give one number with a distribution")
+    if not any(v.distribution is not None for v in varied):
+        raise InputError("nothing to calibrate", where="--vary", remedy="Give a distribution, such as "
+                         "'start.strength~lognormal(1, 40 %)'")  # fmt: skip
+    names = {v.name for v in varied}
+    lattice = varied_of(LATTICE.vary) if LATTICE in default_errors(experiment) else ()
+    return varied, tuple(v for v in lattice if v.name not in names)
+
+
+def check_within(plan: Plan, varied: Sequence[Varied], options: Options) -> None:
+    """Refuse a distribution that excludes what the experiment has: the search would never come to the values of today."""
+    if not isinstance(plan.experiment, str):
+        return
+    from riftberg.ensembles.uncertain import UNCERTAIN
+    from riftberg.experiments import build
+
+    own = build(plan.experiment, options)[0].parameters
+    for v in varied:
+        group, _, key = v.name.partition(".")
+        if v.distribution is None:
+            continue
+        section = UNCERTAIN[group]() if group in UNCERTAIN else getattr(own, group, None)
+        value = getattr(section, key, None)
+        if not isinstance(value, int | float) or isinstance(value, bool) or value == 0.0:
+            continue  # 0 and none mean: find it, or none of it
+        share = float(v.distribution.shares_below(np.array([float(value)]))[0])
+        if not 0.001 < share < 0.999:
+            unit = f" {v.unit}" if v.unit not in ("", "1") else ""
+            raise InputError(
+                f"{v.distribution.text} excludes the {value_shown(value)}{unit} of the experiment", where=f"--vary {v.name}",
+                remedy="Widen it, or set another value with --set",
+            )  # fmt: skip
+
+
+class CalibrateOptions(WorkerOptions, total=False):
+    """What `calibrate` takes beside its own arguments; not ``plan`` and ``cells`` of a sweep, which would do nothing."""
+
+    changes: Mapping[str, Mapping[str, Any]] | None  # As for `riftberg.sweep`
+    without: Iterable[str]  # As for `riftberg.sweep`
+    data: str | Path | None  # As for `riftberg.sweep`
+    numerics: Literal["own", "reference"] | None  # As for `riftberg.sweep`
+    members: int | None  # Of each wave; by default ten for each input
+    seed: int  # Of all that is drawn; 1 by default
+    waves: int  # 3 by default
+    berg: str | None  # Name of the berg, where the observations have several
+    hour: float | None  # Of observations without a time (UTC); by default that of the start
+    bar: Any  # Takes name and number of runs of a wave and returns its progress bar
+
+
+def calibrate(
+    experiment: str | Path | Maker,
+    observed: Observations | None,
+    vary: Mapping[str, Any] | Iterable[str],
+    *,
+    days: float | str | None = None,
+    errors: Errors | None = None,
+    broken: datetime | None = None,
+    whole_until: datetime | None = None,
+    output: str | Path | None = None,
+    resume: bool = False,
+    **options: Unpack[CalibrateOptions],
+) -> xr.Dataset:
+    """Find which inputs of an experiment agree with what was observed.
+
+    Parameters
+    ----------
+    experiment : str, path or callable
+        As for `riftberg.sweep`.
+    observed : Observations, optional
+        Outlines or positions, from `riftberg.diagnostics.observed.read_observed`.
+    vary : mapping, or iterable of str
+        What is calibrated: numbers with a distribution, as for `riftberg.sweep`. Random errors of current, wind and floor may
+        stand beside them with one value; they scatter.
+    days : float or str, optional
+        Length of the runs; needed where a function makes the models.
+    errors : Errors, optional
+        Standard deviations of observations and model.
+    broken, whole_until : datetime, optional
+        When the berg was first seen broken, and last seen whole.
+    output : path, optional
+        Folder in which the members are kept.
+    resume : bool, optional
+        Go on with what is in that folder.
+    **options
+        ``waves`` (3), ``members`` of each (ten for each input), ``berg`` and ``hour`` of observations (`CalibrateOptions`);
+        others as for `riftberg.sweep` (changes, data, without, numerics, seed, scheduler, workers).
+
+    Returns
+    -------
+    xarray.Dataset
+        See "Calibrate" in the documentation: `parameter`, `sample`, `member`, `target`, `wave`.
+
+    Raises
+    ------
+    InputError
+        If what is varied or observed is not possible; before the first run.
+    RunError
+        If no inputs agree with what was observed.
+    """
+    check_names(options, CalibrateOptions)
+    waves = options.get("waves", WAVES)
+    varied, nuisance = checked_inputs(experiment, vary)
+    if not 1 <= waves <= MOST_WAVES:
+        raise InputError(f"{waves} waves", where="waves", remedy=f"Give 1 to {MOST_WAVES}")
+    seed = int(options.get("seed") or 1)
+    common = common_options(days, cast(SweepOptions, options))
+    where = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
+    with TemporaryDirectory(prefix="riftberg-calibrate-") if output is None else nullcontext(output) as folder:
+        made = Runner(Path(folder).absolute(), experiment, varied, common, Seen("", {}, {}, None, None), seed=seed,
+                      resume=resume, nuisance=nuisance, **where)  # fmt: skip
+        inputs = made.inputs
+        count = options.get("members") or PER_INPUT * len(inputs)
+        if count < len(inputs) + 4:
+            raise InputError(
+                f"{count} members for {len(inputs)} inputs", where="members", remedy=f"Give {len(inputs) + 4} or more"
+            )
+        plan = made.plan(0, np.full((1, len(inputs)), 0.5))
+        if not plan.first.parameters.earth.latlon:
+            raise InputError("runs in metres", where="calibrate", remedy="Observations need longitude and latitude")
+        check_within(plan, varied, common)
+        made.bar, made.seen = options.get("bar"), seen_of(
+            observed, plan.first.start, plan.days, berg=options.get("berg"), hour=options.get("hour"), broken=broken,
+            whole_until=whole_until,
+        )  # fmt: skip
+        targets = targets_of(made.seen, errors or Errors())
+        found = match(made, len(inputs), targets, waves=waves, members=count, seed=seed)
+        broke = np.concatenate([ds["first_breakup"].values for ds in made.waves])
+    after = posterior(found, seed=seed)
+    best = likeliest(found.region, len(inputs), seed=seed)
+    return _described(inputs, found, after, best, broke, made.seen)
+
+
+def _described(
+    inputs: Sequence[Varied], found: Matched, after: Posterior, best: Floats, broke: Any, seen: Seen
+) -> xr.Dataset:
+    """Return all of a calibration as one dataset."""
+    targets = found.region.targets
+
+    def values(u: Floats) -> Floats:
+        return np.array([_quantiles(v, u[:, k]) for k, v in enumerate(inputs)], float).T
+
+    ends = np.array([0.5 - LEVEL / 2.0, 0.5, 0.5 + LEVEL / 2.0])
+    inner = np.array([quantiles(after.samples[:, k], after.weight, ends) for k in range(len(inputs))])
+    known = (inner[:, 2] - inner[:, 0]) / LEVEL < UNKNOWN
+    ds = xr.Dataset(attrs={"title": f"Calibration of {seen.name}", "interval": f"{100 * LEVEL:.0f} %",
+                           "effective_members": after.effective})  # fmt: skip
+    ds.coords["parameter"] = ("parameter", [v.name for v in inputs])
+    ds.coords["unit"] = ("parameter", [v.unit or "1" for v in inputs])
+    ds.coords["target"] = ("target", list(targets.names))
+    for k, word in enumerate(("low", "median", "high")):
+        ds[f"prior_{word}"] = ("parameter", values(np.full((1, len(inputs)), ends[k]))[0])
+        ds[f"posterior_{word}"] = ("parameter", values(inner[:, k][None])[0])
+    ds["known"] = ("parameter", known, {"long_name": f"the interval is narrower than {UNKNOWN:g} of that before"})
+    ds["narrowed"] = ("parameter", (inner[:, 2] - inner[:, 0]) / LEVEL,
+                      {"long_name": "width of the interval over that before, in parts of the probability"})  # fmt: skip
+    ds["likeliest"] = ("parameter", values(best[None])[0], {"long_name": "largest likelihood on the emulators"})
+    ds["sample_value"] = (("sample", "parameter"), values(after.samples))
+    ds["sample_share"] = (("sample", "parameter"), after.samples)
+    ds["sample_weight"] = ("sample", after.weight)
+    ds["member_value"] = (("member", "parameter"), values(found.inputs))
+    ds["member_share"] = (("member", "parameter"), found.inputs)
+    ds["member_wave"] = ("member", found.wave + 1)
+    ds["member_weight"] = ("member", after.members)
+    ds["member_result"] = (("member", "target"), found.results)
+    ds["member_first_breakup"] = ("member", broke)
+    ds["ruled_out"] = ("member", ~found.region.inside(found.inputs))
+    ds["error"] = ("target", np.sqrt(np.diag(targets.covariance)), {"long_name": "of observation and model together"})
+    ds["side"] = ("target", targets.sides)
+    rows = np.random.default_rng(1).choice(len(after.weight), min(1000, len(after.weight)), p=after.weight)
+    mean, variance = found.region.emulated(after.samples[rows])
+    predicted = mean + np.sqrt(variance) * np.random.default_rng(2).standard_normal(mean.shape)
+    for word, level in zip(("low", "median", "high"), ends, strict=True):
+        ds[f"predicted_{word}"] = ("target", np.quantile(predicted, level, axis=0))
+    ds["wave_members"] = ("wave", [wave.members for wave in found.waves])
+    ds["wave_left"] = ("wave", [wave.left for wave in found.waves], {"long_name": "part of the prior not ruled out"})
+    ds["correlation"] = (("parameter", "other"), _correlation(after))
+    return ds
+
+
+def quantiles(values: Floats, weight: Floats, levels: Floats) -> Floats:
+    """Return quantiles of weighted numbers."""
+    order = np.argsort(values)
+    below = np.cumsum(weight[order])
+    return np.asarray(values[order][np.minimum(np.searchsorted(below, levels * below[-1]), len(order) - 1)])
+
+
+def _correlation(after: Posterior) -> Floats:
+    from scipy.stats import norm
+
+    z = norm.ppf(np.clip(after.samples, 1e-6, 1.0 - 1e-6))
+    z = z - after.weight @ z
+    both = (after.weight[:, None] * z).T @ z
+    size = np.sqrt(np.maximum(np.diag(both), 1e-300))
+    return np.asarray(both / size[:, None] / size)

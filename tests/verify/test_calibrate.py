@@ -1,0 +1,204 @@
+"""Calibration: observations as numbers, margins of bergs that broke, a synthetic truth of real runs, bad input, the command."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import riftberg
+from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.cli.main import app
+from riftberg.diagnostics.observed import Fix, Observations
+from riftberg.diagnostics.outlines import Outline
+from riftberg.ensembles.sweep import sweep
+from riftberg.errors import InputError
+from riftberg.verification.calibrate import Errors, margin_until, results_of, seen_of, targets_of
+
+START = datetime(2020, 12, 9)
+KM = 1.0 / 111.195  # degrees of latitude
+
+
+def members(margin: Any, broke: Any, north: Any = (0.0, 0.0)) -> xr.Dataset:
+    """Return members with margins at three daily records, and the day on which each broke up (NaN: never)."""
+    times = np.datetime64(START, "ns") + np.arange(3) * np.timedelta64(1, "D")
+    count = len(margin)
+    lat = -56.0 + KM * np.repeat(np.asarray(north, float)[:, None, None], 3, axis=2)
+    days = np.asarray(broke, float)
+    date = np.where(
+        np.isnan(days), np.datetime64("NaT", "ns"), times[0] + (np.nan_to_num(days) * 864e11).astype("m8[ns]")
+    )
+    dims = ("member", "fragment", "time")
+    return xr.Dataset(
+        {"lon": (dims, np.full_like(lat, -37.0)), "lat": (dims, lat), "azimuth": (dims, np.full_like(lat, 10.0)),
+         "status": ("member", np.zeros(count, int)), "first_breakup": ("member", date),
+         "stress_ratio_so_far": (("member", "time"), np.asarray(margin, float))},
+        coords={"time": times},
+    )  # fmt: skip
+
+
+def test_members_beside_what_was_seen() -> None:
+    day = START + timedelta(days=1)
+    seen = seen_of(
+        Observations("s", fixes=[Fix("a", day, False, -37.0, -56.0 + 3 * KM, 170.0)]), START, 2.0, broken=day
+    )
+    found = results_of(members([[0, 0.5, 0.9], [0, 1, 1]], [np.nan, 0.5], (0.0, 5.0)), seen)
+    # East, north (km from the place that was seen), azimuth (10 is 20 degrees clockwise from 170), logarithm of the margin.
+    assert found[:, 0] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert found[:, 1] == pytest.approx([-3.0, 2.0], abs=1e-3)
+    assert found[:, 2] == pytest.approx([20.0, 20.0])
+    assert np.exp(found[:, 3]) == pytest.approx([0.5, 1.0])
+    names = targets_of(seen, Errors()).names
+    assert names == ["2020-12-10 00:00 east, km", "2020-12-10 00:00 north, km", "2020-12-10 00:00 azimuth, degree",
+                     "broken by 2020-12-10 00:00, log margin"]  # fmt: skip
+
+
+def test_errors_of_the_model_last_and_those_of_observations_do_not() -> None:
+    days = [START + timedelta(days=k) for k in (1, 6)]
+    seen = seen_of(Observations("s", fixes=[Fix("a", day, False, -37.0, -56.0) for day in days]), START, 9.0)
+    found = targets_of(seen, Errors(position=4.0, model=3.0)).covariance
+    assert found.shape == (4, 4)
+    assert found[0, 0] == pytest.approx(25.0)
+    assert found[0, 1] == pytest.approx(9.0 / np.e)  # five days apart
+    assert found[0, 2] == 0.0  # east and north
+
+
+def test_the_margin_of_a_berg_that_broke_is_that_of_ice_that_holds() -> None:
+    ds = members([[0, 0.4, 0.7], [0, 0.9, 1.0], [0, 1.0, 1.0]], [np.nan, 1.5, 0.5], np.zeros(3))
+    firm = members([[0, 9, 9], [0, 0.05, 0.08], [0, 0.1, 0.1]], [np.nan] * 3, np.zeros(3))  # 20 times as strong
+    factor = np.array([1.0, 20.0, 20.0])
+    day = START + timedelta(days=1)
+    assert margin_until(ds, day, firm, factor) == pytest.approx([0.4, 0.9, 2.0])
+    assert margin_until(ds, day + timedelta(days=1), firm, factor) == pytest.approx([0.7, 1.6, 2.0])
+    assert margin_until(ds, day) == pytest.approx([0.4, 0.9, 1.0])
+
+
+def test_many_dates_become_twelve_and_the_outline_gives_the_axis() -> None:
+    hours = [START + timedelta(hours=k) for k in range(1, 49)]
+    seen = seen_of(Observations("s", fixes=[Fix("a", when, False, -37.0, -56.0) for when in hours]), START, 2.0)
+    assert len(seen.places) == 12
+    assert hours[-1] in seen.places
+    ring = np.array([[-37.0, -56.0], [-36.0, -56.0], [-36.0, -55.9], [-37.0, -55.9]])  # along a parallel
+    drawn = seen_of(Observations("s", outlines=[Outline("a", datetime(2020, 12, 10), True, ring)]), START, 2.0)
+    assert list(drawn.azimuths.values()) == [pytest.approx(90.0, abs=1.0)]
+
+
+def test_a_member_that_broke_up_had_reached_its_strength() -> None:
+    """Largest stress over strength was that of the step before: 0.07 in A68a, whose tip breaks within the step of its landing."""
+    ds = sweep(eddied, {"start.strength": [0.02, 20.0]}, days="3 h", every_hours=3, workers=0)
+    assert ds["breakups"].values[0] > 0
+    assert ds["stress_ratio"].values[0] >= 1.0
+    assert 0.0 < ds["stress_ratio"].values[1] < 0.1
+    assert ds["stress_ratio_so_far"].values[:, -1] == pytest.approx(ds["stress_ratio"].values)
+    assert 0.0 <= ds["azimuth"].values[1, 0, 0] < 180.0
+
+
+def eddied(speed: float = 0.6, east: float = 0.2, nothing: float = 1.0) -> Model:
+    """Return a berg of thirty elements in an eddy; one argument does nothing."""
+    berg = Iceberg.rectangle("30 km", "9 km", thickness=200.0, placement=(-37.0, -56.0))
+    sea = Forcing.uniform(current=(east, 0.05)) + Forcing.eddy((-37.1, -56.1), radius=15e3, speed=speed)
+    return Model(berg, sea, Parameters(), start=START.isoformat())
+
+
+PRIOR = {"speed": "~uniform(0.3, 1.0)", "east": "~uniform(0.05, 0.35)", "nothing": "~normal(1, 0.2)",
+         "start.strength": "~lognormal(0.04, 0.8)"}  # fmt: skip
+
+
+def truth(speed: float, east: float, strength: float, error: float) -> Observations:
+    """Return what is seen every three hours of a berg that holds, with an error (km)."""
+    ds = sweep(
+        eddied, {"speed": [speed], "east": [east], "start.strength": [strength]}, days="12 h", every_hours=3, workers=0
+    )
+    assert np.isnat(ds["first_breakup"].values[0])
+    random = np.random.default_rng(5)
+    dates = ds["time"].values[1:].astype("datetime64[us]").tolist()
+    east_of, north_of = error * KM * random.standard_normal((2, 4))
+    lon, lat = ds["lon"].values[0, 0, 1:] + east_of / np.cos(np.radians(56.0)), ds["lat"].values[0, 0, 1:] + north_of
+    fixes = [Fix("a", when, False, x, y) for when, x, y in zip(dates, lon.tolist(), lat.tolist(), strict=True)]
+    return Observations("truth", fixes=fixes)
+
+
+def test_a_synthetic_truth_of_real_runs_is_found_again() -> None:
+    observed = truth(0.7, 0.15, 0.08, 0.3)
+    found = riftberg.calibrate(
+        eddied, observed, PRIOR, days="12 h", errors=Errors(position=0.3, model=0.2), waves=2, members=20, workers=0,
+        whole_until=observed.fixes[-1].when,
+    )  # fmt: skip
+    row = {name: found.sel(parameter=name) for name in PRIOR}
+    for name, value in (("speed", 0.7), ("east", 0.15), ("start.strength", 0.08)):
+        assert float(row[name]["posterior_low"]) < value < float(row[name]["posterior_high"]), name
+    assert bool(row["speed"]["known"])
+    assert bool(row["east"]["known"])
+    assert float(row["east"]["narrowed"]) < 0.5
+    assert float(row["speed"]["likeliest"]) == pytest.approx(0.7, abs=0.15)
+    assert not bool(row["nothing"]["known"])  # what the data cannot tell is no number
+    # That it held excludes weak ice, by margins beyond 1 of members that broke and below 1 of those that held.
+    assert float(row["start.strength"]["posterior_low"]) > 1.5 * float(row["start.strength"]["prior_low"])
+    margins = found["member_result"].values[:, -1]
+    assert (margins > 0.1).any()
+    assert (margins < -0.1).any()
+    broke = ~np.isnat(found["member_first_breakup"].values)
+    assert (broke == (margins >= 0.0)).mean() > 0.95
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"vary": {"speed": [0.3, 0.5]}}, "2 values"),
+        ({"vary": {"speed": "~choice(0.3, 0.5)"}}, "a choice cannot be calibrated"),
+        ({"vary": {"speed": [0.3]}}, "nothing to calibrate"),
+        ({"members": 6}, "6 members for 4 inputs"),
+        ({"broken": datetime(2021, 1, 1)}, "is not within the runs"),
+        ({"broken": datetime(2020, 12, 9, 3), "whole_until": datetime(2020, 12, 9, 6)}, "whole until after it broke"),
+        ({"observed": None}, "nothing to compare with"),
+        (
+            {"observed": Observations("late", fixes=[Fix("a", datetime(2021, 1, 1), False, 0.0, 0.0)])},
+            "nothing was observed",
+        ),
+        ({"berg": "b"}, "no positions of b"),
+        ({"waves": 0}, "0 waves"),
+    ],
+)
+def test_bad_input_is_refused_before_the_first_member(change: dict[str, Any], said: str, tmp_path: Path) -> None:
+    seen = Observations("s", fixes=[Fix("a", datetime(2020, 12, 9, 6), False, -37.0, -56.0)])
+    given: dict[str, Any] = {"observed": seen, "vary": PRIOR, "days": "12 h", "workers": 0, **change}
+    with pytest.raises(InputError, match=said):
+        riftberg.calibrate(eddied, given.pop("observed"), given.pop("vary"), output=tmp_path / "c", **given)
+    assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.compiled
+def test_the_command_writes_table_and_pictures_and_goes_on(tmp_path: Path) -> None:
+    seen = tmp_path / "seen.csv"
+    seen.write_text("date,lon,lat\n2020-12-10T13:00,-38.92,-55.01\n")
+    out = tmp_path / "c"
+    words = ["calibrate", "a68a", str(seen), "--vary", "current_error.scale~normal(1, 0.2)", "--days", "1", "--waves", "1",
+             "--members", "6", "--error", "2", "-o", str(out)]  # fmt: skip
+    refused = CliRunner().invoke(app, [*words, "--vary", "fracture.normal_strength~uniform(40 kPa, 50 kPa)"])
+    assert refused.exit_code == 2
+    assert "excludes the" in refused.output
+    assert not out.exists()
+    said = CliRunner().invoke(app, words)
+    assert said.exit_code == 0, said.output
+    assert "wave 1, 6 members" in said.output
+    assert "current_error.scale" in said.output
+    assert {p.name for p in out.iterdir()} == {"wave-1", "calibration.nc", "calibration.csv", "calibration.json",
+                                               "posterior.png", "predictive.png"}  # fmt: skip
+    table = (out / "calibration.csv").read_text("utf-8").splitlines()
+    assert table[0].startswith("parameter,unit,prior_low")
+    assert json.loads((out / "calibration.json").read_text("utf-8"))["waves"] == 1
+    again = CliRunner().invoke(app, words)
+    assert again.exit_code == 2
+    assert "holds a calibration already" in again.output
+    before = sorted(p.stat().st_mtime_ns for p in (out / "wave-1" / "members").glob("*.json"))
+    more = CliRunner().invoke(app, ["calibrate", "--resume", str(out), "--no-figure"])
+    assert more.exit_code == 0, more.output
+    assert (
+        sorted(p.stat().st_mtime_ns for p in (out / "wave-1" / "members").glob("*.json")) == before
+    )  # nothing was run again
