@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from riftberg.cli.options import check_folder, results_folder, within
-from riftberg.cli.terminal import console, reported, say, table
+from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
 
 FILES = ("verification.json", "verification.png")
@@ -109,17 +109,21 @@ def _dressed(tracks: Path) -> dict[str, Any]:
 
 
 def _show(result: dict[str, Any]) -> None:
-    out = console(150)
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    if not console.is_terminal:  # a file or a pipe has no width of its own
+        console = Console(width=150)
     for one in result["forecasts"]:
         failed = f", {one['failed']} failed" if one["failed"] else ""
-        out.print(
+        console.print(
             f"{one['berg']}, start {one['start'][:16].replace('T', ' ')}: {one['members']} members{failed}; axes: {one['axes']}"
         )
-    positions = table(
-        f"Positions, km; error of the observation {result['error_km']:g} km added, without in brackets",
-        ("days", "seen", "error of mean", "CRPS along", "across", "energy score", "in 50 %", "in 90 %", "spread / error",
-         *result["baselines"]),
-    )  # fmt: skip
+    table = Table(title=f"Positions, km; error of the observation {result['error_km']:g} km added, without in brackets")
+    for name in ("days", "seen", "error of mean", "CRPS along", "across", "energy score", "in 50 %", "in 90 %", "spread / error",
+                 *(name for name in result["baselines"])):  # fmt: skip
+        table.add_column(name, justify="right")
     keys = (
         "error_of_mean_km",
         "crps_along_km",
@@ -139,24 +143,24 @@ def _show(result: dict[str, Any]) -> None:
             found: dict[str, Any] = next((other for other in rows if other["lead_days"] == row["lead_days"]), {})
             score = found.get("energy_km", found.get("error_of_mean_km"))
             others.append("" if score is None else f"{score:.1f}")
-        positions.add_row(f"{row['lead_days']}", f"{row['starts']}", *cells, *others)
-    out.print(positions)
-    out.print(
+        table.add_row(f"{row['lead_days']}", f"{row['starts']}", *cells, *others)
+    console.print(table)
+    console.print(
         "Baselines: distance of a single forecast, energy score of one that is dressed; compare with the energy score."
     )
     for one in result["forecasts"]:
         if one["liu_weisberg"]:
             parts = ", ".join(f"{name} {value:.2f}" for name, value in one["liu_weisberg"].items())
-            out.print(f"Skill of Liu and Weisberg, {one['berg']}: {parts}")
+            console.print(f"Skill of Liu and Weisberg, {one['berg']}: {parts}")
         for day in one["broken"]:
-            out.print(
+            console.print(
                 f"Broken by day {day['day']}: {day['probability']:.0%} ({day['interval'][0]:.0%} to {day['interval'][1]:.0%}), "
                 f"{'it was' if day['occurred'] else 'it was whole'}; fair Brier score {day['fair_brier']:.3f}",
                 highlight=False,
             )
     words = {row["verdict"] for row in result["with_error"]}
     bergs = max((row["bergs"] for row in result["with_error"]), default=0)
-    out.print(
+    console.print(
         f"Spread against error over {bergs} bergs: {', '.join(sorted(words))}." if words != {"undecided"}
         else f"{bergs} berg{'s say' if bergs > 1 else ' says'} nothing of the spread; pool forecasts of five or more."
     )  # fmt: skip

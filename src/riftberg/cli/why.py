@@ -11,7 +11,7 @@ import typer
 
 from riftberg.cli.options import OutputBeside, results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
-from riftberg.cli.terminal import console, reported, say, table
+from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
 
 if TYPE_CHECKING:
@@ -160,25 +160,36 @@ def _control(
 
 def _print_breakup(b: Breakup) -> None:
     """Print the budget and the load of one break-up as tables."""
-    forces = table(
-        f"Fragment {b.fragment}: forces at {b.decisive.time.replace('T', ' ')[:16]}",
-        ("force", "on it, GN east", "north", "on the rest, GN east", "north", "cut: tension GN", "couple TN m", "stress kPa"),
-        texts=("force",),
-    )  # fmt: skip
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"Fragment {b.fragment}: forces at {b.decisive.time.replace('T', ' ')[:16]}")
+    table.add_column("force", no_wrap=True)
+    for column in (
+        "on it, GN east",
+        "north",
+        "on the rest, GN east",
+        "north",
+        "cut: tension GN",
+        "couple TN m",
+        "stress kPa",
+    ):
+        table.add_column(column, justify="right")
     load = b.decisive
     for name in load.stress:
         sides = [part / 1e9 for k in ("fragment", "rest") for part in b.budgets[k].forces[name]]
         across = (load.tension[name] / 1e9, load.couple[name] / 1e12, load.stress[name] / 1e3)
-        forces.add_row(name, *(f"{v:+.3f}" for v in (*sides, *across)))
-    forces.add_section()
+        table.add_row(name, *(f"{v:+.3f}" for v in (*sides, *across)))
+    table.add_section()
     for title, name in (("inertia", "inertia"), ("through the cut", "residual")):
         pair = [getattr(b.budgets[k], name) for k in ("fragment", "rest")]
         if pair[0] is not None and pair[1] is not None:
-            forces.add_row(title, *(f"{v / 1e9:+.3f}" for p in pair for v in p), "", "", "")
+            table.add_row(title, *(f"{v / 1e9:+.3f}" for p in pair for v in p), "", "", "")
     recorded = ["", "", ""]
     if load.tension_recorded is not None and load.couple_recorded is not None:
         recorded = [f"{load.tension_recorded / 1e9:+.3f}", f"{load.couple_recorded / 1e12:+.3f}", ""]
     total = (sum(load.tension.values()) / 1e9, sum(load.couple.values()) / 1e12, load.nominal / 1e3)
-    forces.add_row("all, if rigid", "", "", "", "", *(f"{v:+.3f}" for v in total))
-    forces.add_row("recorded", "", "", "", "", *recorded)
-    console(120).print(forces)
+    table.add_row("all, if rigid", "", "", "", "", *(f"{v:+.3f}" for v in total))
+    table.add_row("recorded", "", "", "", "", *recorded)
+    console = Console()
+    (console if console.is_terminal else Console(width=120)).print(table)
