@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from riftberg.cli.options import check_folder, results_folder
-from riftberg.cli.terminal import reported, say
+from riftberg.cli.terminal import console, reported, say
 from riftberg.errors import InputError
 from riftberg.system.input_files import check_file, is_folder, reading
 
@@ -147,7 +147,6 @@ def _known(first: xr.Dataset, observed: Path | None) -> Known:
 
 def show(result: Comparison) -> None:
     """Print the tables: what the runs came to, and how far apart they are."""
-    from rich.console import Console
     from rich.table import Table
 
     first, *others = (run.name for run in result.runs)
@@ -155,16 +154,12 @@ def show(result: Comparison) -> None:
     if others:
         tables.append((["apart", first, *(f"{name} from {first}" for name in others)], result.apart_rows()))
     for columns, rows in tables:
-        table = Table(show_lines=False)
+        table = Table()
         for k, name in enumerate(columns):
             table.add_column(name, overflow="fold", no_wrap=k == 0)
         for label, cells in rows:
             table.add_row(label, *cells)
-        console = Console()
-        # A file or a pipe has no width of its own.
-        if not console.is_terminal:
-            console = Console(width=40 + 34 * (len(columns) - 1))
-        console.print(table, highlight=False)
+        console(40 + 34 * (len(columns) - 1)).print(table, highlight=False)
 
 
 def joined_maps(runs: Sequence[Path], path: Path) -> list[Path]:

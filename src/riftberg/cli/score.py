@@ -10,7 +10,7 @@ import typer
 
 from riftberg.cli.options import OutputBeside, results_folder, within
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
-from riftberg.cli.terminal import reported, say
+from riftberg.cli.terminal import console, reported, say, table
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
 
@@ -115,32 +115,21 @@ MOST_SHOWN = 500
 
 def table_of(result: Score) -> Table:
     """Return the table of a score."""
-    from rich.table import Table
-
     from riftberg.diagnostics.dates import minute_text
 
-    table = Table(title=f"Run against {result.observed}")
-    for name in (
-        "time",
-        "piece",
-        "fragments",
-        "distance km",
-        "azimuth",
-        "observed",
-        "diff",
-        "area km2",
-        "observed",
-        "IoU",
-    ):
-        table.add_column(name, justify="left" if name in ("time", "piece", "fragments") else "right", no_wrap=True)
+    days = table(
+        f"Run against {result.observed}",
+        ("time", "piece", "fragments", "distance km", "azimuth", "observed", "diff", "area km2", "observed", "IoU"),
+        texts=("time", "piece", "fragments"),
+    )
     for day in result.days[:MOST_SHOWN]:
         for k, match in enumerate(day.matches):
-            table.add_row(
+            days.add_row(
                 minute_text(day.time) if k == 0 else "",
                 *_match_cells(match),
                 style="bold" if match is day.berg else "",
             )
-    return table
+    return days
 
 
 def _match_cells(m: Match) -> list[str]:
@@ -170,14 +159,9 @@ def sentence(result: Score) -> str:
 
 
 def _print_score(result: Score) -> None:
-    from rich.console import Console
-
-    console = Console()
-    # A file or a pipe has no width of its own; the table needs 110 columns.
-    if not console.is_terminal:
-        console = Console(width=120)
-    console.print(table_of(result))
+    out = console(120)
+    out.print(table_of(result))
     if len(result.days) > MOST_SHOWN:
-        console.print(f"and {len(result.days) - MOST_SHOWN} times more, see score.json")
+        out.print(f"and {len(result.days) - MOST_SHOWN} times more, see score.json")
     for line in (sentence(result), *result.melt):
-        console.print(line, highlight=False)
+        out.print(line, highlight=False)

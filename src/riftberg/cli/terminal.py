@@ -7,9 +7,9 @@ import inspect
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any, Final, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, ParamSpec, TypeVar
 
 import typer
 
@@ -17,6 +17,10 @@ from riftberg.errors import RiftbergError
 from riftberg.system.atomic_files import refusal
 from riftberg.system.process import advice, insisting, when_stuck
 from riftberg.system.process import say as say
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -75,6 +79,24 @@ def announce_compilation(quiet: bool = False) -> None:
 
     if not quiet and not is_warm():
         say("First run with this version: compiling takes about a minute on a free core, once.")
+
+
+def console(width: int) -> Console:
+    """Return where tables are printed: the terminal, or a file or pipe, which has no width of its own, as wide as given."""
+    from rich.console import Console
+
+    found = Console()
+    return found if found.is_terminal else Console(width=width)
+
+
+def table(title: str, columns: Iterable[str], texts: Collection[str] = ()) -> Table:
+    """Return an empty table; ``texts``: columns that stand to the left, numbers stand to the right."""
+    from rich.table import Table
+
+    made = Table(title=title)
+    for name in columns:
+        made.add_column(name, justify="left" if name in texts else "right", no_wrap=name in texts)
+    return made
 
 
 Verbose = Annotated[

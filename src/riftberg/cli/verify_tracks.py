@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from riftberg.cli.options import results_folder, within
-from riftberg.cli.terminal import reported, say
+from riftberg.cli.terminal import console, reported, say, table
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
 from riftberg.verification.positions import USUAL_ERROR
@@ -163,15 +163,11 @@ def _scored(models: dict[str, DriftModel], cases: list[Case], bergs: str, error:
 
 
 def _show(result: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console()
-    if not console.is_terminal:  # a file or a pipe has no width of its own
-        console = Console(width=120)
-    errors = Table(title=f"Distance from the observed position, km ({result['bergs']} bergs)")
-    for name in ("model", "days", "bergs", "starts", "median", "90 % interval", "90th percentile"):
-        errors.add_column(name, justify="left" if name == "model" else "right")
+    out = console(120)
+    errors = table(
+        f"Distance from the observed position, km ({result['bergs']} bergs)",
+        ("model", "days", "bergs", "starts", "median", "90 % interval", "90th percentile"), texts=("model",),
+    )  # fmt: skip
     for model, rows in result["errors"].items():
         for k, row in enumerate(rows):
             interval = "too few" if row["low_km"] is None else f"{row['low_km']:.0f} to {row['high_km']:.0f}"
@@ -179,29 +175,21 @@ def _show(result: dict[str, Any]) -> None:
                 model if k == 0 else "", f"{row['lead_days']}", f"{row['bergs']}", f"{row['starts']}",
                 f"{row['median_km']:.1f}", interval, f"{row['p90_km']:.0f}",
             )  # fmt: skip
-    console.print(errors)
-    console.print("The intervals come from drawing bergs; starts of one berg repeat each other.")
+    out.print(errors)
+    out.print("The intervals come from drawing bergs; starts of one berg repeat each other.")
     first = next(iter(result["tuned"].values()))
     if first["starts"]:
-        console.print(
+        out.print(
             f"{', '.join(first['bergs'])} ({first['starts']} rows): an ocean of Riftberg was fitted to this drift, so no model "
             "of it is tested there."
         )
     if not result["ensembles"]:
         return
-    scores = Table(
-        title=f"Ensembles on held-out bergs; error of the observation {result['error_km']:g} km added, without in brackets"
+    scores = table(
+        f"Ensembles on held-out bergs; error of the observation {result['error_km']:g} km added, without in brackets",
+        ("ensemble", "days", "energy score, km", "90 % interval", "in 50 % area", "in 90 % area", "spread / error"),
+        texts=("ensemble",),
     )
-    for name in (
-        "ensemble",
-        "days",
-        "energy score, km",
-        "90 % interval",
-        "in 50 % area",
-        "in 90 % area",
-        "spread / error",
-    ):
-        scores.add_column(name, justify="left" if name == "ensemble" else "right")
     for model, tables in result["ensembles"].items():
         for k, (row, bare) in enumerate(zip(tables["with"], tables["without"], strict=True)):
             interval = row.get("energy_km_interval")
@@ -211,4 +199,4 @@ def _show(result: dict[str, Any]) -> None:
                 *(f"{row[key]:.0%} ({bare[key]:.0%})" if key in row else "" for key in ("inside_50%", "inside_90%")),
                 f"{row['spread_over_error']:.2f}" if "spread_over_error" in row else "",
             )  # fmt: skip
-    console.print(scores)
+    out.print(scores)
