@@ -20,6 +20,7 @@ from riftberg.state.numbering import rows_of
 from riftberg.stepping.lattice.block_ldl import BlockLDL
 from riftberg.stepping.lattice.bridges import bridge_moments
 from riftberg.stepping.lattice.cells import Booleans, freed_edges
+from riftberg.stepping.lattice.closing_faces import ClosingFaces
 from riftberg.stepping.lattice.elastic_cells import ElasticCells
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
 from riftberg.stepping.lattice.triangles import (
@@ -31,6 +32,12 @@ from riftberg.stepping.lattice.triangles import (
     triangle_stresses,
     volumes,
 )
+
+MOST_ROUNDS = 20
+"""Rounds of the search for closed faces after which none opens again."""
+
+MOST_KEPT = 16
+"""Sets of closed faces whose corrections are kept: the same few come again from solve to solve."""
 
 NEGLIGIBLE = 1e-12
 """Eigenvalues of what a break takes off the stiffness, in parts of the stiffness before, that are round-off."""
@@ -204,11 +211,14 @@ class CellStiffness:
         self._volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
         found = _triangles(self._vertex.tobytes(), self._freed.tobytes(), p.youngs_modulus, p.poisson)
         # Of these triangles as they are: with their volume, and with what breaks free from now on.
-        self._triangles = Triangles(found.stiffness * self._volume[:, None, None], found.stress.copy())
+        self._triangles = found._replace(
+            stiffness=found.stiffness * self._volume[:, None, None], stress=found.stress.copy()
+        )
         self._whole: Booleans = np.asarray(~self._freed.any(axis=1))  # triangles without a freed edge
         self._unbridged: Ints | None = None  # intact bonds none of which is the last between two parts
         self._blocks: tuple[Floats, Floats] | None = None
         self._outline: OutlineNodes | None = None
+        self._faces: ClosingFaces | None = None
 
     def _in_frames(self, row: Ints, body: Ints, xy: Floats) -> Floats:
         """Places of the vertices of all triangles in the frames of their fragments (m); ``row``: of each cell, -1 for none."""
@@ -231,6 +241,8 @@ class CellStiffness:
         own = body[row[mesh.owner[end]]]
         self._of_body = own[:, 0]
         ours = (row[mesh.owner[triangle]] >= 0) & (body[row[mesh.owner[triangle]]] == own)
+        # Faces may close between centres of cells of one fragment; the rim of half a cell along the outline stays open.
+        self._within: Booleans = np.asarray((ours & (triangle < mesh.cells)).all(axis=1))
         anchor = np.where(ours, mesh.owner[triangle], mesh.owner[end])
         away = mesh.xy[triangle] - mesh.xy[anchor]
         c, s = turn.real[own], turn.imag[own]
@@ -263,7 +275,7 @@ class CellStiffness:
         np.add.at(less, (place[:, :, None], place[:, None, :]), old[changed] - left)
         least = NEGLIGIBLE * float((old[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
         old[changed], self._triangles.stress[changed] = left, new.stress
-        self._blocks = self._outline = None
+        self._blocks = self._outline = self._faces = None
         value, vector = np.linalg.eigh(less * np.outer(scale[at], scale[at]))
         columns = np.zeros((int((value > least).sum()), scale.size))
         columns[:, at] = (vector[:, value > least] * np.sqrt(value[value > least])).T
@@ -275,9 +287,25 @@ class CellStiffness:
             self._outline = OutlineNodes(self.topology, *self.blocks())
         return self._outline.displacements(of_elements)
 
+    @property
+    def faces(self) -> ClosingFaces:
+        """Faces of broken bonds that may close."""
+        if self._faces is None:
+            bond = self._mesh.edge_bond
+            faces = (bond >= 0) & self._broken[bond] & self._freed & self._within[:, None]
+            row = np.flatnonzero(faces.any(axis=1) & ~self._freed.all(axis=1))
+            youngs, poisson = self._p.youngs_modulus, self._p.poisson
+            self._faces = ClosingFaces(
+                row, self._at[row], self._vertex[row], self._freed[row], faces[row], self._volume[row], youngs, poisson
+            )
+        return self._faces
+
     def triangle_stresses(self, of_elements: Floats) -> Floats:
         """Stress (Pa; xx, yy, xy) of each triangle by the displacements of the elements."""
-        return triangle_stresses(self._at, self._triangles.stress, self.displacements(of_elements))
+        displacement = self.displacements(of_elements)
+        stress = triangle_stresses(self._at, self._triangles.stress, displacement)
+        self.faces.put_stress(displacement, stress)
+        return stress
 
     def bond_tensors(self, stress: Floats, rows: Ints) -> Floats:
         """Stress (Pa; xx, yy, xy) of the ice at intact bonds (rows of the state); ``stress``: of the triangles."""
@@ -387,8 +415,11 @@ class CellSolver(StiffnessSolver):
         added[np.einsum("nii->ni", diagonal).ravel() == 0.0] = self.gauge_stiffness
         diagonal[:, range(3), range(3)] += added.reshape(-1, 3)
         self._ldl = BlockLDL(of.first, of.second, diagonal, between)
+        # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A, and (1 + W A)^-1 W.
+        self._pressed: dict[bytes, tuple[Floats, Floats]] = {}
 
     def _columns_of(self, bond: int) -> Floats:
+        self._pressed.clear()
         return self._cells.break_bond(bond, self._scale)
 
     def solve(self, load: Floats) -> Floats:
@@ -396,3 +427,41 @@ class CellSolver(StiffnessSolver):
         every = np.zeros((self._radius.size, 3))
         every[: len(load)] = load
         return super().solve(every)[: len(load)]
+
+    def _displaced(self, load: Floats) -> tuple[Floats, float]:
+        """See `StiffnessSolver._displaced`; faces of broken bonds that would pass through each other press instead.
+
+        Newton's method for a convex energy that is quadratic in pieces: each round takes the faces that the displacements of
+        the round before close, until these are the same. That takes a few rounds; faces that have closed after
+        `MOST_ROUNDS` do not open again, so it ends in any case.
+        """
+        open_ones, largest = super()._displaced(load)
+        faces, found = self._cells.faces, open_ones
+        if faces.row.size == 0:
+            return found, largest
+        scale, none = self._scale.reshape(-1, 3), np.zeros(faces.row.size, np.int64)
+        before = none
+        for n in range(2 * faces.row.size + MOST_ROUNDS):
+            pattern = faces.closed(found * scale)
+            pattern = pattern if n < MOST_ROUNDS else pattern | before
+            if np.array_equal(pattern, before):
+                break
+            before, found = pattern, self._with_closed(open_ones, pattern)
+        return found, largest
+
+    def _with_closed(self, displacement: Floats, pattern: Ints) -> Floats:
+        """Displacements with some faces closed, by those with all of them open; a correction as for broken bonds."""
+        key = pattern.tobytes()
+        if key not in self._pressed:
+            if len(self._pressed) >= MOST_KEPT:
+                self._pressed.clear()
+            faces, on = self._cells.faces, np.flatnonzero(pattern)
+            columns = faces.columns[on, pattern[on]]
+            place, number = np.nonzero((columns != 0.0).any(axis=2))
+            w, at = np.zeros((place.size, self._free.size)), faces.at[on[place]]
+            np.put_along_axis(w, at, columns[place, number] * self._scale[at] * self._free[at], axis=1)
+            a = np.array([self._corrected(self._ldl.solve(one)) for one in w]).reshape(w.shape)
+            self._pressed[key] = a.T.copy(), np.linalg.solve(w @ a.T + np.eye(len(w)), w)
+        a_t, pressing = self._pressed[key]
+        d = displacement.reshape(-1)
+        return np.asarray((d - a_t @ (pressing @ d)).reshape(-1, 3))

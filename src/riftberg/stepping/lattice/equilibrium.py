@@ -336,15 +336,25 @@ class StiffnessSolver:
 
     def solve(self, load: Floats) -> Floats:
         """Displacements (m, m, rad), shape (elements, 3), under balanced loads (N, N, N m)."""
-        displacement = np.empty(load.shape)
-        largest = self._ldl.solve_scaled(load, self._radius, self._free, displacement)
-        if self._columns:
-            # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with d = K^-1 b and A = K^-1 W^T.
-            d, w, a = displacement.reshape(-1), np.array(self._columns), np.array(self._solved)
-            d -= a.T @ np.linalg.solve(w @ a.T - np.eye(len(w)), w @ d)
+        displacement, largest = self._displaced(load)
         self._check_residual(displacement, largest, load)
         displacement[:, 2] /= self._radius
         return displacement
+
+    def _displaced(self, load: Floats) -> tuple[Floats, float]:
+        """Displacements as lengths (m), and the largest load (N)."""
+        displacement = np.empty(load.shape)
+        largest = self._ldl.solve_scaled(load, self._radius, self._free, displacement)
+        self._corrected(displacement.reshape(-1))
+        return displacement, largest
+
+    def _corrected(self, d: Floats) -> Floats:
+        """Correct d = K^-1 b in place for bonds that have broken since."""
+        if self._columns:
+            # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with A = K^-1 W^T.
+            w, a = np.array(self._columns), np.array(self._solved)
+            d -= a.T @ np.linalg.solve(w @ a.T - np.eye(len(w)), w @ d)
+        return d
 
     def _check_residual(self, displacement: Floats, largest: float, load: Floats) -> None:
         give = float(max_gauge_displacement(displacement, self._gauge))

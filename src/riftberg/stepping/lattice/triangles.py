@@ -13,6 +13,8 @@ one has a z of its own, an inner unknown at which W is least, and its squares dr
 r - m is the rotation of the material, whatever the edge, so that the sum is the drilling term of Hughes and Brezzi (1989, Comput.
 Methods Appl. Mech. Eng. 72): zero in uniform strain and rigid motion.
 
+A freed edge is open by the gap q - z. Where its faces have closed, z = q again and it bears pressure; the squares stay away.
+
 To free an edge adds an unknown to the minimum and drops squares, so the stiffness can only fall: the energy that a break
 releases is never negative, and the order of breaks does not matter.
 """
@@ -35,6 +37,10 @@ rotations to the ice of coarse lattices.
 """
 
 
+NO_FACES = np.zeros((0, 3, 9))
+"""Gaps and pressures of triangles whose faces do not close."""
+
+
 class Triangles(NamedTuple):
     """Matrices of the triangles for their six displacements (x and y of each vertex) and the rotations of their owners."""
 
@@ -42,6 +48,8 @@ class Triangles(NamedTuple):
         Floats  # Per volume of the ice, which it is proportional to: N m-4, N m-3, N m-2; shape (triangles, 9, 9)
     )
     stress: Floats  # Stress xx, yy, xy (Pa) by displacements and rotations; shape (triangles, 3, 9)
+    gap: Floats  # Gap of each edge (m) by the same; shape (triangles, 3, 9)
+    pressure: Floats  # Shortening (m) that an edge which is not open presses with; the same
 
 
 def plane_stress(youngs: float, poisson: float) -> Floats:
@@ -51,13 +59,15 @@ def plane_stress(youngs: float, poisson: float) -> Floats:
 
 
 def find_triangles(
-    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING
-) -> Triangles:
-    """Find the matrices of triangles with their freed edges condensed out.
+    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING,
+    closed: Booleans | None = None,
+) -> Triangles:  # fmt: skip
+    """Find the matrices of triangles with their open edges condensed out.
 
-    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
+    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``freed``, ``closed``: shape (triangles, 3); all freed edges
+    that are not closed are open.
     """
-    count = len(vertex)
+    count, opened = len(vertex), freed if closed is None else freed & ~closed
     run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
     length = np.sqrt((run**2).sum(axis=2))
     tx, ty = run[..., 0] / length, run[..., 1] / length
@@ -81,9 +91,9 @@ def find_triangles(
     shear_modulus = 0.5 * youngs / (1.0 + poisson)
     drill = drilling * shear_modulus / 6.0  # 2 c
 
-    # W in the nine freedoms x and the inner unknowns s: z = known x + inner s, with s only for freed edges.
-    whole = (~freed).astype(np.float64)
-    known, inner = whole[:, :, None] * elongation, np.eye(3) * freed[:, :, None]
+    # W in the nine freedoms x and the inner unknowns s: z = known x + inner s, with s only for open edges.
+    whole, shut = (~freed).astype(np.float64), (~opened).astype(np.float64)
+    known, inner = shut[:, :, None] * elongation, np.eye(3) * opened[:, :, None]
     xx = known.transpose(0, 2, 1) @ natural @ known
     xs = known.transpose(0, 2, 1) @ natural @ inner
     ss = inner.transpose(0, 2, 1) @ natural @ inner
@@ -96,12 +106,22 @@ def find_triangles(
             xs += factor * (of_known.transpose(0, 2, 1) @ of_inner)
             ss += factor * (of_inner.transpose(0, 2, 1) @ of_inner)
 
-    # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
-    ss += np.eye(3) * (whole * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
+    # Condense: s = -ss^-1 xs' x. Edges that are not open have no inner unknown; the mean stiffness stands in their place.
+    size = np.trace(natural, axis1=1, axis2=2)[:, None]
+    ss += np.eye(3) * (shut * size)[:, :, None]
     least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
     stiffness = xx + xs @ least
     stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    return Triangles(stiffness, elastic @ strain @ (known + inner @ least))
+    stretch = known + inner @ least  # z
+    if closed is None:
+        return Triangles(stiffness, elastic @ strain @ stretch, NO_FACES, NO_FACES)
+    # What W grows by with z of an edge is its tension.
+    tension = natural @ stretch
+    for i in range(3):
+        for end in range(2):
+            off = rotation[:, i, end, None, :] - turn[:, i, None, :] + edge_shear[:, i, None, :] @ stretch
+            tension += (drill * whole[:, i])[:, None, None] * edge_shear[:, i, :, None] * off
+    return Triangles(stiffness, elastic @ strain @ stretch, elongation - stretch, -tension / size[:, :, None])
 
 
 def volumes(mesh: CellMesh, thickness: Floats) -> Floats:

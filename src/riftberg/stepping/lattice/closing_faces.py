@@ -1,0 +1,100 @@
+"""Faces of broken bonds within one fragment that close again: they bear pressure, and no tension.
+
+A broken bond frees the edges of triangles that belong to it. Such an edge is open by a gap (`triangles`); a gap below 0 would be
+ice that passes through ice. So it closes: the elongation of the edge is that of the ice again. It slips freely, for its
+squares stay away, and diagonals of squares stay free, for they meet at a corner alone.
+
+Which edges of a triangle are closed follows from its displacements, so nothing is stored: each way of closing them gives gaps of
+the open and pressures of the closed ones, and the energy is convex, so there is one way that leaves none of these below 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riftberg.compiled.kernels import kernel
+from riftberg.state import Floats, Ints
+from riftberg.stepping.lattice.cells import Booleans
+from riftberg.stepping.lattice.triangles import find_triangles
+
+WAYS = 4
+"""Ways to close up to two faces of a triangle: bit 0 for the first, bit 1 for the second."""
+
+
+class ClosingFaces:
+    """Triangles with faces that may close; a row for each.
+
+    ``row``: number of the triangle; ``at``: its nine freedoms; ``vertex``: m; ``freed``, ``faces``: its edges that are freed,
+    and those of them that may close, one or two; ``volume``: m3.
+    """
+
+    def __init__(
+        self, row: Ints, at: Ints, vertex: Floats, freed: Booleans, faces: Booleans, volume: Floats, youngs: float,
+        poisson: float,
+    ) -> None:  # fmt: skip
+        count = row.size
+        self.row, self.at = row, at
+        self._signs = np.zeros((count, WAYS, 2, 9))  # gap (m) or pressure (as a length, m) of each face
+        self._stress = np.zeros((count, WAYS, 3, 9))
+        self.columns = np.zeros((count, WAYS, 2, 9))  # w: closing adds the sum of w w^T to the stiffness
+        self._number = faces.sum(axis=1)
+        if count == 0:
+            return
+        edge = np.argsort(~faces, axis=1, kind="stable")[:, :2]  # the second one counts where there are two
+        every, open_stiffness = np.arange(count), np.zeros((count, 9, 9))
+        for way in range(2 ** int(self._number.max())):
+            closed = np.zeros_like(faces)
+            for n in range(2):
+                closed[every, edge[:, n]] |= bool(way >> n & 1)
+            found = find_triangles(vertex, freed, youngs, poisson, closed=closed & faces)
+            for n in range(2):
+                signs = found.pressure if way >> n & 1 else found.gap
+                self._signs[:, way, n] = signs[every, edge[:, n]]
+            self._stress[:, way] = found.stress
+            stiffness = found.stiffness * volume[:, None, None]
+            if way == 0:
+                open_stiffness = stiffness
+                continue
+            value, vector = np.linalg.eigh(stiffness - open_stiffness)
+            # One or two faces add one or two eigenvalues; the others are round-off.
+            largest = np.where(np.arange(2) >= 2 - closed.sum(axis=1)[:, None], value[:, -2:].clip(0.0), 0.0)
+            self.columns[:, way] = (vector[:, :, -2:] * np.sqrt(largest)[:, None, :]).transpose(0, 2, 1)
+
+    def closed(self, displacement: Floats) -> Ints:
+        """Which faces are closed, as a way for each triangle; ``displacement``: of all nodes (m, m, rad)."""
+        return closed_ways(self.at, self._signs, self._number, displacement)
+
+    def put_stress(self, displacement: Floats, stress: Floats) -> None:
+        """Put the stress (Pa; xx, yy, xy) of these triangles in the place of that with open faces."""
+        if self.row.size:
+            put_closed_stress(self.row, self.at, self.closed(displacement), self._stress, displacement, stress)
+
+
+@kernel
+def put_closed_stress(row: Ints, at: Ints, way: Ints, by_way: Floats, displacement: Floats, stress: Floats) -> None:
+    """Fill ``stress`` of the triangles in ``row`` whose faces are closed in some ``way``."""
+    for t in range(row.size):
+        if way[t] == 0:
+            continue
+        for c in range(3):
+            stress[row[t], c] = 0.0
+            for a in range(9):
+                stress[row[t], c] += by_way[t, way[t], c, a] * displacement[at[t, a] // 3, at[t, a] % 3]
+
+
+@kernel
+def closed_ways(at: Ints, signs: Floats, number: Ints, displacement: Floats) -> Ints:
+    """The way of closing the faces of each triangle whose least gap or pressure is the largest: 0 or more but for round-off."""
+    best = np.zeros(at.shape[0], np.int64)
+    for t in range(at.shape[0]):
+        highest = -np.inf
+        for way in range(2 ** number[t]):
+            least = np.inf
+            for n in range(number[t]):
+                value = 0.0
+                for a in range(9):
+                    value += signs[t, way, n, a] * displacement[at[t, a] // 3, at[t, a] % 3]
+                least = min(least, value)
+            if least > highest:
+                best[t], highest = way, least
+    return best

@@ -1,0 +1,215 @@
+"""Faces of a crack inside one fragment that close again: pressure as in whole ice, and no tension."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.ocean.analytic import Steady
+from riftberg.parameters import Parameters
+from riftberg.runs.model import Model
+from riftberg.stepping.lattice.closing_faces import ClosingFaces
+from riftberg.stepping.lattice.equilibrium import elastic_energy
+from riftberg.stepping.lattice.triangles import find_triangles
+from stepping.test_elastic_cells import dense_matrix
+from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
+
+LENGTH, WIDTH = 36e3, 12e3
+
+
+def bar(packing: str, angle: float, *, depth: float = 0.5) -> Plate:
+    """A bar of 24 x 8 cells with a crack from one side to a part of its width."""
+    berg = Iceberg.rectangle(
+        LENGTH, WIDTH, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, lattice_angle=angle
+    )
+    if depth > 0.0:
+        line = [(0.21 * SPACING, -0.6 * WIDTH), (0.21 * SPACING, (depth - 0.5) * WIDTH)]
+        berg = berg.with_rifts([line], broken=True)
+    return Plate(packing, angle, LENGTH, WIDTH, berg)
+
+
+def pulled(plate: Plate, sign: float) -> tuple[np.ndarray, np.ndarray]:
+    return sign * plate.el.mass * np.sin(np.pi * plate.x / LENGTH), np.zeros(plate.el.size)
+
+
+def bent(plate: Plate, sign: float) -> tuple[np.ndarray, np.ndarray]:
+    """Pushed northward (``sign`` 1) in the middle against the ends: then the side with the crack is in compression."""
+    return np.zeros(plate.el.size), sign * plate.el.mass * np.cos(2.0 * np.pi * plate.x / LENGTH)
+
+
+def energy(plate: Plate, load) -> tuple[float, np.ndarray]:
+    """Stored energy (J), and which faces are closed."""
+    moment = plate.under(*load)
+    faces = plate.now.cells.faces.closed(plate.now.cells.displacements(moment.displacement))
+    return elastic_energy(moment.displacement, moment.load), faces
+
+
+@pytest.mark.parametrize(("packing", "angle"), QUICK)
+def test_a_cracked_bar_pressed_together_is_as_whole(packing, angle) -> None:
+    """Half of its width is cracked: within 9 % of the whole bar when it is pressed, 2.4 to 4.3 times softer when pulled.
+
+    What is left is the rim of half a cell along the outline, where faces do not close, and slip along turned facets.
+    """
+    whole, cracked = bar(packing, angle, depth=0.0), bar(packing, angle)
+    pressed, closed = energy(cracked, pulled(cracked, -1.0))
+    assert pressed / energy(whole, pulled(whole, -1.0))[0] == pytest.approx(1.045, abs=0.04)
+    assert (closed > 0).all()
+    apart, opened = energy(cracked, pulled(cracked, 1.0))
+    assert 2.4 < apart / energy(whole, pulled(whole, 1.0))[0] < 4.4
+    assert not opened.any()
+
+
+@pytest.mark.parametrize(("packing", "angle"), QUICK)
+def test_a_cracked_beam_bends_to_one_side_as_if_it_were_whole(packing, angle) -> None:
+    whole, cracked = bar(packing, angle, depth=0.0), bar(packing, angle)
+    of_whole = energy(whole, bent(whole, 1.0))[0]
+    shut, closed = energy(cracked, bent(cracked, 1.0))
+    gaping, opened = energy(cracked, bent(cracked, -1.0))
+    assert shut / of_whole == pytest.approx(1.1, abs=0.08)
+    assert gaping / of_whole > 2.7
+    assert (closed > 0).all()
+    assert not opened.any()
+    # Faces that have closed bear pressure: as much as the same ice without a crack, less where the rim is open.
+    stress = cracked.under(*pulled(cracked, -1.0)).triangle_stress
+    row = cracked.now.cells.faces.row
+    assert (stress[row, 0] < 0.0).all()
+
+
+@pytest.mark.parametrize(("packing", "angle"), [("square", 0.0), ("hexagonal", 0.0)])
+def test_closing_is_nearer_to_whole_with_smaller_rims(packing, angle) -> None:
+    """A crack that ends before the outline has no open rim: a pressed bar is whole within 0.5 % along the rows."""
+    whole, cracked = bar(packing, angle, depth=0.0), bar(packing, angle, depth=0.0)
+    b = cracked.bonds
+    across = (cracked.x[b.first] - 0.21 * SPACING) * (cracked.x[b.second] - 0.21 * SPACING) < 0.0
+    inside = abs(0.5 * (cracked.y[b.first] + cracked.y[b.second])) < 3.0 * SPACING
+    b.status[across & inside] = 1
+    cracked.now = cracked._factored()
+    assert energy(cracked, pulled(cracked, -1.0))[0] / energy(whole, pulled(whole, -1.0))[0] == pytest.approx(
+        1.0, abs=0.005
+    )
+    assert energy(cracked, pulled(cracked, 1.0))[0] / energy(whole, pulled(whole, 1.0))[0] > 1.3
+
+
+def broken_at_random(seed: int, packing: str) -> Plate:
+    plate = bar(packing, 15.0, depth=0.0)
+    rng = np.random.default_rng(seed)
+    plate.bonds.status[rng.random(plate.bonds.first.size) < 0.15] = 1
+    plate.now = plate._factored()
+    return plate
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+@pytest.mark.parametrize("seed", range(3))
+def test_open_faces_gape_and_closed_ones_press(seed, packing) -> None:
+    """The solution of the convex problem: no gap and no pressure below 0, equilibrium, and least energy of all tries."""
+    plate, rng = broken_at_random(seed, packing), np.random.default_rng(50 + seed)
+    load = plate.el.mass * rng.normal(size=plate.el.size), plate.el.mass * rng.normal(size=plate.el.size)
+    moment = plate.under(*load)
+    cells, solver = plate.now.cells, plate.now.solver
+    faces, moved = cells.faces, cells.displacements(moment.displacement)
+    way = faces.closed(moved)
+    assert 0 < (way > 0).sum() < way.size
+    values = np.einsum("tna,ta->tn", faces._signs[np.arange(way.size), way], moved.reshape(-1)[faces.at])
+    size = abs(moved[faces.at // 3, faces.at % 3]).max()
+    for n in range(2):
+        assert values[faces._number > n, n].min() >= -1e-9 * size
+    # Stiffness as it is pressed, on these displacements, gives the loads.
+    force = np.zeros((cells.topology.nodes, 3))
+    force[: plate.el.size] = moment.load
+    matrix = dense_matrix(cells)
+    for k, on in enumerate(way):
+        w = faces.columns[k, on]
+        matrix[np.ix_(faces.at[k], faces.at[k])] += w.T @ w
+    left = matrix @ moved.ravel() - force.ravel()
+    assert abs(left.reshape(-1, 3)[:, :2]).max() < 1e-6 * abs(force[:, :2]).max()
+    # Loads twice as large move all twice as far.
+    twice = plate.under(2.0 * load[0], 2.0 * load[1])
+    np.testing.assert_allclose(twice.displacement, 2.0 * moment.displacement, rtol=1e-7, atol=1e-9 * size)
+    assert solver.update_rank == 0
+
+
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_a_break_never_stores_energy(packing) -> None:
+    """Bonds broken one by one under a load that presses some faces and opens others; downdates agree with fresh factors."""
+    plate, rng = bar(packing, 22.5), np.random.default_rng(3)
+    load = plate.el.mass * rng.normal(size=plate.el.size), plate.el.mass * rng.normal(size=plate.el.size)
+    before, _ = energy(plate, load)
+    assert before > 0.0
+    for bond in rng.permutation(plate.now.intact)[:12]:
+        plate.now.solver.downdate(int(bond))
+        plate.now = plate.now._replace(intact=plate.now.intact[plate.now.intact != bond])
+        corrected, _ = energy(plate, load)
+        plate.without(int(bond))
+        fresh, _ = energy(plate, load)
+        assert corrected == pytest.approx(fresh, rel=1e-9)
+        assert fresh >= before * (1.0 - 1e-10)
+        before = fresh
+
+
+def test_tension_of_an_open_edge_is_nothing_and_of_a_closed_one_what_energy_grows_by() -> None:
+    rng = np.random.default_rng(8)
+    vertex = np.array([[[0.0, 0.0], [1.0, 0.1], [0.2, 0.9]]])
+    freed = np.array([[False, True, True]])
+    move = rng.normal(size=9)
+    for closed in ([False, False, False], [False, True, False], [False, True, True]):
+        shut = np.array([closed])
+        one = find_triangles(vertex, freed, 2.0, 0.3, closed=shut)
+        opened = (freed & ~shut)[0]
+        assert abs(one.gap[0][~opened] @ move).max() < 1e-14
+        assert abs(one.pressure[0][opened] @ move).max(initial=0.0) < 1e-13
+        # The energy grows with each face that is held shut.
+        assert (
+            move @ one.stiffness[0] @ move >= move @ find_triangles(vertex, freed, 2.0, 0.3).stiffness[0] @ move - 1e-14
+        )
+        # The pressure of a shut edge, by taking the gap as a small opening of it.
+        for e in np.flatnonzero(shut[0]):
+            less = shut.copy()
+            less[0, e] = False
+            free = find_triangles(vertex, freed, 2.0, 0.3, closed=less)
+            gap = float(free.gap[0, e] @ move)
+            gained = move @ one.stiffness[0] @ move - move @ free.stiffness[0] @ move
+            size = float(np.trace(_natural(vertex, 2.0, 0.3)))
+            # W = min + 1/2 k gap^2, and the force on the edge is k gap: twice the energy gained over the gap.
+            assert float(one.pressure[0, e] @ move) * size == pytest.approx(-gained / gap, rel=1e-9)
+
+
+def _natural(vertex: np.ndarray, youngs: float, poisson: float) -> np.ndarray:
+    """Natural stiffness per volume, written anew: strain by elongations of the three edges."""
+    edges = vertex[0][[2, 0, 1]] - vertex[0][[1, 2, 0]]
+    length = np.hypot(*edges.T)
+    x, y = (edges / length[:, None]).T
+    strain = np.linalg.inv(np.column_stack([x * x, y * y, x * y])) / length
+    c = youngs / (1 - poisson**2) * np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, 0.5 * (1 - poisson)]])
+    return strain.T @ c @ strain
+
+
+def test_no_faces_no_work() -> None:
+    plate = bar("square", 0.0, depth=0.0)
+    faces = plate.now.cells.faces
+    assert isinstance(faces, ClosingFaces)
+    assert faces.row.size == 0
+
+
+def test_a_pressed_crack_goes_on_from_a_restart_bit_for_bit(tmp_path) -> None:
+    """A berg whose ends are held, with a crack from one side, in a current that bends it shut."""
+    berg = Iceberg.rectangle(LENGTH, WIDTH, thickness=THICKNESS, radius=RADIUS, latlon=False)
+    berg = berg.with_rifts([[(0.21 * SPACING, -0.6 * WIDTH), (0.21 * SPACING, 0.0)]], broken=True)
+    berg.elements.static[abs(berg.elements.lon) > 0.45 * LENGTH] = 1.0
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, fracture={"enabled": False}, stepping={"time_step": 600.0}
+    )
+    run = Model(berg, Steady(current=(0.0, 0.4)), parameters)
+    run.advance(steps=3)
+    again = Model.resume(run.save(tmp_path / "pressed.nc"), Steady(current=(0.0, 0.4)))
+    for model in (run, again):
+        model.advance(steps=4)
+    for name in ("lon", "lat", "u", "v", "rotation"):
+        np.testing.assert_array_equal(getattr(run.elements, name), getattr(again.elements, name))
+    for name in ("normal_stress", "shear_stress", "bond_length"):
+        np.testing.assert_array_equal(getattr(run.bonds, name), getattr(again.bonds, name))
+    # Were the ice linear, the other current would stretch all bonds by as much as this one shortens them.
+    gaping = Model(berg, Steady(current=(0.0, -0.4)), parameters)
+    gaping.advance(steps=7)
+    stretch = [model.bonds.bond_length - 2.0 * RADIUS for model in (run, gaping)]
+    assert abs(stretch[0] + stretch[1]).max() > 0.2 * abs(stretch[1]).max()
