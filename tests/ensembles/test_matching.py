@@ -113,9 +113,9 @@ def test_one_sided_results_leave_one_side() -> None:
     assert high > 0.9
 
 
-def linear(members: int, sd: float, seen: float) -> Matched:
+def linear(members: int, sd: float, seen: float, seed: int = 3) -> Matched:
     """Return members of ``z1 + z2 / 2`` in normal scores, all from the prior; the third input does nothing."""
-    u = np.random.default_rng(3).random((members, 3))
+    u = np.random.default_rng(seed).random((members, 3))
     z = norm.ppf(u)
     t = targets_for(seen, sd)
     return Matched(
@@ -133,6 +133,17 @@ def test_the_posterior_is_that_of_bayes_where_all_is_linear_and_normal() -> None
     assert spread == pytest.approx(np.sqrt([1 - 1 / 1.5, 1 - 0.25 / 1.5, 1.0]), rel=0.07)
     both = after.weight @ ((z - mean)[:, 0] * (z - mean)[:, 1]) / spread[0] / spread[1]
     assert both == pytest.approx(-0.5 / 1.5 / np.sqrt((1 - 1 / 1.5) * (1 - 0.25 / 1.5)), abs=0.08)
+
+
+def test_few_members_leave_what_they_cannot_tell_as_wide_as_it_was() -> None:
+    """Twelve members close to the data would lie close together in the input that does nothing, by chance."""
+    spreads = []
+    for seed in range(10):
+        found = linear(12, 0.3, 0.5, seed)
+        z = norm.ppf(posterior(found, seed=seed).samples)
+        after = posterior(found, seed=seed).weight
+        spreads.append(np.sqrt(after @ (z - after @ z) ** 2)[2])
+    assert np.median(spreads) > 0.8
 
 
 def curved(u: Any) -> Any:
