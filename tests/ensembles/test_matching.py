@@ -123,12 +123,13 @@ def linear(members: int, sd: float, seen: float, seed: int = 3) -> Matched:
     )
 
 
-def test_the_posterior_is_that_of_bayes_where_all_is_linear_and_normal() -> None:
+@pytest.mark.parametrize("seen", [1.2, 2.8])
+def test_the_posterior_is_that_of_bayes_where_all_is_linear_and_normal(seen: float) -> None:
     """Mean ``seen a / (a2 + sd2)`` and variance ``1 - a2 / (a2 + sd2)`` with a = (1, 0.5), a2 = 1.25."""
-    after = posterior(linear(4000, 0.5, 1.2))
+    after = posterior(linear(4000, 0.5, seen))
     z = norm.ppf(after.samples)
     mean = after.weight @ z
-    assert mean == pytest.approx([1.2 / 1.5, 0.6 / 1.5, 0.0], abs=0.08)
+    assert mean == pytest.approx([seen / 1.5, 0.5 * seen / 1.5, 0.0], abs=0.1)
     spread = np.sqrt(after.weight @ (z - mean) ** 2)
     assert spread == pytest.approx(np.sqrt([1 - 1 / 1.5, 1 - 0.25 / 1.5, 1.0]), rel=0.07)
     both = after.weight @ ((z - mean)[:, 0] * (z - mean)[:, 1]) / spread[0] / spread[1]
@@ -137,13 +138,16 @@ def test_the_posterior_is_that_of_bayes_where_all_is_linear_and_normal() -> None
 
 def test_few_members_leave_what_they_cannot_tell_as_wide_as_it_was() -> None:
     """Twelve members close to the data would lie close together in the input that does nothing, by chance."""
-    spreads = []
+    known, unknown = [], []
     for seed in range(10):
-        found = linear(12, 0.3, 0.5, seed)
-        z = norm.ppf(posterior(found, seed=seed).samples)
-        after = posterior(found, seed=seed).weight
-        spreads.append(np.sqrt(after @ (z - after @ z) ** 2)[2])
-    assert np.median(spreads) > 0.8
+        samples, weight, _, number = posterior(linear(12, 0.1, 0.5, seed), seed=seed)
+        assert number < 8
+        z = norm.ppf(samples)
+        unknown.append(np.sqrt(weight @ (z - weight @ z) ** 2)[2])
+        told = z[:, 0] + 0.5 * z[:, 1]
+        known.append(np.sqrt(weight @ (told - weight @ told) ** 2))
+    assert np.median(unknown) > 0.75
+    assert np.median(known) < 0.3
 
 
 def curved(u: Any) -> Any:
