@@ -16,7 +16,7 @@ import numpy as np
 from sensitivity_of_a68a import a68a
 
 from riftberg import calibrate, open_sweep
-from riftberg.diagnostics.observed import read_observed
+from riftberg.diagnostics.observed import Observations, read_observed
 from riftberg.verification.calibrate import Errors
 from riftberg.viz.calibration import draw_posterior, draw_predictive
 
@@ -31,6 +31,8 @@ OCEAN_ERRORS = {
     "current_error.speed": [0.05], "current_error.length": [50e3], "current_error.time": [3 * 86400.0],
     "wind_error.speed": [2.0], "wind_error.length": [300e3], "wind_error.time": [86400.0],
 }  # fmt: skip
+LAST = datetime(2020, 12, 20)
+"""Outlines from then on hold the finger as long as it lies in place; the model counts it as a piece of its own."""
 WHOLE, BROKEN = datetime(2020, 12, 16), datetime(2020, 12, 18)
 
 
@@ -58,12 +60,15 @@ if __name__ == "__main__":
     parser.add_argument("observed", type=Path)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--errors", action="store_true")
-    parser.add_argument("--members", type=int, default=40)
-    parser.add_argument("--waves", type=int, default=3)
+    parser.add_argument("--members", type=int, default=30)
+    parser.add_argument("--waves", type=int, default=2)
     given = parser.parse_args()
     began, folder = time.process_time(), given.folder / ("errors" if given.errors else "fitted")
+    seen = Observations(
+        "outlines", [outline for outline in read_observed(given.observed).outlines if outline.when < LAST]
+    )
     found = calibrate(
-        a68a, read_observed(given.observed), INPUTS | (OCEAN_ERRORS if given.errors else {}), days=12.5, errors=Errors(),
+        a68a, seen, INPUTS | (OCEAN_ERRORS if given.errors else {}), days=12.5, errors=Errors(),
         whole_until=WHOLE, broken=BROKEN, waves=given.waves, members=given.members, output=folder,
         resume=folder.exists(), workers=0,
     )  # fmt: skip

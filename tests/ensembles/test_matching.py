@@ -113,9 +113,9 @@ def test_one_sided_results_leave_one_side() -> None:
     assert high > 0.9
 
 
-def linear(members: int, sd: float, seen: float) -> Matched:
+def linear(members: int, sd: float, seen: float, seed: int = 3) -> Matched:
     """Return members of ``z1 + z2 / 2`` in normal scores, all from the prior; the third input does nothing."""
-    u = np.random.default_rng(3).random((members, 3))
+    u = np.random.default_rng(seed).random((members, 3))
     z = norm.ppf(u)
     t = targets_for(seen, sd)
     return Matched(
@@ -123,16 +123,31 @@ def linear(members: int, sd: float, seen: float) -> Matched:
     )
 
 
-def test_the_posterior_is_that_of_bayes_where_all_is_linear_and_normal() -> None:
+@pytest.mark.parametrize("seen", [1.2, 2.8])
+def test_the_posterior_is_that_of_bayes_where_all_is_linear_and_normal(seen: float) -> None:
     """Mean ``seen a / (a2 + sd2)`` and variance ``1 - a2 / (a2 + sd2)`` with a = (1, 0.5), a2 = 1.25."""
-    after = posterior(linear(4000, 0.5, 1.2))
+    after = posterior(linear(4000, 0.5, seen))
     z = norm.ppf(after.samples)
     mean = after.weight @ z
-    assert mean == pytest.approx([1.2 / 1.5, 0.6 / 1.5, 0.0], abs=0.08)
+    assert mean == pytest.approx([seen / 1.5, 0.5 * seen / 1.5, 0.0], abs=0.1)
     spread = np.sqrt(after.weight @ (z - mean) ** 2)
     assert spread == pytest.approx(np.sqrt([1 - 1 / 1.5, 1 - 0.25 / 1.5, 1.0]), rel=0.07)
     both = after.weight @ ((z - mean)[:, 0] * (z - mean)[:, 1]) / spread[0] / spread[1]
     assert both == pytest.approx(-0.5 / 1.5 / np.sqrt((1 - 1 / 1.5) * (1 - 0.25 / 1.5)), abs=0.08)
+
+
+def test_few_members_leave_what_they_cannot_tell_as_wide_as_it_was() -> None:
+    """Twelve members close to the data would lie close together in the input that does nothing, by chance."""
+    known, unknown = [], []
+    for seed in range(10):
+        samples, weight, _, number = posterior(linear(12, 0.1, 0.5, seed), seed=seed)
+        assert number < 8
+        z = norm.ppf(samples)
+        unknown.append(np.sqrt(weight @ (z - weight @ z) ** 2)[2])
+        told = z[:, 0] + 0.5 * z[:, 1]
+        known.append(np.sqrt(weight @ (told - weight @ told) ** 2))
+    assert np.median(unknown) > 0.75
+    assert np.median(known) < 0.3
 
 
 def curved(u: Any) -> Any:
