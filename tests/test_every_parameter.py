@@ -305,6 +305,15 @@ TRIALS: Final[dict[str, Trial]] = {
     "fracture.enabled": Trial(base=WEAK),
     "fracture.normal_strength": Trial(1e6, WEAK),
     "fracture.shear_strength": Trial(1.0, WEAK),
+    "fracture.flexural_strength": Trial(
+        1.0,
+        with_(
+            BED,
+            grounding={"ice_modulus": 1e8},
+            fracture={"enabled": True, "normal_strength": 1e9, "shear_strength": 1e9, "flexural_strength": 1e9},
+        ),
+        more=AGROUND,
+    ),
     "fracture.criterion": Trial("averaged", with_(WEAK_QUASI, fracture={"distance": 900.0})),
     "fracture.distance": Trial(
         2000.0, with_(WEAK_QUASI, fracture={"criterion": "averaged", "distance": 700.0, "normal_strength": 100.0})

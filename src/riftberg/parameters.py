@@ -322,6 +322,11 @@ class Parameters(Group):
     def _check_criterion(self) -> None:
         """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
         f = self.fracture
+        if f.flexural_strength is not None and not (self.grounding.law == "seabed" and self.grounding.bending):
+            raise ValueError(
+                "fracture.flexural_strength is compared with the bending of ice on a bed of sediment: set grounding.law = "
+                "'seabed' with grounding.bending, or leave it out"
+            )
         if f.enabled and f.criterion in ("bond", "averaged") and self.elastic_cells:
             raise ValueError(
                 f"fracture.criterion = {f.criterion!r} reads the forces of elastic bonds: set bonds.elasticity = 'bonds', or "

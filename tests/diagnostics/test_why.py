@@ -335,6 +335,13 @@ def test_a_break_up_is_of_a_collision_while_it_lasts_and_one_step_longer(minutes
             assert (found.berg, found.speed) == ("berg 7", 0.3)
 
 
+def test_strengths_that_were_exceeded_are_told_where_it_was_not_tension_alone() -> None:
+    assert why._strength_words({}) == why._strength_words({"normal": 7}) == ""
+    words = why._strength_words({"normal": 7, "flexural": 2})
+    assert words.startswith("7 bonds exceeded their normal strength and 2 their flexural one: the sea floor lifted")
+    assert why._strength_words({"shear": 1}) == "1 bond exceeded its shear strength."
+
+
 @pytest.mark.compiled
 def test_the_line_of_a_crack_is_told_by_length_and_direction() -> None:
     """A berg pulled apart along its length cracks across: 9 km wide, from north to south."""

@@ -13,9 +13,9 @@ import shapely
 from riftberg.config.parameter_groups import Grounding
 from riftberg.constants import GRAVITY, RHO_SEAWATER
 from riftberg.physics.seabed import bending_length
-from riftberg.stepping.ground.balance import Bed, hull_of, press
+from riftberg.stepping.ground.balance import Bed, Bending, hull_of, press
 from riftberg.stepping.ground.floor import Floor, Patches
-from riftberg.stepping.ground.landing import bed_of
+from riftberg.stepping.ground.landing import bed_of, bent_bonds
 from riftberg.stepping.lattice.footprints import BodyFootprint
 
 RADIUS = 6_371_229.0
@@ -146,6 +146,54 @@ def test_gouges_hold_the_volume_that_was_ploughed() -> None:
         sunk = floor.gouges[int(floor.keys_of(np.array(slot)))][j, i]
         np.testing.assert_allclose(after.corner[a:b, 2], cells.corner[a:b, 2] - sunk, atol=1e-12)
     assert not floor.plough(cells, np.zeros(cells.owner.size))
+
+
+def patch(share: float, *, inside: list[int], area: Any, length: float = 600.0, count: int = 30) -> Bending:
+    """A loaded patch of a lattice of 6 by 5 elements of 500 m, its line eastward."""
+    own = np.zeros(count, bool)
+    own[inside] = True
+    return Bending(0.1, 2e5, share, length, (1.0, 0.0), area, own)
+
+
+def grid(turn: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places and bonds of 6 columns and 5 rows, numbered along the rows."""
+    number = np.arange(30).reshape(5, 6)
+    xy = np.stack([number.ravel() % 6, number.ravel() // 6], axis=1) * 500.0
+    c, s = math.cos(turn), math.sin(turn)
+    first = np.concatenate([number[:, :-1].ravel(), number[:-1].ravel()])
+    second = np.concatenate([number[:, 1:].ravel(), number[1:].ravel()])
+    return xy @ np.array([[c, s], [-s, c]]), first, second
+
+
+def pairs(xy: np.ndarray, first: np.ndarray, second: np.ndarray, where: Bending) -> set[tuple[int, int]]:
+    cut = bent_bonds(where, xy, first, second)
+    return set(zip(first[cut].tolist(), second[cut].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_loaded_corner_breaks_off_with_what_lies_within_the_largest_moment(turn: float) -> None:
+    """To pi lambda / 4 (471 m) from the loaded area, or the loaded elements alone where they are larger than that."""
+    xy, first, second = grid(turn)
+    corner = shapely.Point(xy[0] - 0.4 * (xy[7] - xy[0])).buffer(1.0)
+    assert pairs(xy, first, second, patch(0.25, inside=[0], area=corner)) == {(0, 1), (0, 6)}
+    # A longer reach takes both neighbours along: their centres are 733 m away.
+    assert pairs(xy, first, second, patch(0.25, inside=[0], area=corner, length=1000.0)) == {
+        (1, 2), (1, 7), (6, 7), (6, 12),
+    }  # fmt: skip
+
+
+def test_a_front_breaks_off_along_its_length() -> None:
+    xy, first, second = grid()
+    front = shapely.LineString([(-250.0, -240.0), (2750.0, -240.0)]).buffer(5.0)
+    assert pairs(xy, first, second, patch(0.5, inside=list(range(6)), area=front)) == {(n, n + 6) for n in range(6)}
+
+
+def test_a_load_inside_cracks_the_ice_along_its_line() -> None:
+    """Under it and a characteristic length beyond its ends; no piece is cut out of the berg."""
+    xy, first, second = grid()
+    line = shapely.LineString([(900.0, 740.0), (1100.0, 740.0)]).buffer(5.0)
+    found = pairs(xy, first, second, patch(1.0, inside=[8], area=line))
+    assert found == {(n, n + 6) for n in (7, 8, 9)}
 
 
 CELL, COLUMNS, ROWS = 500.0, 8, 4

@@ -15,6 +15,7 @@ import pytest
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError, RiftbergError
+from riftberg.physics.seabed import bending_length
 
 pytestmark = pytest.mark.compiled
 
@@ -24,18 +25,18 @@ PLANE: dict[str, Any] = {"latlon": False, "latitude": 0.0}
 
 def berg_model(
     *, dt: float = 600.0, radius: float = 1500.0, speed: float = 0.3, current: float = 0.0, floor: Any, towards: float = 0.0,
-    tide: Any = None, **grounding: Any,
+    tide: Any = None, fracture: Any = None, lattice_angle: float = 0.0, **grounding: Any,
 ) -> Model:  # fmt: skip
     """The berg at the origin, under way ``towards`` (degrees from its long axis)."""
     a = math.radians(towards)
     berg = Iceberg.rectangle(
         18e3, 9e3, thickness=250.0, radius=radius, placement=(0.0, 0.0), density=850.0, latlon=False,
-        velocity=(speed * math.cos(a), speed * math.sin(a)),
+        velocity=(speed * math.cos(a), speed * math.sin(a)), lattice_angle=lattice_angle,
     )  # fmt: skip
     sea = Forcing.uniform((current, 0.0), **PLANE) + floor
     parameters = Parameters(
         ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
-        grounding={"law": "seabed", **grounding}, fracture={"enabled": False}, stepping={"time_step": dt},
+        grounding={"law": "seabed", **grounding}, fracture=fracture or {"enabled": False}, stepping={"time_step": dt},
     )  # fmt: skip
     return Model(berg, sea if tide is None else sea + tide, parameters)
 
@@ -86,6 +87,41 @@ def test_corner_lands_as_an_elastic_plate() -> None:
     model = berg_model(floor=rising(30.0, ahead=5.0), sediment="rock", speed=0.2, towards=30.0)
     assert way(model, 30.0, 5.0) == pytest.approx(554.0, rel=0.05)
     assert model.elements.keel.floor_load.sum() == pytest.approx(5.0e9, rel=0.05)
+
+
+def cornered(flexural_strength: float, **where: Any) -> tuple[Model, float]:
+    """The berg that runs onto its corner until bending breaks it, and the time when it does (s); tension breaks nothing."""
+    fracture = {"normal_strength": 1e9, "shear_strength": 1e9, "flexural_strength": flexural_strength}
+    model = berg_model(
+        floor=rising(30.0, ahead=5.0), sediment="rock", speed=0.2, towards=30.0, fracture=fracture, **where
+    )
+    for _ in range(12):
+        model.step()
+        if (model.bonds.status != 0).any():
+            break
+    return model, float(np.nanmin(model.bonds.break_time, initial=math.inf))
+
+
+def test_a_lifted_corner_breaks_in_bending_where_theory_says() -> None:
+    """At 3 N / H^2, with what the ice bends more than the rigid berg; the corner alone breaks off, and says why."""
+    model, when = cornered(1e5)
+    broken = model.bonds.status != 0
+    assert broken.sum() == 2
+    assert set(model.bonds.break_strength[broken]) == {3}
+    assert not model.bonds.break_strength[~broken].any()
+    # The load is that of the way, at 0.178 m/s on average in still water, by the stiffness of the corner.
+    load = 0.786 * 1025.0 * 9.81 * bending_length(9e9, 0.3, 250.0) ** 2 * 1e-3 * (0.178 * when - 5.0)
+    assert 3.0 * load / 250.0**2 == pytest.approx(1e5, rel=0.15)
+    whole, never = cornered(3e5)
+    assert never == math.inf
+    assert 2.0e5 < whole.bonds.flexural_stress.max() < 3.0 * 5.0e9 / 250.0**2
+
+
+@pytest.mark.parametrize("where", [{"radius": 750.0}, {"lattice_angle": 15.0}, {"lattice_angle": 30.0}, {"dt": 120.0}])
+def test_bending_breaks_a_corner_at_the_same_time_on_any_lattice(where: dict[str, Any]) -> None:
+    model, when = cornered(1e5, **where)
+    assert when == pytest.approx(cornered(1e5)[1], rel=0.1)
+    assert set(model.bonds.break_strength[model.bonds.status != 0]) == {3}
 
 
 def flat(depth: float) -> Any:
@@ -140,6 +176,12 @@ def test_bad_beds_are_refused_by_name() -> None:
         Parameters(grounding={"law": "seabed", "friction": -0.1})
     with pytest.raises(RiftbergError, match="quasi_static"):
         Parameters(grounding={"law": "seabed"}, stepping={"scheme": "mts"})
+    with pytest.raises(RiftbergError, match=r"flexural_strength .*set grounding.law = 'seabed'"):
+        Parameters(fracture={"flexural_strength": 2e5})
+    with pytest.raises(RiftbergError, match=r"flexural_strength .*with grounding.bending"):
+        Parameters(fracture={"flexural_strength": 2e5}, grounding={"law": "seabed", "bending": False})
+    with pytest.raises(RiftbergError, match="flexural_strength"):
+        Parameters(fracture={"flexural_strength": 0.0}, grounding={"law": "seabed"})
     model = berg_model(floor=flat(DRAFT - 3.0), speed=0.0)
     with pytest.raises(InputError, match="3 m below the sea floor"):
         model.step()

@@ -294,6 +294,13 @@ class Fracture(Group):
     enabled: bool = quantity(True, "", "bonds can break", "equations 7, KID's fracture_criterion")
     normal_strength: float = quantity(18e3, "Pa", "largest tensile stress a bond bears", "paper; equations 10.5")
     shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "equations 10.5")
+    flexural_strength: float | None = quantity(
+        None,
+        "Pa",
+        "largest bending stress of ice that a bed of sediment lifts (grounding.law seabed); none: bending breaks nothing",
+        "Vaughan 1993: 90 to 320 kPa of glacier ice in tension; Aly et al. 2019: 84 kPa by volume for a plate of 200 m",
+        gt=0,
+    )
     criterion: Criterion | None = quantity(
         None,
         "",

@@ -68,6 +68,9 @@ USUAL: Final[dict[str, Usual]] = {
         1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"
     ),
     "fracture.shear_strength": Usual(1e3, 5e6, "100 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories"),
+    "fracture.flexural_strength": Usual(
+        5e4, 3e6, "90 to 320 kPa of glaciers (Vaughan 1993), 1 to 2 MPa in laboratories"
+    ),
     "fracture.distance": Usual(1.0, 1e4, "from a crevasse to some elements", off=True),
     "fracture.toughness": Usual(3e4, 5e5, "5e4 to 1.5e5 in laboratories (Petrovic 2003)", off=True),
     "damage.time_scale": Usual(60.0, 3.2e7, "from a minute to a year"),

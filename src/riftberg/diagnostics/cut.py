@@ -211,6 +211,7 @@ class Breakup:
     # forces explain the recorded acceleration
     closure: float | None
     first_bonds: list[FirstBond]
+    by_strength: dict[str, int]  # Bonds by the strength that they exceeded, where the file says it
     highest: (
         float  # Largest tensile stress (Pa) of any bond of the parent at the last record before the first bond failed
     )
@@ -321,6 +322,7 @@ class Cut:
             budgets=self.budgets(record, before),
             closure=self.closure(record, before),
             first_bonds=[self.first_bond(int(b)) for b in self.bonds[:FIRST_BONDS]],
+            by_strength=self.by_strength(),
             highest=self.highest_stress(),
             scheme=scene.parameters.stepping.scheme,
             sudden=self.highest_stress(over_damage=True) < SUDDEN * strength,
@@ -460,6 +462,14 @@ class Cut:
         if over_damage and "damage" in self.run:
             stress = stress / (1.0 - self.run["damage"].isel(time=self.last_whole).values[held])
         return float(stress.max(initial=0.0))
+
+    def by_strength(self) -> dict[str, int]:
+        """Count the bonds of the cut by the strength that they exceeded; empty for files that do not hold it."""
+        if "break_strength" not in self.run:
+            return {}
+        kinds = self.run["break_strength"].values[self.bonds]
+        counts = {name: int((kinds == n).sum()) for n, name in enumerate(("normal", "shear", "flexural"), 1)}
+        return {name: count for name, count in counts.items() if count}
 
     def first_bond(self, bond: int) -> FirstBond:
         """Return the history of a bond."""

@@ -175,6 +175,7 @@ def _paragraph(b: Breakup) -> str:
         f"elements) broke off {b.parent_name or f'berg {b.parent}'}, {where}.",
         f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {place}"
         + (", with an end aground." if first.grounded else "."),
+        _strength_words(b.by_strength),
         _stress_words(first),
         f"Across the cut of {load.cut_km:.1f} km the load at {minute_text(load.time)} came to a nominal "
         f"{load.nominal / 1e3:.1f} kPa: {', '.join(shares)}.",
@@ -249,6 +250,17 @@ def _cause_words(b: Breakup, strength: float) -> str:
     begin = "The cut is loaded because" if b.sudden and not b.decisive.aground else "It broke because"
     cause = CAUSES.get(leading, f"{leading} acts on its parts differently")
     return f"{begin} {cause} ({leading}, {shares[leading] / 1e3:+.1f} kPa)."
+
+
+def _strength_words(by_strength: dict[str, int]) -> str:
+    """Return which strengths the bonds exceeded, where it was not the normal one alone."""
+    if not by_strength or list(by_strength) == ["normal"]:
+        return ""
+    (name, count), *others = by_strength.items()
+    first = f"{count} bonds exceeded their {name} strength" if count > 1 else f"1 bond exceeded its {name} strength"
+    rest = [f"{count} {'their' if count > 1 else 'its'} {name} one" for name, count in others]
+    bent = ": the sea floor lifted the ice until it broke in bending" if "flexural" in by_strength else ""
+    return f"{' and '.join([first, *rest])}{bent}."
 
 
 def _stress_words(bond: FirstBond) -> str:

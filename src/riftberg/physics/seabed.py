@@ -20,6 +20,13 @@ WATER_STIFFNESS = RHO_SEAWATER * GRAVITY
 """Weight of the water that one metre of heave displaces, Pa m-1."""
 
 
+EDGE_STRESS = 3.0 * math.sin(0.25 * math.pi) * math.exp(-0.25 * math.pi)
+"""Of `bending_stress` along an edge."""
+
+CORNER_STRESS = 3.0 * 0.786 / 2.0
+"""Of `bending_stress` at a corner: ``3 N / H^2`` with the stiffness ``0.786 k_w l^2``."""
+
+
 @kernel
 def yield_depth(stiffness: float, strength: float) -> float:
     """Overlap (m) from which the bed yields: ``q_u / k_v``.
@@ -209,3 +216,30 @@ def point_stiffness(length: float, share: float) -> float:
     else:
         factor = 0.786 + (2.165 - 0.786) * max(share - 0.25, 0.0) / 0.25
     return factor * WATER_STIFFNESS * length * length
+
+
+@kernel
+def bending_stress(length: float, share: float, thickness: float, bending: float) -> float:
+    """Largest bending stress (Pa) of floating ice that a load on a patch lifts: ``c k_w lambda^2 u / H^2``.
+
+    Of a beam on an elastic bed (Hetenyi) ``c = 3`` inside, under a line of load, for the moment is ``k_w lambda^2 u / 2``; and
+    ``6 sin(pi / 4) exp(-pi / 4) / 2 = 0.967`` for a line of load on an edge, ``pi lambda / 4`` from it. At a right-angled corner
+    the stress is at most ``3 N / H^2`` (Westergaard), which with the stiffness of a corner (`point_stiffness`) is ``c = 1.179``.
+    Between them ``c`` is linear in ``share``.
+
+    Parameters
+    ----------
+    length : float
+        `bending_length`, m.
+    share : float
+        Part of the disc of radius ``lambda`` about the load that is ice: 1 inside, 1/2 at an edge, 1/4 at a corner.
+    thickness : float
+        H, m.
+    bending : float
+        Largest bending u of the ice, beyond heave and tilt, m.
+    """
+    if share >= 0.5:
+        factor = EDGE_STRESS + (3.0 - EDGE_STRESS) * (min(share, 1.0) - 0.5) / 0.5
+    else:
+        factor = CORNER_STRESS + (EDGE_STRESS - CORNER_STRESS) * max(share - 0.25, 0.0) / 0.25
+    return factor * WATER_STIFFNESS * 2.0 * length * length * bending / (thickness * thickness)

@@ -58,6 +58,7 @@ BOND_LATEST: Final = (
     "strength",
     "break_time",
     "break_grounded",
+    "break_strength",
     "released_energy",
     "cracked_area",
     "crack",

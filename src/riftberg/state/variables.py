@@ -364,6 +364,18 @@ class Bonds(NamedTuple):
         Floats, _is("s", "time of breaking since the start, NaN while unbroken", output=True, default=np.nan)
     ]
     break_grounded: Annotated[Ints, _is("1", "1 where an end was aground when the bond broke", limits=(0, 1))]
+    break_strength: Annotated[
+        Ints,
+        _is(
+            "1",
+            "strength that the bond exceeded when it broke: 1 normal, 2 shear, 3 flexural; 0 while unbroken",
+            output=True,
+            limits=(0, 3),
+        ),
+    ]
+    flexural_stress: Annotated[
+        Floats, _is("Pa", "bending stress of ice that the sea floor lifts; where fracture.flexural_strength is given")
+    ]
     id: Annotated[Ints, _is("1", "identifier of the bond", stepped=False, limits=(0, LARGEST_WHOLE))]
     rest_length: Annotated[
         Floats,

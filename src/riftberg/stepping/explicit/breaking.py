@@ -121,6 +121,7 @@ def break_overloaded(
         bonds.status[b] = 1
         bonds.break_time[b] = time
         bonds.break_grounded[b] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
+        bonds.break_strength[b] = 1 if tension > bond[tile.NORMAL_LIMIT + k] else 2
         bond[tile.INTACT + k] = 0.0
         bond[tile.FX + k], bond[tile.FY + k] = _force_while_breaking(bond, scratch, ends, k)
         scratch[tile.TORQUE1 + k] = bond[tile.TORQUE2 + k] = 0.0

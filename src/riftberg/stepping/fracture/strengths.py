@@ -12,6 +12,9 @@ from riftberg.physics.damage import damage_rate, grown_damage
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.lattice.equilibrium import ElasticLattice
 
+NORMAL, SHEAR, FLEXURAL = 1, 2, 3
+"""Values of ``break_strength``: which strength a bond exceeded when it broke."""
+
 
 class Strengths(NamedTuple):
     """Stresses at which the intact bonds break."""

@@ -61,7 +61,7 @@ def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_s
     """Break and drop the bonds whose stored stress is above a threshold; a threshold <= 0 never breaks (equations 7.1)."""
     first, second, status, count = bonds.first, bonds.second, bonds.status, el.body.bond_count
     normal_stress, shear_stress, break_time = bonds.normal_stress, bonds.shear_stress, bonds.break_time
-    own_strength, damage = bonds.strength, bonds.damage
+    own_strength, damage, broken_at = bonds.strength, bonds.damage, bonds.break_strength
     normal = normal_strength if normal_strength > 0.0 else np.inf
     shear = shear_strength if shear_strength > 0.0 else np.inf
     broken = 0
@@ -70,6 +70,7 @@ def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_s
         if status[b] == 0 and exceeds(normal_stress[b], shear_stress[b], normal, shear, strength):
             status[b] = 2
             break_time[b] = time
+            broken_at[b] = 1 if normal_stress[b] > normal * strength else 2
             count[first[b]] -= 1
             count[second[b]] -= 1
             broken += 1

@@ -19,12 +19,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.physics.seabed import (
     WATER_STIFFNESS,
     add_moments,
     bending_length,
+    bending_stress,
     cut,
     line_stiffness,
     point_stiffness,
@@ -78,6 +80,18 @@ class Hull(NamedTuple):
     ice: Any  # Outline of its ice (shapely)
 
 
+class Bending(NamedTuple):
+    """How the ice bends over a patch of loaded elements."""
+
+    largest: float  # m
+    stress: float  # Largest bending stress, Pa
+    share: float  # Part of the ice around the deepest point: 1 inside, 1/2 at an edge, 1/4 at a corner
+    length: float  # lambda, m
+    axis: tuple[float, float]  # Direction of the line of the patch
+    area: Any  # What encloses the loaded area (shapely)
+    inside: NDArray[np.bool_]  # Whether an element belongs to the patch; shape (elements,)
+
+
 class Pressure(NamedTuple):
     """What the floor does to the elements of a fragment."""
 
@@ -89,7 +103,7 @@ class Pressure(NamedTuple):
     slope: Floats  # Push by the slope of the floor, east and north, N; shape (elements, 2)
     excess: Floats  # Volume in which the overlap exceeds what the bed bears, m3; of each polygon
     patches: Patches  # The polygons, with the overlap that was found
-    bending: Floats  # Largest bending and load (m, N) of each patch; shape (patches, 2)
+    bending: list[Bending]  # Of each patch
 
     @property
     def touches(self) -> bool:
@@ -365,7 +379,7 @@ def press(
     count, (xc, yc) = patches.owner.size, hull.centre.tolist()
     cut_up = _Columns(patches.start, patches.corner, np.arange(count), np.full(count, -1))
     q, u, springs = rise.copy(), np.zeros(0), np.zeros(0)
-    bending = np.zeros((0, 2))
+    bending: list[Bending] = []
 
     def evaluate() -> tuple[Pressure, Floats, Floats]:
         load, x, y, capacity = np.zeros((4, elements))
@@ -405,7 +419,9 @@ def press(
             for patch, a, b in zip(shape, columns, columns[1:], strict=False):
                 springs[a:b] = patch.stiffness(u[a:b], loads[a:b])
             loads = _minimised(cut_up, xc, yc, q, u, bed, top, hull, springs)
-        bending = np.array([[u[a:b].max(), loads[a:b].sum()] for a, b in pairwise(columns.tolist())])
+        bending = [
+            patch.bent_by(float(u[a:b].max())) for patch, (a, b) in zip(shape, pairwise(columns.tolist()), strict=True)
+        ]
         found, overlap, area = evaluate()
         now = found.load.sum()
         if not found.touches or abs(now - before) <= SETTLED * now:
@@ -464,6 +480,11 @@ class _Patch(NamedTuple):
     ends: tuple[float, float]  # Stiffness of the ice beyond both ends, N m-1; 0 where there is none
     rigid: float  # Compliance of the rigid fragment at the load, m N-1
     springs: Floats  # First guess of the stiffness of the columns, N m-1
+    reach: float  # l, m
+    share: float  # Of the disc about the deepest point that is ice
+    thickness: float  # Of the ice, m
+    corners: Floats  # Of the loaded area, m
+    inside: NDArray[np.bool_]  # Elements
 
     @classmethod
     def of(
@@ -472,9 +493,8 @@ class _Patch(NamedTuple):
     ) -> _Patch:  # fmt: skip
         """Measure a patch and the ice around it."""
         inside = group == number
-        reach = bending_length(
-            bed.modulus, bed.poisson, float(np.average(thickness[inside], weights=found.load[inside]))
-        )
+        mean_thickness = float(np.average(thickness[inside], weights=found.load[inside]))
+        reach = bending_length(bed.modulus, bed.poisson, mean_thickness)
         around = math.sqrt(2.0) * reach
         mine = np.flatnonzero(inside[patches.owner[cut_up.origin]] & (area[:, 0] > 0.0))
         pressed_parts = _pressed_corners(cut_up.start, cut_up.corner, overlap, mine)
@@ -517,10 +537,16 @@ class _Patch(NamedTuple):
         line = max(line, WATER_STIFFNESS * whole / (s1 - s0))
         patch = cls(
             (float(axis[0]), float(axis[1])), float(s0 - pad * width), width, length, line, point_stiffness(reach, at_point),
-            (beyond[0], beyond[1]), rigid, np.zeros(0),
+            (beyond[0], beyond[1]), rigid, np.zeros(0), reach, at_point, mean_thickness, corners, inside,
         )  # fmt: skip
         even = np.ones(length.size)
         return patch._replace(springs=patch.stiffness(even, even))
+
+    def bent_by(self, largest: float) -> Bending:
+        """Return what a bending (m) means."""
+        stress = bending_stress(self.reach, self.share, self.thickness, largest)
+        area = shapely.MultiPoint(self.corners).convex_hull
+        return Bending(largest, stress, self.share, math.sqrt(2.0) * self.reach, self.axis, area, self.inside)
 
     def stiffness(self, bending: Floats, load: Floats) -> Floats:
         """Stiffness of the columns (N m-1) by bending and load: none gives way where heave and tilt do all."""

@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
@@ -30,7 +31,7 @@ from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses, tange
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.islands import ContactPhase, PeakContactLoad, forcing_of_rows
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
-from riftberg.stepping.ground.balance import Bed, Hull, Pressure, hull_of, press
+from riftberg.stepping.ground.balance import Bed, Bending, Hull, Pressure, hull_of, press
 from riftberg.stepping.ground.floor import Floor
 from riftberg.stepping.lattice.footprints import BodyFootprint, FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
@@ -70,6 +71,9 @@ ASIDE: Final = 100.0
 DEEP_KEEL: Final = 1.0
 """How far below the floor a keel may start, m."""
 
+INSIDE: Final = 0.75
+"""Share of ice around a load from which the ice cracks along the line of the patch; elsewhere a piece of the edge breaks off."""
+
 PASSES: Final = 50
 """Of Newton's method for the friction, after which the sub-step is halved."""
 
@@ -97,8 +101,9 @@ class Fragment(NamedTuple):
     draft: Floats  # m
     radius: float  # Of the circle about its origin that holds it, m
     hull: Hull
-    first: Ints  # Intact bonds
+    first: Ints  # Intact bonds, as elements of the fragment
     second: Ints
+    bonds: Ints  # The same, as rows of the state
 
 
 class GroundPhase(NamedTuple):
@@ -106,6 +111,7 @@ class GroundPhase(NamedTuple):
 
     motion: ContactPhase  # As that of contact
     keel: Keel  # Of all elements, at the end
+    flexure: Floats  # Largest bending stress that each bond has borne, Pa; shape (bonds,)
 
 
 class _Friction(NamedTuple):
@@ -170,7 +176,16 @@ class Seabed:
             radius = float(np.hypot(*footprint.corner.T).max())
             hull = hull_of(footprint.corner, footprint.start, footprint.owner, thickness, draft)
             self._fragments[b] = Fragment(
-                rows, footprint, xy[rows], thickness, draft, radius, hull, first[whole], second[whole]
+                rows,
+                footprint,
+                xy[rows],
+                thickness,
+                draft,
+                radius,
+                hull,
+                first[whole],
+                second[whole],
+                np.flatnonzero(whole),
             )
         return self._fragments[b]
 
@@ -195,7 +210,7 @@ class Seabed:
     ) -> GroundPhase | None:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does."""
         self.prepare(model, bodies)
-        keel = Keel._make(array.copy() for array in model.elements.keel)
+        keel, flexure = Keel._make(array.copy() for array in model.elements.keel), np.zeros(model.bonds.first.size)
         phases = []
         for b in range(bodies.pose.shape[0]):
             rows = np.flatnonzero(op.body == b)
@@ -207,8 +222,9 @@ class Seabed:
             run = _Landing(self, fragment, b, bodies, op, near, time, model, keel, push)
             if run.touches_within(h):
                 run.integrate(h)
+                flexure[fragment.bonds] = run.flexure
                 phases.append(run)
-        return GroundPhase(_phase_of(phases, h), keel) if phases else None
+        return GroundPhase(_phase_of(phases, h), keel, flexure) if phases else None
 
     def _near(
         self, model: RunState, bodies: Bodies, b: int, rows: Ints, time: float, h: float
@@ -314,6 +330,10 @@ class _Landing:
             0.0,
         )
         self.load, self.force, self.torque = np.zeros(rows.size), np.zeros((rows.size, 2)), np.zeros(rows.size)
+        self.flexure, self.bends = (
+            np.zeros(fragment.bonds.size),
+            model.parameters.fracture.flexural_strength is not None,
+        )
 
     def touches_within(self, h: float) -> bool:
         """Whether the floor touches the fragment at the start, or would in the middle or at the end without it."""
@@ -501,6 +521,10 @@ class _Landing:
         if (size := float(np.hypot(*friction.force.T).sum())) > self.peak:
             self.peak, self.peak_axes, self.peak_spin = size, levers[:, 9:11], float(friction.velocity[2])
             self.peak_force = force + np.column_stack([friction.force, friction.torque])
+        if self.bends and self.flexure.size:
+            for patch in end.bending:
+                cut = bent_bonds(patch, self.fragment.xy, self.fragment.first, self.fragment.second)
+                self.flexure[cut] = np.maximum(self.flexure[cut], patch.stress)
         self.seabed.floor.plough(end.patches, end.excess)
 
     def _finish(self) -> None:
@@ -512,6 +536,25 @@ class _Landing:
             strict=True,
         ):
             array[rows] = np.where(loaded, values, 0.0)
+
+
+def bent_bonds(patch: Bending, xy: Floats, first: Ints, second: Ints) -> NDArray[np.bool_]:
+    """Which intact bonds of a fragment the largest bending stress of a patch acts on.
+
+    At an edge or a corner those between the ice that breaks off, up to ``pi lambda / 4`` from the loaded area where the moment is
+    largest, and the rest; inside those that cross the line under the load, and ``lambda`` beyond its ends.
+    """
+    if patch.share < INSIDE:
+        # Elements are the smallest piece, so a loaded one breaks off whole.
+        piece = patch.inside | (shapely.distance(patch.area, shapely.points(xy)) < 0.25 * math.pi * patch.length)
+        return np.asarray(piece[first] != piece[second])
+    axis = np.array(patch.axis)
+    origin = np.array(patch.area.centroid.coords[0])
+    ends = (shapely.get_coordinates(patch.area) - origin) @ axis
+    side = (xy - origin) @ np.array([-axis[1], axis[0]]) > 0.0
+    along = (0.5 * (xy[first] + xy[second]) - origin) @ axis
+    near = (along > ends.min() - patch.length) & (along < ends.max() + patch.length)
+    return np.asarray((side[first] != side[second]) & near)
 
 
 def _phase_of(phases: list[_Landing], h: float) -> ContactPhase:

@@ -67,8 +67,12 @@ from riftberg.stepping.fracture.crack_tips import (
 )
 from riftberg.stepping.fracture.criteria import Criterion, Equilibrium, criterion_for
 from riftberg.stepping.fracture.strengths import (
+    FLEXURAL,
+    NORMAL,
+    SHEAR,
     Strengths,
     grow_damage,
+    overload,
     overloads,
     record_peak_stress,
     residual_strengths,
@@ -589,6 +593,7 @@ class TimeStep:
         ground = self.seabed.resolve(self.model, start.bodies, start.operators, start.time, h, contact)
         for n, array in enumerate(self.el.keel):
             array[:] = 0.0 if ground is None else ground.keel[n]
+        self.bonds.flexural_stress[:] = 0.0 if ground is None else ground.flexure
         return ground
 
     def _resolve_contacts(self, start: BodyState, h: float) -> ContactPhase | None:
@@ -776,6 +781,7 @@ class TimeStep:
         energy = elastic_energy(self.state.bodies.displacement, self.state.load)
         while True:
             area += self._facet_area(bond)
+            self.bonds.break_strength[bond] = self._exceeded(now, bond)
             self._break_bond(bond)
             now = self._equilibrium(self.state)
             bond, ratio = self._critical_bond(now)
@@ -797,12 +803,42 @@ class TimeStep:
     def _critical_bond(self, moment: Equilibrium) -> tuple[int, float]:
         """Row in the state of the bond that breaks next (-1 without bonds), and stress over strength: above 1 it breaks."""
         row, ratio = self.lattice.criterion.most_critical(moment, self.lattice.strengths(self.bonds, self.c))
+        bent, most_bent = self._most_bent(moment.intact)
+        if most_bent > max(ratio, 1.0):
+            return bent, most_bent
         return (int(moment.intact[row]) if row >= 0 else -1), ratio
+
+    def _most_bent(self, intact: Ints) -> tuple[int, float]:
+        """Row in the state of the bond that bending on the sea floor breaks next, and stress over its flexural strength."""
+        if self.model.parameters.fracture.flexural_strength is None or not intact.size:
+            return -1, 0.0
+        ratio = self._bending_ratios(intact)
+        return int(intact[ratio.argmax()]), float(ratio.max())
+
+    def _bending_ratios(self, intact: Ints) -> Floats:
+        """Bending stress over flexural strength of some bonds; 0 where bending breaks nothing."""
+        bonds, strength = self.bonds, self.model.parameters.fracture.flexural_strength
+        if strength is None:
+            return np.zeros(intact.size)
+        left = strength * bonds.strength[intact] * (1.0 - bonds.damage[intact])
+        stress = bonds.flexural_stress[intact]
+        return np.where(left > 0.0, stress / np.where(left > 0.0, left, 1.0), np.where(stress > 0.0, np.inf, 0.0))
+
+    def _exceeded(self, now: Equilibrium, bond: int) -> int:
+        """Which strength a bond exceeds most: normal, shear or flexural."""
+        row, bonds = int(np.searchsorted(now.intact, bond)), self.bonds
+        left = self.lattice.strengths(bonds, self.c)
+        ratios = [
+            overload(now.stress[row, 0], 0.0, left.normal[row], left.shear[row]),
+            overload(0.0, now.stress[row, 1], left.normal[row], left.shear[row]),
+            self._bending_ratios(now.intact[row : row + 1])[0],
+        ]
+        return (NORMAL, SHEAR, FLEXURAL)[int(np.argmax(ratios))]
 
     def _bond_on_path(self, now: Equilibrium, failing: int) -> int:
         """Return the bond that breaks where one fails: with elastic cells the next one on the way of a crack line."""
         paths, bonds = self.lattice.paths, self.bonds
-        if paths is None:
+        if paths is None or self._exceeded(now, failing) == FLEXURAL:  # bending says itself along which line
             return failing
         row = int(np.searchsorted(now.intact, failing))
         strengths = self.lattice.strengths(bonds, self.c)
