@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.cli.main import app
 from riftberg.config.usual_ranges import USUAL
+from riftberg.config.without_effect import LAWS, without_effect
 from riftberg.experiments import Options, build
 from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid
@@ -170,3 +171,72 @@ def test_run_and_doctor_tell_the_same_once(tmp_path: Path) -> None:
         "records every 0.75 h are no whole number of long steps (0.5 h)",
     ):
         assert run.stderr.count(words) == asked.output.count(words) == 1
+
+
+def other_value(name: str) -> Any:
+    """Return a value of a parameter that is not its default."""
+    group, key = name.split(".")
+    section = getattr(Parameters(), group)
+    usual, field = getattr(section, key), type(section).model_fields[key]
+    if isinstance(usual, bool):
+        return not usual
+    if isinstance(usual, str):
+        allowed = get_args(field.annotation) or get_args(getattr(field.annotation, "__value__", None))
+        return next(word for word in allowed if word != usual)
+    if isinstance(usual, int) and usual == 0:
+        return 5
+    return {None: 0.5, 0.0: 0.5}.get(usual, 0.9 * usual if usual else 0.5)
+
+
+def end_of(parameters: Parameters) -> tuple[Any, ...]:
+    """Where bergs end that meet on a shelf, with their bonds."""
+    pair = [
+        Iceberg.rectangle(12e3, 6e3, placement=(x, -55.5), thickness=200.0, velocity=(u, 0.0))
+        for x, u in ((-39.0, 0.5), (-38.8, -0.5))
+    ]
+    model = Model(
+        Iceberg.join(pair),
+        Steady(current=(0.2, 0.1), wind=(9.0, 3.0), depth=168.0, temperature=3.0, salinity=34.0),
+        parameters,
+    )
+    model.advance(steps=6)
+    el = model.elements
+    return (
+        *(a.tobytes() for a in (el.lon, el.lat, el.thickness, model.bonds.status, model.bonds.strength)),
+        model.notices,
+    )
+
+
+def test_what_no_law_reads_is_told_and_has_no_effect() -> None:
+    """Bug: a sediment without the law of the seabed, the friction of crushing faces with springs, were taken without a word."""
+    *plain, quiet = end_of(Parameters())
+    assert not any("no effect" in text for text in quiet)
+    for law in LAWS:
+        for key in law.names:
+            name = f"{law.group}.{key}"
+            if law.acts(Parameters()):
+                continue
+            parameters = Parameters(**{law.group: {key: other_value(name)}})
+            told = without_effect(parameters)
+            assert list(told) == [name]
+            assert re.fullmatch(rf"{re.escape(name)} = \S+ has no effect: it needs {re.escape(law.needs)}", told[name])
+    # All at once, which is one run instead of thirty.
+    groups: dict[str, dict[str, Any]] = {}
+    for law in LAWS:
+        if not law.acts(Parameters()):
+            groups.setdefault(law.group, {}).update({key: other_value(f"{law.group}.{key}") for key in law.names})
+    *changed, notices = end_of(Parameters(**groups))
+    assert changed == plain
+    assert sum("no effect" in text for text in notices) == sum(len(values) for values in groups.values())
+
+
+def test_a_law_that_acts_reads_its_parameters_and_numerics_of_the_reference_are_left_alone() -> None:
+    acting = {"grounding.law": "seabed", "contact.law": "crushing", "fracture.criterion": "toughness"}
+    for name, value in acting.items():
+        group, key = name.split(".")
+        more = {"toughness": 1e5} if value == "toughness" else {}
+        (law,) = (law for law in LAWS if law.needs == f"{name} = '{value}'")
+        given = {key: value, **{n: other_value(f"{group}.{n}") for n in law.names}, **more}
+        assert not any(text.endswith(law.needs) for text in without_effect(Parameters(**{group: given})).values())
+    namelist = Parameters(rolling={"tip": 0.9}, compatibility={"forcing_lag": True})
+    assert without_effect(namelist) == {}

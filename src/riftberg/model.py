@@ -549,7 +549,7 @@ class BareModel(RunState):
 
     @property
     def unusual(self) -> dict[str, str]:
-        """What lies outside its usual range, a sentence for each name (`riftberg.config.usual_ranges`)."""
+        """What lies outside its usual range or has no effect, a sentence for each name (`riftberg.config.usual_ranges`)."""
         return unusual(self.parameters, self.elements, self.forcing, placed=self.step_number == 0)
 
     def __repr__(self) -> str:

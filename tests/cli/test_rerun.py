@@ -155,3 +155,17 @@ def test_a_run_is_not_repeated_into_itself(first: Path) -> None:
     assert done.exit_code == 2
     assert "the run that is repeated would be lost. Name another folder" in done.output
     assert (first / "a" / "run.nc").read_bytes() == before
+
+
+def test_a_rerun_leaves_the_experiment_files_of_others_alone(first: Path) -> None:
+    """Bug: an edited file of the same name in the folder of the results was written over, or removed."""
+    (first / "b").mkdir()
+    other = first / "b" / "it.yaml"
+    other.write_text("# edited\n" + YAML)
+    done = call("rerun", "a", "-o", "b", "--days", "0.1")
+    assert done.exit_code == 2
+    assert "it.yaml: another experiment has this file. Name another folder by --output" in done.output
+    assert other.read_text() == "# edited\n" + YAML
+    other.write_text(YAML)  # the same one may stand there, and stays where the run is refused
+    assert call("rerun", "a", "-o", "b", "--days", "-1").exit_code == 2
+    assert other.read_text() == YAML

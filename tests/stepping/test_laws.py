@@ -143,3 +143,43 @@ def test_ice_does_not_grow_by_a_melt_law() -> None:
     model = Model(berg(), Steady(), WARM, laws=Laws(melt=lambda elements, time: (-1e-6, None, None)))
     with pytest.raises(RunError, match="base: -1e-06 for element 1"):
         model.advance(steps=1)
+
+
+def test_a_law_that_changes_elements_is_refused_and_changes_nothing() -> None:
+    """Bug: a force that moved its berg by a degree at each call ran to the end."""
+
+    def moving(elements, time):
+        elements.place.lon[:] += 1.0
+        return 0.0, 0.0
+
+    def thinning(elements, time):
+        elements.body.thickness *= 0.5
+        return None, None, None
+
+    model = Model(berg(), Steady(current=(0.1, 0.0)), laws=Laws(force=moving))
+    before = model.elements.lon.copy()
+    with pytest.raises(RunError, match=r"Laws, force: moving changes the elements.*Model.after_step"):
+        model.advance(steps=1)
+    np.testing.assert_array_equal(model.elements.lon, before)
+    model.elements.lon[:] = before  # and may be written again
+    warm = Parameters().changed(melt={"enabled": True})
+    model = Model(berg(), Steady(temperature=2.0, salinity=34.0), warm, laws=Laws(melt=thinning))
+    with pytest.raises(RunError, match="Laws, melt: thinning changes the elements"):
+        model.advance(steps=1)
+
+
+def test_a_run_with_laws_is_not_resumed_without_them(tmp_path: Path) -> None:
+    """Bug: it went on without the force, to another place."""
+    laws, sea = Laws(force=towed, fracture=lambda moment, strengths: np.zeros(len(moment.stress))), Steady()
+    model = Model(berg(), sea, laws=laws)
+    model.advance(steps=1)
+    file = model.save(tmp_path / "it.restart.nc")
+    for given in (None, Laws(), Laws(melt=towed)):
+        with pytest.raises(
+            InputError, match=r"law of one's own for force and fracture.*laws=Laws\(force=..., fracture=...\)"
+        ):
+            Model.resume(file, sea, laws=given)
+    with pytest.raises(InputError, match=r"law of one's own for fracture"):
+        Model.resume(file, sea, laws=Laws(force=towed))
+    Model.resume(file, sea, laws=laws).advance(steps=1)
+    Model.resume(Model(berg(), sea).save(tmp_path / "plain.restart.nc"), sea).advance(steps=1)

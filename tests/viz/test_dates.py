@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from datetime import datetime
 from itertools import combinations
 from pathlib import Path
@@ -22,7 +23,7 @@ from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
-from riftberg.viz import plots
+from riftberg.viz import plots, style
 from riftberg.viz.panels import nearest_record
 
 RING = np.array([[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95]])
@@ -97,3 +98,20 @@ def test_a_day_alone_means_the_same_for_plot_and_score(run: xr.Dataset) -> None:
     assert [str(m)[:16] for m in moments(["2020-12-12T04:00", "20201213"], run, timed)] == [
         "2020-12-12T04:00", "2020-12-13T13:00",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("hours", [0.04, 0.5, 2.7, 3.0, 7.0, 64.0, 24.0 * 17, 24.0 * 80, 24.0 * 980])
+@pytest.mark.parametrize("which", ["x", "y"])
+def test_an_axis_of_any_length_has_a_few_dates_and_no_warning(which: str, hours: float) -> None:
+    """Bug: matplotlib warned on the screen of a sweep of three hours that it found no interval of ticks."""
+    figure = style.new_figure(5.0, 4.0, 80)
+    ax = figure.subplots()
+    days = np.datetime64("2020-12-15T00:00", "s") + np.array([0, round(3600 * hours)]).astype("m8[s]")
+    ax.plot(*((days, [0.0, 1.0]) if which == "x" else ([0.0, 1.0], days)))
+    style.date_axis(ax, which)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure.draw_without_rendering()
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    low, high = axis.get_view_interval()
+    assert 2 <= sum(low <= tick <= high for tick in axis.get_ticklocs()) <= 13

@@ -70,6 +70,9 @@ def rerun(
             words, more = words_without(words, option), [*more, option, str(given)]
     more += [word for word, wanted in (("--no-map", not map_), ("--quiet", quiet)) if wanted]
     file = folder / experiment
+    there = FILE in kept and file.exists()
+    if there and file.read_text("utf-8", errors="replace") != kept[FILE]:
+        raise InputError("another experiment has this file", where=str(file), remedy="Name another folder by --output")
     with results_folder(folder):
         if FILE in kept:
             file.write_text(kept[FILE], encoding="utf-8")
@@ -80,7 +83,7 @@ def rerun(
             if code:
                 raise typer.Exit(code)
         except BaseException:
-            if FILE in kept and not (folder / "run.nc").exists():
+            if FILE in kept and not there and not (folder / "run.nc").exists():
                 file.unlink(missing_ok=True)
             raise
 

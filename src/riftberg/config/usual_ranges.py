@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from riftberg.config.values import unit_of
+from riftberg.config.without_effect import without_effect
 
 
 class Usual(NamedTuple):
@@ -134,7 +135,7 @@ STEPS_IN_A_TIDE: Final = 10.0
 
 
 def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True) -> dict[str, str]:
-    """Return what lies outside its usual range, a sentence for each name."""
+    """Return what lies outside its usual range or is set without effect, a sentence for each name."""
     said: dict[str, str] = {}
     given = [*_of_parameters(parameters), *_of_forcing(forcing), *(_of_bergs(parameters, elements) if placed else [])]
     for name, values, unit in given:
@@ -154,7 +155,7 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
                 f"the long step of {step / 3600.0:g} h is too long for {what} {seconds / 3600.0:.4g} h, which it passes over: "
                 f"set stepping.time_step to {most:g} s or less"
             )
-    return said
+    return {**said, **without_effect(parameters)}
 
 
 def of_records(hours: float, days: float, parameters: Any) -> list[str]:

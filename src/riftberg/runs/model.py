@@ -23,7 +23,7 @@ from riftberg.runs.background import keep_water
 from riftberg.runs.progress import ProgressRecorder
 from riftberg.runs.restart import load_state, save
 from riftberg.runs.run_file import RunWriter, memory_run, missing_records, open_run
-from riftberg.stepping.laws import Laws
+from riftberg.stepping.laws import LAW_NAMES, Laws
 from riftberg.system.atomic_files import refusal
 from riftberg.system.netcdf_lock import open_netcdf
 from riftberg.system.process import held, say
@@ -123,7 +123,7 @@ def last_good(folder: Path, interval: float, check: Callable[[RestartState, Path
 
 _LOG = logging.getLogger(__name__)
 
-OWN_EXTRAS = ("next_element", "next_bond")
+OWN_EXTRAS = ("next_element", "next_bond", "own_laws")
 """What a restart file holds beside the state that no recorder has left there."""
 
 
@@ -260,7 +260,9 @@ class Model(BareModel):
         """Write a restart file from which `resume` goes on bit for bit."""
         required(path, (str, Path), "the path of a restart file", where="Model.save")
         coming = {"next_element": self.population.next_element, "next_bond": self.population.next_bond}
-        return save(self, path, extra={**coming, **self.remembered, **self._stepper.state_dict()})
+        given = self.laws.given()
+        own = {"own_laws": np.array([name in given for name in LAW_NAMES], np.int64)} if given else {}
+        return save(self, path, extra={**coming, **own, **self.remembered, **self._stepper.state_dict()})
 
     @classmethod
     def resume(cls, path: str | Path, forcing: Forcing, *, laws: Laws | None = None) -> Self:
@@ -277,6 +279,12 @@ class Model(BareModel):
         """
         required(path, (str, Path), "the path of a restart file", where="Model.resume")
         state = load_state(path)
+        before = [name for name, was in zip(LAW_NAMES, state.extra.get("own_laws", ()), strict=False) if was]
+        if missing := [name for name in before if laws is None or name not in laws.given()]:
+            raise InputError(
+                f"the run had a law of one's own for {' and '.join(missing)}", where=f"{path}, laws",
+                remedy=f"Resume it with laws=Laws({', '.join(f'{name}=...' for name in missing)})",
+            )  # fmt: skip
         model = cls.going_on(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
             state.fragment_rows(), state.bergs, state.contact_log(), laws,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -20,6 +21,10 @@ ElementLaw = Callable[[Elements, float], Sequence[Any]]
 
 Ratios = Callable[[Any, Any], Any]
 """A function of `riftberg.stepping.fracture.criteria.Equilibrium` and the strengths of its intact bonds: stress over strength."""
+
+
+LAW_NAMES: Final = ("force", "melt", "fracture")
+"""What a user may give, in the order in which a restart file says which were there."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +52,14 @@ class Laws:
     melt: ElementLaw | None = None
     fracture: Ratios | None = None
 
+    def given(self) -> dict[str, Callable[..., Any]]:
+        """Return the laws that are there, by name."""
+        return {name: law for name in LAW_NAMES if (law := getattr(self, name)) is not None}
+
     def check(self, p: Parameters) -> None:
         """Refuse what is no function, and a law that the parameters leave no room for."""
-        for name, law in (("force", self.force), ("melt", self.melt), ("fracture", self.fracture)):
-            if law is not None and not callable(law):
+        for name, law in self.given().items():
+            if not callable(law):
                 raise InputError(f"{value_shown(law)} is no function", where=f"Laws, {name}", remedy="Give a function")
         if self.melt is not None and not p.melt.enabled:
             raise InputError(
@@ -88,12 +97,31 @@ class WithForce(DescribedForcing):
         elements.environment.own_x[:], elements.environment.own_y[:] = x, y
 
 
+@contextmanager
+def _to_read(elements: Elements, where: str) -> Iterator[None]:
+    """Let a law read the elements and change none: a law is called several times in a step, also in one that is taken back."""
+    arrays = [array for group in elements for array in group if array.flags.writeable]
+    for array in arrays:
+        array.flags.writeable = False
+    try:
+        yield
+    except ValueError as error:
+        if "read-only" not in str(error):
+            raise
+        raise RunError(f"{where} changes the elements. Return what it gives; what changes elements is a process "
+                       "(Model.after_step)") from error  # fmt: skip
+    finally:
+        for array in arrays:
+            array.flags.writeable = True
+
+
 def rows_of(
     law: ElementLaw, elements: Elements, time: float, kind: str, names: tuple[str, ...], least: float = -math.inf
 ) -> Floats:
     """Return what a law gives for each of some names, shape (names, elements); NaN where it gives None."""
-    given = law(elements, time)
     where = f"Laws, {kind}: {getattr(law, '__name__', 'a function')}"
+    with _to_read(elements, where):
+        given = law(elements, time)
     if not isinstance(given, Sequence | np.ndarray) or len(given) != len(names):
         raise RunError(f"{where} returns {value_shown(given)} instead of {len(names)} arrays ({', '.join(names)})")
     out = np.empty((len(names), elements.size))

@@ -225,7 +225,9 @@ def date_axis(ax: Axes, which: Literal["x", "y"] = "x") -> None:
         def get_offset(self) -> str:
             return years() if which == "x" else ""
 
-    locator = AutoDateLocator(maxticks=None if which == "x" else 6)  # type: ignore[no-untyped-call]
+    # Its largest steps are 30 min, 12 h and 6 months: six of them reach the three hours, days and years of the next kind.
+    few = {} if which == "x" else {"minticks": 3, "maxticks": 7}
+    locator = AutoDateLocator(**few)  # type: ignore[no-untyped-call]
     axis.set_major_locator(locator)
     axis.set_major_formatter(
         Dates(  # type: ignore[no-untyped-call]
