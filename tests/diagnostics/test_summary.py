@@ -11,7 +11,8 @@ import pytest
 from fakes import FakeModel
 from riftberg import __version__
 from riftberg.diagnostics import summary as module
-from riftberg.diagnostics.summary import Stopwatch, summarize, write_summary
+from riftberg.diagnostics.summary import summarize, write_summary
+from riftberg.runs.progress import Stopwatch
 from riftberg.runs.tracks import DailyTrack
 
 

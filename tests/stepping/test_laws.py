@@ -39,6 +39,8 @@ def test_a_force_of_ones_own_is_in_outputs_ledger_and_why(tmp_path: Path) -> Non
     told = external_forces(run, 2, model.constants)["own force"][:, 0]
     np.testing.assert_allclose(told, 0.5 * (own[:, 1] + own[:, 2]), rtol=1e-6)
     assert "towed" in model.forcing.describe()
+    assert run.attrs["laws"] == "force by towed"
+    assert "own force +" in " ".join(balance.lines())
     assert (run["x"].values[:, -1] > Model(plane, Steady(), METRES).run(steps=6)["x"].values[:, -1] + 10.0).all()
 
 

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.collections import PolyCollection
 from typer.testing import CliRunner
 
-from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters, draw_map
 from riftberg.cli.main import app
 from riftberg.cli.pictures import usual_kinds
 from riftberg.errors import InputError
@@ -41,6 +41,19 @@ def test_colours_are_the_thickness_lost(run: xr.Dataset) -> None:
     half = draw_melt(run, date=run["time"].values[4])
     (ice,) = [c for c in half.axes[0].collections if isinstance(c, PolyCollection) and c.get_array() is not None]
     np.testing.assert_allclose(ice.get_array(), thickness[0] - thickness[4])
+
+
+def test_the_map_of_a_single_berg_shows_what_it_has_lost(run: xr.Dataset, tmp_path: Path) -> None:
+    """Bug: the map of a run with melt showed none; the colours of one fragment said nothing."""
+    thickness = run["thickness"].transpose("time", "trajectory").values
+    figure = draw_map(run, dates=2)
+    shown = [ice.get_array() for ax in figure.axes for ice in ax.collections if isinstance(ice, PolyCollection)]
+    lost = [values for values in shown if values is not None]
+    np.testing.assert_allclose(lost[0], 0.0)
+    np.testing.assert_allclose(lost[-1], thickness[0] - thickness[-1])
+    assert any("thickness lost" in ax.get_xlabel() for ax in figure.axes)
+    cold = draw_map(melting(tmp_path / "cold.nc", enabled=False), dates=2)
+    assert not any("thickness lost" in ax.get_xlabel() for ax in cold.axes)
 
 
 def test_curves_stand_on_each_other(run: xr.Dataset) -> None:

@@ -250,6 +250,13 @@ def test_a_break_on_impact_is_drawn_at_the_record_that_saw_it(run: xr.Dataset) -
     assert birth is not None
     before = int(np.searchsorted(scene.times, birth[0])) - 1
     assert plots._before_breakups(scene) == [before]
+    # Titles say when the values are of, and the break-up beside them.
+    (birth,) = {scene.birth(n)[0] for n in scene.numbers if scene.birth(n) is not None}
+    now, after, broke = style.moment_texts(np.array([*scene.times, birth]), [before, before + 1, len(scene.times)])
+    assert plots._spans(scene, [before, before + 1]) == [
+        f"{now}; breaks {broke}",
+        f"{now} to {after}; breaks {broke}",
+    ]
     struck = run.copy(deep=True)
     peak = struck["peak_stress"].transpose("time", "bond").values.copy()
     peak[: before + 1], peak[before + 1] = 0.5, 18_000.0

@@ -38,10 +38,10 @@ from riftberg.system.limits import allow_large
 from riftberg.system.process import held
 
 if TYPE_CHECKING:
-    from riftberg.diagnostics.summary import Stopwatch
     from riftberg.model import Recorder
     from riftberg.parameters import Parameters
     from riftberg.runs.model import Model
+    from riftberg.runs.progress import Stopwatch
     from riftberg.runs.tracks import DailyTrack
 
 RESULTS: Final = ("run.nc", "summary.json", "map.png", "bergs-monthly.nc", "bergs-instantaneous.nc")
@@ -411,9 +411,8 @@ class Session:
 
     def run(self, days: float, every_hours: float) -> None:
         """Run to ``days`` after the start of the experiment; save the state where that fails or is interrupted."""
-        from riftberg.diagnostics.summary import Stopwatch
         from riftberg.runs.model import StateKeeper
-        from riftberg.runs.progress import ProgressRecorder
+        from riftberg.runs.progress import ProgressRecorder, Stopwatch
         from riftberg.runs.run_file import RunWriter
         from riftberg.runs.tracks import DailyTrack
 

@@ -36,20 +36,19 @@ riftberg : version of Riftberg
 from __future__ import annotations
 
 import math
-import time as clock
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numba.core.event import TimingListener, register, unregister
 
 from riftberg import constants
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.places import area_text
 from riftberg.life.ledger import PROCESSES, melt_of
 from riftberg.runs.layout import forcing_text
+from riftberg.runs.progress import Stopwatch
 from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.tracks import Position, track_table
 from riftberg.stepping.fragments.tree import centroid
@@ -64,50 +63,6 @@ if TYPE_CHECKING:
 
 MOST_FRAGMENTS: Final = 100
 """Fragments in the ledger of a summary, those that lost most; the run file has all."""
-
-
-class Stopwatch:
-    """Recorder that measures how fast the run is.
-
-    ``wall_seconds``: wall time from the first call to the last one, s.
-    """
-
-    def __init__(self) -> None:
-        self.wall_seconds, self.steps = 0.0, 0
-        self._compiling = TimingListener()  # type: ignore[no-untyped-call]
-        self._began = self._after_first = clock.perf_counter()
-        self._time_after_first = self._time = self._compiled_first = 0.0
-
-    def start(self, model: BareModel) -> None:
-        """Start the clock."""
-        self.__init__()  # type: ignore[misc]
-        self._time = self._time_after_first = model.time
-        register("numba:compile", self._compiling)  # type: ignore[no-untyped-call]
-
-    def record(self, model: BareModel) -> None:
-        """Note the time; the first step is kept apart, because it may compile."""
-        now = clock.perf_counter()
-        self.steps, self._time, self.wall_seconds = self.steps + 1, model.time, now - self._began
-        if self.steps == 1:
-            self._after_first, self._time_after_first = now, model.time
-            self._compiled_first = self._compiled
-
-    def finish(self, model: BareModel) -> None:
-        """Stop the clock."""
-        self.wall_seconds = clock.perf_counter() - self._began
-        unregister("numba:compile", self._compiling)  # type: ignore[no-untyped-call]
-
-    @property
-    def _compiled(self) -> float:
-        """Seconds of compilation so far: a crack or a landing may need code late in a run."""
-        return float(self._compiling.duration) if self._compiling.done else 0.0
-
-    @property
-    def seconds_per_day(self) -> float:
-        """Wall seconds per simulated day after the first step, without compilation; NaN before the second."""
-        days = (self._time - self._time_after_first) / constants.SECONDS_PER_DAY
-        spent = self._began + self.wall_seconds - self._after_first - (self._compiled - self._compiled_first)
-        return spent / days if days > 0.0 else math.nan
 
 
 def summarize(

@@ -100,10 +100,10 @@ class MotionBalance(NamedTuple):
         """Return the ledger as two lines of text."""
         (east, north), (was_east, was_north) = self.momentum_now, self.momentum_start
         given = [
-            f"{name.replace('_', ' ')} {x:+.3g}, {y:+.3g}"
+            f"{_shown(name)} {x:+.3g}, {y:+.3g}"
             for name, (x, y) in self.impulse.items() if name != "elements" and (x or y)
         ]  # fmt: skip
-        work = [f"{name.replace('_', ' ')} {w:+.3g}" for name, w in self.work.items() if name != "elements" and w]
+        work = [f"{_shown(name)} {w:+.3g}" for name, w in self.work.items() if name != "elements" and w]
         ends = [f"kinetic {self.kinetic_start:.3g} to {self.kinetic_now:.3g}"]
         if self.dissipated is None:
             between = self.work["elements"]
@@ -122,6 +122,11 @@ class MotionBalance(NamedTuple):
             f"{'; '.join(given) or 'none given'}; left over {self.momentum_error:.0e}",
             f"mechanical energy (J): {', '.join(ends)}; work of {', '.join(work) or 'nothing'}",
         ]
+
+
+def _shown(name: str) -> str:
+    """Return the name of a giver of momentum in words."""
+    return "own force" if name == "own" else name.replace("_", " ")
 
 
 class _Ice(NamedTuple):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import html
+import math
 import sys
 import time as clock
 from collections.abc import Mapping
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Final
+
+from numba.core.event import TimingListener, register, unregister
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.system.process import say
@@ -17,6 +20,50 @@ if TYPE_CHECKING:
 
 REFRESH_SECONDS: Final = 0.2
 LOG_SECONDS: Final = 10.0
+
+
+class Stopwatch:
+    """Recorder that measures how fast the run is.
+
+    ``wall_seconds``: wall time from the first call to the last one, s.
+    """
+
+    def __init__(self) -> None:
+        self.wall_seconds, self.steps = 0.0, 0
+        self._compiling = TimingListener()  # type: ignore[no-untyped-call]
+        self._began = self._after_first = clock.monotonic()
+        self._time_after_first = self._time = self._compiled_first = 0.0
+
+    def start(self, model: BareModel) -> None:
+        """Start the clock."""
+        self.__init__()  # type: ignore[misc]
+        self._time = self._time_after_first = model.time
+        register("numba:compile", self._compiling)  # type: ignore[no-untyped-call]
+
+    def record(self, model: BareModel) -> None:
+        """Note the time; the first step is kept apart, because it may compile."""
+        now = clock.monotonic()
+        self.steps, self._time, self.wall_seconds = self.steps + 1, model.time, now - self._began
+        if self.steps == 1:
+            self._after_first, self._time_after_first = now, model.time
+            self._compiled_first = self._compiled
+
+    def finish(self, model: BareModel) -> None:
+        """Stop the clock."""
+        self.wall_seconds = clock.monotonic() - self._began
+        unregister("numba:compile", self._compiling)  # type: ignore[no-untyped-call]
+
+    @property
+    def _compiled(self) -> float:
+        """Seconds of compilation so far: a crack or a landing may need code late in a run."""
+        return float(self._compiling.duration) if self._compiling.done else 0.0
+
+    @property
+    def seconds_per_day(self) -> float:
+        """Wall seconds per simulated day after the first step, without compilation; NaN before the second."""
+        days = (self._time - self._time_after_first) / SECONDS_PER_DAY
+        spent = self._began + self.wall_seconds - self._after_first - (self._compiled - self._compiled_first)
+        return spent / days if days > 0.0 else math.nan
 
 
 class ProgressRecorder:
@@ -30,22 +77,20 @@ class ProgressRecorder:
         self._notebook = in_notebook()
         self.terminal = sys.stderr.isatty() or self._notebook
         self._bar: Any = None
-        self._shown = self._began = 0.0
-        self._first_day = self._speed_day = 0.0
+        self._shown = self._first_day = 0.0
+        self._watch = Stopwatch()
 
     def start(self, model: BareModel) -> None:
         """Note the time, and put up the bar."""
-        self._began = self._shown = clock.monotonic()
-        self._first_day = self._speed_day = model.time / SECONDS_PER_DAY
+        self._watch.start(model)
+        self._shown, self._first_day = clock.monotonic(), model.time / SECONDS_PER_DAY
         if self.terminal and not self.quiet:
             self._bar = NotebookBar(self.days) if self._notebook else TerminalBar(self.days)
 
     def record(self, model: BareModel) -> None:
         """Show the state where the last look is long enough ago."""
         now = clock.monotonic()
-        if self._speed_day == self._first_day:
-            # The first step may have compiled for a minute; it says nothing about speed.
-            self._began, self._speed_day = now, model.time / SECONDS_PER_DAY
+        self._watch.record(model)
         wait = REFRESH_SECONDS if self.terminal else LOG_SECONDS
         if not self.quiet and now - self._shown >= wait:
             self._shown = now
@@ -53,6 +98,7 @@ class ProgressRecorder:
 
     def finish(self, model: BareModel) -> None:
         """Show the last state and take the bar down."""
+        self._watch.finish(model)
         if self.quiet:
             return
         self._show(model)
@@ -69,12 +115,15 @@ class ProgressRecorder:
     def line(self, model: BareModel) -> str:
         """Return the state in one line."""
         date = model.start + timedelta(seconds=model.time)
-        days, spent = model.time / SECONDS_PER_DAY - self._speed_day, clock.monotonic() - self._began
-        # The pace of a run of seconds or hours is not given in seconds per day.
-        if days <= 0.0 or spent <= 0.0:
+        # A run of seconds or hours is not given in seconds per day.
+        if math.isnan(self._watch.seconds_per_day):
             speed = "first step"
         else:
-            speed = f"{spent / days:.3g} s per day" if self.days >= 0.5 else f"{spent:.3g} s"
+            speed = (
+                f"{self._watch.seconds_per_day:.3g} s per day"
+                if self.days >= 0.5
+                else f"{self._watch.wall_seconds:.3g} s"
+            )
         count, broken = model.fragment_count, model.bonds_broken
         return (
             f"{date:%Y-%m-%d %H:%M}  {speed}  {count} fragment{'s' if count != 1 else ''}  "

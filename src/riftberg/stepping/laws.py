@@ -56,6 +56,11 @@ class Laws:
         """Return the laws that are there, by name."""
         return {name: law for name in LAW_NAMES if (law := getattr(self, name)) is not None}
 
+    def named(self) -> str:
+        """Return the functions by name, such as ``force by tug, melt by convective_melt``; nothing where there are none."""
+        given = (("force", self.force), ("melt", self.melt), ("fracture", self.fracture))
+        return ", ".join(f"{kind} by {name_of(law)}" for kind, law in given if law is not None)
+
     def check(self, p: Parameters) -> None:
         """Refuse what is no function, and a law that the parameters leave no room for."""
         for name, law in self.given().items():
@@ -88,7 +93,7 @@ class WithForce(DescribedForcing):
 
     def describe(self) -> str:
         """Return what the forcing is, and the name of the force."""
-        return f"{self.forcing.describe()}; force of one's own: {getattr(self.force, '__name__', 'a function')}"
+        return f"{self.forcing.describe()}; force of one's own: {name_of(self.force)}"
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements, and the force on them."""
@@ -115,11 +120,16 @@ def _to_read(elements: Elements, where: str) -> Iterator[None]:
             array.flags.writeable = True
 
 
+def name_of(law: object) -> str:
+    """Return the name of a function of the user."""
+    return str(getattr(law, "__name__", "a function"))
+
+
 def rows_of(
     law: ElementLaw, elements: Elements, time: float, kind: str, names: tuple[str, ...], least: float = -math.inf
 ) -> Floats:
     """Return what a law gives for each of some names, shape (names, elements); NaN where it gives None."""
-    where = f"Laws, {kind}: {getattr(law, '__name__', 'a function')}"
+    where = f"Laws, {kind}: {name_of(law)}"
     with _to_read(elements, where):
         given = law(elements, time)
     if not isinstance(given, Sequence | np.ndarray) or len(given) != len(names):
