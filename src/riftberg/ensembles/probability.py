@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from riftberg.compiled.kernels import kernel
 from riftberg.config.places import duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.state import Floats
@@ -133,6 +134,41 @@ def near(lon: Any, first: float) -> Any:
     return lon - 360.0 * np.round((lon - first) / 360.0)
 
 
+@kernel
+def add_discs(
+    lon: Any, lat: Any, radius: Any, weight: Floats, x: Floats, y: Floats, cosine: float, presence: Any, passes: Floats
+) -> None:
+    """Add the weight of each member to the cells on which it has ice, by time and ever; fragments are discs (degrees).
+
+    ``lon``, ``lat``, ``radius``: (members, fragments, times); ``presence``: (times, y, x); ``passes``: (y, x). A cell counts
+    where its middle lies in a disc, and where the middle of the disc lies in the cell.
+    """
+    members, fragments, times = lon.shape
+    dx, dy = x[1] - x[0] if x.size > 1 else 1.0, y[1] - y[0] if y.size > 1 else 1.0
+    # Which member and time had ice on the cell last: the fragments of one member hold a cell once.
+    now, ever = np.full(passes.shape, -1), np.full(passes.shape, -1)
+    for m in range(members):
+        for k in range(times):
+            for p in range(fragments):
+                u, v, r = lon[m, p, k], lat[m, p, k], radius[m, p, k]
+                if not np.isfinite(u):
+                    continue
+                own_i = min(int(math.floor((u - x[0]) / dx + 0.5)), x.size - 1)
+                own_j = min(int(math.floor((v - y[0]) / dy + 0.5)), y.size - 1)
+                reach_i, reach_j = int(r / cosine / dx) + 1, int(r / dy) + 1
+                for j in range(max(own_j - reach_j, 0), min(own_j + reach_j + 1, y.size)):
+                    for i in range(max(own_i - reach_i, 0), min(own_i + reach_i + 1, x.size)):
+                        inside = ((x[i] - u) * cosine) ** 2 + (y[j] - v) ** 2 <= r * r
+                        if not inside and not (i == own_i and j == own_j):
+                            continue
+                        if now[j, i] != m * times + k:
+                            now[j, i] = m * times + k
+                            presence[k, j, i] += weight[m]
+                        if ever[j, i] != m:
+                            ever[j, i] = m
+                            passes[j, i] += weight[m]
+
+
 def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     """Add the probability that any ice lies over a cell: fragments as discs of their areas."""
     first = float(done["lon"].isel(time=0, fragment=0).values[0])
@@ -148,25 +184,9 @@ def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     x = np.arange(west + 0.5 * step / cosine, east, step / cosine)
     y = np.arange(south + 0.5 * step, north, step)
     presence, passes = np.zeros((done.sizes["time"], y.size, x.size)), np.zeros((y.size, x.size))
-    there = np.zeros((y.size, x.size), bool)
     for w, lon, lat, area in tracks_of(done, weight):
-        lon, radius = near(lon, first), np.sqrt(area / np.pi) / (DEGREE * EARTH_RADIUS_A68)
-        i, j = np.floor((lon - x[0]) / (step / cosine) + 0.5), np.floor((lat - y[0]) / step + 0.5)
-        for m in range(lon.shape[0]):  # one member at a time: its fragments hold one cell once
-            ever = np.zeros_like(there)
-            for k in range(lon.shape[2]):
-                there[:] = False
-                for p in np.flatnonzero(np.isfinite(lon[m, :, k])):
-                    u, v, r = lon[m, p, k], lat[m, p, k], radius[m, p, k]
-                    i0, i1 = np.searchsorted(x, (u - r / cosine, u + r / cosine))
-                    j0, j1 = np.searchsorted(y, (v - r, v + r))
-                    there[j0:j1, i0:i1] |= (((x[i0:i1] - u) * cosine) ** 2)[None] + ((y[j0:j1] - v) ** 2)[
-                        :, None
-                    ] <= r * r
-                    there[min(int(j[m, p, k]), y.size - 1), min(int(i[m, p, k]), x.size - 1)] = True
-                presence[k] += w[m] * there
-                ever |= there
-            passes += w[m] * ever
+        radius = np.sqrt(area / np.pi) / (DEGREE * EARTH_RADIUS_A68)
+        add_discs(near(lon, first), lat, radius, w, x, y, cosine, presence, passes)
     ds.coords["cell_lon"] = ("cell_lon", x, {"units": "degrees_east", "standard_name": "longitude"})
     ds.coords["cell_lat"] = ("cell_lat", y, {"units": "degrees_north", "standard_name": "latitude"})
     about = {
@@ -259,17 +279,18 @@ def _scenario_of_all(ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[floa
     """Return the scenario of each member: which pieces broke off, in which order, as far as three of them."""
     number = np.full(ds.sizes["member"], -1, dtype="i4")
     wholes = np.nansum(ds["area"].isel(time=0).values, axis=1)
+    parent, areas = ds["fragment_parent"].values, ds["fragment_area"].values
+    births = (ds["fragment_birth_time"].values - ds["time"].values[0]) / np.timedelta64(1, "s")
+    members = ds["member"].values
     signs = {}
     for k in np.flatnonzero(ds["status"].values == 0).tolist():
-        born = np.flatnonzero(ds["fragment_parent"].values[k] > 0)
-        born = born[np.argsort(ds["fragment_birth_time"].values[k, born], kind="stable")]
-        area = ds["fragment_area"].values[k, born]
+        born = np.flatnonzero(parent[k] > 0)
+        born = born[np.argsort(births[k, born], kind="stable")]
         # Crumbs are left out: less than a hundredth of the berg.
-        whole = wholes[k]
-        large = born[area >= 0.01 * whole][:3]
-        rows = np.array(cracks.get(int(ds["member"].values[k]), []), float).reshape(-1, 4)
-        start = ds["time"].values[0]
-        signs[int(k)] = [_sign(ds, int(k), int(piece), rows, start, float(whole)) for piece in large]
+        whole = float(wholes[k])
+        large = born[areas[k, born] >= 0.01 * whole][:3]
+        rows = np.array(cracks.get(int(members[k]), []), float).reshape(-1, 4)
+        signs[k] = [_sign(rows, float(births[k, piece]), float(areas[k, piece]), whole) for piece in large]
     leaders: list[list[Floats]] = []
     group: dict[int, int] = {}
     for k, sign in signs.items():
@@ -285,12 +306,14 @@ def _scenario_of_all(ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[floa
     return number
 
 
-def _sign(ds: xr.Dataset, member: int, piece: int, rows: Floats, start: Any, whole: float) -> Floats:
-    """Return where the crack that freed a piece lay in the berg, in lengths of the berg, and how large the piece was."""
-    seconds = float((ds["fragment_birth_time"].values[member, piece] - start) / np.timedelta64(1, "s"))
-    crack = rows[np.abs(rows[:, 0] - seconds) < 43200.0]
+def _sign(rows: Floats, birth: float, area: float, whole: float) -> Floats:
+    """Return where the crack that freed a piece lay in the berg, in lengths of the berg, and how large the piece was.
+
+    ``rows``: cracks of the member; ``birth``: of the piece, s after the start.
+    """
+    crack = rows[np.abs(rows[:, 0] - birth) < 43200.0]
     middle = crack[:, 1:3].mean(axis=0) if crack.size else np.zeros(2)
-    return np.array([*(middle / np.sqrt(whole)), ds["fragment_area"].values[member, piece] / whole])
+    return np.array([*(middle / np.sqrt(whole)), area / whole])
 
 
 def _alike(one: list[Floats], other: list[Floats]) -> bool:

@@ -34,6 +34,9 @@ KNOTS: Final = 8
 POINTS_PER_LENGTH: Final = 2.0
 """Points of the grid per length: the field has 2e-9 of its variance beyond their resolution."""
 
+KEPT_BYTES: Final = 16_000_000
+"""Memory for the knots of a field that are kept; at least two are."""
+
 EQUATOR: Final = 5.0
 """Latitude (degrees) below which the level of the balanced current fades."""
 
@@ -105,7 +108,10 @@ class RandomField:
                 self._white = keep * self._white + math.sqrt(1.0 - keep * keep) * self._drawn(k)
             self._knot = knot
             field = np.fft.irfft2(np.fft.rfft2(self._white) * self._filter, s=(self.points, self.points))
-            self._known = {k: v for k, v in self._known.items() if k == knot - 1} | {knot: field}
+            self._known[knot] = field
+            # The means along the track ask for all knots again after the run; to draw them twice costs a tenth of a member.
+            while len(self._known) > max(2, KEPT_BYTES // field.nbytes):
+                del self._known[min(self._known)]
         return self._known[knot]
 
     def at(self, time: float) -> Floats:

@@ -58,8 +58,7 @@ class Laws:
 
     def named(self) -> str:
         """Return the functions by name, such as ``force by tug, melt by convective_melt``; nothing where there are none."""
-        given = (("force", self.force), ("melt", self.melt), ("fracture", self.fracture))
-        return ", ".join(f"{kind} by {name_of(law)}" for kind, law in given if law is not None)
+        return ", ".join(f"{kind} by {name_of(law)}" for kind, law in self.given().items())
 
     def check(self, p: Parameters) -> None:
         """Refuse what is no function, and a law that the parameters leave no room for."""
