@@ -59,7 +59,7 @@ class Settling:
         return np.asarray(mass - less + more * (less.sum() / more.sum()))
 
 
-def refuse_overlap(old: Elements, new: Elements, metric: Metric) -> None:
+def refuse_ice_on_bergs(old: Elements, new: Elements, metric: Metric) -> None:
     """Refuse new elements that lie on others."""
     if not old.size:
         return
@@ -407,7 +407,7 @@ class Exchange:
         berg = shelf.berg(radius=radius, packing=p.bonds.packing, velocity=velocity)
         new = berg.elements
         self.grid.locate(new)
-        refuse_overlap(model.elements, new, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
+        refuse_ice_on_bergs(model.elements, new, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
         new.life.start_mass[:], new.life.start_lon[:], new.life.start_lat[:] = new.mass, new.lon, new.lat
         year, day = date_of_birth(_next_step(model))
         new.life.start_year[:], new.life.start_day[:] = year, day

@@ -18,14 +18,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import InputError
-from riftberg.ocean.forcing import DescribedForcing, Forcing
+from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.state import Elements, Floats
 
 KNOTS: Final = 8
@@ -267,7 +267,7 @@ class Errors:
     current_size: SizeField | None = None  # Factor on the spread of the current's error by place
 
 
-class UncertainForcing(DescribedForcing):
+class UncertainForcing(WrappedForcing):
     """A forcing with errors added to its current, wind and sea floor; all else is that of the forcing.
 
     Parameters
@@ -312,12 +312,6 @@ class UncertainForcing(DescribedForcing):
             envelope = Envelope(forcing, self.plane, length, reach, errors.current_size)
             self._envelope = envelope if envelope.any else None
         self._moment: dict[str, tuple[float, Floats]] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        # Not while it is being unpickled, when there is no forcing yet.
-        if name.startswith("__") or "forcing" not in self.__dict__:
-            raise AttributeError(name)
-        return getattr(self.forcing, name)
 
     def describe(self) -> str:
         """Return what the forcing is, and which errors lie on it."""

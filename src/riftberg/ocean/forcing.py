@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import threading
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -104,6 +104,18 @@ class DescribedForcing:
 
     def _repr_html_(self) -> str:
         return f'<pre style="white-space:pre-wrap">{html.escape(repr(self)[1:-1])}</pre>'
+
+
+class WrappedForcing(DescribedForcing):
+    """Changes what another forcing gives at the elements; all else is that of the other one."""
+
+    forcing: Forcing
+
+    def __getattr__(self, name: str) -> Any:
+        # Not while it is being unpickled, when there is no forcing yet.
+        if name.startswith("__") or "forcing" not in self.__dict__:
+            raise AttributeError(name)
+        return getattr(self.forcing, name)
 
 
 def sea_level(forcing: Forcing, lon: Floats, lat: Floats, time: float) -> Floats:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from riftberg.errors import InputError, RunError
-from riftberg.ocean.forcing import DescribedForcing, Forcing
+from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
@@ -78,17 +78,11 @@ class Laws:
             )
 
 
-class WithForce(DescribedForcing):
+class WithForce(WrappedForcing):
     """A forcing with a force of one's own: sampled with the environment, so that each scheme takes it at its own moments."""
 
     def __init__(self, forcing: Forcing, force: ElementLaw) -> None:
         self.forcing, self.force = forcing, force
-
-    def __getattr__(self, name: str) -> Any:
-        # Not while it is being unpickled, when there is no forcing yet.
-        if name.startswith("__") or "forcing" not in self.__dict__:
-            raise AttributeError(name)
-        return getattr(self.forcing, name)
 
     def describe(self) -> str:
         """Return what the forcing is, and the name of the force."""
