@@ -11,7 +11,7 @@ from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.lattice.closing_faces import ClosingFaces
 from riftberg.stepping.lattice.equilibrium import elastic_energy
-from riftberg.stepping.lattice.triangles import find_triangles
+from riftberg.stepping.lattice.triangles import find_open_edges, find_triangles
 from stepping.test_elastic_cells import dense_matrix
 from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
 
@@ -110,10 +110,10 @@ def test_open_faces_gape_and_closed_ones_press(seed, packing) -> None:
     faces, moved = cells.faces, cells.displacements(moment.displacement)
     way = faces.closed(moved)
     assert 0 < (way > 0).sum() < way.size
-    values = np.einsum("tna,ta->tn", faces._signs[np.arange(way.size), way], moved.reshape(-1)[faces.at])
+    values = np.einsum("tna,ta->tn", faces.signs[np.arange(way.size), way], moved.reshape(-1)[faces.at])
     size = abs(moved[faces.at // 3, faces.at % 3]).max()
     for n in range(2):
-        assert values[faces._number > n, n].min() >= -1e-9 * size
+        assert values[faces.number > n, n].min() >= -1e-9 * size
     # Stiffness as it is pressed, on these displacements, gives the loads.
     force = np.zeros((cells.topology.nodes, 3))
     force[: plate.el.size] = moment.load
@@ -147,41 +147,38 @@ def test_a_break_never_stores_energy(packing) -> None:
         before = fresh
 
 
-def test_tension_of_an_open_edge_is_nothing_and_of_a_closed_one_what_energy_grows_by() -> None:
+def test_a_closed_face_is_the_constrained_minimum_of_the_triangle() -> None:
+    """Against the energy with its inner unknowns written out: least energy with each set of gaps held at 0."""
     rng = np.random.default_rng(8)
     vertex = np.array([[[0.0, 0.0], [1.0, 0.1], [0.2, 0.9]]])
-    freed = np.array([[False, True, True]])
+    freed, at, volume = np.array([[False, True, True]]), np.arange(9)[None, :], np.array([1.7])
+    faces = ClosingFaces(np.array([0]), at, vertex, freed, freed, volume, 2.0, 0.3)
+    opened, edges = find_open_edges(vertex, freed, 2.0, 0.3)
     move = rng.normal(size=9)
-    for closed in ([False, False, False], [False, True, False], [False, True, True]):
-        shut = np.array([closed])
-        one = find_triangles(vertex, freed, 2.0, 0.3, closed=shut)
-        opened = (freed & ~shut)[0]
-        assert abs(one.gap[0][~opened] @ move).max() < 1e-14
-        assert abs(one.pressure[0][opened] @ move).max(initial=0.0) < 1e-13
-        # The energy grows with each face that is held shut.
+    gap, give = edges.gap[0] @ move, edges.give[0][1:, 1:]
+    least = move @ opened.stiffness[0] @ move
+    assert gap[0] == pytest.approx(0.0, abs=1e-14)
+    for way, shut in ((0, []), (1, [1]), (2, [2]), (3, [1, 2])):
+        # Half the energy per volume that closing takes: gap' give^-1 gap over the faces that are shut.
+        held = [e - 1 for e in shut]
+        extra = gap[shut] @ np.linalg.inv(give[np.ix_(held, held)]) @ gap[shut] if shut else 0.0
+        columns = faces.columns[0, way]
+        assert move @ columns.T @ columns @ move == pytest.approx(volume[0] * extra, rel=1e-12, abs=1e-15)
+        assert extra >= 0.0
+        # A face that is whole again, with its squares, is stiffer still.
         assert (
-            move @ one.stiffness[0] @ move >= move @ find_triangles(vertex, freed, 2.0, 0.3).stiffness[0] @ move - 1e-14
+            least + extra <= move @ find_triangles(vertex, np.zeros_like(freed), 2.0, 0.3).stiffness[0] @ move + 1e-12
         )
-        # The pressure of a shut edge, by taking the gap as a small opening of it.
-        for e in np.flatnonzero(shut[0]):
-            less = shut.copy()
-            less[0, e] = False
-            free = find_triangles(vertex, freed, 2.0, 0.3, closed=less)
-            gap = float(free.gap[0, e] @ move)
-            gained = move @ one.stiffness[0] @ move - move @ free.stiffness[0] @ move
-            size = float(np.trace(_natural(vertex, 2.0, 0.3)))
-            # W = min + 1/2 k gap^2, and the force on the edge is k gap: twice the energy gained over the gap.
-            assert float(one.pressure[0, e] @ move) * size == pytest.approx(-gained / gap, rel=1e-9)
-
-
-def _natural(vertex: np.ndarray, youngs: float, poisson: float) -> np.ndarray:
-    """Natural stiffness per volume, written anew: strain by elongations of the three edges."""
-    edges = vertex[0][[2, 0, 1]] - vertex[0][[1, 2, 0]]
-    length = np.hypot(*edges.T)
-    x, y = (edges / length[:, None]).T
-    strain = np.linalg.inv(np.column_stack([x * x, y * y, x * y])) / length
-    c = youngs / (1 - poisson**2) * np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, 0.5 * (1 - poisson)]])
-    return strain.T @ c @ strain
+    # Both shut: the strain is that of the elongations, so the stress is Hooke's law.
+    gradient = np.linalg.lstsq(np.column_stack([vertex[0], np.ones(3)]), move[:6].reshape(3, 2), rcond=None)[0][:2].T
+    strain = 0.5 * (gradient + gradient.T)
+    c = 2.0 / (1 - 0.09) * np.array([[1, 0.3, 0], [0.3, 1, 0], [0, 0, 0.35]])
+    stress = c @ [strain[0, 0], strain[1, 1], 2 * strain[0, 1]]
+    np.testing.assert_allclose(faces._stress[0, 3] @ move, stress, rtol=1e-11)
+    # The pressure is what the energy grows by with the gap.
+    for way, n in ((1, 0), (2, 1)):
+        pressure = faces.signs[0, way, n] @ move / give[n, n]
+        assert pressure == pytest.approx(-gap[n + 1] / give[n, n], rel=1e-12)
 
 
 def test_no_faces_no_work() -> None:

@@ -211,9 +211,7 @@ class CellStiffness:
         self._volume = volumes(self._mesh, np.where(living, el.thickness[row], np.nan))
         found = _triangles(self._vertex.tobytes(), self._freed.tobytes(), p.youngs_modulus, p.poisson)
         # Of these triangles as they are: with their volume, and with what breaks free from now on.
-        self._triangles = found._replace(
-            stiffness=found.stiffness * self._volume[:, None, None], stress=found.stress.copy()
-        )
+        self._triangles = Triangles(found.stiffness * self._volume[:, None, None], found.stress.copy())
         self._whole: Booleans = np.asarray(~self._freed.any(axis=1))  # triangles without a freed edge
         self._unbridged: Ints | None = None  # intact bonds none of which is the last between two parts
         self._blocks: tuple[Floats, Floats] | None = None

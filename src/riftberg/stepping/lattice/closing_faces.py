@@ -15,7 +15,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.state import Floats, Ints
 from riftberg.stepping.lattice.cells import Booleans
-from riftberg.stepping.lattice.triangles import find_triangles
+from riftberg.stepping.lattice.triangles import find_open_edges
 
 WAYS = 4
 """Ways to close up to two faces of a triangle: bit 0 for the first, bit 1 for the second."""
@@ -34,35 +34,38 @@ class ClosingFaces:
     ) -> None:  # fmt: skip
         count = row.size
         self.row, self.at = row, at
-        self._signs = np.zeros((count, WAYS, 2, 9))  # gap (m) or pressure (as a length, m) of each face
-        self._stress = np.zeros((count, WAYS, 3, 9))
+        self.number = faces.sum(axis=1)
+        self.signs = np.zeros(
+            (count, WAYS, 2, 9)
+        )  # gap of each open and pressure of each closed face, both as a length (m)
         self.columns = np.zeros((count, WAYS, 2, 9))  # w: closing adds the sum of w w^T to the stiffness
-        self._number = faces.sum(axis=1)
+        self._stress = np.zeros((count, WAYS, 3, 9))
         if count == 0:
             return
+        found, edges = find_open_edges(vertex, freed, youngs, poisson)
+        every = np.arange(count)[:, None]
         edge = np.argsort(~faces, axis=1, kind="stable")[:, :2]  # the second one counts where there are two
-        every, open_stiffness = np.arange(count), np.zeros((count, 9, 9))
-        for way in range(2 ** int(self._number.max())):
-            closed = np.zeros_like(faces)
-            for n in range(2):
-                closed[every, edge[:, n]] |= bool(way >> n & 1)
-            found = find_triangles(vertex, freed, youngs, poisson, closed=closed & faces)
-            for n in range(2):
-                signs = found.pressure if way >> n & 1 else found.gap
-                self._signs[:, way, n] = signs[every, edge[:, n]]
-            self._stress[:, way] = found.stress
-            stiffness = found.stiffness * volume[:, None, None]
-            if way == 0:
-                open_stiffness = stiffness
-                continue
-            value, vector = np.linalg.eigh(stiffness - open_stiffness)
-            # One or two faces add one or two eigenvalues; the others are round-off.
-            largest = np.where(np.arange(2) >= 2 - closed.sum(axis=1)[:, None], value[:, -2:].clip(0.0), 0.0)
-            self.columns[:, way] = (vector[:, :, -2:] * np.sqrt(largest)[:, None, :]).transpose(0, 2, 1)
+        gap, give = edges.gap[every, edge], edges.give[every[:, :, None], edge[:, :, None], edge[:, None, :]]
+        # A lone face has no second one: any number but 0 does for its give.
+        give[self.number == 1, 1, 1] += give[self.number == 1, 0, 0]
+        own = np.einsum("tii->ti", give)[:, :, None]
+        by_pull = edges.stress @ np.take_along_axis(edges.give, edge[:, None, :], axis=2)
+        for way in range(WAYS):
+            shut = [n for n in range(2) if way >> n & 1]
+            # Gap = gap of open faces - give times pull; the pull closes the faces that are shut.
+            block = give[:, shut][:, :, shut]
+            pull = np.zeros_like(gap)
+            pull[:, shut] = np.linalg.solve(block, gap[:, shut])
+            self.signs[:, way] = gap - give @ pull
+            self.signs[:, way, shut] = (-own * pull)[:, shut]
+            self._stress[:, way] = found.stress + by_pull @ pull
+            self.columns[:, way, shut] = (
+                np.linalg.solve(np.linalg.cholesky(block), gap[:, shut]) * np.sqrt(volume)[:, None, None]
+            )
 
     def closed(self, displacement: Floats) -> Ints:
         """Which faces are closed, as a way for each triangle; ``displacement``: of all nodes (m, m, rad)."""
-        return closed_ways(self.at, self._signs, self._number, displacement)
+        return closed_ways(self.at, self.signs, self.number, displacement)
 
     def put_stress(self, displacement: Floats, stress: Floats) -> None:
         """Put the stress (Pa; xx, yy, xy) of these triangles in the place of that with open faces."""

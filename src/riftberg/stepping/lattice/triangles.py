@@ -37,10 +37,6 @@ rotations to the ice of coarse lattices.
 """
 
 
-NO_FACES = np.zeros((0, 3, 9))
-"""Gaps and pressures of triangles whose faces do not close."""
-
-
 class Triangles(NamedTuple):
     """Matrices of the triangles for their six displacements (x and y of each vertex) and the rotations of their owners."""
 
@@ -48,8 +44,14 @@ class Triangles(NamedTuple):
         Floats  # Per volume of the ice, which it is proportional to: N m-4, N m-3, N m-2; shape (triangles, 9, 9)
     )
     stress: Floats  # Stress xx, yy, xy (Pa) by displacements and rotations; shape (triangles, 3, 9)
-    gap: Floats  # Gap of each edge (m) by the same; shape (triangles, 3, 9)
-    pressure: Floats  # Shortening (m) that an edge which is not open presses with; the same
+
+
+class OpenEdges(NamedTuple):
+    """What it takes to close freed edges of triangles again."""
+
+    gap: Floats  # Gaps (m) by displacements and rotations; shape (triangles, 3, 9)
+    give: Floats  # By how much a pull on an edge from within (N per volume, of each column) stretches the ice; (triangles, 3, 3)
+    stress: Floats  # Stress xx, yy, xy (Pa) by such a stretch (m) of each edge; shape (triangles, 3, 3)
 
 
 def plane_stress(youngs: float, poisson: float) -> Floats:
@@ -59,15 +61,27 @@ def plane_stress(youngs: float, poisson: float) -> Floats:
 
 
 def find_triangles(
-    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING,
-    closed: Booleans | None = None,
-) -> Triangles:  # fmt: skip
-    """Find the matrices of triangles with their open edges condensed out.
+    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float = DRILLING
+) -> Triangles:
+    """Find the matrices of triangles with their freed edges condensed out.
 
-    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``freed``, ``closed``: shape (triangles, 3); all freed edges
-    that are not closed are open.
+    ``vertex``: places of the vertices, m, shape (triangles, 3, 2); ``freed``: shape (triangles, 3).
     """
-    count, opened = len(vertex), freed if closed is None else freed & ~closed
+    return _condensed(vertex, freed, youngs, poisson, drilling)[0]
+
+
+def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: float) -> tuple[Triangles, OpenEdges]:
+    """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
+    found, elongation, stretch, inner_stiffness, stress = _condensed(vertex, freed, youngs, poisson, DRILLING)
+    of_freed = freed[:, :, None] & freed[:, None, :]
+    return found, OpenEdges(elongation - stretch, np.linalg.inv(inner_stiffness) * of_freed, stress)
+
+
+def _condensed(
+    vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float
+) -> tuple[Triangles, Floats, Floats, Floats, Floats]:
+    """Matrices of triangles; their elongations q and z by displacements, stiffness of the inner unknowns, stress by z."""
+    count = len(vertex)
     run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
     length = np.sqrt((run**2).sum(axis=2))
     tx, ty = run[..., 0] / length, run[..., 1] / length
@@ -91,9 +105,9 @@ def find_triangles(
     shear_modulus = 0.5 * youngs / (1.0 + poisson)
     drill = drilling * shear_modulus / 6.0  # 2 c
 
-    # W in the nine freedoms x and the inner unknowns s: z = known x + inner s, with s only for open edges.
-    whole, shut = (~freed).astype(np.float64), (~opened).astype(np.float64)
-    known, inner = shut[:, :, None] * elongation, np.eye(3) * opened[:, :, None]
+    # W in the nine freedoms x and the inner unknowns s: z = known x + inner s, with s only for freed edges.
+    whole = (~freed).astype(np.float64)
+    known, inner = whole[:, :, None] * elongation, np.eye(3) * freed[:, :, None]
     xx = known.transpose(0, 2, 1) @ natural @ known
     xs = known.transpose(0, 2, 1) @ natural @ inner
     ss = inner.transpose(0, 2, 1) @ natural @ inner
@@ -106,22 +120,13 @@ def find_triangles(
             xs += factor * (of_known.transpose(0, 2, 1) @ of_inner)
             ss += factor * (of_inner.transpose(0, 2, 1) @ of_inner)
 
-    # Condense: s = -ss^-1 xs' x. Edges that are not open have no inner unknown; the mean stiffness stands in their place.
-    size = np.trace(natural, axis1=1, axis2=2)[:, None]
-    ss += np.eye(3) * (shut * size)[:, :, None]
+    # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
+    ss += np.eye(3) * (whole * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
     least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
     stiffness = xx + xs @ least
     stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    stretch = known + inner @ least  # z
-    if closed is None:
-        return Triangles(stiffness, elastic @ strain @ stretch, NO_FACES, NO_FACES)
-    # What W grows by with z of an edge is its tension.
-    tension = natural @ stretch
-    for i in range(3):
-        for end in range(2):
-            off = rotation[:, i, end, None, :] - turn[:, i, None, :] + edge_shear[:, i, None, :] @ stretch
-            tension += (drill * whole[:, i])[:, None, None] * edge_shear[:, i, :, None] * off
-    return Triangles(stiffness, elastic @ strain @ stretch, elongation - stretch, -tension / size[:, :, None])
+    stretch, stress = known + inner @ least, elastic @ strain
+    return Triangles(stiffness, stress @ stretch), elongation, stretch, ss, stress
 
 
 def volumes(mesh: CellMesh, thickness: Floats) -> Floats:
