@@ -2,6 +2,7 @@
 
 python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER                         in the fitted ocean
 python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --errors                with random errors on it
+python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --sharp                 as if all were known better
 python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --members 10 --waves 1  to try it
 """
 
@@ -11,6 +12,7 @@ import argparse
 import time
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from sensitivity_of_a68a import a68a
@@ -36,9 +38,9 @@ LAST = datetime(2020, 12, 20)
 WHOLE, BROKEN = datetime(2020, 12, 16), datetime(2020, 12, 18)
 
 
-def story(folder: Path, weight: np.ndarray) -> str:
-    """Return how many members by weight lose a tip on 16 to 18 December and a finger on 19 to 22 December."""
-    told, first = [], 0
+def story(folder: Path, found: Any) -> list[str]:
+    """Return how many members by weight lose a tip on 16 to 18 and a finger on 19 to 22 December, and the inputs of these."""
+    told = []
     for path in sorted(p for p in folder.glob("wave-*") if not p.name.endswith("firm")):
         ds = open_sweep(path)
         area, born = ds["fragment_area"].values / 1e6, ds["fragment_birth_time"].values
@@ -50,9 +52,16 @@ def story(folder: Path, weight: np.ndarray) -> str:
         tip = lost(80, 300, "2020-12-16", "2020-12-19").any(axis=1)
         finger = lost(450, 900, "2020-12-19", "2020-12-23").any(axis=1)
         told.append(np.stack([tip, finger, tip & finger], axis=1))
-        first += len(tip)
-    parts = weight @ np.concatenate(told)
-    return "tip {:.0%}, finger {:.0%}, both {:.0%} of the members after".format(*parts)
+    each = np.concatenate(told)
+    parts = found["member_weight"].values @ each
+    lines = ["tip {:.0%}, finger {:.0%}, both {:.0%} of the members after".format(*parts)]
+    both = each[:, 2]
+    for k, name in enumerate(found["parameter"].values):
+        low, middle, high = np.quantile(found["member_value"].values[both, k], [0.05, 0.5, 0.95])
+        lines.append(
+            f"  {name} of the {both.sum()} of {both.size} that tell both: {middle:.2f} ({low:.2f} to {high:.2f})"
+        )
+    return lines
 
 
 if __name__ == "__main__":
@@ -60,15 +69,22 @@ if __name__ == "__main__":
     parser.add_argument("observed", type=Path)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--errors", action="store_true")
+    parser.add_argument(
+        "--sharp", action="store_true", help="observed 3 km, 3 degrees, model 1 km instead of 6, 5 and 3"
+    )
     parser.add_argument("--members", type=int, default=30)
     parser.add_argument("--waves", type=int, default=2)
     given = parser.parse_args()
-    began, folder = time.process_time(), given.folder / ("errors" if given.errors else "fitted")
+    began, folder = (
+        time.process_time(),
+        given.folder / ("errors" if given.errors else "sharp" if given.sharp else "fitted"),
+    )
     seen = Observations(
         "outlines", [outline for outline in read_observed(given.observed).outlines if outline.when < LAST]
     )
+    errors = Errors(3.0, 3.0, 1.0) if given.sharp else Errors()
     found = calibrate(
-        a68a, seen, INPUTS | (OCEAN_ERRORS if given.errors else {}), days=12.5, errors=Errors(),
+        a68a, seen, INPUTS | (OCEAN_ERRORS if given.errors else {}), days=12.5, errors=errors,
         whole_until=WHOLE, broken=BROKEN, waves=given.waves, members=given.members, output=folder,
         resume=folder.exists(), workers=0,
     )  # fmt: skip
@@ -79,5 +95,5 @@ if __name__ == "__main__":
     print(found[[*columns, "likeliest", "narrowed"]].to_dataframe().round(2).to_string())
     print("left by wave:", found["wave_left"].values, "members that count:", found.attrs["effective_members"])
     print("correlation:\n", np.round(found["correlation"].values, 2))
-    print(story(folder, found["member_weight"].values))
+    print("\n".join(story(folder, found)))
     print(f"{time.process_time() - began:.0f} s of processor time")

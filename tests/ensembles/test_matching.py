@@ -137,16 +137,16 @@ def test_the_posterior_is_that_of_bayes_where_all_is_linear_and_normal(seen: flo
 
 
 def test_few_members_leave_what_they_cannot_tell_as_wide_as_it_was() -> None:
-    """Twelve members close to the data would lie close together in the input that does nothing, by chance."""
+    """Two or three members that are close to the data lie close together in the input that does nothing, by chance."""
     known, unknown = [], []
-    for seed in range(10):
-        samples, weight, _, number = posterior(linear(12, 0.1, 0.5, seed), seed=seed)
+    for seed in range(20):
+        samples, weight, _, number = posterior(linear(8, 0.1, 0.5, seed), seed=seed)
         assert number < 8
         z = norm.ppf(samples)
         unknown.append(np.sqrt(weight @ (z - weight @ z) ** 2)[2])
         told = z[:, 0] + 0.5 * z[:, 1]
         known.append(np.sqrt(weight @ (told - weight @ told) ** 2))
-    assert np.median(unknown) > 0.75
+    assert np.median(unknown) > 0.7
     assert np.median(known) < 0.3
 
 

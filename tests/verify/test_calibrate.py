@@ -17,8 +17,9 @@ from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import Outline
-from riftberg.ensembles.sweep import sweep
+from riftberg.ensembles.sweep import run_sweep, sweep
 from riftberg.errors import InputError
+from riftberg.verification import calibrate as module
 from riftberg.verification.calibrate import Errors, margin_until, results_of, seen_of, targets_of
 
 START = datetime(2020, 12, 9)
@@ -202,3 +203,28 @@ def test_the_command_writes_table_and_pictures_and_goes_on(tmp_path: Path) -> No
     assert (
         sorted(p.stat().st_mtime_ns for p in (out / "wave-1" / "members").glob("*.json")) == before
     )  # nothing was run again
+
+
+@pytest.mark.compiled
+def test_one_that_was_stopped_goes_on_to_the_same_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = tmp_path / "seen.csv"
+    seen.write_text("date,lon,lat\n2020-12-09T19:00,-39.16,-55.01\n")
+    words = ["calibrate", "a68a", str(seen), "--vary", "current_error.scale~normal(1, 0.2)", "--days", "0.25", "--waves", "2",
+             "--members", "6", "--error", "2", "--no-figure"]  # fmt: skip
+    whole, parted = tmp_path / "whole", tmp_path / "parted"
+    assert CliRunner().invoke(app, [*words, "-o", str(whole)]).exit_code == 0
+
+    def stopped(store: Any, **where: Any) -> Any:
+        if store.folder.name == "wave-2":
+            raise KeyboardInterrupt
+        return run_sweep(store, **where)
+
+    monkeypatch.setattr(module, "run_sweep", stopped)
+    said = CliRunner().invoke(app, [*words, "-o", str(parted)])
+    assert said.exit_code != 0
+    assert f"riftberg calibrate --resume {parted}" in said.output
+    monkeypatch.undo()
+    more = CliRunner().invoke(app, ["calibrate", "--resume", str(parted), "--no-figure"])
+    assert more.exit_code == 0, more.output
+    with xr.open_dataset(whole / "calibration.nc") as one, xr.open_dataset(parted / "calibration.nc") as other:
+        xr.testing.assert_identical(one.load(), other.load())

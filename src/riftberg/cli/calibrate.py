@@ -144,13 +144,18 @@ def calibrate(
             say(f"{said.capitalize()}: {count} runs")
             return SweepBar(count)
 
-        found = calibrated(
-            str(asked["experiment"]), None if asked["observed"] is None else read_observed(asked["observed"]), asked["vary"],
-            days=asked["days"], errors=errors, berg=asked["berg"], hour=asked["hour"], waves=asked["waves"],
-            members=asked["members"], output=folder, resume=resume is not None, bar=bar, changes=made.changes,
-            data=asked["data"], without=asked["without"], numerics=asked["numerics"], seed=asked["seed"] or 1,
-            scheduler=scheduler, workers=workers, broken=dates["broken"], whole_until=dates["whole_until"],
-        )  # fmt: skip
+        try:
+            found = calibrated(
+                str(asked["experiment"]), None if asked["observed"] is None else read_observed(asked["observed"]), asked["vary"],
+                days=asked["days"], errors=errors, berg=asked["berg"], hour=asked["hour"], waves=asked["waves"],
+                members=asked["members"], output=folder, resume=resume is not None, bar=bar, changes=made.changes,
+                data=asked["data"], without=asked["without"], numerics=asked["numerics"], seed=asked["seed"] or 1,
+                scheduler=scheduler, workers=workers, broken=dates["broken"], whole_until=dates["whole_until"],
+            )  # fmt: skip
+        except (KeyboardInterrupt, SystemExit):
+            if (folder / ASKED).exists():
+                say(f"What is done stays. Go on with: riftberg calibrate --resume {folder}")
+            raise
         write_results(found, folder, figure=figure)
     for line in told(found, errors):
         typer.echo(line)

@@ -21,6 +21,9 @@ def update(
     error: Annotated[
         float, typer.Option("--error", help="Error of a position along each axis, km (standard deviation).")
     ] = 6.0,
+    azimuth_error: Annotated[
+        float, typer.Option("--azimuth-error", help="Error of the long axis of an outline, degrees (standard deviation).")
+    ] = 5.0,
     hour: Annotated[
         float | None, typer.Option("--hour", help="Hour (UTC) of days without a time.  [default: of the start]")
     ] = None,
@@ -58,6 +61,7 @@ def update(
     from riftberg.verification.update import FEWEST, drawn_anew, log_likelihood, weighted
 
     within(error, "--error", 0.01, 1000.0)
+    within(azimuth_error, "--azimuth-error", 0.1, 90.0)
     within(doubt, "--doubt", 0.01, 50.0)
     within(hour, "--hour", 0.0, 24.0)
     store = resumed(folder, None, None, {}, "forecast")
@@ -74,7 +78,9 @@ def update(
     def likelihood(of: Store) -> Any:
         ds = open_sweep(of.file, tracks=False)
         try:
-            return log_likelihood(ds, seen, error=error, berg=berg, hour=hour, doubt=doubt / 100.0, **dates)
+            return log_likelihood(
+                ds, seen, error=error, berg=berg, hour=hour, doubt=doubt / 100.0, azimuth_error=azimuth_error, **dates
+            )
         finally:
             ds.close()
 

@@ -120,7 +120,7 @@ def seen_of(
         if len(places) > MOST_DATES:
             chosen = np.linspace(0, len(places) - 1, MOST_DATES).round().astype(int)
             places = {when: places[when] for when in np.array(list(places))[chosen].tolist()}
-        azimuths = _azimuths(observed, places, start, hour)
+        azimuths = azimuths_of(observed, places, start, hour)
     for option, date in (("--broken", broken), ("--whole-until", whole_until)):
         if date is not None and not start < date <= end:
             raise InputError(
@@ -136,7 +136,7 @@ def seen_of(
     return Seen(name, places, azimuths, whole_until, broken)
 
 
-def _azimuths(
+def azimuths_of(
     observed: Observations, places: Mapping[datetime, tuple[float, float]], start: datetime, hour: float | None
 ) -> dict[datetime, float]:
     """Return the long axes at the dates of positions: of the outline or row that has the position."""
@@ -206,7 +206,7 @@ def results_of(ds: xr.Dataset, seen: Seen, firm: xr.Dataset | None = None, facto
     away = [_of_whole(_away, ds, firm, when, place, when in held) for when, place in seen.places.items()]
     for axis in range(2):
         columns += [place[:, axis] for place in away]
-    columns += [_of_whole(_turned, ds, firm, when, axis, when in held) for when, axis in seen.azimuths.items()]
+    columns += [_of_whole(turned_from, ds, firm, when, axis, when in held) for when, axis in seen.azimuths.items()]
     for when in (seen.whole_until, seen.broken):
         if when is not None:
             columns.append(np.log(np.maximum(margin_until(ds, when, firm, factor), LEAST_MARGIN)))
@@ -233,7 +233,7 @@ def _away(ds: xr.Dataset, when: datetime, place: tuple[float, float]) -> Floats:
     return at_date(ds["time"].values.astype("datetime64[ns]"), lon, lat, np.datetime64(when, "ns"), place)
 
 
-def _turned(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
+def turned_from(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
     """Return the angle from an axis to that of the first berg, degrees, at the record nearest to a date (members,)."""
     nearest = int(np.abs(ds["time"].values.astype("datetime64[ns]") - np.datetime64(when, "ns")).argmin())
     return np.asarray((ds["azimuth"].values[:, 0, nearest].astype(float) - axis + 90.0) % 180.0 - 90.0)
@@ -494,7 +494,8 @@ def _described(
     ends = np.array([0.5 - LEVEL / 2.0, 0.5, 0.5 + LEVEL / 2.0])
     inner = np.array([quantiles(after.samples[:, k], after.weight, ends) for k in range(len(inputs))])
     known = (inner[:, 2] - inner[:, 0]) / LEVEL < UNKNOWN
-    ds = xr.Dataset(attrs={"title": f"Calibration of {seen.name}", "interval": f"{100 * LEVEL:.0f} %",
+    name = "the berg" if seen.name == "berg" else seen.name
+    ds = xr.Dataset(attrs={"title": f"Calibration of {name}", "interval": f"{100 * LEVEL:.0f} %",
                            "effective_members": after.effective})  # fmt: skip
     ds.coords["parameter"] = ("parameter", [v.name for v in inputs])
     ds.coords["unit"] = ("parameter", [v.unit or "1" for v in inputs])

@@ -16,6 +16,7 @@ from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
+from riftberg.verification.calibrate import AZIMUTH_ERROR, azimuths_of, turned_from
 from riftberg.verification.forecast import DAY, _positions, at_date
 
 FEWEST: Final = 1.0 / 3.0
@@ -31,11 +32,12 @@ FARTHEST: Final = 10.0
 def log_likelihood(
     ds: xr.Dataset, observed: Observations | None, *, error: float, berg: str | None = None, hour: float | None = None,
     broken: datetime | None = None, whole_until: datetime | None = None, doubt: float = 0.05,
+    azimuth_error: float | None = AZIMUTH_ERROR,
 ) -> Floats:  # fmt: skip
     """Return the logarithm of the probability of all sightings for each member; NaN for one that failed.
 
-    ``error``: standard deviation of a position along each axis, km; ``doubt``: probability that it was wrongly seen whole or
-    broken. Sightings are independent of each other.
+    ``error``: standard deviation of a position along each axis, km; ``azimuth_error``: of a long axis, degrees, none to leave
+    axes out; ``doubt``: probability that it was wrongly seen whole or broken. Sightings are independent of each other.
     """
     if broken is not None and whole_until is not None and whole_until >= broken:
         raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
@@ -57,6 +59,12 @@ def log_likelihood(
                         remedy="Check place, date and berg; if they are right, give an error that covers it (--error)",
                     )
                 count += 1
+        first = times[0].astype("datetime64[us]").item()
+        # An ensemble of an earlier version has no axes.
+        axes = azimuths_of(observed, seen, first, hour) if azimuth_error is not None and "azimuth" in ds else {}
+        for when, axis in axes.items():
+            if times[0] <= np.datetime64(when, "ns") <= times[-1]:
+                found -= 0.5 * (turned_from(ds, when, axis) / (azimuth_error or 1.0)) ** 2
     if not np.isfinite(found).any():
         raise InputError("no member came to its end", where="update", remedy="Look at the reasons in sweep.json")
     first = ds["first_breakup"].values.astype("datetime64[ns]")

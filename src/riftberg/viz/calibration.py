@@ -48,7 +48,7 @@ def draw_posterior(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
                     samples[chosen, row],
                     ".",
                     ms=2,
-                    alpha=0.35,
+                    alpha=0.6,
                     color=colours.STRESS_LINE,
                     label="after",
                 )
@@ -60,7 +60,7 @@ def draw_posterior(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
             ax.tick_params(labelsize=7)
             style.plain_axes(ax)
     if count > 1:
-        grid[1, 0].legend(fontsize=6, loc="best")
+        grid[1, 0].legend(fontsize=6, loc="best", markerscale=2.0)
     left = f"{100 * float(ds['wave_left'].values[-1]):.3g} % of the distributions are not ruled out"
     style.put_title(figure, f"{ds.attrs['title']}: {left}")
     style.lay_out(figure)
