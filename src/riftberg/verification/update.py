@@ -43,6 +43,8 @@ def log_likelihood(
         raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
     times = ds["time"].values.astype("datetime64[ns]")
     found = np.where(ds["status"].values == 0, 0.0, np.nan)
+    if not np.isfinite(found).any():
+        raise InputError("no member came to its end", where="update", remedy="Look at the reasons in sweep.json")
     count = 0
     if observed is not None:
         lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
@@ -65,8 +67,6 @@ def log_likelihood(
         for when, axis in axes.items():
             if times[0] <= np.datetime64(when, "ns") <= times[-1]:
                 found -= 0.5 * (turned_from(ds, when, axis) / (azimuth_error or 1.0)) ** 2
-    if not np.isfinite(found).any():
-        raise InputError("no member came to its end", where="update", remedy="Look at the reasons in sweep.json")
     first = ds["first_breakup"].values.astype("datetime64[ns]")
     for date, was in ((broken, True), (whole_until, False)):
         if date is not None:
