@@ -51,6 +51,35 @@ class Patches(NamedTuple):
     cell: Ints  # Block (its place in the store), row and column in it, -1 and -1 for a whole block; shape (polygons, 3)
 
 
+class Keels(NamedTuple):
+    """Footprints of the elements of one fragment, and which of them are looked at."""
+
+    start: Ints  # Where the corners begin; shape (footprints + 1,)
+    corner: Floats  # x, y (m), nothing, longitude (x on a plane), latitude (y) in cells; shape (corners, 5)
+    owner: Ints  # Element, as a place in the fragment; shape (footprints,)
+    draft: Floats  # Of the elements, m
+    looked_at: Booleans  # Of the elements
+
+
+class Raster(NamedTuple):
+    """How cells lie."""
+
+    cell: float  # Side, m
+    latlon: bool
+    radius: float  # Of the Earth, m
+
+
+class Blocks(NamedTuple):
+    """Blocks of the floor that are known; the arrays behind ``slot`` by their places in the store."""
+
+    key: Ints  # Numbers, sorted
+    slot: Ints  # Places in the store
+    depth: Floats  # At the corners of cells, m; shape (places, BLOCK + 1, BLOCK + 1)
+    gouge: Floats  # m; shape (places, BLOCK, BLOCK)
+    plane: Floats  # Depth in the middle, its change by a cell eastward and northward, least depth; shape (places, 4)
+    flat: Booleans  # One plane to `FLAT`
+
+
 class Floor:
     """Depths of the blocks that keels have come near to, and gouges by place."""
 
@@ -74,13 +103,11 @@ class Floor:
         self, body: BodyFootprint, lon: Floats, lat: Floats, draft: Floats, some: Booleans, level: float, way: float
     ) -> Booleans:
         """Which of ``some`` elements may come within `REACH` of the floor on a way of some metres, by least depths of blocks."""
-        corner = self._coordinates(body, lon, lat)[:, 3:]
+        keels = Keels(body.start, self._coordinates(body, lon, lat), body.owner, draft, some)
+        raster = Raster(self.cell, self.latlon, self.radius)
         while True:
             near, missing = np.zeros(draft.size, np.bool_), np.empty(self._room, np.int64)
-            absent = blocks_in_reach(
-                body.start, corner, body.owner, draft, some, level, way / self.cell, self.cell, self.latlon, self.radius,
-                self._least_key, self._least, near, missing,
-            )  # fmt: skip
+            absent = blocks_in_reach(keels, level, way / self.cell, raster, self._least_key, self._least, near, missing)
             if not absent:
                 return near
             keys = np.unique(missing[:absent])
@@ -104,16 +131,16 @@ class Floor:
 
         ``draft`` (m) and ``near`` (whether it is looked at) are those of the elements of the fragment.
         """
-        corner = self._coordinates(body, lon, lat)
+        keels = Keels(body.start, self._coordinates(body, lon, lat), body.owner, draft, near)
+        raster = Raster(self.cell, self.latlon, self.radius)
         while True:
             room = self._room
             start, out = np.zeros(room + 1, np.int64), np.empty((8 * room, 3))
             owner, gradient, cell = np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, 3), np.int64)
             missing = np.empty(room, np.int64)
-            count, absent = cut_by_cells(
-                body.start, corner, body.owner, draft, near, level, self.cell, self.latlon, self.radius, self._key,
-                self._slot, self._corner, self._gouge, self._plane, self._flat, start, out, owner, gradient, cell, missing,
-            )  # fmt: skip
+            blocks = Blocks(self._key, self._slot, self._corner, self._gouge, self._plane, self._flat)
+            found = Patches(start, out, owner, gradient, cell)
+            count, absent = cut_by_cells(keels, level, raster, blocks, found, missing)
             if count < 0:
                 self._room *= 2
             elif absent:
@@ -239,27 +266,26 @@ def columns_of(row: int, cell: float, latlon: bool, radius: float) -> float:
     return blocks * BLOCK / 360.0
 
 
-# Many arguments: polygons come in, and `Patches` go out, as flat lists whose room Python has made, and makes larger
-# where they do not fit; blocks of the floor are looked up by key.
 @kernel
 def blocks_in_reach(
-    start: Ints, corner: Floats, owner: Ints, draft: Floats, some: Booleans, level: float, way: float, cell: float,
-    latlon: bool, radius: float, keys: Ints, least: Floats, near: Booleans, missing: Ints,
-) -> int:  # fmt: skip
-    """Set which of ``some`` elements have a block within `REACH` on a ``way`` (cells); returns how many blocks are missing.
+    keels: Keels, level: float, way: float, raster: Raster, keys: Ints, least: Floats, near: Booleans, missing: Ints
+) -> int:
+    """Set which elements have a block within `REACH` on a ``way`` (cells); returns how many blocks are missing.
 
-    Columns of ``corner``: longitude (x on a plane), latitude (y) in cells.
+    ``keys``, ``least``: numbers of blocks, sorted, and their least depths (m).
     """
+    start, corner, owner, draft, some = keels
+    cell, latlon, radius = raster
     absent = 0
     for k in range(owner.size):
         e = owner[k]
         if near[e] or not some[e]:
             continue
-        west, south = corner[start[k], 0], corner[start[k], 1]
+        west, south = corner[start[k], 3], corner[start[k], 4]
         east, north = west, south
         for n in range(start[k], start[k + 1]):
-            west, east = min(west, corner[n, 0]), max(east, corner[n, 0])
-            south, north = min(south, corner[n, 1]), max(north, corner[n, 1])
+            west, east = min(west, corner[n, 3]), max(east, corner[n, 3])
+            south, north = min(south, corner[n, 4]), max(north, corner[n, 4])
         for jb in range(math.floor((south - way) / BLOCK), math.floor((north + way) / BLOCK) + 1):
             if near[e]:
                 break
@@ -290,14 +316,12 @@ def blocks_in_reach(
 
 @kernel
 def cut_by_cells(
-    start: Ints, corner: Floats, owner: Ints, draft: Floats, near: Booleans, level: float, cell: float, latlon: bool,
-    radius: float, keys: Ints, slots: Ints, depths: Floats, gouges: Floats, planes: Floats, flat: Booleans, out_start: Ints,
-    out: Floats, out_owner: Ints, out_gradient: Floats, out_cell: Ints, missing: Ints,
-) -> tuple[int, int]:  # fmt: skip
-    """Write the polygons of `Patches`; returns how many there are (-1 where they do not fit) and how many blocks are missing.
-
-    Columns of ``corner``: x, y, nothing, longitude (x on a plane), latitude (y) in cells.
-    """
+    keels: Keels, level: float, raster: Raster, blocks: Blocks, found: Patches, missing: Ints
+) -> tuple[int, int]:
+    """Write the polygons of `Patches`; returns how many there are (-1 where they do not fit) and how many blocks are missing."""
+    start, corner, owner, draft, near = keels
+    cell, latlon, radius = raster
+    keys, slots, depths, gouges, planes, flat = blocks
     longest = 0
     for k in range(start.size - 1):
         longest = max(longest, start[k + 1] - start[k])
@@ -351,12 +375,12 @@ def cut_by_cells(
                     else per_degree
                 )
                 if flat[slot]:
-                    if count + 1 >= out_start.size or out_start[count] + c > len(out):
+                    if count + 1 >= found.start.size or found.start[count] + c > len(found.corner):
                         return -1, 0
                     x0, y0 = (ib + 0.5) * BLOCK, (jb + 0.5) * BLOCK
                     count = _write(
                         block, c, e, draft[e] - level - planes[slot, 0], planes[slot, 1], planes[slot, 2], x0, y0,
-                        per_degree, across, 1.0 / cell, slot, -1, -1, count, out_start, out, out_owner, out_gradient, out_cell,
+                        per_degree, across, 1.0 / cell, slot, -1, -1, count, found,
                     )  # fmt: skip
                     continue
                 bottom, top = block[0, 4], block[0, 4]
@@ -382,35 +406,33 @@ def cut_by_cells(
                         s2 = cut(room, s2, 3, (ib * BLOCK + i + 1) / per_degree, -1.0, piece)
                         if s2 < 3:
                             continue
-                        if count + 1 >= out_start.size or out_start[count] + s2 > len(out):
+                        if count + 1 >= found.start.size or found.start[count] + s2 > len(found.corner):
                             return -1, 0
                         count = _write(
                             piece, s2, e, draft[e] - level - 0.25 * (d00 + d01 + d10 + d11) - sunk,
                             0.5 * (d01 + d11 - d00 - d10), 0.5 * (d10 + d11 - d00 - d01), ib * BLOCK + i + 0.5,
-                            jb * BLOCK + j + 0.5, per_degree, across, 1.0 / cell, slot, j, i, count, out_start, out,
-                            out_owner, out_gradient, out_cell,
+                            jb * BLOCK + j + 0.5, per_degree, across, 1.0 / cell, slot, j, i, count, found,
                         )  # fmt: skip
     return count, absent
 
 
-# Many arguments: the innermost step of `cut_by_cells`, which has all of it at hand as numbers and makes no object of
+# Many arguments: the innermost step of `cut_by_cells`, which has most of it at hand as numbers and makes no object of
 # them.
 @kernel
 def _write(
     piece: Floats, size: int, e: int, overlap: float, by_column: float, by_row: float, x0: float, y0: float,
-    per_degree: float, across: float, along: float, slot: int, j: int, i: int, count: int, out_start: Ints, out: Floats,
-    out_owner: Ints, out_gradient: Floats, out_cell: Ints,
+    per_degree: float, across: float, along: float, slot: int, j: int, i: int, count: int, found: Patches,
 ) -> int:  # fmt: skip
     """Write a polygon above one cell, with ``overlap`` in the middle of the cell; returns how many there are now.
 
     ``across``, ``along``: cells per metre east and north.
     """
-    at = out_start[count]
+    at, out = found.start[count], found.corner
     for n in range(size):
         out[at + n, 0], out[at + n, 1] = piece[n, 0], piece[n, 1]
         out[at + n, 2] = overlap - by_column * (piece[n, 3] * per_degree - x0) - by_row * (piece[n, 4] - y0)
-    out_start[count + 1] = at + size
-    out_owner[count] = e
-    out_gradient[count, 0], out_gradient[count, 1] = by_column * across, by_row * along
-    out_cell[count, 0], out_cell[count, 1], out_cell[count, 2] = slot, j, i
+    found.start[count + 1] = at + size
+    found.owner[count] = e
+    found.gradient[count, 0], found.gradient[count, 1] = by_column * across, by_row * along
+    found.cell[count, 0], found.cell[count, 1], found.cell[count, 2] = slot, j, i
     return count + 1
