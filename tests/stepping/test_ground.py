@@ -106,8 +106,8 @@ def test_elements_that_may_reach_the_floor_are_found_before_they_are_cut(latitud
     metre = math.radians(1.0) * RADIUS if latlon else 1.0
     along = metre * math.cos(math.radians(latitude)) if latitude is not None else 1.0
 
-    def depth(lon: Any, lat: Any) -> Any:  # a bank in the east
-        return np.where(((lon + 180.0) % 360.0 - 180.0 if latlon else lon) * along > 2200.0, 205.0, 400.0)
+    def depth(lon: Any, lat: Any) -> Any:  # a bank in the east, 1.5 m below the deeper keel
+        return np.where(((lon + 180.0) % 360.0 - 180.0 if latlon else lon) * along > 2200.0, 212.5, 400.0)
 
     floor = Floor(50.0, depth, latlon, RADIUS)
     both = np.ones(2, bool)
@@ -176,6 +176,7 @@ def test_a_loaded_corner_breaks_off_with_what_lies_within_the_largest_moment(tur
     xy, first, second = grid(turn)
     corner = shapely.Point(xy[0] - 0.4 * (xy[7] - xy[0])).buffer(1.0)
     assert pairs(xy, first, second, patch(0.25, inside=[0], area=corner)) == {(0, 1), (0, 6)}
+    assert pairs(xy, first, second, patch(0.25, inside=[0], area=corner, length=200.0)) == {(0, 1), (0, 6)}
     # A longer reach takes both neighbours along: their centres are 733 m away.
     assert pairs(xy, first, second, patch(0.25, inside=[0], area=corner, length=1000.0)) == {
         (1, 2), (1, 7), (6, 7), (6, 12),

@@ -293,8 +293,6 @@ def blocks_in_reach(
             around = round(per_degree * 360.0 / BLOCK) if latlon else 0
             first = math.floor((west * per_degree - way) / BLOCK)
             last = math.floor((east * per_degree + way) / BLOCK)
-            if around > 0:
-                last = min(last, first + around - 1)
             at, before = -1, 0
             for ib in range(first, last + 1):
                 # Numbers of columns go round the sphere once.
