@@ -79,6 +79,11 @@ def test_runs_that_are_there_are_compared(files: Path, tmp_path: Path, monkeypat
     Path("seen.csv").write_text("date,lat,lon\n2020-12-09,-55.0,-39.0\n")
     told = json.loads(call("compare", "a", "--observed", "seen.csv", "--json").output)
     assert told["runs"][0]["days"][0]["azimuth_difference"] is None
+    # Bug: positions of another year were passed over without a word.
+    Path("late.csv").write_text("date,lat,lon\n2021-12-09,-55.0,-39.0\n")
+    late = call("compare", "a", "--observed", "late.csv")
+    assert late.exit_code == 2
+    assert "--observed late.csv: no position during the runs. They go from 2020-12-09" in late.stderr
     nothing = call("compare", "a", "nowhere")
     assert nothing.exit_code == 2
     assert "no run.nc" in nothing.stderr

@@ -189,7 +189,9 @@ def test_a_day_is_compared_at_the_hour_asked_for(run: xr.Dataset) -> None:
 
 
 def test_outside_of_the_run_there_is_nothing_to_compare(run: xr.Dataset) -> None:
-    with pytest.raises(InputError, match="nothing was observed"):
+    with pytest.raises(
+        InputError, match=r"nothing was observed during the run. The run goes from \d{4}-\d\d-\d\d \d\d:\d\d to "
+    ):
         score_run(run, Observations("late", [Outline("", datetime(2021, 1, 9), True, true_outline(0))]))
 
 

@@ -96,6 +96,14 @@ def test_sightings_that_no_member_explains_are_refused_and_not_weighed() -> None
         log_likelihood(failed, fix(0.0), error=6.0)
 
 
+def test_a_sweep_is_called_no_forecast(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bug: the answer spoke of an option --resume that was not given."""
+    monkeypatch.setattr("riftberg.ensembles.sweep.read_plan", lambda folder: {"members": 2})
+    said = CliRunner().invoke(app, ["update", str(tmp_path), "--broken", "2020-12-10"])
+    assert said.exit_code == 2
+    assert "holds a sweep, no forecast. Name a folder of 'riftberg forecast'" in said.output
+
+
 def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() -> None:
     varied = varied_of(
         ["start.turn~normal(0, 5)", "start.strength~lognormal(1, 30 %)", "bonds.packing~choice(square, hexagonal)"]

@@ -96,7 +96,13 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
         for run, name in zip(runs, names, strict=True)
     ]
     begin, end = (pick(pick(run.course.times) for run in found) for pick in (min, max))
-    return compare(found, known.within(begin, end))
+    meant = known.within(begin, end)
+    if observed is not None and not meant.fixes:
+        raise InputError(
+            "no position during the runs", where=f"--observed {observed}",
+            remedy=f"They go from {str(begin)[:16].replace('T', ' ')} to {str(end)[:16].replace('T', ' ')}",
+        )  # fmt: skip
+    return compare(found, meant)
 
 
 def opened(run: Path) -> xr.Dataset:

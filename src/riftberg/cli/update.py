@@ -56,7 +56,8 @@ def update(
     from riftberg.diagnostics.observed import read_observed
     from riftberg.ensembles.probability import told
     from riftberg.ensembles.result import open_sweep
-    from riftberg.ensembles.sweep import Store, planned, run_sweep
+    from riftberg.ensembles.sweep import Store, planned, read_plan, run_sweep
+    from riftberg.errors import InputError
     from riftberg.runs.progress import SweepBar
     from riftberg.verification.update import FEWEST, drawn_anew, log_likelihood, weighted
 
@@ -64,6 +65,8 @@ def update(
     within(azimuth_error, "--azimuth-error", 0.1, 90.0)
     within(doubt, "--doubt", 0.01, 50.0)
     within(hour, "--hour", 0.0, 24.0)
+    if not read_plan(folder).get("forecast"):
+        raise InputError("holds a sweep, no forecast", where=str(folder), remedy="Name a folder of 'riftberg forecast'")
     store = resumed(folder, None, None, {}, "forecast")
     new = output or folder.with_name(f"{folder.name}-updated")
     seen = None if observed is None else read_observed(observed)
