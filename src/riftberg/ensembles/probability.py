@@ -152,8 +152,8 @@ def add_discs(
                 u, v, r = lon[m, p, k], lat[m, p, k], radius[m, p, k]
                 if not np.isfinite(u):
                     continue
-                own_i = min(int(math.floor((u - x[0]) / dx + 0.5)), x.size - 1)
-                own_j = min(int(math.floor((v - y[0]) / dy + 0.5)), y.size - 1)
+                own_i = min(math.floor((u - x[0]) / dx + 0.5), x.size - 1)
+                own_j = min(math.floor((v - y[0]) / dy + 0.5), y.size - 1)
                 reach_i, reach_j = int(r / cosine / dx) + 1, int(r / dy) + 1
                 for j in range(max(own_j - reach_j, 0), min(own_j + reach_j + 1, y.size)):
                     for i in range(max(own_i - reach_i, 0), min(own_i + reach_i + 1, x.size)):
