@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 from riftberg.config.values import check_names, number
 from riftberg.ensembles.sweep import Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
 from riftberg.ensembles.vary import Draws, varied_of, vary_with_file
-from riftberg.errors import ForcingError, InputError
+from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import EXPERIMENTS, Options
 from riftberg.runs.progress import SweepBar
 
@@ -66,12 +66,12 @@ def product_members(experiment: object, data: Path | None = None) -> dict[str, i
     from riftberg.ocean.files_forcing import members_of_files
     from riftberg.ocean.files_schema import FileForcing
 
-    forcing = read_file(Path(str(experiment)))[0].forcing
-    if not isinstance(forcing, FileForcing):
-        return {}
     try:
+        forcing = read_file(Path(str(experiment)))[0].forcing
+        if not isinstance(forcing, FileForcing):
+            return {}
         return members_of_files(forcing, data or Path(str(experiment)).parent)
-    except ForcingError:  # said where the experiment is built, with the options that it is built with
+    except RiftbergError:  # said where the experiment is built, with the options that it is built with
         return {}
 
 
