@@ -12,7 +12,7 @@ from riftberg.config.values import check_names, number
 from riftberg.ensembles.distributions import PLANS, POINTS
 from riftberg.ensembles.sweep import Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
 from riftberg.ensembles.vary import Draws, varied_of, vary_with_file
-from riftberg.errors import ForcingError, InputError
+from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import EXPERIMENTS, Options
 from riftberg.runs.progress import SweepBar
 
@@ -33,23 +33,23 @@ class DefaultError(NamedTuple):
 DEFAULTS: Final = (
     DefaultError("current 0.1 m/s, 50 km, 3 days", (
         "current_error.speed=0.1 m/s", "current_error.length=50 km", "current_error.time=3 day",
-    ), "a round number; riftberg product-errors gives that of two products of your region"),
+    ), "a round number; two products of your region give a lower bound"),
     DefaultError("wind 2 m/s, 300 km, 1 day", (
         "wind_error.speed=2 m/s", "wind_error.length=300 km", "wind_error.time=1 day",
-    ), "speed: ERA5 in the Atlantic has below 1.5 m/s (Campos and others 2022), forecasts more; scales are round numbers"),
+    ), "the speed of ERA5 is off by less than 1.5 m/s (rms) over the Atlantic outside of extremes"),
     DefaultError("thickness 15 %", ("start.thickness~lognormal(1, 15 %)",), "a round number"),
     DefaultError("start 3 km", (
         "start.east~normal(0 km, 3 km)", "start.north~normal(0 km, 3 km)",
-    ), "a round number; scatterometer fixes of A68A lie 8 km (east) and 5 km (north) off its outlines"),
+    ), "a round number for outlines from images"),
     DefaultError("strength 30 %", (
         "start.strength~lognormal(1, 30 %)",
-    ), "a round number; ice of four bergs and a glacier differs in its mean (Gagnon and Gammon 1995)"),
+    ), "a round number; beams of ice from four bergs and a glacier differ significantly in their mean strength"),
 )  # fmt: skip
 """Errors of a forecast. None of them was fitted; most are round numbers to start from."""
 
 FLOOR: Final = DefaultError("floor 10 % or 30 m, 10 km", (
     "floor_error.share=0.1", "floor_error.spread=30 m", "floor_error.length=10 km",
-), "less than where nobody has sounded: half of the depths 49 m off, a tenth 219 m (Marks and others 2010)")  # fmt: skip
+), "a round number. Of depths from altimetry, where nobody has sounded, half are off by less than 49 m")  # fmt: skip
 """Left out where the ocean of a built-in experiment is a formula: its floor was fitted to a grounding, and is no chart."""
 
 LATTICE: Final = DefaultError("lattice turned and shifted", (
@@ -67,12 +67,12 @@ def product_members(experiment: object, data: Path | None = None) -> dict[str, i
     from riftberg.ocean.files_forcing import members_of_files
     from riftberg.ocean.files_schema import FileForcing
 
-    forcing = read_file(Path(str(experiment)))[0].forcing
-    if not isinstance(forcing, FileForcing):
-        return {}
     try:
+        forcing = read_file(Path(str(experiment)))[0].forcing
+        if not isinstance(forcing, FileForcing):
+            return {}
         return members_of_files(forcing, data or Path(str(experiment)).parent)
-    except ForcingError:  # said where the experiment is built, with the options that it is built with
+    except RiftbergError:  # said where the experiment is built, with the options that it is built with
         return {}
 
 
