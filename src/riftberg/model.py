@@ -38,6 +38,7 @@ from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.outline import measure_outlines
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
+from riftberg.stepping.lattice.narrow_bergs import narrow_warning
 from riftberg.stepping.laws import Laws, WithForce
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper
@@ -544,8 +545,9 @@ class BareModel(RunState):
     @property
     def notices(self) -> tuple[str, ...]:
         """What should be known of a run with these parameters, a sentence each."""
-        text = resonance_warning(self.elements, self.bonds, self.parameters)
-        return (*((text,) if text else ()), *self.unusual.values())
+        rings = resonance_warning(self.elements, self.bonds, self.parameters)
+        stiff = narrow_warning(self.elements, self.parameters)
+        return (*(text for text in (rings, stiff) if text), *self.unusual.values())
 
     @property
     def unusual(self) -> dict[str, str]:

@@ -254,7 +254,7 @@ def test_large_angles_have_the_sine_of_all_angles() -> None:
 LOOPS: dict[str, tuple[int, tuple[str, ...], tuple[Any, ...]]] = {
     "find_sections": (15, ("bond", "scratch", "ends"), (True, False, 6.37e6)),
     "sines": (60, ("bond", "scratch", "ends"), (False,)),
-    "forces": (40, ("bond", "scratch", "ends"), (10.0, 0.3, True, False)),
+    "forces": (40, ("bond", "scratch", "ends"), (10.0, 0.3, True, False, False)),
     "accumulate_first_ends": (3, ("bond", "scratch", "sums"), ()),
     "kick_tile": (20, ("elem", "ends", "scratch"), (10.0, True)),
     "drift_tile": (30, ("elem", "ends", "rotation"), (10.0, True, 6.37e6, False)),

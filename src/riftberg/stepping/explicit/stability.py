@@ -23,6 +23,7 @@ from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.diagonals import find_diagonals
 from riftberg.stepping.lattice.modes import largest_eigenvalue, substep_matrix
+from riftberg.stepping.lattice.narrow_bergs import spread
 from riftberg.stepping.run_state import RunState
 
 MAX_SUBSTEPS: Final = 1e15
@@ -212,17 +213,9 @@ def bending_period(elements: Elements, parameters: Parameters) -> float:
     lon, lat = place.lon[own], place.lat[own]
     metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)
     x, y = separations(metric, lon, lat, np.full_like(lon, lon[0]), np.full_like(lat, lat[0]))
-    across, along = _spread(x, y, elements.body.length[own] * elements.body.width[own])
+    across, along = spread(x, y, elements.body.length[own] * elements.body.width[own])
     speed = math.sqrt(p.bonds.youngs_modulus / p.ice.density)
     return 2.0 * math.pi / FIRST_MODE * 12.0 * along**2 / (speed * across) if speed > 0.0 else math.inf
-
-
-def _spread(x: Floats, y: Floats, area: Floats) -> tuple[float, float]:
-    """Smallest and largest root mean square distance (m) of the ice from its centre, along a line."""
-    # Each element spreads by its own width too: a twelfth of its area, as of a square about its centre.
-    square = np.cov(np.vstack([x, y]), bias=True) + np.eye(2) * float(area.mean()) / 12.0
-    small, large = np.sqrt(np.linalg.eigvalsh(square))
-    return float(small), float(large)
 
 
 def resonance_warning(elements: Elements, bonds: Bonds, parameters: Parameters) -> str:
