@@ -51,7 +51,7 @@ def results_of(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, Resul
         return np.asarray((dates - start) / DAY, float)
 
     found = {"largest stress over strength": Result(ds["stress_ratio"].values, "1")}
-    if late := [day for day in at_days if not 0.0 < day <= length]:
+    if late := [day for day in at_days if not 0.0 < day <= length + 1e-6]:
         raise InputError(f"day {late[0]:g} of runs of {length:g} days", where="at_days", remedy="Give days of the runs")
     for day in sorted(at_days) or (0.5 * length, length):
         for word, name in (("broken", "first_breakup"), ("aground", "first_aground")):
