@@ -255,9 +255,9 @@ def reading(run: Told) -> str:
     until, observed, made = turns(rows)
     worst = max((m.distance_km or 0.0) / drift(m) for _, m in rows if drift(m) > 20.0)
     return (
-        f"{run.title}: from 9 to {until}ember it rotates by {number(made, '+.0f')}°, the real berg by "
-        f"{number(observed, '+.0f')}° "
-        f"(clockwise positive). The centroid is off by up to {100.0 * worst:.0f} % of the observed distance from the start, "
+        f"{run.title}: from 9 to {until}ember it rotates by {number(made, '+.0f')}°, "
+        f"the real berg by {number(observed, '+.0f')}° (clockwise positive). "
+        f"The centroid is off by up to {100.0 * worst:.0f} % of the observed distance from the start, "
         f"and on {short(last_day.time)} by {last.distance_km:.0f} km of {drift(last):.0f} km. {broken_off(run)}"
     )
 
