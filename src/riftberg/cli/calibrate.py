@@ -194,7 +194,7 @@ def write_results(found: Any, folder: Path, *, figure: bool = True) -> None:
 
 def told(found: Any, errors: Any) -> list[str]:
     """Return a calibration in a few lines."""
-    from riftberg.verification.calibrate import MODEL_ERROR
+    from riftberg.verification.calibrate import MODEL_ERROR, UNKNOWN
 
     lines = [
         f"Errors: observed {errors.position:g} km, {errors.azimuth:g} degrees; model {errors.model:g} km, "
@@ -209,7 +209,12 @@ def told(found: Any, errors: Any) -> list[str]:
         unit = "" if row["unit"].item() == "1" else f" {row['unit'].item()}"
         before = f"{float(row['prior_low']):.4g} to {float(row['prior_high']):.4g}{unit}"
         if not bool(row["known"]):
-            lines.append(f"  {name}: unknown; the data leave {before} nearly as it was")
+            few = (
+                f", or too few members count ({found.attrs['effective_members']:.0f})"
+                if float(row["narrowed"]) < UNKNOWN
+                else ""
+            )
+            lines.append(f"  {name}: unknown; the data leave {before} nearly as it was{few}")
             continue
         after = f"{float(row['posterior_low']):.4g} to {float(row['posterior_high']):.4g}{unit}"
         lines.append(f"  {name}: {float(row['posterior_median']):.4g}{unit} ({after}), likeliest {float(row['likeliest']):.4g}; "

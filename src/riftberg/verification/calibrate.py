@@ -493,7 +493,7 @@ def _described(
 
     ends = np.array([0.5 - LEVEL / 2.0, 0.5, 0.5 + LEVEL / 2.0])
     inner = np.array([quantiles(after.samples[:, k], after.weight, ends) for k in range(len(inputs))])
-    known = (inner[:, 2] - inner[:, 0]) / LEVEL < UNKNOWN
+    known = is_known((inner[:, 2] - inner[:, 0]) / LEVEL, after.effective)
     name = "the berg" if seen.name == "berg" else seen.name
     ds = xr.Dataset(attrs={"title": f"Calibration of {name}", "interval": f"{100 * LEVEL:.0f} %",
                            "effective_members": after.effective})  # fmt: skip
@@ -503,7 +503,11 @@ def _described(
     for k, word in enumerate(("low", "median", "high")):
         ds[f"prior_{word}"] = ("parameter", values(np.full((1, len(inputs)), ends[k]))[0])
         ds[f"posterior_{word}"] = ("parameter", values(inner[:, k][None])[0])
-    ds["known"] = ("parameter", known, {"long_name": f"the interval is narrower than {UNKNOWN:g} of that before"})
+    ds["known"] = (
+        "parameter",
+        known,
+        {"long_name": f"the interval is narrower than {UNKNOWN:g} of that before, more than by chance"},
+    )
     ds["narrowed"] = ("parameter", (inner[:, 2] - inner[:, 0]) / LEVEL,
                       {"long_name": "width of the interval over that before, in parts of the probability"})  # fmt: skip
     ds["likeliest"] = ("parameter", values(best[None])[0], {"long_name": "largest likelihood on the emulators"})
@@ -528,6 +532,14 @@ def _described(
     ds["wave_left"] = ("wave", [wave.left for wave in found.waves], {"long_name": "part of the prior not ruled out"})
     ds["correlation"] = (("parameter", "other"), _correlation(after))
     return ds
+
+
+def is_known(narrowed: Floats, members: float) -> Floats:
+    """Return whether intervals are narrower than before the data by more than chance with so many members that count.
+
+    The spread of n numbers has a relative error of ``1 / sqrt(2 n)``; 1.645 of these leave 5 % to chance.
+    """
+    return np.asarray(narrowed < UNKNOWN * (1.0 - 1.645 / np.sqrt(2.0 * members)))
 
 
 def quantiles(values: Floats, weight: Floats, levels: Floats) -> Floats:
