@@ -25,7 +25,7 @@ SLACK: Final = 1.001
 
 def corner_reach(length: Floats | float, width: Floats | float) -> Floats:
     """Distance of the corners of an element from its centre, m: a square of its area; hexagons and discs reach less far."""
-    return np.sqrt(0.5 * np.asarray(length) * np.asarray(width))
+    return np.asarray(np.sqrt(0.5 * np.asarray(length) * np.asarray(width)))
 
 
 class FreePlaces:
