@@ -312,12 +312,16 @@ class Parameters(Group):
             raise ValueError("grounding.law = 'seabed' has neither ramp_height nor torque: they are of the linear law")
 
     def _check_contact(self) -> None:
-        """Refuse contact by crushing with a scheme that does not know it."""
-        if self.contact.law == "crushing" and self.stepping.scheme != "quasi_static":
+        """Refuse contact by crushing with a scheme or bonds that do not know it."""
+        if self.contact.law != "crushing":
+            return
+        if self.stepping.scheme not in ("quasi_static", "mts"):
             raise ValueError(
-                f"contact.law = 'crushing' needs stepping.scheme = 'quasi_static', not {self.stepping.scheme!r}; the law "
-                "'spring' acts in all schemes"
+                f"contact.law = 'crushing' needs stepping.scheme = 'quasi_static' or 'mts', not {self.stepping.scheme!r}; the "
+                "law 'spring' acts in all schemes"
             )
+        if self.bonds.law == "spring":
+            raise ValueError("contact.law = 'crushing' needs rigid pieces: set bonds.law = 'dem' (or 'none')")
 
     def _check_criterion(self) -> None:
         """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""

@@ -186,7 +186,7 @@ class Contact(Group):
     law: ContactLaw = quantity(
         "spring",
         "",
-        "spring and damper between centres, or crushing: faces that bear a limited pressure and rub (quasi_static)",
+        "spring and damper between centres, or crushing: faces that bear a limited pressure and rub (quasi_static, mts)",
         "equations 5.2; crushing: Riftberg",
     )
     crushing_strength: float = quantity(

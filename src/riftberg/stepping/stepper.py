@@ -56,7 +56,10 @@ class Stepper(Protocol):
 class Stateless:
     """Schemes that need nothing beside the state."""
 
-    crushed = 0.0
+    @property
+    def crushed(self) -> float:
+        """See `Stepper.crushed`."""
+        return 0.0
 
     def state_dict(self) -> dict[str, Any]:
         """Return nothing."""

@@ -39,12 +39,13 @@ from riftberg.stepping.contact.island_step import (
 from riftberg.stepping.contact.overlap import gap, overlap
 from riftberg.stepping.mat3 import solve
 
-TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2 = range(12)
+TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, SEEN = range(13)
 """Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
-since touching (s), closing speed then (m s-1; below 0 that of faces that overlap and part), forces across and along (N), phase;
-force on the second element (N), torques (N m)."""
+since touching (s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques
+(N m); depth at the end of the last step (m). Of faces that overlap and part: closing speed, below 0, and in place of the time
+its rate (m s-2)."""
 
-COLUMNS: Final = 12
+COLUMNS: Final = 13
 
 APART, IMPACT, REST = 0.0, 1.0, 2.0
 """Phases of contact of two faces."""
@@ -124,6 +125,7 @@ class CrushingWorkspace(NamedTuple):
     everyone: NDArray[np.bool_]
     one: Floats  # Corners of a polygon in its place, m
     two: Floats
+    cut: Floats  # Corners of what is left of one within the other; see `riftberg.stepping.contact.overlap.overlap`
     scratch: Floats  # shape (4, 3, 3)
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
 
@@ -183,7 +185,7 @@ def integrate_faces(
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
             np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
-            np.empty((most, 2)), np.empty((most, 2)), np.empty((4, 3, 3)), np.zeros(1),
+            np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
         )  # fmt: skip
         of_rows = Faces(faces.begin[e], faces.end[e], faces.ring, faces.corner, faces.reach[e], faces.thickness[e])
         for i in range(rows):
@@ -205,10 +207,12 @@ def _integrate_island(
     """Take one island through the step; returns its shortest sub-step, s."""
     body_of, levers, forcing, twist = island.body_of, island.levers, island.forcing, result.twist
     left, shortest, elapsed, h = dt, dt, np.inf, np.inf
+    _align(island, faces, pair_state, result, work)
     while True:
         if elapsed >= REFRESH_FRACTION * dt or left <= 0.0:
             accumulate_impulse(island, about, elapsed, result.applied)
             if left <= 0.0:
+                _remember_depths(island, faces, pair_state, result, work)
                 return shortest
             about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :], elapsed = 0.0, 0.0, 0.0, 0.0
             for b in range(twist.shape[0]):
@@ -249,6 +253,57 @@ def _place(faces: Faces, polygon: int, x: float, y: float, c: float, s: float, o
         px, py = faces.corner[begin + k, 0], faces.corner[begin + k, 1]
         out[k, 0], out[k, 1] = x + c * px - s * py, y + s * px + c * py
     return int(n)
+
+
+@borrower
+def _overlap_of_pair(
+    island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
+) -> tuple[float, float, float, float, float]:
+    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path``."""
+    i, j = island.first[k], island.second[k]
+    m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
+    ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
+    px, py = element_path(m, path[a], ca, sa)
+    x2, y2 = element_path(n, path[b], cb, sb)
+    x1, y1 = island.separation[k, 0] + px, island.separation[k, 1] + py
+    area = moment_x = moment_y = chord_x = chord_y = 0.0
+    for p in range(faces.begin[i], faces.end[i]):
+        corners = _place(faces, p, x1, y1, ca, sa, work.one)
+        for q in range(faces.begin[j], faces.end[j]):
+            others = _place(faces, q, x2, y2, cb, sb, work.two)
+            part, tx, ty, cx, cy = overlap(work.one[:corners], work.two[:others], work.cut)
+            area += part
+            moment_x += tx
+            moment_y += ty
+            chord_x += cx
+            chord_y += cy
+    return area, moment_x, moment_y, chord_x, chord_y
+
+
+@borrower
+def _align(island: Island, faces: Faces, pair_state: Floats, result: IslandResult, work: CrushingWorkspace) -> None:
+    """Take the pairs on from where the last step saw them: no force from a depth that has changed without a motion.
+
+    A sub-step moves bodies on a plane of its own, a step on the sphere; pieces that part stand where the load had bent the ice.
+    Both shift faces by millimetres to metres, of which unloading would make the force of an impact.
+    """
+    for k in range(island.first.size):
+        if pair_state[k, PHASE] != APART:
+            area, _, _, _, _ = _overlap_of_pair(island, faces, result.path, k, work)
+            shift = area / pair_state[k, CHORD] - pair_state[k, SEEN]
+            pair_state[k, TOUCHED] += shift
+            pair_state[k, CRUSHED] += shift
+
+
+@borrower
+def _remember_depths(
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, work: CrushingWorkspace
+) -> None:
+    """Note how deep the faces are at the end of a step."""
+    for k in range(island.first.size):
+        if pair_state[k, PHASE] != APART:
+            area, _, _, _, _ = _overlap_of_pair(island, faces, result.path, k, work)
+            pair_state[k, SEEN] = area / pair_state[k, CHORD]
 
 
 @kernel
@@ -323,8 +378,10 @@ def _longest_substep(
         if nearest <= 0.0:
             work.gap[k], work.bound[k] = 0.0, 0.0
             if pair_state[k, PHASE] == APART and pair_state[k, SPEED] < 0.0:
-                # Faces that overlap and part are no limit before they can close faster than faces touch without an impact.
-                turns = (SLOW - pair_state[k, SPEED]) / driven if driven > 0.0 else REST_STEP
+                # Faces that overlap and part are no limit before they can close faster than faces touch without an impact:
+                # as far as the media drive them, and as other faces did in the last sub-step.
+                rate = max(driven, pair_state[k, SINCE])
+                turns = (SLOW - pair_state[k, SPEED]) / rate if rate > 0.0 else REST_STEP
                 limit = min(limit, max(min(turns, REST_STEP), entry))
             else:
                 limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
@@ -441,17 +498,7 @@ def _find_faces(
         px, py = element_path(m, path[a], ca, sa)
         x2, y2 = element_path(n, path[b], cb, sb)
         x1, y1 = island.separation[k, 0] + px, island.separation[k, 1] + py
-        area = moment_x = moment_y = chord_x = chord_y = 0.0
-        for p in range(faces.begin[i], faces.end[i]):
-            corners = _place(faces, p, x1, y1, ca, sa, work.one)
-            for q in range(faces.begin[j], faces.end[j]):
-                others = _place(faces, q, x2, y2, cb, sb, work.two)
-                part, tx, ty, cx, cy = overlap(work.one[:corners], work.two[:others])
-                area += part
-                moment_x += tx
-                moment_y += ty
-                chord_x += cx
-                chord_y += cy
+        area, moment_x, moment_y, chord_x, chord_y = _overlap_of_pair(island, faces, path, k, work)
         chord = math.hypot(chord_x, chord_y)
         if not (area > 0.0 and chord > 0.0):
             pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION], pair_state[k, SPEED] = (
@@ -473,6 +520,7 @@ def _find_faces(
         state = pair_state[k]
         if state[PHASE] == APART:
             if closing <= 0.0:
+                state[SINCE] = (closing - state[SPEED]) / h if state[SPEED] < 0.0 else np.inf
                 state[SPEED] = closing
                 continue
             # Faces meet where they stand: what was crushed before is rubble that fills the gap.
@@ -570,6 +618,12 @@ def _update_faces(
             stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (law.ratio * stiffness)
             work.dissipated[0] += max(0.5 * h * force * (row[CLOSING] + closing) - stored, 0.0)
             state[CRUSHED] = crushed
+        if state[PHASE] == REST and force > 0.0:
+            # At rest the depth follows the new velocity, and the place the mean of old and new: what lies between must not
+            # become a force when the next sub-step is shorter.
+            drift = 0.5 * h * (row[CLOSING] - closing)
+            state[TOUCHED] += drift
+            state[CRUSHED] += drift
         work.dissipated[0] += max(h * slide * sliding, 0.0)
         state[SINCE] += h
         nx, ny = row[NX], row[NY]
@@ -578,7 +632,7 @@ def _update_faces(
         state[TORQUE_1] = -(row[OFFSET] * fy - row[OFFSET + 1] * fx)
         state[TORQUE_2] = row[OFFSET + 2] * fy - row[OFFSET + 3] * fx
         if force == 0.0 and closing <= 0.0:
-            state[PHASE], state[SPEED] = APART, closing
+            state[PHASE], state[SPEED], state[SINCE] = APART, closing, np.inf
         elif state[PHASE] == REST:
             if closing > AGAIN:
                 state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0

@@ -87,9 +87,13 @@ class FaceContact:
         return out
 
     def resolve(
-        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes
+        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes, turned: Floats | None = None
     ) -> ContactPhase | None:
-        """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none may."""
+        """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none touch.
+
+        ``turned``: angles (rad) of the elements since their footprints were made, where the axes of the bodies do not rotate with
+        them: an element alone has no neighbours that show it.
+        """
         el, c, before = model.elements, model.constants, self.pairs
         self.pairs = before._replace(pair=NO_FACE_PAIRS.pair, state=NO_FACE_PAIRS.state)
         polygons = self._faces_of(model, bodies)
@@ -101,7 +105,14 @@ class FaceContact:
         first, second = first[i.order], second[i.order]
         ids = np.column_stack([el.body.id[first], el.body.id[second]])
         pair_state = _known_states(before, ids)
-        shown, axis = el.shown, op.levers[polygons.element, 9:11]
+        shown, axis = el.shown, op.levers[:, 9:11]
+        if turned is not None:
+            alone = (np.bincount(op.body, minlength=count)[op.body] == 1) * turned
+            c_turn, s_turn = np.cos(alone), np.sin(alone)
+            axis = np.column_stack(
+                [axis[:, 0] * c_turn - axis[:, 1] * s_turn, axis[:, 1] * c_turn + axis[:, 0] * s_turn]
+            )
+        axis = axis[polygons.element]
         x, y = polygons.corner.T
         corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
         faces = Faces(

@@ -13,51 +13,51 @@ from riftberg.state import Floats
 
 
 @kernel
-def _inside(ax: float, ay: float, bx: float, by: float, polygon: Floats) -> tuple[float, float]:
-    """Which part of the way from a to b lies in a convex polygon: from and to, as parts of one; the same where none does."""
-    enter, leave, n = 0.0, 1.0, polygon.shape[0]
-    for k in range(n):
-        px, py = polygon[k, 0], polygon[k, 1]
-        j = k + 1 if k + 1 < n else 0
-        ex, ey = polygon[j, 0] - px, polygon[j, 1] - py
-        start, end = ex * (ay - py) - ey * (ax - px), ex * (by - py) - ey * (bx - px)
-        if start < 0.0 and end < 0.0:
-            return 0.0, 0.0
-        if start < 0.0:
-            enter = max(enter, start / (start - end))
-        elif end < 0.0:
-            leave = min(leave, start / (start - end))
-    return (enter, leave) if leave > enter else (0.0, 0.0)
-
-
-@kernel
-def overlap(one: Floats, two: Floats) -> tuple[float, float, float, float, float]:
+def overlap(one: Floats, two: Floats, scratch: Floats) -> tuple[float, float, float, float, float]:
     """Area (m2) of the overlap of two convex polygons, its first moments (m3), and its chord (m; along the face of ``one``).
 
-    By Green's theorem over its outline: the parts of the edges of each that lie in the other. The chord is the sum of those
-    of ``one`` as vectors, so its normal to the right points out of ``one``.
+    ``one`` is cut by each edge of ``two`` in turn (Sutherland and Hodgman), so what is left is closed whatever the round-off:
+    pieces of edges that are found each for itself end decimetres apart where edges cross at a flat angle, and such a gap in the
+    outline of a face of kilometres counts as metres of depth. The chord is the sum of the edges of ``one`` as vectors, so its
+    normal to the right points out of ``one``. ``scratch``: room for all corners, shape (2, 2 (corners of both), 3).
     """
+    n, count, now = one.shape[0], one.shape[0], 0
+    for k in range(n):
+        # East and north, and whether the edge that begins here is one of the first polygon.
+        scratch[0, k, 0], scratch[0, k, 1], scratch[0, k, 2] = one[k, 0], one[k, 1], 1.0
+    for k in range(two.shape[0]):
+        j = k + 1 if k + 1 < two.shape[0] else 0
+        px, py, ex, ey = two[k, 0], two[k, 1], two[j, 0] - two[k, 0], two[j, 1] - two[k, 1]
+        old, new, kept = scratch[now], scratch[1 - now], 0
+        for i in range(count):
+            after = i + 1 if i + 1 < count else 0
+            x, y, u, v = old[i, 0], old[i, 1], old[after, 0], old[after, 1]
+            here, there = ex * (y - py) - ey * (x - px), ex * (v - py) - ey * (u - px)
+            if here >= 0.0:
+                new[kept, 0], new[kept, 1], new[kept, 2] = x, y, old[i, 2]
+                kept += 1
+            if (here >= 0.0) != (there >= 0.0):
+                part = here / (here - there)
+                new[kept, 0], new[kept, 1] = x + part * (u - x), y + part * (v - y)
+                new[kept, 2] = 0.0 if here >= 0.0 else old[i, 2]
+                kept += 1
+        count, now = kept, 1 - now
+        if count < 3:
+            return 0.0, 0.0, 0.0, 0.0, 0.0
     area = mx = my = cx = cy = 0.0
-    # About a corner of the first: coordinates of kilometres would cost the digits of a thin overlap.
-    ox, oy = one[0, 0], one[0, 1]
-    for side in range(2):
-        edges, other = (one, two) if side == 0 else (two, one)
-        n = edges.shape[0]
-        for k in range(n):
-            j = k + 1 if k + 1 < n else 0
-            ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[j, 0], edges[j, 1]
-            enter, leave = _inside(ax, ay, bx, by, other)
-            if leave <= enter:
-                continue
-            px, py = ax + enter * (bx - ax) - ox, ay + enter * (by - ay) - oy
-            qx, qy = ax + leave * (bx - ax) - ox, ay + leave * (by - ay) - oy
-            twice = px * qy - py * qx
-            area += 0.5 * twice
-            mx += twice * (px + qx) / 6.0
-            my += twice * (py + qy) / 6.0
-            if side == 0:
-                cx += qx - px
-                cy += qy - py
+    ring = scratch[now]
+    # About one of its corners: coordinates of kilometres would cost the digits of a thin overlap.
+    ox, oy = ring[0, 0], ring[0, 1]
+    for i in range(count):
+        after = i + 1 if i + 1 < count else 0
+        px, py, qx, qy = ring[i, 0] - ox, ring[i, 1] - oy, ring[after, 0] - ox, ring[after, 1] - oy
+        twice = px * qy - py * qx
+        area += 0.5 * twice
+        mx += twice * (px + qx) / 6.0
+        my += twice * (py + qy) / 6.0
+        if ring[i, 2] > 0.0:
+            cx += qx - px
+            cy += qy - py
     return area, mx + area * ox, my + area * oy, cx, cy
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -47,6 +48,9 @@ from riftberg.stepping.stepper import (
     update_fragments,
 )
 
+if TYPE_CHECKING:
+    from riftberg.stepping.explicit.impacts import RigidImpacts
+
 
 class MultipleStepper(Stateless):
     """Multiple time steps (equations 6.4).
@@ -66,6 +70,25 @@ class MultipleStepper(Stateless):
         self._batch_key: tuple[int, bytes] | None = None
         self._needs_rank = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
+        self._impacts: RigidImpacts | None = None
+        if run.parameters.contact.law == "crushing":
+            from riftberg.stepping.explicit.impacts import RigidImpacts  # with shapely, for the footprints
+
+            self._impacts = RigidImpacts(run)
+
+    @property
+    def crushed(self) -> float:
+        """See `riftberg.stepping.stepper.Stepper.crushed`."""
+        return 0.0 if self._impacts is None else float(self._impacts.faces.pairs.dissipated[0])
+
+    def state_dict(self) -> dict[str, Any]:
+        """See `riftberg.stepping.stepper.Stepper.state_dict`."""
+        return {} if self._impacts is None else self._impacts.state_dict()
+
+    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
+        """See `riftberg.stepping.stepper.Stepper.load_state_dict`."""
+        if self._impacts is not None:
+            self._impacts.load_state_dict(kept)
 
     def step(self, run: RunState) -> None:
         """Advance by one long step."""
@@ -78,7 +101,8 @@ class MultipleStepper(Stateless):
         outer = self._collisions(run, sizes)
 
         # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
-        candidates = self._near.candidate_pairs(el, sizes, dt, c) if c.contact_on_substeps else NO_PAIRS
+        by_springs = c.contact_on_substeps and self._impacts is None
+        candidates = self._near.candidate_pairs(el, sizes, dt, c) if by_springs else NO_PAIRS
         islands, general = find_islands(run, sizes, *candidates)
         candidates = candidates[0][general], candidates[1][general]
         subcycled = np.zeros(el.size)
@@ -98,14 +122,14 @@ class MultipleStepper(Stateless):
             self._around = allocate_surroundings(el.size)
 
         # Outer kicks and sub-steps: in one call where all bergs take the same number of sub-steps.
-        if batches[0].rows is None:
+        if batches[0].rows is None and self._impacts is None:
             plan = plan._replace(substeps=int(substeps[0]))
             report = take_long_step(el, bonds, batches[0].work, outer, inner[0], sizes, self._around, rank, plan, c)
             self._check_converged(report, run)
             broken = report.broken
         else:
             broken = self._step_in_batches(run, batches, outer, inner, sizes, rank, substeps, plan)
-        in_islands = NO_PAIRS
+        in_islands = NO_PAIRS if self._impacts is None else self._impacts.touched
         if islands is not None:
             in_islands = take_substeps_of_islands(el, islands, sizes, self._around, dt, plan.starting, c)
         if plan.starting:
@@ -133,7 +157,10 @@ class MultipleStepper(Stateless):
         outer_only = plan._replace(apply_inner=False)
         report = take_long_step(run.elements, run.bonds, work, outer, outer, sizes, self._around, rank, outer_only, c)
         self._check_converged(report, run)
-        broken = report.broken
+        broken, impact = report.broken, None
+        if self._impacts is not None:
+            impact, by_impacts = self._impacts.meet(run, sizes, plan.dt)
+            broken += by_impacts
         for batch, partners in zip(batches, inner, strict=True):
             batch.gather(run)  # anew, since the kicks have changed the state
             some, around = batch.elements, batch.surroundings(self._around)
@@ -145,6 +172,8 @@ class MultipleStepper(Stateless):
             batch.scatter(run, around, self._around)
             self._check_converged(report, run)
             broken += report.broken
+        if self._impacts is not None:
+            self._impacts.part(run, impact)
         return broken
 
     @staticmethod
@@ -185,7 +214,7 @@ class MultipleStepper(Stateless):
         """Return the partners of the outer kicks: elements of other bergs."""
         near, c = self._near, run.constants
         none = no_pairs(run.elements.size)
-        if c.contact_on_substeps:
+        if c.contact_on_substeps or self._impacts is not None:
             return NeighbourLists(none, none, none, np.zeros(0), np.zeros(0, np.int64))
         near_by = near.collisions(run.elements, sizes, c, self._cells)
         one_group = run.parameters.compatibility.bergs_coupled

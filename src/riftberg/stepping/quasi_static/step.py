@@ -796,6 +796,16 @@ class TimeStep:
         self._renumber()
         self._record_peaks(self._equilibrium(self.state))
 
+    def break_under(self, peak: PeakContactLoad) -> Floats:
+        """Break what is overloaded where peak contact loads come to those of the state; returns the stress before (Pa)."""
+        load, of_peak = self.state.load.copy(), self._peak_load(self.state, peak)
+        load[peak.rows] += of_peak[peak.rows]
+        self.state = self._in_equilibrium(self.state._replace(load=load))
+        stress = np.zeros(self.bonds.first.size)
+        stress[self.lattice.intact] = self._equilibrium(self.state).stress[:, 0]
+        self._propagate_crack()
+        return stress
+
     def _equilibrium(self, state: BodyState) -> Equilibrium:
         """Return the equilibrium of a state."""
         return self.lattice.equilibrium(state.bodies.displacement, state.load, self.c)
@@ -956,6 +966,31 @@ class TimeStep:
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
         store_stresses(self.bonds, now.lattice, now.intact, now.deformation, now.stress, self.state.operators.levers)
+
+
+BREAK_NAMES = ("status", "break_time", "break_grounded", "break_strength", "released_energy", "cracked_area")
+"""What a break leaves in the bonds."""
+
+
+def break_under_impact(
+    model: RunState, bodies: Bodies, peak: PeakContactLoad, faces: FaceContact
+) -> tuple[int, Floats]:
+    """Break the bonds that do not bear an impact; returns their number, and the stress (Pa) of all under it.
+
+    For schemes whose lattices oscillate: all but the bonds, and the numbers of the fragments, stays as it is. ``bodies``: the
+    fragments where the impact finds them; its forces come to those of the media.
+    """
+    el, bonds, pairs = model.elements, model.bonds, faces.pairs
+    kept = [(array, array.copy()) for group in (el.motion, el.shown, el.kicks) for array in group]
+    kept += [(array, array.copy()) for name, array in bonds.arrays().items() if name not in BREAK_NAMES]
+    before = int(np.count_nonzero(bonds.status))
+    faces.pairs = NO_FACE_PAIRS  # what presses before the impact is over is a part of its largest force
+    step = TimeStep(model, bodies, laws=LawsWithMemory(None, faces))
+    faces.pairs = pairs
+    stress = step.break_under(peak)
+    for array, values in kept:
+        array[:] = values
+    return int(np.count_nonzero(bonds.status)) - before, stress
 
 
 @dataclass
