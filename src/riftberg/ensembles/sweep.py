@@ -367,7 +367,8 @@ def _check_members(first: Model, members: list[dict[str, Any]], varied: Sequence
     """
     own = [v for v in varied if v.name.partition(".")[0] in Parameters.model_fields]
     drawn = [v.name for v in own if v.distribution is not None and not v.distribution.choices]
-    ends = {f(range(len(members)), key=lambda k, name=name: members[k][name]) for name in drawn for f in (min, max)}
+    orders = [np.argsort([values[v.name] for values in members]) for v in own if v.name in drawn and v.parts == 1]
+    ends = {int(order[end]) for order in orders for end in (0, -1)}
     seen: set[tuple[str, ...]] = set()
     for k, values in enumerate(members if own else ()):
         combination = tuple(str(values[v.name]) for v in own if v.name not in drawn)
