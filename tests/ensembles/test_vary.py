@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg.ensembles.vary import members_of, varied_of
+from riftberg.ensembles.sweep import _check_members
+from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import InputError
+from riftberg.experiments import build
 
 
 @pytest.mark.parametrize(
@@ -93,3 +95,19 @@ def test_what_the_documentation_varies_can_be_varied() -> None:
     assert len(written) >= 7
     for text in written:
         assert varied_of([text.strip()])
+
+
+def test_the_ends_of_what_is_drawn_and_all_listed_combinations_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To check every one of 10,000 draws took half a minute."""
+    vary = varied_of(["fracture.normal_strength~uniform(10, 20 kPa)", "damage.enabled=true,false"])
+    members = members_of(vary, Draws(32))
+    checked: list[float] = []
+
+    def note(parameters: object, values: dict[str, dict[str, float]], *, where: str) -> None:
+        checked.append(values["fracture"]["normal_strength"])
+
+    monkeypatch.setattr("riftberg.ensembles.sweep.changed", note)
+    _check_members(build("a68a")[0], members, vary)
+    drawn = [member["fracture.normal_strength"] for member in members]
+    assert {min(drawn), max(drawn)} <= set(checked)
+    assert 2 <= len(checked) <= 4

@@ -266,7 +266,7 @@ def write_blocks(blocks: Iterable[xr.Dataset], path: Path) -> None:
     """Write the result of a sweep from blocks of its members, one after another."""
     for k, ds in enumerate(blocks):
         if k == 0:
-            write_dataset(ds, path, encoding=_encoding(ds), unlimited_dims=["member"])
+            write_dataset(ds, path, encoding=_in_chunks(ds), unlimited_dims=["member"])
             continue
         zero = ds["time"].values[0]
         with open_netcdf(path, "a") as file:
@@ -277,6 +277,24 @@ def write_blocks(blocks: Iterable[xr.Dataset], path: Path) -> None:
                     if values.dtype.kind == "M":  # as `_encoding` says
                         values = np.where(np.isnat(values), np.nan, (values - zero) / np.timedelta64(1, "s"))
                     file[str(name)][first : first + len(values)] = values
+
+
+CHUNK_BYTES: Final = 1_000_000
+"""Size of what is read and packed at once. One member each, as netCDF has it by itself, makes 10,000 chunks of each variable."""
+
+
+def _in_chunks(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """Return how a result is written whose members are added later: several of them in one chunk."""
+    encoding = _encoding(ds)
+    for name, variable in ds.variables.items():
+        if "member" in variable.dims:
+            shape = [variable.sizes[dim] for dim in variable.dims if dim != "member"]
+            together = max(1, CHUNK_BYTES // (8 * max(int(np.prod(shape)), 1)))
+            sizes = tuple(
+                min(together, 250) if dim == "member" else max(variable.sizes[dim], 1) for dim in variable.dims
+            )
+            encoding.setdefault(str(name), {})["chunksizes"] = sizes
+    return encoding
 
 
 def _encoding(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
