@@ -68,7 +68,7 @@ def forecast(
     plan: PlanName = None,
     seed: Seed = None,
     scheduler: Scheduler = None,
-    workers: Workers = 0,
+    workers: Workers = None,
     resume: Resume = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw forecast.png.")] = True,
     quiet: Quiet = False,

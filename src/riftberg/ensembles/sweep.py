@@ -368,13 +368,8 @@ def _check_members(first: Model, members: list[dict[str, Any]], varied: Sequence
     """
     own = [v for v in varied if v.name.partition(".")[0] in Parameters.model_fields]
     drawn = [v.name for v in own if v.distribution is not None and not v.distribution.choices]
-<<<<<<< HEAD
-    values_of = [[member[name] for member in members] for name in drawn]
-    ends = {values.index(end) for values in values_of for end in (min(values), max(values))}
-=======
     orders = [np.argsort([values[v.name] for values in members]) for v in own if v.name in drawn and v.parts == 1]
     ends = {int(order[end]) for order in orders for end in (0, -1)}
->>>>>>> odds
     seen: set[tuple[str, ...]] = set()
     for k, values in enumerate(members if own else ()):
         combination = tuple(str(values[v.name]) for v in own if v.name not in drawn)
