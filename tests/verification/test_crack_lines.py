@@ -255,7 +255,7 @@ EDGES = [
         packing, angle, cells, limit, marks=() if (packing, angle) in SOME and cells == 8 else pytest.mark.slow
     )
     for packing, angle in LATTICES
-    for cells, limit in ((4, 0.06), (8, 0.04), (16, 0.04))
+    for cells, limit in ((8, 0.04), (16, 0.04))
 ]
 
 
