@@ -173,7 +173,7 @@ def test_a_latin_hypercube_takes_no_further_members(tmp_path: Path) -> None:
 
 def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) -> None:
     file = tmp_path / "plan.csv"
-    file.write_text("fracture.normal_strength,start.east\n18 kPa,1 km\n12000,1 km\n18 kPa,-2000\n")
+    file.write_text("fracture.normal_strength,start.east\n18 kPa,1 km\n12000 Pa,1 km\n18 kPa,-2000 m\n")
     varied, members = designed(read_design(file))
     assert [v.name for v in varied] == [STRENGTH, "start.east"]
     assert members == [

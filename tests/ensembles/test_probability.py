@@ -76,7 +76,7 @@ def test_members_aground_at_the_start_are_pointed_out() -> None:
 def test_one_member_has_a_position_and_no_spread() -> None:
     """Bug: position nan, nan; 90 % within an ellipse of nan by nan km."""
     lines = told(forecast_of([outcome(0, [-37.0, -36.5], [-56.0, -56.2])], 1))
-    assert "  position -56.20, -36.50; one member says nothing of the spread" in lines
+    assert "  position 56.20 S, 36.50 W; one member says nothing of the spread" in lines
     assert not any("nan" in line for line in lines)
 
 

@@ -395,7 +395,7 @@ def test_sea_ice_without_its_thickness_is_told(tmp_path: Path) -> None:
 
 def test_fields_of_melt_are_told_where_nothing_melts(tmp_path: Path) -> None:
     ds = plain(names=("uo", "vo", "sst", "sss"))
-    told(tmp_path, ds, "sst, sss serve melt alone, which is off")
+    told(tmp_path, ds, "sst, sss are for melt alone, which is off")
     assert not any("serve melt" in line for line in forcing_of(tmp_path, "odd.nc", melts=True).notices)
 
 

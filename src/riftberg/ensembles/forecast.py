@@ -52,7 +52,7 @@ FLOOR: Final = DefaultError("floor 10 % or 30 m, 10 km", (
 ), "a round number. Of depths from altimetry, where nobody has sounded, half are off by less than 49 m")  # fmt: skip
 """Left out where the ocean of a built-in experiment is a formula: its floor was fitted to a grounding, and is no chart."""
 
-LATTICE: Final = DefaultError("lattice turned and shifted", (
+LATTICE: Final = DefaultError("lattice rotated and shifted", (
     "berg.lattice_angle~uniform(0, 90)", "berg.offset~uniform(0, 1)",
 ), "numbers that depend on the lattice show it in their spread")  # fmt: skip
 """Where the berg of the experiment takes another lattice."""
