@@ -122,8 +122,9 @@ def test_observations_stand_beside_runs_of_their_dates_alone(runs: Path, tmp_pat
     assert seen["runs"][0]["days"][0]["distance_km"] == pytest.approx(
         seen["runs"][1]["days"][0]["distance_km"], abs=2e-3
     )
-    late = json.loads(call("compare", *both, "--observed", str(tmp_path / "late.csv"), "--json").output)
-    assert late["columns"] == ["", "a", "sweep.nc#0"]
+    late = CliRunner().invoke(app, ["compare", *both, "--observed", str(tmp_path / "late.csv"), "--json"])
+    assert late.exit_code == 2
+    assert "no position during the runs" in late.output
 
 
 def test_a_member_that_is_not_there_is_refused(runs: Path) -> None:

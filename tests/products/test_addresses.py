@@ -154,7 +154,7 @@ def test_an_address_takes_names_of_variables(tmp_path: Path) -> None:
         file = tmp_path / "own.yaml"
         file.write_text(YAML.format(entry=f"{{file: '{address}/sea.zarr', names: {{uo: a, vo: b}}}}"))
         model, _ = build(str(file))
-    assert {"uo", "ssh", "ua"} <= {name for part in model.forcing.parts for name in part.serves}
+    assert {"uo", "ssh", "ua"} <= {name for part in model.forcing.parts for name in part.gives}
 
 
 def test_what_is_no_such_address_is_refused_with_a_remedy(tmp_path: Path) -> None:
