@@ -9,13 +9,24 @@ from typing import Annotated, Any
 import typer
 
 from riftberg.cli.options import (
+    AllowMore,
+    AzimuthError,
+    BergInFile,
+    Broken,
     Data,
     Days,
-    NumericsName,
+    ExperimentToRun,
+    Hour,
+    OneNumerics,
+    PositionError,
     Quiet,
+    Resume,
+    Scheduler,
     Seed,
     Settings,
+    WholeUntil,
     Without,
+    Workers,
     check_folder,
     output_folder,
     results_folder,
@@ -24,6 +35,7 @@ from riftberg.cli.options import (
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError
 from riftberg.system.limits import allow_large
+from riftberg.verification.positions import USUAL_ERROR
 
 RESULTS = ("calibration.nc", "calibration.csv", "posterior.png", "predictive.png")
 """Files that the command writes into its folder, beside one folder for each wave."""
@@ -34,31 +46,19 @@ ASKED = "calibration.json"
 
 @reported
 def calibrate(
-    experiment: Annotated[
-        str | None, typer.Argument(help="A built-in experiment or a YAML file; not needed with --resume.")
-    ] = None,
+    experiment: ExperimentToRun = None,
     observed: Annotated[Path | None, typer.Argument(metavar="[OBSERVED]", help="Outlines or positions.")] = None,
     vary: Annotated[
         list[str] | None,
         typer.Option("--vary", metavar="GROUP.NAME~DISTRIBUTION",
                      help="What is to be found: 'start.strength~lognormal(1, 40 %)'. May be repeated."),
     ] = None,
-    broken: Annotated[
-        str | None, typer.Option("--broken", metavar="DATE", help="When the berg was first seen broken.")
-    ] = None,
-    whole_until: Annotated[
-        str | None, typer.Option("--whole-until", metavar="DATE", help="When it was last seen whole.")
-    ] = None,
-    berg: Annotated[str | None, typer.Option("--berg", help="Name of the berg, where the file has several.")] = None,
-    hour: Annotated[
-        float | None, typer.Option("--hour", help="Hour (UTC) of days without a time.  [default: of the start]")
-    ] = None,
-    error: Annotated[
-        float, typer.Option("--error", help="Error of an observed position along each axis, km (standard deviation).")
-    ] = 6.0,
-    azimuth_error: Annotated[
-        float, typer.Option("--azimuth-error", help="Error of an observed azimuth, degrees.")
-    ] = 5.0,
+    broken: Broken = None,
+    whole_until: WholeUntil = None,
+    berg: BergInFile = None,
+    hour: Hour = None,
+    error: PositionError = USUAL_ERROR,
+    azimuth_error: AzimuthError = 5.0,
     model_error: Annotated[
         float, typer.Option("--model-error", help="Error of the model's own position along each axis, km.")
     ] = 3.0,
@@ -73,20 +73,14 @@ def calibrate(
     days: Days = None,
     data: Data = None,
     without: Without = None,
-    numerics: NumericsName = None,
+    numerics: OneNumerics = None,
     seed: Seed = None,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run the members.")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes on this machine; 0 to run in this process.  [default: 0]")
-    ] = 0,
-    resume: Annotated[
-        Path | None, typer.Option("--resume", metavar="FOLDER", help="Go on with the calibration in a folder.")
-    ] = None,
+    scheduler: Scheduler = None,
+    workers: Workers = 0,
+    resume: Resume = None,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw posterior.png and predictive.png.")] = True,
     quiet: Quiet = False,
-    large: Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")] = False,
+    large: AllowMore = False,
 ) -> None:  # fmt: skip
     """Find inputs that agree with observed positions, headings and break-up, and say how well they are known."""
     from riftberg.diagnostics.dates import parse_date

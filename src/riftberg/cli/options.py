@@ -91,6 +91,19 @@ Resume = Annotated[
     Path | None, typer.Option("--resume", metavar="FOLDER", help="Continue in the folder of an earlier call.")
 ]
 AllowMore = Annotated[bool, typer.Option("--allow-large", help="Allow more members and larger runs.")]
+BergInFile = Annotated[str | None, typer.Option("--berg", help="Name of the berg, where the file has several.")]
+Hour = Annotated[
+    float | None, typer.Option("--hour", help="Hour (UTC) of days without a time.  [default: of the start]")
+]
+PositionError = Annotated[
+    float, typer.Option("--error", help="Error of an observed position along each axis, km (standard deviation).")
+]
+AzimuthError = Annotated[
+    float,
+    typer.Option("--azimuth-error", help="Error of the long axis of an outline, degrees (standard deviation)."),
+]
+Broken = Annotated[str | None, typer.Option("--broken", metavar="DATE", help="When the berg was first seen broken.")]
+WholeUntil = Annotated[str | None, typer.Option("--whole-until", metavar="DATE", help="When it was last seen whole.")]
 OutputBeside = Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")]
 
 

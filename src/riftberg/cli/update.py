@@ -7,8 +7,20 @@ from typing import Annotated, Any
 
 import typer
 
-from riftberg.cli.options import Quiet, Workers, check_folder, within
+from riftberg.cli.options import (
+    AzimuthError,
+    BergInFile,
+    Broken,
+    Hour,
+    PositionError,
+    Quiet,
+    WholeUntil,
+    Workers,
+    check_folder,
+    within,
+)
 from riftberg.cli.terminal import announce_compilation, reported, say
+from riftberg.verification.positions import USUAL_ERROR
 
 
 @reported
@@ -17,22 +29,12 @@ def update(
     observed: Annotated[
         Path | None, typer.Argument(metavar="[OBSERVED]", help="Outlines or positions; those during the forecast count.")
     ] = None,
-    berg: Annotated[str | None, typer.Option("--berg", help="Name of the berg, where the file has several.")] = None,
-    error: Annotated[
-        float, typer.Option("--error", help="Error of a position along each axis, km (standard deviation).")
-    ] = 6.0,
-    azimuth_error: Annotated[
-        float, typer.Option("--azimuth-error", help="Error of the long axis of an outline, degrees (standard deviation).")
-    ] = 5.0,
-    hour: Annotated[
-        float | None, typer.Option("--hour", help="Hour (UTC) of days without a time.  [default: of the start]")
-    ] = None,
-    broken: Annotated[
-        str | None, typer.Option("--broken", metavar="DATE", help="When the berg was first seen broken.")
-    ] = None,
-    whole_until: Annotated[
-        str | None, typer.Option("--whole-until", metavar="DATE", help="When it was last seen whole.")
-    ] = None,
+    berg: BergInFile = None,
+    error: PositionError = USUAL_ERROR,
+    azimuth_error: AzimuthError = 5.0,
+    hour: Hour = None,
+    broken: Broken = None,
+    whole_until: WholeUntil = None,
     doubt: Annotated[
         float, typer.Option("--doubt", help="Probability that it was wrongly seen broken or whole, %.")
     ] = 5.0,

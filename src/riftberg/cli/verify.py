@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from riftberg.cli.options import check_folder, results_folder, within
+from riftberg.cli.options import Hour, PositionError, check_folder, results_folder, within
 from riftberg.cli.terminal import reported, say
 from riftberg.errors import InputError
 from riftberg.verification.positions import USUAL_ERROR
@@ -37,12 +37,8 @@ def verify(
         typer.Option("--whole-until", metavar="DATE",
                      help="When it was last seen whole; for several pairs one each, or 'never'."),
     ] = None,
-    error: Annotated[
-        float, typer.Option("--error", help="Error of an observed position along each axis, km (standard deviation).")
-    ] = USUAL_ERROR,
-    hour: Annotated[
-        float | None, typer.Option("--hour", help="Hour (UTC) of days without a time.  [default: of the start]")
-    ] = None,
+    error: PositionError = USUAL_ERROR,
+    hour: Hour = None,
     tracks: Annotated[
         Path | None,
         typer.Option("--tracks", metavar="FOLDER", help="Tracks of BYU and NIC, whose errors the baselines get."),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import results_folder, within
+from riftberg.cli.options import PositionError, results_folder, within
 from riftberg.cli.terminal import console, reported, say, table
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
@@ -38,9 +38,7 @@ def verify_tracks(
     between: Annotated[
         str | None, typer.Option("--between", metavar="FIRST,LAST", help="Dates that must hold start and end.")
     ] = None,
-    error: Annotated[
-        float, typer.Option("--error", help="Error of an observed position along each axis, km (standard deviation).")
-    ] = USUAL_ERROR,
+    error: PositionError = USUAL_ERROR,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for cases.csv and tracks.json.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the tables.")] = False,
 ) -> None:  # fmt: skip
