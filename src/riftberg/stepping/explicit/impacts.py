@@ -69,10 +69,10 @@ class RigidImpacts:
         self._footprints.load_state_dict(saved)
         self.faces.load_state_dict(saved)
 
-    def meet(self, run: RunState, sizes: Sizes, dt: float) -> tuple[Impact | None, int]:
+    def before_substeps(self, run: RunState, sizes: Sizes, dt: float) -> tuple[Impact | None, int]:
         """Give the elements the mean motion of their piece through the impacts of a step of ``dt`` s.
 
-        Returns what `part` needs after the sub-steps, and the number of bonds that break.
+        Returns what `after_substeps` needs after the sub-steps, and the number of bonds that break.
         """
         if self._last_start[0] == run.time:  # the model has taken the last step back
             self.faces.pairs = self._last_start[1]
@@ -97,7 +97,7 @@ class RigidImpacts:
         change[contact.bodies] = contact.twist - contact.mean
         return Impact(body, change, stress), broken
 
-    def part(self, run: RunState, impact: Impact | None) -> None:
+    def after_substeps(self, run: RunState, impact: Impact | None) -> None:
         """Give the elements the motion with which their pieces come out of the impacts, where they are now."""
         if impact is None:
             return

@@ -159,7 +159,7 @@ class MultipleStepper(Stateless):
         self._check_converged(report, run)
         broken, impact = report.broken, None
         if self._impacts is not None:
-            impact, by_impacts = self._impacts.meet(run, sizes, plan.dt)
+            impact, by_impacts = self._impacts.before_substeps(run, sizes, plan.dt)
             broken += by_impacts
         for batch, partners in zip(batches, inner, strict=True):
             batch.gather(run)  # anew, since the kicks have changed the state
@@ -173,7 +173,7 @@ class MultipleStepper(Stateless):
             self._check_converged(report, run)
             broken += report.broken
         if self._impacts is not None:
-            self._impacts.part(run, impact)
+            self._impacts.after_substeps(run, impact)
         return broken
 
     @staticmethod
