@@ -14,6 +14,7 @@ import pytest
 
 from riftberg.errors import InputError, RiftbergError
 from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
+from riftberg.system.limits import allow_extreme
 
 from . import scenes
 from .covering import Row, covering_table, uncovered
@@ -176,7 +177,9 @@ def run_row(row: Row) -> scenes.Outcome:
     if row["land"] and scene == "ocean":
         driver["land"] = 1.0
     restart = CUT if row["footloose"] else {}
-    return scenes.run(scene, row["scheme"], driver, entries, restart=restart)
+    # Winds of A68's files, in m/s, are stresses of 10 Pa where an entry takes them as that: meant here.
+    with allow_extreme(scene == "a68"):
+        return scenes.run(scene, row["scheme"], driver, entries, restart=restart)
 
 
 def test_the_table_covers_every_possible_pair() -> None:
