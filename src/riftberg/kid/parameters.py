@@ -318,14 +318,15 @@ def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: 
     if p.bonds.law != "dem" or p.compatibility.shared_shear_lever:
         return
     body, i, j = elements.body, bonds.first, bonds.second
+    melts = p.melt.enabled and not p.compatibility.zero_rates  # elements with bonds never roll
     alike = p.bonds.constant_size | (body.length[i] * body.width[i] == body.length[j] * body.width[j])
-    unequal = alike & ((body.thickness[i] != body.thickness[j]) | p.melt.enabled)
+    unequal = alike & ((body.thickness[i] != body.thickness[j]) | melts)
     if unequal.any():
         k = int(np.argmax(unequal))
         (one, other), thickness = (split_id(elements.id[[i[k], j[k]]])), body.thickness
         raise group.error(
             f"save_bond_forces = .false. with bonded elements of {thickness[i[k]]:g} and {thickness[j[k]]:g} m (id_cnt = "
-            f"{one[0]} and {one[1]}, id_ij = {other[0]} and {other[1]}){' that melt' if p.melt.enabled else ''}: each "
+            f"{one[0]} and {one[1]}, id_ij = {other[0]} and {other[1]}){' that melt' if melts else ''}: each "
             "side of the bond then has a force of its own, and the berg drives itself",
             "Set save_bond_forces = .true.",
         )
