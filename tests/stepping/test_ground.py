@@ -77,6 +77,29 @@ def test_keels_are_cut_by_the_cells_without_a_gap_and_lie_over_the_depth_there(
     np.testing.assert_allclose(area, SIDE**2, rtol=1e-9)
 
 
+@pytest.mark.timeout(120)  # the missed blocks were asked for without end
+@pytest.mark.parametrize("lat0", [-60.0, 70.0])
+def test_a_keel_across_greenwich_over_an_uneven_floor_is_cut_as_elsewhere(lat0: float) -> None:
+    """Bug: north of the equator cells moved the search for the next block, and blocks numbered anew at Greenwich were missed."""
+    body, metre = footprint(0.4), math.radians(1.0) * RADIUS
+    metre_east = metre * math.cos(math.radians(lat0))
+
+    def area_at(lon0: float) -> float:
+        def depth(lon: Any, lat: Any) -> Any:
+            return 205.0 + 1e-6 * (metre_east * ((lon - lon0 + 180.0) % 360.0 - 180.0)) ** 2
+
+        lon, lat = (lon0 + body.corner[:, 0] / metre_east + 180.0) % 360.0 - 180.0, lat0 + body.corner[:, 1] / metre
+        floor = Floor(100.0, depth, True, RADIUS)
+        assert floor.near(body, lon, lat, DRAFT, np.ones(2, bool), 0.0, 500.0).tolist() == [True, True]
+        cut = floor.patches(body, lon, lat, DRAFT, np.ones(2, bool), 0.0)
+        assert floor.plough(cut, np.ones(cut.owner.size))  # gouged cells are found again
+        cut = floor.patches(body, lon, lat, DRAFT, np.ones(2, bool), 0.0)
+        return sum(shapely.Polygon(cut.corner[a:b, :2]).area for a, b in pairwise(cut.start.tolist()))
+
+    assert area_at(0.0) == pytest.approx(area_at(100.0), rel=0.02)
+    assert area_at(0.0) > SIDE**2
+
+
 @pytest.mark.parametrize("turn", [0.4, 2.0])
 def test_a_keel_across_the_date_line_is_cut_as_elsewhere(turn: float) -> None:
     """Longitudes of its corners jump by a turn there."""

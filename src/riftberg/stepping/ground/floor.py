@@ -267,6 +267,19 @@ def columns_of(row: int, cell: float, latlon: bool, radius: float) -> float:
 
 
 @kernel
+def place_of(keys: Ints, key: int, at: int, before: int) -> int:
+    """Where ``key`` stands among sorted numbers, or would; ``at``: of the one looked for ``before``, -1 for the first one.
+
+    Neighbours of a row stand behind each other, so a step or two replaces a search.
+    """
+    if at < 0 or key < before:
+        at = int(np.searchsorted(keys, key))
+    while at < keys.size and keys[at] < key:
+        at += 1
+    return at
+
+
+@kernel
 def blocks_in_reach(
     keels: Keels, level: float, way: float, raster: Raster, keys: Ints, least: Floats, near: Booleans, missing: Ints
 ) -> int:
@@ -297,11 +310,7 @@ def blocks_in_reach(
             for ib in range(first, last + 1):
                 # Numbers of columns go round the sphere once.
                 key = jb * SHIFT + (ib % around if around > 0 else ib)
-                if at < 0 or key < before:
-                    at = int(np.searchsorted(keys, key))
-                while at < keys.size and keys[at] < key:  # the next one stands behind it
-                    at += 1
-                before = key
+                at, before = place_of(keys, key, at, before), key
                 if at >= keys.size or keys[at] != key:
                     if absent < missing.size:
                         missing[absent] = key
@@ -346,15 +355,11 @@ def cut_by_cells(
             west, east = row[0, 3], row[0, 3]
             for n in range(size):
                 west, east = min(west, row[n, 3]), max(east, row[n, 3])
-            at, last = -1, 0
+            at, before = -1, 0
             for ib in range(math.floor(west * per_degree / BLOCK), math.floor(east * per_degree / BLOCK) + 1):
                 # Numbers of columns go round the sphere once.
                 key = jb * SHIFT + (ib % around if around > 0 else ib)
-                if at < 0 or key < last:
-                    at = int(np.searchsorted(keys, key))
-                while at < keys.size and keys[at] < key:  # the next one stands behind it
-                    at += 1
-                last = key
+                at, before = place_of(keys, key, at, before), key
                 if at >= keys.size or keys[at] != key:
                     if absent < missing.size:
                         missing[absent] = key
