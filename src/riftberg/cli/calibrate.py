@@ -28,6 +28,7 @@ from riftberg.cli.options import (
     Without,
     Workers,
     check_folder,
+    make_options,
     output_folder,
     results_folder,
     within,
@@ -35,7 +36,7 @@ from riftberg.cli.options import (
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError
 from riftberg.system.limits import allow_large
-from riftberg.verification.positions import USUAL_ERROR
+from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
 
 RESULTS = ("calibration.nc", "calibration.csv", "posterior.png", "predictive.png")
 """Files that the command writes into its folder, beside one folder for each wave."""
@@ -58,7 +59,7 @@ def calibrate(
     berg: BergInFile = None,
     hour: Hour = None,
     error: PositionError = USUAL_ERROR,
-    azimuth_error: AzimuthError = 5.0,
+    azimuth_error: AzimuthError = AZIMUTH_ERROR,
     model_error: Annotated[
         float, typer.Option("--model-error", help="Error of the model's own position along each axis, km.")
     ] = 3.0,
@@ -119,8 +120,6 @@ def calibrate(
             )
     names = RESULTS if figure else RESULTS[:2]
     check_folder(folder, names)
-    from riftberg.cli.options import make_options
-
     made = make_options(asked["settings"], asked["days"], None if asked["data"] is None else Path(asked["data"]),
                         asked["without"], asked["numerics"])  # fmt: skip
     dates = {name: None if asked[name] is None else parse_date(asked[name], where=f"--{name.replace('_', '-')}")[0]

@@ -24,6 +24,7 @@ from riftberg.cli.options import (
     Without,
     check_folder,
     make_options,
+    named_files,
     output_folder,
     positive,
     results_folder,
@@ -124,8 +125,6 @@ def run(
         one = None if numerics == "both" else numerics
         options = make_options(plain, days, data, without, one, fetch, grid)
         if names is not None:
-            from riftberg.cli.options import named_files
-
             options = replace(options, files=named_files(experiment, names, data))
         positive(every, "--every", "hours", most=1e6)
         positive(keep_days, "--keep-days", "days", most=1e6)

@@ -20,7 +20,7 @@ from riftberg.cli.options import (
     within,
 )
 from riftberg.cli.terminal import announce_compilation, reported, say
-from riftberg.verification.positions import USUAL_ERROR
+from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
 
 
 @reported
@@ -31,7 +31,7 @@ def update(
     ] = None,
     berg: BergInFile = None,
     error: PositionError = USUAL_ERROR,
-    azimuth_error: AzimuthError = 5.0,
+    azimuth_error: AzimuthError = AZIMUTH_ERROR,
     hour: Hour = None,
     broken: Broken = None,
     whole_until: WholeUntil = None,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import PositionError, results_folder, within
+from riftberg.cli.options import PositionError, dates, results_folder, within
 from riftberg.cli.terminal import console, reported, say, table
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
@@ -79,8 +79,6 @@ def _between(cases: list[Case], text: str | None) -> list[Case]:
     """Return the cases within dates, each with the lead times that end within them."""
     from dataclasses import replace
     from datetime import datetime, timedelta
-
-    from riftberg.cli.options import dates
 
     span = dates(text, "--between")
     if span is None:

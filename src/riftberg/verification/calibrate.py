@@ -31,8 +31,8 @@ from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
-from riftberg.verification.forecast import _positions, at_date
-from riftberg.verification.positions import USUAL_ERROR
+from riftberg.verification.forecast import at_date, check_dates, moment_of, positions_of
+from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
 
 if TYPE_CHECKING:
     from riftberg.ensembles.member import Maker
@@ -47,9 +47,6 @@ PER_INPUT: Final = 10
 
 MOST_DATES: Final = 12
 """Dates that are compared, evenly over those that were observed: positions of nearby days say the same."""
-
-AZIMUTH_ERROR: Final = 5.0
-"""Of an outline, degrees: two outlines of A68a of one day, of 24, 25 and 26 December 2020, differ by 2, 6 and 4."""
 
 MODEL_ERROR: Final = {"km": 3.0, "degree": 5.0, "log": 0.15}
 """Error of the model itself: position, azimuth, margin. Another angle of the lattice moves A68a by 0.6 km and its margin by 0.13
@@ -110,7 +107,7 @@ def seen_of(
     azimuths: dict[datetime, float] = {}
     if observed is not None:
         where = str(observed.source)
-        name, known = _positions(observed, berg, where, start, hour)
+        name, known = positions_of(observed, berg, where, start, hour)
         places = {when: place for when, place in known.items() if start < when <= end}
         if not places and broken is None and whole_until is None:
             raise InputError(
@@ -127,8 +124,7 @@ def seen_of(
                 f"{date:%Y-%m-%d %H:%M} is not within the runs", where=option,
                 remedy=f"Give a date from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}",
             )  # fmt: skip
-    if broken is not None and whole_until is not None and whole_until >= broken:
-        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
+    check_dates(broken, whole_until)
     if not places and broken is None and whole_until is None:
         raise InputError(
             "nothing to compare with", where="calibrate", remedy="Give observations, --broken or --whole-until"
@@ -143,22 +139,17 @@ def azimuths_of(
     found: dict[datetime, float] = {}
     largest: dict[datetime, float] = {}
     for outline in observed.outlines:
-        when = _at(outline.when, outline.day_only, start, hour)
+        when = moment_of(outline.when, outline.day_only, start, hour)
         if when in places:
             plane = ConformalPlane(*places[when], 6.371e6)
             shape = polygon_on(plane, outline.ring)
             if shape.area > largest.get(when, 0.0):
                 largest[when], found[when] = shape.area, polygon_moments(np.asarray(shape.exterior.coords))[2] % 180.0
     for fix in observed.fixes:
-        when = _at(fix.when, fix.day_only, start, hour)
+        when = moment_of(fix.when, fix.day_only, start, hour)
         if when in places and np.isfinite(fix.azimuth) and places[when] == (fix.lon, fix.lat):
             found.setdefault(when, fix.azimuth)
     return {when: azimuth for when, azimuth in found.items() if np.isfinite(azimuth)}
-
-
-def _at(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
-    """Return the moment of an observation; of one without a time as `_positions` has it."""
-    return when + timedelta(hours=start.hour + start.minute / 60.0 if hour is None else hour) if day_only else when
 
 
 def targets_of(seen: Seen, errors: Errors) -> Targets:

@@ -89,7 +89,7 @@ def verified(
     times = ds["time"].values.astype("datetime64[ns]")
     start = times[0]
     first = start.astype("datetime64[us]").item()
-    named, seen = _positions(observed, berg, where, first, hour)
+    named, seen = positions_of(observed, berg, where, first, hour)
     lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
     if not np.isfinite(lon[:, 0]).all():
         raise InputError("members without a position at the start", where="ensemble", remedy="Make the ensemble again")
@@ -147,7 +147,7 @@ def drift_error(
     times = ensemble["time"].values.astype("datetime64[ns]")
     first = times[0].astype("datetime64[us]").item()
     lon, lat = (ensemble[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
-    _, seen = _positions(observed, berg, str(observed.source), first, hour)
+    _, seen = positions_of(observed, berg, str(observed.source), first, hour)
     apart = [
         np.linalg.norm(at_date(times, lon, lat, np.datetime64(when, "ns"), place), axis=-1)
         for when, place in seen.items()
@@ -203,7 +203,7 @@ def _by_weight(ensemble: xr.Dataset, done: Any) -> Any:
     return done[np.searchsorted(shares, (np.arange(count) + 0.5) / count)]
 
 
-def _positions(
+def positions_of(
     observed: Observations, berg: str | None, where: str, start: datetime, hour: float | None
 ) -> tuple[str, dict[datetime, tuple[float, float]]]:
     """Return the name of the berg and its positions by date: of its outlines the centroids, and the largest of a date."""
@@ -224,12 +224,22 @@ def _positions(
         raise InputError(what, where=where, remedy=f"Name one with --berg: {', '.join(names[:10])}")
     seen: dict[datetime, tuple[float, float]] = {}
     sizes: dict[datetime, float] = {}
-    shift = timedelta(hours=hour if hour is not None else start.hour + start.minute / 60.0)
     for name, when, day_only, lon, lat, area in sorted(rows, key=lambda row: row[1]):
-        at = when + shift if day_only else when
+        at = moment_of(when, day_only, start, hour)
         if chosen in (None, name) and area >= sizes.get(at, 0.0):
             seen[at], sizes[at] = (lon, lat), area
     return chosen or (names[0] if len(names) == 1 and names[0] else "berg"), dict(sorted(seen.items()))
+
+
+def moment_of(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
+    """Return the moment of an observation: of one without a time at an hour (UTC), by default that of the start."""
+    return when + timedelta(hours=start.hour + start.minute / 60.0 if hour is None else hour) if day_only else when
+
+
+def check_dates(broken: datetime | None, whole_until: datetime | None) -> None:
+    """Refuse a berg that was seen whole after it was seen broken."""
+    if broken is not None and whole_until is not None and whole_until >= broken:
+        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
 
 
 def _single(lon: float, lat: float, east: float, north: float) -> tuple[float, float]:
@@ -277,8 +287,7 @@ def _broken(
     """Return by day which members have broken by then and whether the berg had, as far as that was observed."""
     if broken is None and whole_until is None:
         return {}
-    if broken is not None and whole_until is not None and whole_until >= broken:
-        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
+    check_dates(broken, whole_until)
     first = ds["first_breakup"].values.astype("datetime64[ns]")
     result = {}
     for day in range(1, int((end - start) / DAY) + 1):

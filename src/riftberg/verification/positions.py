@@ -34,6 +34,12 @@ Those of A68a, 150 km long, lie 8.1 km east or west and 4.6 km north or south of
 in December 2020).
 """
 
+AZIMUTH_ERROR: Final = 5.0
+"""Error of the long axis of an outline, degrees (standard deviation).
+
+Two outlines of A68a of one day, of 24, 25 and 26 December 2020, differ by 2, 6 and 4.
+"""
+
 FEWEST: Final = 5
 """Bergs from which an interval from drawing bergs means something."""
 

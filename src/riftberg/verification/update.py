@@ -16,8 +16,9 @@ from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
-from riftberg.verification.calibrate import AZIMUTH_ERROR, azimuths_of, turned_from
-from riftberg.verification.forecast import DAY, _positions, at_date
+from riftberg.verification.calibrate import azimuths_of, turned_from
+from riftberg.verification.forecast import DAY, at_date, check_dates, positions_of
+from riftberg.verification.positions import AZIMUTH_ERROR
 
 FEWEST: Final = 1.0 / 3.0
 """Part of the members that has to count; below it they are drawn anew."""
@@ -39,8 +40,7 @@ def log_likelihood(
     ``error``: standard deviation of a position along each axis, km; ``azimuth_error``: of a long axis, degrees, none to leave
     axes out; ``doubt``: probability that it was wrongly seen whole or broken. Sightings are independent of each other.
     """
-    if broken is not None and whole_until is not None and whole_until >= broken:
-        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
+    check_dates(broken, whole_until)
     times = ds["time"].values.astype("datetime64[ns]")
     found = np.where(ds["status"].values == 0, 0.0, np.nan)
     if not np.isfinite(found).any():
@@ -48,7 +48,7 @@ def log_likelihood(
     count = 0
     if observed is not None:
         lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
-        _, seen = _positions(observed, berg, str(observed.source), times[0].astype("datetime64[us]").item(), hour)
+        _, seen = positions_of(observed, berg, str(observed.source), times[0].astype("datetime64[us]").item(), hour)
         for when, place in seen.items():
             if times[0] <= np.datetime64(when, "ns") <= times[-1]:
                 away = at_date(times, lon, lat, np.datetime64(when, "ns"), place)

@@ -255,17 +255,32 @@ def _place(faces: Faces, polygon: int, x: float, y: float, c: float, s: float, o
     return int(n)
 
 
+@kernel
+def _set_apart(state: Floats) -> None:
+    """End the contact of a pair."""
+    state[PHASE], state[FORCE], state[FRICTION], state[SPEED] = APART, 0.0, 0.0, 0.0
+
+
+@borrower
+def _places_of_pair(
+    island: Island, path: Floats, k: int
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Cosine and sine of the rotation of both bodies of a pair, and places (m) of its elements, with bodies moved by ``path``."""
+    i, j = island.first[k], island.second[k]
+    a, b = island.body_of[i], island.body_of[j]
+    ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
+    px, py = element_path(island.levers[i], path[a], ca, sa)
+    qx, qy = element_path(island.levers[j], path[b], cb, sb)
+    return ca, sa, cb, sb, island.separation[k, 0] + px, island.separation[k, 1] + py, qx, qy
+
+
 @borrower
 def _overlap_of_pair(
     island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
 ) -> tuple[float, float, float, float, float]:
     """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path``."""
     i, j = island.first[k], island.second[k]
-    m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
-    ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
-    px, py = element_path(m, path[a], ca, sa)
-    x2, y2 = element_path(n, path[b], cb, sb)
-    x1, y1 = island.separation[k, 0] + px, island.separation[k, 1] + py
+    ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
     area = moment_x = moment_y = chord_x = chord_y = 0.0
     for p in range(faces.begin[i], faces.end[i]):
         corners = _place(faces, p, x1, y1, ca, sa, work.one)
@@ -337,18 +352,10 @@ def _longest_substep(
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
         work.gap[k] = np.inf
-        ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
-        px, py = element_path(m, path[a], ca, sa)
-        qx, qy = element_path(n, path[b], cb, sb)
-        x1, y1, x2, y2 = island.separation[k, 0] + px, island.separation[k, 1] + py, qx, qy
+        ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         far, reach = math.hypot(x1 - x2, y1 - y2), faces.reach[i] + faces.reach[j]
         if far > reach + limit * (fastest + 0.5 * limit * quickest):
-            pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION], pair_state[k, SPEED] = (
-                APART,
-                0.0,
-                0.0,
-                0.0,
-            )
+            _set_apart(pair_state[k])
             continue
         nearest, nx, ny = np.inf, 1.0, 0.0
         for p in range(faces.begin[i], faces.end[i]):
@@ -394,7 +401,7 @@ def _longest_substep(
                 work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
                 work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
             continue
-        pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION], pair_state[k, SPEED] = APART, 0.0, 0.0, 0.0
+        _set_apart(pair_state[k])
         # The gap is crossed no sooner than after the smallest root t of gap = closing t + driven t^2 / 2.
         meets = math.sqrt(closing * closing + 2.0 * driven * nearest)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
@@ -494,19 +501,11 @@ def _find_faces(
             continue
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
-        ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
-        px, py = element_path(m, path[a], ca, sa)
-        x2, y2 = element_path(n, path[b], cb, sb)
-        x1, y1 = island.separation[k, 0] + px, island.separation[k, 1] + py
+        ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         area, moment_x, moment_y, chord_x, chord_y = _overlap_of_pair(island, faces, path, k, work)
         chord = math.hypot(chord_x, chord_y)
         if not (area > 0.0 and chord > 0.0):
-            pair_state[k, PHASE], pair_state[k, FORCE], pair_state[k, FRICTION], pair_state[k, SPEED] = (
-                APART,
-                0.0,
-                0.0,
-                0.0,
-            )
+            _set_apart(pair_state[k])
             continue
         nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
         row = work.face[count]

@@ -33,7 +33,7 @@ def narrow_warning(elements: Elements, parameters: Parameters) -> str:
         return ""
     metric, narrowest = Metric(p.earth.latlon, p.earth.radius, p.earth.period), max(SAG) + 1
     numbers, counts = np.unique(body.berg, return_counts=True)
-    for number in numbers[counts >= SLENDER]:
+    for number in numbers[counts >= SLENDER]:  # of fewer elements none is as slender
         own = body.berg == number
         lon, lat, area = place.lon[own], place.lat[own], body.length[own] * body.width[own]
         across, along = spread(

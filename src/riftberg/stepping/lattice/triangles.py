@@ -74,7 +74,7 @@ def find_open_edges(vertex: Floats, freed: Booleans, youngs: float, poisson: flo
     """Find the matrices of triangles, and how their freed edges close; arguments as of `find_triangles`."""
     found, elongation, stretch, inner_stiffness, stress = _condensed(vertex, freed, youngs, poisson, DRILLING)
     of_freed = freed[:, :, None] & freed[:, None, :]
-    give = np.asarray(np.asarray(np.linalg.inv(inner_stiffness) * of_freed), np.float64)
+    give = np.asarray(np.linalg.inv(inner_stiffness) * of_freed, np.float64)
     return found, OpenEdges(elongation - stretch, give, stress)
 
 
