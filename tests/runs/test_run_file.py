@@ -253,14 +253,19 @@ def two_meetings(ds: xr.Dataset) -> xr.Dataset:
 @pytest.mark.parametrize(
     ("name", "index", "value", "said"),
     [
-        ("fragment_number", 0, np.nan, "numbers of fragments are whole"),
-        ("fragment_number", 0, 1.5, "numbers of fragments are whole"),
-        ("sides", 3, 5.0, "an element of 5 sides"),
-        ("sides", 3, np.inf, "an element of inf sides"),
-        ("contact_first", 1, np.nan, "numbers of fragments are whole"),
-        ("contact_second", 1, 0.0, "numbers of fragments are whole"),
+        ("fragment_number", 0, np.nan, "fragment_number is nan, not a whole number from 1 to"),
+        (
+            "fragment_number",
+            0,
+            1.5,
+            "fragment_number, fragment 1: fragment_number is 1.5, not a whole number from 1 to",
+        ),
+        ("sides", 3, 5.0, "an element has 4 or 6 sides"),
+        ("sides", 3, np.inf, "sides, element 4: sides is inf, not a whole number from 0 to 6"),
+        ("contact_first", 1, np.nan, "contact_first, collision 2: contact_first is nan, not a whole number from 1 to"),
+        ("contact_second", 1, 0.0, "contact_second is 0, not a whole number from 1 to"),
         ("contact_time", 1, np.nan, "a collision without a time"),
-        ("contact_speed", 1, -1.0, "a speed below 0"),
+        ("contact_speed", 1, -1.0, "contact_speed is -1, not a number from 0 to"),
     ],
 )
 def test_a_number_that_names_nothing_is_refused(

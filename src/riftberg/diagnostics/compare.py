@@ -407,15 +407,12 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
 
     ``area``: observed area, m2.
     """
-    _, index = np.unique(scene.berg[record], return_inverse=True)
-    sizes = np.bincount(index, weights=np.where(scene.there[record], scene.area_at(record), 0.0))
-    order = np.argsort(-sizes, kind="stable")
-    chosen, total = [order[0]], sizes[order[0]]
-    for k in order[1:]:
-        if abs(total + sizes[k] - area) < abs(total - area):
-            chosen.append(k)
-            total += sizes[k]
-    rows = np.isin(index, chosen)
+    chosen, total = list[int](), 0.0
+    for number, size in scene.fragment_areas(record).items():
+        if not chosen or abs(total + size - area) < abs(total - area):
+            chosen.append(number)
+            total += size
+    rows = np.isin(scene.berg[record], chosen)
     return berg_position(scene.x[record][rows], scene.y[record][rows], scene.area[rows], radius=scene.radius)
 
 

@@ -235,14 +235,12 @@ class _Judge:
 
     def fragments(self, record: int) -> list[int]:
         """Return the fragments large enough to be matched, largest first."""
-        if record in self._fragments:
-            return self._fragments[record]
-        number, index = np.unique(self.scene.berg[record], return_inverse=True)
-        area = np.bincount(index, weights=np.where(self.scene.there[record], self.scene.area_at(record), 0.0))
-        # The largest is matched however small it is.
-        order = np.argsort(-area, kind="stable")
-        large = [int(number[k]) for k in order if k == order[0] or area[k] >= SMALLEST * self.scene.area.sum()]
-        return self._fragments.setdefault(record, large)
+        if record not in self._fragments:
+            areas = self.scene.fragment_areas(record)
+            large = [number for number, area in areas.items() if area >= SMALLEST * self.scene.area.sum()]
+            # The largest is matched however small it is.
+            self._fragments[record] = large or list(areas)[:1]
+        return self._fragments[record]
 
     def day(self, when: datetime, record: int, items: list[Outline | Fix], names: dict[str, int]) -> ScoredDay:
         """Compare at one time."""

@@ -47,10 +47,11 @@ from riftberg import constants
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.places import area_text
 from riftberg.life.ledger import PROCESSES, melt_of
-from riftberg.runs.layout import forcing_text
+from riftberg.runs.layout import called, forcing_text
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.restart import contact_rows, fragment_rows
-from riftberg.runs.tracks import Position, track_table
+from riftberg.runs.scene import Scene
+from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.atomic_files import write_json
 from riftberg.version import __version__
@@ -113,7 +114,7 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
     by_fragment = [
         {
             "fragment": int(rows[k]["number"]),
-            "name": called(rows[k]),
+            "name": _name_of_row(rows[k]),
             **dict(zip(PROCESSES, water[k].tolist(), strict=True)),
         }
         for k in order
@@ -146,9 +147,7 @@ def bonds_broken(model: BareModel) -> int:
 def fragment_areas(model: BareModel) -> list[float]:
     """Return the areas of all fragments, km2, largest first."""
     e = model.elements
-    _, index = np.unique(e.berg, return_inverse=True)
-    areas = np.bincount(index, weights=e.length * e.width) / 1e6
-    return sorted((float(area) for area in areas), reverse=True)
+    return [area / 1e6 for area in by_area(e.berg, e.length * e.width).values()]
 
 
 def breakups(model: BareModel) -> list[dict[str, Any]]:
@@ -162,7 +161,6 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per berg of the start, and per one that was added later."""
     rows = {int(row["number"]): row for row in fragment_rows(model)}
     e = model.elements
-    numbers, index = np.unique(e.berg, return_inverse=True)
     area, earth = e.length * e.width, model.parameters.earth
 
     def origin(number: int) -> int:
@@ -172,8 +170,8 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
         return number
 
     pieces: dict[int, list[tuple[float, int]]] = {}
-    for number, size in zip(numbers.tolist(), np.bincount(index, weights=area), strict=True):
-        pieces.setdefault(origin(number), []).append((float(size) / 1e6, number))
+    for number, size in by_area(e.berg, area).items():
+        pieces.setdefault(origin(number), []).append((size / 1e6, number))
     melted: dict[int, float] = {}
     if getattr(model, "life", None) is not None:
         for number, water in zip(
@@ -207,7 +205,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
 
 def collisions(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per collision of two bergs or fragments, in order of time."""
-    names = {int(row["number"]): called(row) for row in fragment_rows(model)}
+    names = {int(row["number"]): _name_of_row(row) for row in fragment_rows(model)}
     return [
         {
             "time": (model.start + timedelta(seconds=float(row["time"]))).isoformat(),
@@ -221,10 +219,8 @@ def collisions(model: BareModel) -> list[dict[str, Any]]:
     ]
 
 
-def called(row: dict[str, Any]) -> str:
-    """Return the name of a row of the family tree, or ``berg`` or ``fragment`` with its number."""
-    kind = "fragment" if row["parent"] > 0 else "berg"
-    return str(row.get("name") or f"{kind} {row['number']}")
+def _name_of_row(row: dict[str, Any]) -> str:
+    return called(row["number"], row["parent"], str(row.get("name", "")))
 
 
 def _breakup(start: datetime, row: dict[str, Any], names: dict[int, str]) -> dict[str, Any]:
@@ -284,9 +280,9 @@ def melt_lines(run: xr.Dataset) -> list[str]:
         shown = list(lost.items())[:NAMED]
         rest = sum(sum(water.values()) for water in list(lost.values())[NAMED:])
         more = f"; {len(lost) - NAMED} others {rest / 1e12:.3g} Gt" if len(lost) > NAMED else ""
-        names = _names(run)
+        scene = Scene(run)
         lines.append(
-            "Of this " + "; ".join(f"{names[number]} {_amounts(water)}" for number, water in shown) + more + "."
+            "Of this " + "; ".join(f"{scene.name(number)} {_amounts(water)}" for number, water in shown) + more + "."
         )
     return lines
 
@@ -304,15 +300,6 @@ def _births(run: xr.Dataset) -> list[str]:
     added = (run["fragment_parent"].values <= 0) & (run["fragment_birth_time"].values > run["time"].values[0])
     count, area = int(added.sum()), area_text(float(run["fragment_area"].values[added].sum()))
     return [f"{count} berg{'s' if count > 1 else ''} of {area} born on the way"] if count else []
-
-
-def _names(run: xr.Dataset) -> dict[int, str]:
-    numbers, parents = run["fragment_number"].values.tolist(), run["fragment_parent"].values.tolist()
-    own = run["fragment_name"].values if "fragment_name" in run else np.full(len(numbers), "")
-    return {
-        n: called({"number": n, "parent": parent, "name": name})
-        for n, parent, name in zip(numbers, parents, own, strict=True)
-    }
 
 
 def _amounts(water: dict[str, float]) -> str:

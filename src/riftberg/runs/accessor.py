@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from riftberg.runs.layout import called
 from riftberg.runs.tracks import tracks_of
 
 ELEMENT_NAMES: Final = {"u_sync": "u", "v_sync": "v", "trajectory": "element"}
@@ -73,10 +74,8 @@ class Tracks(Table):
 
         tracks, size = self.dataset, self.dataset["rowsize"].values
         names = [
-            name or f"{'fragment' if parent > 0 else 'berg'} {number}"
-            for name, parent, number in zip(
-                *(tracks[k].values.tolist() for k in ("name", "parent", "trajectory")), strict=True
-            )
+            called(*row)
+            for row in zip(*(tracks[k].values.tolist() for k in ("trajectory", "parent", "name")), strict=True)
         ]
         index = pd.MultiIndex.from_arrays(
             [np.repeat(np.array(names, object), size), tracks["time"].values], names=["berg", "time"]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
-from riftberg.state.variables import GONE
+from riftberg.state.variables import GONE, LARGEST, LARGEST_WHOLE
 from riftberg.stepping.laws import Laws
 from riftberg.version import __version__
 
@@ -68,15 +68,15 @@ BOND_LATEST: Final = (
 )
 
 FRAGMENT_VARIABLES: Final = (
-    Variable("number", "1", "number of the fragment, the value of berg", dtype="i8"),
+    Variable("number", "1", "number of the fragment, the value of berg", dtype="i8", limits=(1, LARGEST_WHOLE)),
     Variable("parent", "1", "number of the fragment it broke off, 0 for a berg of the start", dtype="i8"),
     Variable("birth_time", "s", "time of its birth"),
     Variable("lon", "degrees_east", "longitude of its centre at birth"),
     Variable("lat", "degrees_north", "latitude of its centre at birth"),
-    Variable("elements", "1", "number of its elements at birth", dtype="i8"),
-    Variable("area", "m2", "plan area at birth"),
+    Variable("elements", "1", "number of its elements at birth", dtype="i8", limits=(0, LARGEST_WHOLE)),
+    Variable("area", "m2", "plan area at birth", limits=(0.0, LARGEST)),
     Variable("mass", "kg", "mass at birth"),
-    Variable("bonds_broken", "1", "bonds that broke to set it free", dtype="i8"),
+    Variable("bonds_broken", "1", "bonds that broke to set it free", dtype="i8", limits=(0, LARGEST_WHOLE)),
     Variable("grounded", "1", "1 where it broke off aground", dtype="i8"),
     Variable("name", "", "name: of a berg, or of a berg with the number of its fragment", dtype="str"),
     Variable(
@@ -86,15 +86,20 @@ FRAGMENT_VARIABLES: Final = (
 """Family tree of the fragments, each written as ``fragment_<name>``."""
 
 CONTACT_VARIABLES: Final = (
-    Variable("first", "1", "number of the one berg or fragment", dtype="i8"),
-    Variable("second", "1", "number of the other", dtype="i8"),
+    Variable("first", "1", "number of the one berg or fragment", dtype="i8", limits=(1, LARGEST_WHOLE)),
+    Variable("second", "1", "number of the other", dtype="i8", limits=(1, LARGEST_WHOLE)),
     Variable("time", "s", "start of the long step in which they first touched"),
     Variable("end", "s", "end of the long step in which they last touched"),
     Variable("lon", "degrees_east", "longitude where they first touched"),
     Variable("lat", "degrees_north", "latitude where they first touched"),
-    Variable("speed", "m s-1", "relative speed before they touched"),
+    Variable("speed", "m s-1", "relative speed before they touched", limits=(0.0, LARGEST)),
 )
 """Collisions of bergs, each written as ``contact_<name>``."""
+
+
+def position_names(latlon: bool) -> dict[str, str]:
+    """Return how the positions are called in the file: ``lon`` and ``lat``, or ``x`` and ``y`` in metres."""
+    return {} if latlon else {"lon": "x", "lat": "y"}
 
 
 @cache
@@ -193,6 +198,11 @@ def placed(ids: Ints, values: NDArray[Any], rows: Ints, missing: float) -> NDArr
     column = np.full(rows.size, missing, values.dtype)
     column[row[row < rows.size]] = values[row < rows.size]
     return column
+
+
+def called(number: int, parent: int, name: str = "") -> str:
+    """Return what a berg or fragment is called: by its name, or by its number."""
+    return name or f"{'fragment' if parent > 0 else 'berg'} {number}"
 
 
 HUTH_2022 = (

@@ -56,6 +56,7 @@ from riftberg.runs.layout import (
     define_texts,
     element_history,
     placed,
+    position_names,
     run_attributes,
     texts,
 )
@@ -435,11 +436,6 @@ class _Record:
 def bond_history(model: BareModel) -> tuple[str, ...]:
     """Return the variables of the bonds that every record of this run holds."""
     return (*BOND_HISTORY, "damage") if model.parameters.damage.enabled else BOND_HISTORY
-
-
-def position_names(latlon: bool) -> dict[str, str]:
-    """Return how the positions are called in the file: ``lon`` and ``lat``, or ``x`` and ``y`` in metres."""
-    return {} if latlon else {"lon": "x", "lat": "y"}
 
 
 def open_run(path: str | Path) -> xr.Dataset:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from riftberg import constants
 from riftberg.errors import InputError
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
+from riftberg.runs.layout import called
+from riftberg.runs.tracks import by_area, family_of
 from riftberg.state import Floats, Ints
 from riftberg.stepping.forces.media import aground
 
@@ -304,7 +306,7 @@ class Scene:
         sizes: dict[int, float] = {}
         # Three moments are enough to find what was ever large, and cheap in long runs.
         for record in sorted({0, len(self.times) // 2, len(self.times) - 1}):
-            for number, area in self._areas(record).items():
+            for number, area in self.fragment_areas(record).items():
                 sizes[number] = area
         ranked = sorted(sizes, key=lambda n: (-sizes[n], n))
         large = set(sorted(self.berg_areas, key=lambda n: (-self.berg_areas[n], n))[:MOST_BERGS])
@@ -322,43 +324,34 @@ class Scene:
     @cached_property
     def berg_areas(self) -> dict[int, float]:
         """Plan area (m2) of each berg that was there at the start or came later, by its number, as it was then."""
-        parent, number = self.run["fragment_parent"].values, self.run["fragment_number"].values
-        area = self.run["fragment_area"].values
-        return {int(n): float(a) for n, a, p in zip(number, area, parent, strict=True) if p <= 0}
+        return {number: float(row["area"]) for number, row in self.family.items() if row["parent"] <= 0}
 
     @cached_property
-    def _parents(self) -> dict[int, int]:
-        pairs = zip(
-            self.run["fragment_number"].values.tolist(), self.run["fragment_parent"].values.tolist(), strict=True
-        )
-        return {int(n): int(p) for n, p in pairs}
+    def family(self) -> dict[int, dict[str, Any]]:
+        """What the file says of each berg and fragment, by its number."""
+        return family_of(self.run)
+
+    def parent(self, number: int) -> int:
+        """Return the number of the fragment that one broke off; 0 for a berg, and for what is not in the file."""
+        return int(self.family[number]["parent"]) if number in self.family else 0
 
     def origin(self, number: int) -> int:
         """Return the number of the berg that a fragment comes from; itself for a berg."""
         seen = {number}
         # A damaged file may hold a circle of parents.
-        while (parent := self._parents.get(number, 0)) > 0 and parent not in seen:
+        while (parent := self.parent(number)) > 0 and parent not in seen:
             seen.add(parent)
             number = parent
         return number
 
-    @cached_property
-    def _names(self) -> dict[int, str]:
-        if "fragment_name" not in self.run:
-            return {}
-        pairs = zip(self.run["fragment_number"].values.tolist(), self.run["fragment_name"].values.tolist(), strict=True)
-        return {int(n): str(name) for n, name in pairs if name}
-
     def name(self, number: int) -> str:
         """Return what a berg or fragment is called: by its name, or by its number."""
-        if number in self._names:
-            return self._names[number]
-        return f"berg {number}" if self._parents.get(number, 0) <= 0 else f"fragment {number}"
+        return called(number, self.parent(number), str(self.family.get(number, {}).get("name", "")))
 
-    def _areas(self, record: int) -> dict[int, float]:
-        number, index = np.unique(self.berg[record], return_inverse=True)
-        areas = np.bincount(index, weights=self.area_at(record))
-        return {n: area for n, area in zip(number.tolist(), areas.tolist(), strict=True) if n > 0}
+    def fragment_areas(self, record: int) -> dict[int, float]:
+        """Return the plan area (m2) of each fragment at a record by its number, the largest first."""
+        there = self.there[record]
+        return by_area(self.berg[record][there], self.area_at(record)[there])
 
     def area_of(self, number: int) -> float:
         """Return the area (m2) of a fragment at the last record."""
@@ -450,8 +443,7 @@ class Scene:
         """Return the fragment of which this one was a part at a record: itself once it is there."""
         seen = {number}
         while not (self.berg[record] == number).any():
-            row = np.flatnonzero(self.run["fragment_number"].values == number)
-            parent = int(self.run["fragment_parent"].values[row[0]]) if len(row) else 0
+            parent = self.parent(number)
             if parent <= 0 or parent in seen:
                 break
             number = parent
@@ -460,8 +452,7 @@ class Scene:
 
     def birth(self, number: int) -> tuple[np.datetime64, bool] | None:
         """Return when a fragment broke off and whether aground; None for a berg of the start."""
-        rows = np.flatnonzero(self.run["fragment_number"].values == number)
-        if not len(rows) or int(self.run["fragment_parent"].values[rows[0]]) <= 0:
+        if self.parent(number) <= 0:
             return None
-        row = rows[0]
-        return self.run["fragment_birth_time"].values[row], bool(self.run["fragment_grounded"].values[row])
+        row = self.family[number]
+        return row["birth_time"], bool(row["grounded"])

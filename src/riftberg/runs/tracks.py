@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from riftberg import constants
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import define_texts, texts
+from riftberg.runs.layout import FRAGMENT_VARIABLES, define_texts, position_names, texts
 from riftberg.state import Floats, Ints, Variable
 from riftberg.stepping.forces.media import aground
 
@@ -153,10 +153,16 @@ def berg_position(
     return Position(float(s.lon[0]), float(s.lat[0]), float(s.azimuth[0]), float(s.area[0]))
 
 
+def by_area(berg: Ints, area: Floats) -> dict[int, float]:
+    """Return the area of each fragment by its number, the largest first; of two that are equal the smaller number."""
+    numbers, index = np.unique(berg, return_inverse=True)
+    areas = np.bincount(index, weights=area)
+    return {int(numbers[k]): float(areas[k]) for k in np.argsort(-areas, kind="stable")}
+
+
 def main_berg(berg: Ints, area: Floats) -> int:
     """Return the number of the fragment with the largest area; the smallest number where two are equal."""
-    numbers, index = np.unique(berg, return_inverse=True)
-    return int(numbers[np.argmax(np.bincount(index, weights=area))])
+    return next(iter(by_area(berg, area)))
 
 
 def main_position(model: BareModel) -> Position:
@@ -240,14 +246,14 @@ TRACK_VARIABLES: Final = (
 )  # fmt: skip
 """What is known of each berg and fragment at each record."""
 
+_FAMILY: Final = {v.name: v for v in FRAGMENT_VARIABLES}
+
 TRACK_COORDINATES: Final = (
-    Variable("trajectory", "1", "number of the berg or fragment, the value of berg", dtype="i8"),
-    Variable("parent", "1", "number of the fragment it broke off, 0 for a berg of the start", dtype="i8"),
-    Variable("birth", "s", "time of its birth"),
-    Variable("name", "", "name: of a berg, or of a berg with the number of its fragment", dtype="str"),
-    Variable(
-        "calved_from", "1", "number of the berg from whose edge it calved (footloose), 0 for all others", dtype="i8"
-    ),
+    replace(_FAMILY["number"], name="trajectory", long_name="number of the berg or fragment, the value of berg"),
+    _FAMILY["parent"],
+    replace(_FAMILY["birth_time"], name="birth"),
+    _FAMILY["name"],
+    _FAMILY["calved_from"],
 )
 """What is known of each berg and fragment for good, from the family tree."""
 
@@ -364,7 +370,7 @@ def ragged(
     rows = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     order = np.argsort(rows["number"], kind="stable")
     numbers, counts = np.unique(rows["number"], return_counts=True)
-    places = {} if latlon else {"lon": "x", "lat": "y"}
+    places = position_names(latlon)
     dated = {"units": since, "calendar": "proleptic_gregorian"}
     unknown = {"parent": 0, "birth_time": np.nan, "name": "", "calved_from": 0}
     known = [{**unknown, **fragments.get(n, {}), "trajectory": n} for n in numbers.tolist()]
@@ -420,6 +426,13 @@ def _attributes(v: Variable, places: Mapping[str, str]) -> dict[str, Any]:
     return {"units": v.units, "long_name": v.long_name, **named}
 
 
+def family_of(run: xr.Dataset) -> dict[int, dict[str, Any]]:
+    """Return what a run file says of each berg and fragment (parent, birth_time, area, ...), by its number."""
+    names = [name for name in _FAMILY if f"fragment_{name}" in run]
+    rows = zip(*(run[f"fragment_{name}"].values for name in names), strict=True)
+    return {int(row[0]): dict(zip(names, row, strict=True)) for row in rows}
+
+
 def tracks_of(run: xr.Dataset) -> xr.Dataset:
     """Return the tracks of all bergs and fragments of a run that was opened, or of a part of it."""
     import xarray as xr
@@ -431,7 +444,7 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
         return np.where(np.isnat(dates), np.nan, (dates - start) / np.timedelta64(1, "s"))
 
     latlon = parameters.earth.latlon
-    names = {} if latlon else {"lon": "x", "lat": "y"}
+    names = position_names(latlon)
     fixed = {name: run[name].values for name in BOND_COLUMNS if name in run and "time" not in run[name].dims}
     fixed["break_time"] = seconds(run["break_time"].values)
     moving = [*ELEMENT_COLUMNS, *(name for name in ("peak_stress", "damage") if name in run)]
@@ -441,15 +454,8 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
         columns = {name: part[names.get(name, name)].values for name in moving}
         columns.setdefault("peak_stress", part["normal_stress"].values)
         blocks.append(berg_rows(seconds(part["time"].values), fixed | columns, parameters))
-    numbers = run["fragment_number"].values.tolist()
-    births = seconds(run["fragment_birth_time"].values).tolist()
-    texts = run["fragment_name"].values.tolist() if "fragment_name" in run else [""] * len(numbers)
-    calved = run["fragment_calved_from"].values.tolist() if "fragment_calved_from" in run else [0] * len(numbers)
-    table = zip(numbers, run["fragment_parent"].values.tolist(), births, texts, calved, strict=True)
-    fragments = {
-        n: {"parent": parent, "birth_time": birth, "name": name, "calved_from": edge}
-        for n, parent, birth, name, edge in table
-    }
+    family = family_of(run).items()
+    fragments = {number: {**row, "birth_time": float(seconds(row["birth_time"]))} for number, row in family}
     since = f"seconds since {np.datetime_as_string(start, 's').replace('T', ' ')}"
     tracks = xr.Dataset(
         {name: tuple(variable) for name, variable in ragged(blocks, fragments, since, latlon).items()},
