@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.placement import ReferencePlane, turned
+from riftberg.bergs.regions import ReferencePlane, turned
 from riftberg.plane import EqualAreaPlane
 
 EARTH = 6363827.0

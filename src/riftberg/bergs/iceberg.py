@@ -33,17 +33,21 @@ from riftberg.bergs.keys import (
     TableOptions,
     berg_options,
 )
-from riftberg.bergs.lattice import cells_of_rows, cells_region, fill, rectangle_region
-from riftberg.bergs.placement import (
+from riftberg.bergs.lattice import Region, cells_of_rows, cells_region, fill, rectangle_region
+from riftberg.bergs.raster import Raster, check_on_globe, read_raster, unbroken
+from riftberg.bergs.regions import (
     FillingPlane,
+    IceMask,
     ReferencePlane,
     centroid_moved,
     filling_plane,
+    ice_cells,
+    makeberg_lattice,
+    mask_region,
+    outline_region,
     relax,
     turned,
 )
-from riftberg.bergs.raster import Raster, check_on_globe, read_raster, unbroken
-from riftberg.bergs.regions import IceMask, ice_cells, makeberg_lattice, mask_region, outline_region
 from riftberg.bergs.report import card, describe, one_line, portrait
 from riftberg.bergs.strength import number_pieces
 from riftberg.config.values import flag, given, number, numbers
@@ -146,21 +150,10 @@ class Iceberg(BondedBerg):
             geometry.bounds, (geometry.centroid.x, geometry.centroid.y), settings.conformal, settings.earth_radius
         )
         region = outline_region(geometry, plane)
-        with placed_in(where):
-            lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
-        centre = plane.forward(np.array([geometry.centroid.x]), np.array([geometry.centroid.y]))
-        heights = thickness_at(settings.thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
-        moved = centroid_moved(plane, (geometry.centroid.x, geometry.centroid.y), settings.placement, settings.shift)
-        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
-        report: dict[str, Any] = {
-            "source": where, "feature": chosen.label(), "outline_area": region.area, "outline_pieces": region.pieces,
-        }  # fmt: skip
-        settings = settings.model_copy(
-            update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
-        )
         flat = shapely.transform(geometry, plane.forward, interleaved=False)
-        ice = shapely.affinity.rotate(flat, settings.rotation, origin=tuple(np.ravel(centre)))
-        return cls._placed(x + centre[0], y + centre[1], moved, settings, report, ice)
+        report = {"source": where, "feature": chosen.label()}
+        centroid = (geometry.centroid.x, geometry.centroid.y)
+        return cls._filling(region, plane, centroid, settings, settings.thickness, report, flat)
 
     @classmethod
     def from_mask(
@@ -223,23 +216,9 @@ class Iceberg(BondedBerg):
         region, plane_of, centroid = mask_region(
             ice, lambda b, c: filling_plane(b, c, settings.conformal, settings.earth_radius)
         )
-        with placed_in(mask.name):
-            lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         ice_itself = unbroken(mask, ice_cells(mask, threshold)).above(threshold) if thickness is None else None
-        heights = thickness_at(
-            settings.thickness if ice_itself is None else ice_itself,
-            *plane_of.inverse(lattice.x, lattice.y),
-            read_raster,
-        )
-        # The berg turns about the centroid of the ice, not about the origin of the plane it was filled on.
-        cx, cy = plane_of.forward(np.array([centroid[0]]), np.array([centroid[1]]))
-        x, y = turned(lattice.x - cx, lattice.y - cy, settings.rotation)
-        settings = settings.model_copy(
-            update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
-        )
-        moved = centroid_moved(plane_of, centroid, settings.placement, settings.shift)
-        report = {"source": mask.name, "outline_area": region.area, "outline_pieces": region.pieces}
-        return cls._placed(x + cx, y + cy, moved, settings, report)
+        source_of_heights = settings.thickness if ice_itself is None else ice_itself
+        return cls._filling(region, plane_of, centroid, settings, source_of_heights, {"source": mask.name})
 
     @classmethod
     def from_table(
@@ -274,15 +253,10 @@ class Iceberg(BondedBerg):
             settings = settings.model_copy(update={"radius": table_radius})
         column, row = cells_of_rows(rows)
         region = cells_region(column, row, 2.0 * table_radius)
-        lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
         centre = (2.0 * table_radius * (column.mean() + 0.5), 2.0 * table_radius * (row.mean() + 0.5))
-        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
-        settings = settings.model_copy(update={"radius": radius})
-        report = {"source": "table of lattice rows", "outline_area": region.area}
         west, south = 2.0 * table_radius * column - centre[0], 2.0 * table_radius * row - centre[1]
         cells = shapely.union_all(shapely.box(west, south, west + 2.0 * table_radius, south + 2.0 * table_radius))
-        ice = shapely.affinity.rotate(cells, settings.rotation, origin=(0.0, 0.0))
-        return cls._about(x, y, settings, report, ice)
+        return cls._about(region, centre, settings, "table of lattice rows", cells)
 
     @classmethod
     def rectangle(
@@ -310,12 +284,9 @@ class Iceberg(BondedBerg):
         length = given(length, Rectangle, "length", kind=BergError)
         width = given(width, Rectangle, "width", kind=BergError)
         region = rectangle_region(length, width)
-        lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
-        x, y = turned(lattice.x, lattice.y, settings.rotation)
-        settings = settings.model_copy(update={"radius": radius})
-        report = {"source": f"rectangle {length:g} m x {width:g} m", "outline_area": region.area}
-        ice = shapely.affinity.rotate(shapely.box(*region.bounds), settings.rotation, origin=(0.0, 0.0))
-        return cls._about(x, y, settings, report, ice)
+        return cls._about(
+            region, (0.0, 0.0), settings, f"rectangle {length:g} m x {width:g} m", shapely.box(*region.bounds)
+        )
 
     @classmethod
     def from_points(
@@ -483,11 +454,37 @@ class Iceberg(BondedBerg):
         )  # fmt: skip
 
     @classmethod
+    def _filling(
+        cls, region: Region, plane: FillingPlane, centroid: tuple[float, float], settings: BergOptions, thickness: Any,
+        report: dict[str, Any], outline: Any = None,
+    ) -> Iceberg:  # fmt: skip
+        """Fill a region of a plane, turn it about its centroid (degrees) and place it; ``outline``: of the ice, on the plane."""
+        with placed_in(report["source"]):
+            lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
+        # Of a map where the ice was drawn, before it is turned and moved.
+        heights = thickness_at(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
+        cx, cy = plane.forward(np.array([centroid[0]]), np.array([centroid[1]]))
+        x, y = turned(lattice.x - cx, lattice.y - cy, settings.rotation)
+        if outline is not None:
+            outline = shapely.affinity.rotate(outline, settings.rotation, origin=(float(cx[0]), float(cy[0])))
+        moved = centroid_moved(plane, centroid, settings.placement, settings.shift)
+        settings = settings.model_copy(
+            update={"radius": radius, "thickness": heights, "pieces": region.piece_of(lattice)}
+        )
+        report = {**report, "outline_area": region.area, "outline_pieces": region.pieces}
+        return cls._placed(x + cx, y + cy, moved, settings, report, outline)
+
+    @classmethod
     def _about(
-        cls, x: Floats, y: Floats, settings: BergOptions, report: dict[str, Any], outline: Any = None
+        cls, region: Region, centre: tuple[float, float], settings: BergOptions, source: str, outline: Any
     ) -> Iceberg:
-        """Place points given about the origin around a centre."""
+        """Fill a region in metres and place its centre; ``outline``: that of the ice about the centre."""
+        lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
+        x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
+        settings = settings.model_copy(update={"radius": radius})
         assert settings.placement is not None
+        outline = shapely.affinity.rotate(outline, settings.rotation, origin=(0.0, 0.0))
+        report = {"source": source, "outline_area": region.area}
         if not settings.latlon:
             east, north = settings.placement
             berg = cls._of_points(x + east, y + north, settings)

@@ -12,9 +12,23 @@ from typing import Annotated, Any, Literal, TypedDict
 import numpy as np
 from pydantic import AfterValidator, ValidationError, model_validator
 
-from riftberg.config.sections import PLACE, Pair, Position, Section, Shift, Velocity, at_most, key
 from riftberg.config.units import looks_like_quantity
-from riftberg.config.values import UnfitError, check_names, explained, given, numbers, says_metres
+from riftberg.config.values import (
+    PLACE,
+    Pair,
+    Position,
+    Section,
+    Shift,
+    UnfitError,
+    Velocity,
+    at_most,
+    check_names,
+    explained,
+    given,
+    key,
+    numbers,
+    says_metres,
+)
 from riftberg.constants import EARTH_RADIUS_A68, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing

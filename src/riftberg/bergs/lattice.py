@@ -1,7 +1,7 @@
 """Square and hexagonal packing of a plane region with equal elements.
 
 Files 8.2: positions are relative to the lower-left corner of the region; the first column stands
-half an element inside. Coordinates are metres in a plane; `riftberg.bergs.placement` brings them to the sphere.
+half an element inside. Coordinates are metres in a plane; `riftberg.bergs.regions` brings them to the sphere.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.bergs.placement import turned
+from riftberg.bergs.regions import turned
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.uncertain import is_uncertain, with_errors
 from riftberg.ensembles.vary import grouped

@@ -18,7 +18,7 @@ import numpy as np
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import cells_of_rows, cells_region
-from riftberg.bergs.placement import ReferencePlane
+from riftberg.bergs.regions import ReferencePlane
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.parameters import Packing
 from riftberg.plane import EqualAreaPlane

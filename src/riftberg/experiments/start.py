@@ -12,7 +12,7 @@ import shapely
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.placement import turned
+from riftberg.bergs.regions import turned
 from riftberg.errors import InputError
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import copy_state
