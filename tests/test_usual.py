@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.cli.main import app
-from riftberg.config.usual_ranges import USUAL
-from riftberg.config.without_effect import LAWS, without_effect
+from riftberg.config.usual_ranges import LAWS, USUAL, without_effect
 from riftberg.experiments import Options, build
 from riftberg.ocean import formulas
 from riftberg.ocean.grid import Grid

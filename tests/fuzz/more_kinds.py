@@ -16,7 +16,7 @@ import yaml
 
 from fuzz.base_files import EXPERIMENT, KML, RING, TRACK, changed_nc, copied, store, summary
 from fuzz.judging import Kind, flipped
-from riftberg.config.sections import Section
+from riftberg.config.values import Section
 from riftberg.experiments import schema
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.parameters import Parameters

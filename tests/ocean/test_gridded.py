@@ -10,10 +10,9 @@ import pytest
 
 from ocean.grids import degrees, random_fields, scattered, square_lakes, without_gaps
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import Fields
+from riftberg.ocean.cells import DepthAtPoint, Fields, sample_gridded
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing, add_tidal_drift
-from riftberg.ocean.interpolation import DepthAtPoint, sample_gridded
 from riftberg.state import Environment
 
 ENVIRONMENT = tuple(

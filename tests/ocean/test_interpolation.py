@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from ocean.grids import ALL, bent, random_fields, scattered, square_lakes
-from riftberg.ocean.cells import Fields
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import _draws, add_tidal_drift, cell_seed
-from riftberg.ocean.interpolation import (
+from riftberg.ocean.cells import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
     DEPTH_ZONE,
     DepthAtPoint,
+    Fields,
     blend_around,
     sample_gridded,
     zone_depth,
 )
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.gridded import _draws, add_tidal_drift, cell_seed
 from riftberg.state import new_elements
 from twins import cells as plain_cells
 from twins import fields as twin

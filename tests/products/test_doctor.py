@@ -71,7 +71,7 @@ def test_cover_in_time_and_gaps(tmp_path: Path) -> None:
 def test_cover_in_space(tmp_path: Path) -> None:
     path = files.oscar_v2(tmp_path)
     report = doctor(path, lon=(-45.0, -30.0), lat=(-60.0, -50.0), needed=("uo", "vo"))
-    assert "covers only part of the experiment: latitudes -56.5..-56 of -60..-50" in report.text()
+    assert "covers only part of the experiment: 100% of its box lies outside. Fetch a larger area" in report.text()
     elsewhere = doctor(path, lon=(10.0, 20.0), lat=(-60.0, -50.0), needed=("uo", "vo"))
     assert "10 E to 20 E" in elsewhere.text()
     assert elsewhere.missing == ["uo", "vo"]

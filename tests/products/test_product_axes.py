@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from riftberg.errors import ForcingError
-from riftberg.products.axes import goes_round, tidy_axes, tidy_longitude
+from riftberg.products.levels import depths
+from riftberg.products.place import goes_round, tidy_axes, tidy_longitude
 from riftberg.products.window import utc, window
 
 
@@ -49,22 +50,19 @@ def test_window_holds_the_box_on_its_branch(west: float, width: float, first: fl
     np.testing.assert_allclose(ds["uo"].values[0], (lon + 180.0) % 360.0 - 180.0, atol=1e-9)
 
 
-def levelled(units: str | None, levels: tuple[float, ...] = (0.5, 1.0)) -> xr.Dataset:
-    attributes = {} if units is None else {"units": units}
-    return globe().expand_dims(depth=len(levels)).assign_coords(depth=("depth", np.array(levels), attributes))
+def levels(units: str | None) -> xr.DataArray:
+    return xr.DataArray([0.5, 1.0], dims="depth", name="depth", attrs={} if units is None else {"units": units})
 
 
 @pytest.mark.parametrize(("units", "factor"), [("m", 1.0), (None, 1.0), ("km", 1000.0), ("cm", 0.01), ("Meters", 1.0)])
 def test_levels_are_turned_into_metres(units: str | None, factor: float) -> None:
     """Levels in km were taken as metres: the keel was below all of them."""
-    depth = tidy_axes(levelled(units), where="file.nc")["depth"]
-    np.testing.assert_allclose(depth, [0.5 * factor, factor])
-    assert depth.attrs["units"] == "m"
+    np.testing.assert_allclose(depths(levels(units), where="file.nc"), [0.5 * factor, factor])
 
 
 def test_levels_in_unknown_units_are_refused() -> None:
     with pytest.raises(ForcingError, match=r"file.nc, axis depth: units 'dbar' are not known .* Convert it to m "):
-        tidy_axes(levelled("dbar"), where="file.nc")
+        depths(levels("dbar"), where="file.nc")
 
 
 def test_dates_that_the_ordinary_calendar_lacks_are_refused() -> None:

@@ -16,7 +16,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import ModelGrid, Run
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products import open_product
-from riftberg.products.axes import tidy_longitude
+from riftberg.products.place import tidy_longitude
 
 LON, LAT = np.arange(-42.0, -34.0, 0.5), np.arange(-60.0, -52.0, 0.5)
 

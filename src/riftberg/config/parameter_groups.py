@@ -10,8 +10,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from riftberg import constants
-from riftberg.config.sections import Section
-from riftberg.config.values import UnfitError, explained, fields_of, sections_in
+from riftberg.config.values import Section, UnfitError, explained, fields_of, sections_in
 from riftberg.errors import InputError, nearest
 from riftberg.system.input_files import value_shown
 
@@ -589,6 +588,13 @@ class Calving(Group):
     )
 
 
+OF_NAMELISTS = (
+    "plain_kid_branch", "grid_position_round_trip",
+    "radius_based", "damping_by_speed", "zero_rates", "keep_shape", "one_draw",
+)  # fmt: skip
+"""Switches of `Compatibility` that the reference's namelists, and its kinds of grid, turn on: no quirks of every run."""
+
+
 class Compatibility(Group):
     """Quirks of the reference, each behind one switch; all off here, on where parity needs them.
 
@@ -770,39 +776,8 @@ class Compatibility(Group):
     @classmethod
     def kid(cls, **overrides: Any) -> Compatibility:
         """All switches as KID/iKID behaves, except those given."""
-        on = {
-            "flat_relative_velocity": True,
-            "zero_start": True,
-            "inline_break_in_first_step": True,
-            "forcing_lag": True,
-            "sticky_collision_flags": True,
-            "shared_shear_lever": True,
-            "bond_thickness_of_second": True,
-            "swapped_implicit_velocity": True,
-            "uncentred_half_kicks": True,
-            "explicit_contact_damping": True,
-            "frozen_sea_ice_drag": True,
-            "forces_by_element": True,
-            "rest_length_from_sizes": True,
-            "bergs_coupled": True,
-            "bits_melt_at_zero_rates": True,
-            "plain_basal_search": True,
-            "scaled_laminar_layer": True,
-            "rolls_on": True,
-            "element_length_in_base_law": True,
-            "half_west_rim": True,
-            "bits_always_roll": True,
-            "unplaced_child_in_metres": True,
-            "drop_orphan_bits": True,
-            "footloose_sets_density": True,
-            "heat_of_one_class": True,
-            "births_at_centre": True,
-            "hemisphere_by_corner": True,
-            "flung_debris": True,
-            "elements_stopped_alone": True,
-            "stages_from_start": True,
-            "contact_by_cells": True,
-            "lost_over_edge": True,
-            "imposed_velocity_late": True,
-        }
+        quirks = [
+            name for name, field in fields_of(cls).items() if field.annotation is bool and name not in OF_NAMELISTS
+        ]
+        on = dict.fromkeys(quirks, True)
         return cls(**{**on, **overrides})

@@ -19,9 +19,9 @@ from riftberg.config.units import to_unit
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError, InputError
 from riftberg.ocean.errors import SizeField
+from riftberg.products.cf import role_of, units_of
 from riftberg.products.levels import uppermost
 from riftberg.products.registry import open_all
-from riftberg.products.roles import role_of, units_of
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, reading
 from riftberg.system.netcdf_lock import open_lazily

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from riftberg.config.sections import Section, key
+from riftberg.config.values import Section, key
 from riftberg.errors import InputError
 from riftberg.experiments.start import started
 from riftberg.ocean.errors import Errors, FieldError, UncertainForcing

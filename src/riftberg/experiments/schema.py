@@ -11,14 +11,16 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from riftberg.bergs.keys import LATTICE, BergKeys, FieldOfBergs, LatticeRows, Rectangle
-from riftberg.config.sections import Pair, Section, key
 from riftberg.config.values import (
     NORTHERNMOST,
     SOUTHERNMOST,
+    Pair,
+    Section,
     UnfitError,
     check_place,
     in_metres,
     in_utc,
+    key,
 )
 from riftberg.errors import InputError
 from riftberg.ocean import formulas

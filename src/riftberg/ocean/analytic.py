@@ -8,8 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 
-from riftberg.config.sections import ICE_UNITS, Pair, SeaIce, Section, Velocity, Wind, at_most, key
-from riftberg.config.values import given, native, number
+from riftberg.config.values import ICE_UNITS, Pair, SeaIce, Section, Velocity, Wind, at_most, given, key, native, number
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import flows_text, pair_text, said

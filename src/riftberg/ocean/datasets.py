@@ -254,9 +254,8 @@ class DatasetForcing(DescribedForcing):
         >>> forcing.currents(np.array([-37.0]), np.array([-56.5]), 0.0)
         (array([0.1]), array([0.1]))
         """
-        wanted = "an xarray.Dataset, or a list of them"
-        required(datasets, (xr.Dataset, Sequence), wanted, where="datasets", kind=ForcingError)
-        several = [datasets] if isinstance(datasets, xr.Dataset) else list(datasets)
+        check_names(options, DatasetOptions)
+        several = list_of_datasets(datasets)
         begin = None if start is None else moment(start, where="start")
         limits = {"max_gap_seconds": (max_gap, "max_gap"), "hold_seconds": (hold, "hold")}
         rules = {
@@ -582,26 +581,7 @@ class Forcing(formulas.Formula):
         options = {key: value for key, value in names_and_options.items() if key not in names}
         return DatasetForcing.from_xarray(dataset, start, **{"names": names, **options})
 
-    @staticmethod
-    def from_xarray(
-        datasets: xr.Dataset | Sequence[xr.Dataset], start: datetime | None = None, **options: Any
-    ) -> DatasetForcing:
-        """Return the forcing that datasets in memory, or opened by xarray, give.
-
-        Parameters
-        ----------
-        datasets : xarray.Dataset or sequence of them
-            Currents and, where available, sea level, wind, sea ice and sea floor; with CF standard names and units, each on
-            its own grid and at its own times.
-        start : datetime.datetime, optional
-            Date of the model's time 0 (UTC); by default the first at which all of them have records. A model with this
-            forcing starts then.
-        **options
-            As for `riftberg.DatasetForcing`.
-        """
-        check_names(options, DatasetOptions)
-        products = list_of_datasets(datasets)
-        return DatasetForcing.from_xarray(products, start, **options)
+    from_xarray = staticmethod(DatasetForcing.from_xarray)
 
 
 def list_of_datasets(datasets: Any) -> list[xr.Dataset]:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, fill_values
 from riftberg.ocean.product_records import as_block
-from riftberg.products.axes import goes_round, step_of
-from riftberg.products.mesh import Located, NodeMesh, mesh_of
+from riftberg.products.mesh import Located, Mesh, NodeMesh, mesh_of
 from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
 from riftberg.products.records import (
@@ -35,10 +34,9 @@ from riftberg.products.records import (
 from riftberg.products.registry import Choice, expand, joined, product_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.products.vectors import together
-from riftberg.products.window import extent_text, longitudes_near, utc, window, window_in_time
+from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
-Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Span = tuple[float, float]
 
@@ -173,17 +171,16 @@ def _examined(
         time=_time_cover(ds),
     )
     part = _part(ds, lon, lat, time, finding)
-    _space_problems(
-        part if part is not None and "lat" not in ds.dims and "crs_wkt" not in ds.attrs else ds, lon, lat, finding
-    )
     if part is None:
         _time_problems(ds, {}, time, finding)
         return finding
+    mesh = mesh_of(part)
+    _space_problems(part, mesh, lon, lat, finding)
     empty = empty_by_field(part)
     _time_problems(
         ds, {name: part["time"].values[flags] for name, flags in empty.items() if flags.any()}, time, finding
     )
-    berg = Located(mesh_of(part), *np.reshape(path or (), (-1, 2)).T)
+    berg = Located(mesh, *np.reshape(path or (), (-1, 2)).T)
     if berg.outside.any():
         finding.problems.append(
             f"{berg.outside.sum()} of {berg.lon.size} positions of the berg lie outside. Fetch a larger area"
@@ -247,35 +244,20 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 86400:.3g} days" if seconds >= 86400 else f"{seconds / 3600:.3g} h"
 
 
-def _space_problems(ds: xr.Dataset, lon: Span | None, lat: Span | None, finding: DataFinding) -> None:
+def _space_problems(ds: xr.Dataset, mesh: Mesh, lon: Span | None, lat: Span | None, finding: DataFinding) -> None:
     """Note where the experiment's box reaches beyond the data, and what a single row of points lacks."""
     for axis in ("lat", "lon", "y", "x"):
         if ds.sizes.get(axis, 2) < 2 and not finding.problems:
             finding.problems.append(f"only one point along {axis}: a run needs two or more. Fetch a larger area")
-    if lon is None or lat is None or finding.problems:
-        return
-    if "lat" not in ds.dims and "node" not in ds.dims:
-        east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
-        box = np.meshgrid(np.linspace(lon[0], east, _EDGE_POINTS), np.linspace(*lat, _EDGE_POINTS))
-        outside = Located(mesh_of(ds), *box).outside.mean()
-        if outside > 0.0:
-            finding.problems.append(
-                f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
-            )
-        return
-    if "node" in ds.dims:
+    if lon is None or lat is None or finding.problems or "node" in ds.dims:
         return
     east = lon[1] if lon[1] >= lon[0] else lon[1] + 360.0
-    near = longitudes_near(ds, lon[0], east)
-    lats, lons = near["lat"].values, near["lon"].values
-    half_lat, half_lon = (0.5 * step_of(axis) for axis in (lats, lons))
-    short = []
-    if lat[0] < lats[0] - half_lat or lat[1] > lats[-1] + half_lat:
-        short.append(f"latitudes {lats[0]:g}..{lats[-1]:g} of {lat[0]:g}..{lat[1]:g}")
-    if not goes_round(lons) and (lon[0] < lons[0] - half_lon or east > lons[-1] + half_lon):
-        short.append(f"longitudes {lons[0]:g}..{lons[-1]:g} of {lon[0]:g}..{east:g}")
-    if short:
-        finding.problems.append(f"covers only part of the experiment: {'; '.join(short)}. Fetch a larger area")
+    box = np.meshgrid(np.linspace(lon[0], east, _EDGE_POINTS), np.linspace(*lat, _EDGE_POINTS))
+    outside = Located(mesh, *box).outside.mean()
+    if outside > 0.0:
+        finding.problems.append(
+            f"covers only part of the experiment: {outside:.0%} of its box lies outside. Fetch a larger area"
+        )
 
 
 def _time_problems(

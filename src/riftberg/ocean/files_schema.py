@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import model_validator
 
-from riftberg.config.sections import Pair, Section, key
-from riftberg.config.values import UnfitError
+from riftberg.config.values import Pair, Section, UnfitError, key
 from riftberg.errors import ForcingError
 
 if TYPE_CHECKING:

@@ -28,8 +28,22 @@ from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs
 
 from riftberg.config.places import place_text
-from riftberg.config.sections import ICE_UNITS, PLACE, Pair, Position, SeaIce, Velocity, Wind, about
-from riftberg.config.values import UnfitError, explained, fields_of, in_metres, plain_value, says_metres
+from riftberg.config.values import (
+    ICE_UNITS,
+    PLACE,
+    Pair,
+    Position,
+    SeaIce,
+    UnfitError,
+    Velocity,
+    Wind,
+    about,
+    explained,
+    fields_of,
+    in_metres,
+    plain_value,
+    says_metres,
+)
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import FIELD_DEFAULTS

@@ -14,20 +14,22 @@ from numpy.typing import ArrayLike
 
 from riftberg.config.values import moment, number, required
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import Fields, GridArrays, locate_points
-from riftberg.ocean.forcing import DescribedForcing, SharedLock
-from riftberg.ocean.grid import ZERO_ON_LAND, Grid, first_gap, usable
-from riftberg.ocean.interpolation import (
+from riftberg.ocean.cells import (
     DEPTH_BIQUADRATIC,
     DEPTH_OF_CELL,
     DEPTH_ZONE,
     DepthAtPoint,
+    Fields,
+    GridArrays,
     Points,
     blend_around,
     fill_depth,
+    locate_points,
     points_from_corners,
     sample_gridded,
 )
+from riftberg.ocean.forcing import DescribedForcing, SharedLock
+from riftberg.ocean.grid import ZERO_ON_LAND, Grid, first_gap, usable
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import listed
 

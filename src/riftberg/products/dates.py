@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
+from riftberg.products.cf import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
 from riftberg.products.product import noted
+from riftberg.products.quantities import unit_change
 from riftberg.products.records import MEAN_OF, named, usual_interval
-from riftberg.products.repair import CALENDARS
-from riftberg.products.roles import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
+from riftberg.products.repair import CALENDARS, date_in_seconds
 
 _NOT_VALID = re.compile(r"reference|initial|issue|creation|production|analysis")
 _COVERAGE = (
@@ -26,16 +27,6 @@ _LONGEST = np.timedelta64(32, "D")
 _SECOND = np.timedelta64(1, "s")
 _POINT = re.compile(r"\btime\s*:\s*(\w+\s*:\s*)*point\b")
 _MEAN = re.compile(r"\b(\w*time\w*|t)\s*:\s*(\w+\s*:\s*)*mean\b", re.I)
-_PERIODS = {
-    "s": 1.0,
-    "second": 1.0,
-    "minute": 60.0,
-    "min": 60.0,
-    "h": 3600.0,
-    "hr": 3600.0,
-    "hour": 3600.0,
-    "day": 86400.0,
-}
 
 
 def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray:
@@ -132,15 +123,14 @@ def _counted(variable: xr.DataArray) -> Any:
         re.fullmatch(r"(18|19|20|21)\d{2}(0[1-9]|1[0-2])([0-2]\d|3[01])([01]\d|2[0-3])?", text) for text in texts
     ):
         return None
-    try:
-        days = [np.datetime64(f"{t[:4]}-{t[4:6]}-{t[6:8]}T{t[8:10] or '00'}", "ns") for t in texts]
-    except ValueError:
+    seconds = [date_in_seconds(text) for text in texts]
+    if None in seconds:
         return None
     if variable.dtype.itemsize < 8 and variable.dtype.kind == "f" and values.max() > 2.0**24:
         return None  # its steps are 2 days and more: 9 December cannot be told from 10 December
     parts = values - whole  # GrADS and OSI SAF write day as %Y%m%d.%f, good to a third of a millisecond
-    dates = np.array(days) + np.round(parts * 86400.0).astype("timedelta64[s]")
-    return dates.astype("datetime64[ns]").reshape(variable.shape)
+    dates = np.array(seconds, float) + np.round(parts * 86400.0)
+    return dates.astype("datetime64[s]").astype("datetime64[ns]").reshape(variable.shape)
 
 
 def _best(ds: xr.Dataset, names: list[str], dim: str) -> str | None:
@@ -164,9 +154,8 @@ def _valid(ds: xr.Dataset, name: str, field: str) -> tuple[xr.DataArray, Any]:
         if other in ds.variables and ds[other].ndim == 0:
             ahead: Any = ds[other].values
             if ahead.dtype.kind != "m":
-                unit = units_of(ds[other]).lower().strip()
-                seconds = _PERIODS.get(unit, _PERIODS.get(unit.rstrip("s"), 3600.0))
-                ahead = np.timedelta64(round(float(ahead) * seconds), "s")
+                # Without a unit that is known the length of a forecast is in hours.
+                ahead = np.timedelta64(round(float(ahead) * (_seconds_in(units_of(ds[other])) or 3600.0)), "s")
             # In microseconds, so that a length beyond all years is met as such and does not come back as another.
             return dates.copy(data=dates.values.astype("datetime64[us]") + ahead.astype("timedelta64[us]")), means
     return dates, means
@@ -224,14 +213,8 @@ def _covered(ds: xr.Dataset) -> Any:
 
 
 def _moment_of_text(text: Any) -> Any:
-    match = re.match(r"^\s*(\d{4})-?(\d{2})-?(\d{2})(?:[T ]?(\d{2}):?(\d{2}))?", str(text))
-    if match is None:
-        return None
-    year, month, day, hour, minute = match.groups()
-    try:
-        return np.datetime64(f"{year}-{month}-{day}T{hour or '00'}:{minute or '00'}", "us")
-    except ValueError:
-        return None
+    seconds = date_in_seconds(str(text).strip())
+    return None if seconds is None else np.datetime64(round(1e6 * seconds), "us")
 
 
 # What a file says itself about the time between its records, or that one record stands for.
@@ -239,7 +222,6 @@ def _moment_of_text(text: Any) -> Any:
 
 MONTH_SECONDS = 30.4 * SECONDS_PER_DAY
 
-_TIME_UNITS = {"second": 1.0, "minute": 60.0, "hour": 3600.0, "day": SECONDS_PER_DAY}
 _FREQUENCIES = {
     "1hr": 3600.0, "3hr": 3 * 3600.0, "6hr": 6 * 3600.0, "day": SECONDS_PER_DAY, "mon": MONTH_SECONDS,
 }  # fmt: skip
@@ -287,13 +269,19 @@ def _bounds(raw: xr.Dataset) -> float:
     for time in raw.variables.values():
         bounds = raw.variables.get(str(time.attrs.get("bounds", "")))
         units = str(time.attrs.get("units", ""))
-        unit = units.split(" ")[0].lower().rstrip("s")
         if bounds is None or " since " not in units or time.ndim != 1:
             continue
-        if unit in _TIME_UNITS and bounds.ndim == 2 and bounds.shape[1] == 2 and bounds.size:
+        unit = _seconds_in(units.split(" ")[0])
+        if unit and bounds.ndim == 2 and bounds.shape[1] == 2 and bounds.size:
             widths = np.abs(np.diff(np.asarray(bounds.values, float), axis=1))
-            return float(np.median(widths)) * _TIME_UNITS[unit]
+            return float(np.median(widths)) * unit
     return 0.0
+
+
+def _seconds_in(unit: str) -> float:
+    """Return the seconds in a unit of time; 0 if it is none."""
+    change = unit_change(unit, "s")
+    return 0.0 if change is None else change[0]
 
 
 _NEAR = re.compile(

@@ -17,10 +17,9 @@ import xarray as xr
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.cf import USUAL_NAMES
+from riftberg.products.cf import USUAL_NAMES, role_of
 from riftberg.products.models import grid_of
 from riftberg.products.product import Evidence, Heading, Product, Source, noted
-from riftberg.products.roles import role_of
 
 _FIELDS = {"uo", "vo", "SSH", "ssh_bgrid", "ua", "va", "taux", "tauy", "elevation"}
 _AT_CENTRES = {"SSH", "elevation"}
@@ -124,7 +123,7 @@ def _without_zeros(ds: xr.Dataset) -> xr.Dataset:
 
 
 def _finish(ds: xr.Dataset) -> xr.Dataset:
-    from riftberg.products.sea_floors import depth_from_elevation
+    from riftberg.products.oceans import depth_from_elevation
 
     return depth_from_elevation(_without_zeros(ds))
 

@@ -13,10 +13,15 @@ from riftberg.errors import ForcingError, nearest
 from riftberg.products.cf import (
     above_ellipsoid,
     by_standard_name,
+    coordinates_of,
     is_height,
+    role_of,
+    role_of_name,
+    standard_name,
     statistic,
     strange_height,
     turned_away,
+    units_of,
     unread,
 )
 from riftberg.products.dates import dated, declared_mean
@@ -26,7 +31,6 @@ from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF
 from riftberg.products.repair import VALID, without_land
-from riftberg.products.roles import coordinates_of, role_of, role_of_name, standard_name, units_of
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 
 NAMING = (

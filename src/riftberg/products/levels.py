@@ -12,14 +12,13 @@ from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.products.quantities import QUANTITIES, conversion, labelled
-from riftberg.products.roles import bounds_of, coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.cf import bounds_of, coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.quantities import QUANTITIES, conversion, labelled, unit_change
 from riftberg.products.vectors import on_points_of, plane_of
+from riftberg.state import Floats
 
-Floats = NDArray[np.float64]
 Kind = Literal["depth", "height", "pressure", "sigma", "number"]
 
 SURFACE = 30.0
@@ -200,14 +199,8 @@ def _judge_single(axis: xr.DataArray, edges: Floats | None, name: str, quantity:
 
 
 def _metres(units: str) -> float:
-    unit = units.strip().lower()
-    return (
-        1000.0
-        if unit in ("km", "kilometer", "kilometers")
-        else 0.01
-        if unit in ("cm", "centimeter", "centimeters")
-        else 1.0
-    )
+    """Return the metres in a unit of lengths; others, which are judged elsewhere, count as metres."""
+    return (unit_change(units, "m") or (1.0, 0.0))[0]
 
 
 def _too_deep(name: str, place: str, where: str) -> ForcingError:

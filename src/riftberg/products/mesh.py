@@ -21,8 +21,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
 from riftberg.physics.geometry import inverse_bilinear
 from riftberg.plane import unit_vectors
-from riftberg.products.axes import goes_round
-from riftberg.products.place import to_degrees, to_projection
+from riftberg.products.place import goes_round, to_degrees, to_projection
 from riftberg.state import Floats, Ints
 
 POLAR = 85.0

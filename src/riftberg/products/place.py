@@ -1,4 +1,4 @@
-"""The horizontal place of a field: which of its coordinates are its positions, and what kind of grid they make.
+"""The horizontal place of a field: which of its coordinates are its positions, what kind of grid they make, and its axes.
 
 Numbers of rows and columns are never positions: a dimension counts as a position only through a coordinate with values.
 """
@@ -10,15 +10,17 @@ from typing import Any, cast
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
-from riftberg.products.roles import coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.cf import coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.product import noted
+from riftberg.state import Floats
 
-Floats = NDArray[np.float64]
+EAST = {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}
+NORTH = {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}
+"""Attributes of positions in a canonical dataset."""
 
-_EAST = {"standard_name": "longitude", "units": "degrees_east"}
-_NORTH = {"standard_name": "latitude", "units": "degrees_north"}
 _SOUTH_OR_WEST = re.compile(r"deg(?:ree)?s?[ _]?(?:s|south|w|west)", re.IGNORECASE)
 """Units of positions that count the other way; CF does not know them, and files have them."""
 
@@ -50,10 +52,10 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
         _check_axes(ds, lat, lon, north, east, where)
         # By way of names that no file has: a file may call its columns lat.
         bare = bare.rename({str(north.dims[0]): "lat_", str(east.dims[0]): "lon_"}).rename(lat_="lat", lon_="lon")
-        return bare.assign_coords(lat=("lat", north.values, _NORTH), lon=("lon", east.values, _EAST))
+        return bare.assign_coords(lat=("lat", north.values, NORTH), lon=("lon", east.values, EAST))
     if north.ndim == 1:
         bare = bare.rename({str(north.dims[0]): "node"})
-        return bare.assign_coords(lat=("node", north.values, _NORTH), lon=("node", east.values, _EAST))
+        return bare.assign_coords(lat=("node", north.values, NORTH), lon=("node", east.values, EAST))
     north, east = _without_origin(north, east.transpose(*north.dims), lat, lon, where)
     rows, columns = (str(dim) for dim in north.dims)
     bare = bare.rename({rows: "y", columns: "x"}) if (rows, columns) != ("y", "x") else bare
@@ -61,8 +63,8 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
     axes = _straight(lat2, lon2)
     if axes is not None:
         bare = bare.rename(y="lat", x="lon")
-        return bare.assign_coords(lat=("lat", axes[0], _NORTH), lon=("lon", axes[1], _EAST))
-    return bare.assign_coords(lat=(("y", "x"), lat2, _NORTH), lon=(("y", "x"), lon2, _EAST))
+        return bare.assign_coords(lat=("lat", axes[0], NORTH), lon=("lon", axes[1], EAST))
+    return bare.assign_coords(lat=(("y", "x"), lat2, NORTH), lon=(("y", "x"), lon2, EAST))
 
 
 def _without_origin(
@@ -269,13 +271,13 @@ def _projected(
         why = "" if radius else ", whose radius of the Earth is not given"
         said = f"the latitudes and longitudes of the file are taken, {off / 1000.0:.1f} km from its projection{why}"
         lat, lon = (_checked_degrees(ds[c].transpose(y_dim, x_dim), name).values for c in pair)
-        bare = bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
+        bare = bare.assign_coords(lat=(("y", "x"), lat, NORTH), lon=(("y", "x"), lon, EAST))
         return bare.assign_attrs(placed=said)
     if degrees:  # of a rotated pole
         lon, lat = to_degrees(crs, *np.meshgrid(x, y))
-        return bare.assign_coords(lat=(("y", "x"), lat, _NORTH), lon=(("y", "x"), lon, _EAST))
+        return bare.assign_coords(lat=(("y", "x"), lat, NORTH), lon=(("y", "x"), lon, EAST))
     placed: xr.DataArray = bare.assign_coords(x=("x", x, {"units": "m"}), y=("y", y, {"units": "m"}))
-    for kind, position, attributes in zip(("lat", "lon"), pair, (_NORTH, _EAST), strict=False):
+    for kind, position, attributes in zip(("lat", "lon"), pair, (NORTH, EAST), strict=False):
         values = ds[position].transpose(y_dim, x_dim).values
         placed = placed.assign_coords({kind: (("y", "x"), values, attributes)})
     if not radius and not pair:
@@ -376,3 +378,118 @@ def _plain_attributes(attributes: Any) -> dict[str, Any]:
     ):
         plain["standard_parallel"] = parallels[0]
     return plain
+
+
+# Axes of the canonical dataset: named alike, ascending, on one branch, with real UTC dates.
+
+_OTHER_YEARS = (
+    "Leave out the other records, or put model years on dates of the run, in Python: ds.assign_coords(time=dates)"
+)
+
+
+def tidy_axes(ds: xr.Dataset, *, where: str) -> xr.Dataset:
+    """Sort the axes, put longitudes on one branch and dates on the standard calendar, and order the dimensions."""
+    if "time" in ds.variables:
+        ds = tidy_time(ds, where=where)
+    if "depth" in ds.dims:  # in metres since its levels were judged
+        attributes = {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}
+        ds = _ascending(ds.assign_coords(depth=("depth", ds["depth"].values, attributes)), "depth")
+    if "lat" in ds.dims and "lon" in ds.dims:
+        ds = tidy_longitude(_ascending(ds, "lat"))
+    for axis in ("y", "x"):
+        if axis in ds.dims and axis in ds.coords:
+            ds = _ascending(ds, axis)
+    order = [name for name in ("time", "depth", "lat", "lon", "y", "x", "node") if name in ds.dims]
+    return ds.transpose(*order, ...)
+
+
+def tidy_time(ds: xr.Dataset, *, where: str) -> xr.Dataset:
+    """Return the dataset with ``time`` as ``datetime64[ns]``.
+
+    Dates of other calendars are taken by their label (year, month, day, ...): products that state a Julian calendar
+    write the ordinary date.
+    """
+    time, values = ds["time"], ds["time"].values
+    if time.dtype == object:
+        stamps = [_by_label(date, where) for date in np.atleast_1d(values)]
+        values = np.array(stamps, dtype="datetime64[us]").reshape(time.shape)
+    values = nanoseconds(values, where=where, kind=ForcingError, remedy=_OTHER_YEARS)
+    if np.isnat(values).any():
+        raise ForcingError(
+            f"{int(np.isnat(values).sum())} of {values.size} dates are missing",
+            where=where,
+            remedy="Correct the time axis",
+        )
+    ds = ds.assign_coords(time=(time.dims, values, {"standard_name": "time", "axis": "T", "long_name": "time (UTC)"}))
+    if "time" not in ds.dims:
+        ds = ds.expand_dims("time")
+    ds = ds.sortby("time") if np.any(np.diff(ds["time"].values) < np.timedelta64(0)) else ds
+    _, first = np.unique(ds["time"].values, return_index=True)
+    if first.size == ds.sizes["time"]:
+        return ds
+    lost = ds.sizes["time"] - first.size
+    return noted(ds.isel(time=first), doubt=f"{lost} record(s) repeat a date: the first of each is taken")
+
+
+def _by_label(date: Any, where: str) -> np.datetime64:
+    """Return the date of another calendar that is written the same; refuse one that the ordinary calendar lacks."""
+    try:
+        return np.datetime64(date.isoformat(), "us")
+    except ValueError as error:
+        calendar = str(getattr(date, "calendar", "")) or "another"
+        raise ForcingError(
+            f"the date {date.isoformat()} of its calendar ({calendar}) does not exist",
+            where=where,
+            remedy="Convert the file to the standard calendar, for example with xarray's convert_calendar('standard')",
+        ) from error
+
+
+def _ascending(ds: xr.Dataset, name: str) -> xr.Dataset:
+    values = ds[name].values
+    return ds.isel({name: slice(None, None, -1)}) if values.size > 1 and values[0] > values[-1] else ds
+
+
+def step_of(values: Floats) -> float:
+    """Return the median spacing of an axis; 0 for a single value."""
+    return float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 0.0
+
+
+def goes_round(lon: Floats) -> bool:
+    """Tell whether ascending longitudes (degrees) cover the whole circle."""
+    step = step_of(lon)
+    return bool(lon.size > 1 and lon[-1] - lon[0] + 1.5 * step >= 360.0)
+
+
+def tidy_longitude(ds: xr.Dataset) -> xr.Dataset:
+    """Sort longitudes, drop columns that repeat a meridian (OSCAR v1 runs 20..420) and shift them to -180..180."""
+    ds = _ascending(ds, "lon")
+    lon = ds["lon"].values
+    if lon.size > 1 and not np.all(np.diff(lon) > 0.0):
+        # They jump (177..180, -180..-177): round the globe from the largest gap on, each meridian once.
+        turned, first = np.unique(np.round(lon % 360.0, 9) % 360.0, return_index=True)
+        gaps = np.diff(np.append(turned, turned[0] + 360.0))
+        start = (int(np.argmax(gaps)) + 1) % turned.size
+        lon = np.roll(turned, -start)
+        lon = np.where(lon < lon[0], lon + 360.0, lon)
+        ds = ds.isel(lon=np.roll(first, -start)).assign_coords(lon=("lon", lon, EAST))
+    # Columns that repeat a meridian are left out before the branch is chosen.
+    return on_branch(ds.isel(lon=slice(0, int((lon < lon[0] + 360.0 - 1e-6).sum()))), -180.0)
+
+
+def on_branch(ds: xr.Dataset, west: float) -> xr.Dataset:
+    """Return the dataset with ascending longitudes that start at or east of ``west`` (degrees).
+
+    A field that goes round the earth is rolled so that it begins at ``west``; a regional one is only shifted by whole
+    turns and may therefore reach beyond ``west + 360``.
+    """
+    lon = ds["lon"].values
+    attributes = ds["lon"].attrs
+    if not goes_round(lon):
+        turns = 360.0 * np.floor((lon[0] - west + 1e-9) / 360.0)
+        return ds.assign_coords(lon=("lon", lon - turns, attributes))
+    # Whole turns are subtracted (a remainder would add rounding that differs from branch to branch).
+    wrapped = lon - 360.0 * np.floor((lon - west + 1e-9) / 360.0)
+    order = np.argsort(wrapped, kind="stable")
+    if not np.array_equal(order, np.arange(order.size)):
+        ds = ds.isel(lon=order)
+    return ds.assign_coords(lon=("lon", wrapped[order], attributes))

@@ -13,9 +13,9 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.axes import tidy_axes
 from riftberg.products.dates import stated_interval, told_kind
 from riftberg.products.fields import gathered, of_member
+from riftberg.products.place import tidy_axes
 from riftberg.products.product import Product, noted
 from riftberg.products.records import REMARKS
 from riftberg.products.repair import REPAIRS, with_text_dates, within_valid_range

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError, nearest
-from riftberg.products import cf, experiment, models, oceans, sea_floors, winds
+from riftberg.products import cf, experiment, models, oceans, winds
 from riftberg.products.dates import settled
 from riftberg.products.fields import NAMING
 from riftberg.products.levels import uppermost
@@ -44,10 +44,10 @@ PRODUCTS: tuple[Product, ...] = (
     winds.NCEP_R1,
     winds.JRA55,
     winds.ERA5,
-    sea_floors.IBCSO,
+    oceans.IBCSO,
     oceans.OSISAF,
-    sea_floors.GEBCO,
-    sea_floors.SRTM15,
+    oceans.GEBCO,
+    oceans.SRTM15,
     experiment.PRODUCT,
     experiment.KEEL_MEAN,
     models.ROMS,

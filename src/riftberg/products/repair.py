@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError
-from riftberg.products.roles import role_of_name, standard_name
+from riftberg.products.cf import role_of_name, standard_name
 
 VALID = "valid"
 """Attribute that notes which values of a field are valid by its file."""
@@ -146,7 +146,7 @@ def with_text_dates(ds: xr.Dataset, where: str = "") -> xr.Dataset:
         if dims_and_texts is None or not dims_and_texts[1]:
             continue
         dims, texts = dims_and_texts
-        seconds = [_seconds(text) for text in texts]
+        seconds = [date_in_seconds(text) for text in texts]
         if None not in seconds:
             values = np.array(seconds, np.float64)
             kept = {
@@ -181,7 +181,7 @@ def _texts(variable: xr.Variable) -> tuple[tuple[Any, ...], list[str]] | None:
     return dims, [text.strip(" \0") for text in plain]
 
 
-def _seconds(text: str) -> float | None:
+def date_in_seconds(text: str) -> float | None:
     """Return a date in words as seconds since 1970 (UTC); None if it is none."""
     match, zone = _ISO.match(text), ""
     if match is not None:

@@ -13,18 +13,16 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
+from riftberg.products.cf import standard_name, units_of
 from riftberg.products.mesh import Located, mesh_of
-from riftberg.products.place import to_degrees
+from riftberg.products.place import EAST, NORTH, to_degrees
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import VECTORS, named
-from riftberg.products.roles import standard_name, units_of
-
-Floats = NDArray[np.float64]
+from riftberg.state import Floats
 
 COMPONENTS = frozenset(name for pair in VECTORS for name in pair)
 _TRUE_NAMES = frozenset({
@@ -193,10 +191,7 @@ def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
     """Regrid a canonical dataset to ascending axes of longitude and latitude (degrees), over the known points around."""
     there = Located(mesh_of(ds), *np.meshgrid(np.asarray(lon, float), np.asarray(lat, float)))
     fields = {name: regridded(field, there, ("lat", "lon")) for name, field in ds.data_vars.items()}
-    axes = {
-        "lat": ("lat", np.asarray(lat, float), {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
-        "lon": ("lon", np.asarray(lon, float), {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
-    }
+    axes = {"lat": ("lat", np.asarray(lat, float), NORTH), "lon": ("lon", np.asarray(lon, float), EAST)}
     attributes = {key: value for key, value in ds.attrs.items() if key != "crs_wkt"}
     attributes["history"] = f"regridded bilinearly to longitude-latitude; {ds.attrs.get('history', '')}"
     return xr.Dataset(fields, attrs=attributes).assign_coords(axes)

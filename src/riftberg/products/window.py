@@ -7,18 +7,16 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from riftberg.config.places import box_text
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
-from riftberg.products.axes import goes_round, on_branch
 from riftberg.products.mesh import CurvilinearMesh, Located, NodeMesh
-from riftberg.products.place import to_degrees, to_projection
+from riftberg.products.place import EAST, NORTH, goes_round, on_branch, to_degrees, to_projection
 from riftberg.products.records import cover_of
+from riftberg.state import Floats
 
-Floats = NDArray[np.float64]
 Span = tuple[float, float]
 
 REACH = 1.5
@@ -95,8 +93,7 @@ def with_positions(ds: xr.Dataset) -> xr.Dataset:
     if {"lat", "lon"} <= set(ds.variables):
         return ds
     lon, lat = to_degrees(ds.attrs["crs_wkt"], *np.meshgrid(ds["x"].values, ds["y"].values))
-    east, north = {"standard_name": "longitude"}, {"standard_name": "latitude"}
-    return ds.assign_coords(lon=(("y", "x"), lon, east), lat=(("y", "x"), lat, north))
+    return ds.assign_coords(lon=(("y", "x"), lon, EAST), lat=(("y", "x"), lat, NORTH))
 
 
 def _scattered(ds: xr.Dataset, west: float, east: float, south: float, north: float) -> xr.Dataset:
@@ -141,11 +138,7 @@ def _straightened(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
         return ds.assign_coords(lon=(ds["lon"].dims, lon, ds["lon"].attrs))
     order = np.unique(np.round(lon.mean(axis=0), 5), return_index=True)[1]
     ds = ds.isel(x=order).drop_vars(["lat", "lon"]).rename(y="lat", x="lon")
-    axes = {
-        "lat": ("lat", lat.mean(axis=1), {"standard_name": "latitude", "units": "degrees_north", "axis": "Y"}),
-        "lon": ("lon", lon.mean(axis=0)[order], {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}),
-    }
-    return ds.assign_coords(axes)
+    return ds.assign_coords(lat=("lat", lat.mean(axis=1), NORTH), lon=("lon", lon.mean(axis=0)[order], EAST))
 
 
 def extent_text(ds: xr.Dataset) -> str:
