@@ -258,7 +258,7 @@ def test_what_is_native_stays() -> None:
         (lambda: block().with_rifts([[1, 2], [3, 4]], strength="x"), "strength: 'x' is not a number"),
         (lambda: GriddedForcing(5, []), "grid: 5 cannot be used here. Give a Grid"),
         (lambda: DatasetForcing(5), "parts: 5 cannot be used here"),
-        (lambda: DatasetForcing.from_xarray(5, "2020-01-01"), "datasets: 5 cannot be used here"),
+        (lambda: DatasetForcing.from_xarray(5, "2020-01-01"), "from_xarray: 5 cannot be used here"),
         (lambda: riftberg.open_run(5), "open_run: 5 cannot be used here"),
         (lambda: riftberg.open_sweep(5), "open_sweep: 5 cannot be used here"),
         (lambda: riftberg.draw_map(5), "draw_map: 5 cannot be used here"),
@@ -333,7 +333,7 @@ def test_a_field_of_bergs_takes_units_and_refuses_in_words() -> None:
     for wrong, message in (
         ({"n": 2.5}, "2.5 is not possible"), ({"n": -1}, "-1 is not possible"), ({"area": (-40, -38)}, "area:"),
         ({"area": (-40, -38, -98, -57)}, "latitude -98"), ({"sizes": ["1 km"]}, "measured in m2"),
-        ({"gap": "far"}, "'far' is not a number"), ({"seed": "a"}, "'a' is not a number"),
+        ({"gap": "far"}, "'far' is not a number"), ({"seed": "a"}, "'a' is no seed"),
     ):  # fmt: skip
         with pytest.raises(BergError, match=message):
             Iceberg.field(**{"n": 3, "area": box, **wrong})
