@@ -20,10 +20,12 @@ from riftberg.state import Bonds, Elements, copy_state, elements_of
 from riftberg.system.input_files import value_shown
 
 
-def check_seed(seed: Any) -> int | None:
-    """Return a seed as a whole number, 0 or more; None stays."""
+def seed_of(seed: Any) -> int:
+    """Return a seed as a whole number, 0 or more; one is drawn for None."""
     plain = native(seed)
-    if plain is None or (isinstance(plain, int) and not isinstance(plain, bool) and plain >= 0):
+    if plain is None:
+        return int(np.random.SeedSequence().generate_state(1)[0])
+    if isinstance(plain, int) and not isinstance(plain, bool) and plain >= 0:
         return plain
     raise BergError(f"{value_shown(seed)} is no seed", where="seed", remedy="Give a whole number, 0 or more")
 
@@ -183,8 +185,7 @@ class BondedBerg:
                 None if value is None else number(value, "1", where=name, kind=BergError)
                 for name, value in (("shape", shape), ("spread", spread))
             )
-            seed = check_seed(seed)
-            seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
+            seed = seed_of(seed)
             factors = strengths.scatter(len(bonds.first), distribution, shape=shape, spread=spread, seed=seed)
             made = {"distribution": distribution, "shape": shape, "spread": spread, "seed": seed}
         else:

@@ -12,7 +12,7 @@ import shapely.affinity
 
 from riftberg.bergs import fields
 from riftberg.bergs import outline as outlines
-from riftberg.bergs.bonded import BondedBerg, join
+from riftberg.bergs.bonded import BondedBerg, join, seed_of
 from riftberg.bergs.bonding import (
     BondRule,
     Metric,
@@ -413,11 +413,7 @@ class Iceberg(BondedBerg):
         gap = given(gap, FieldOfBergs, "gap", kind=BergError)
         between = given(between, FieldOfBergs, "between", kind=BergError)
         area = fields.checked_area(area, latlon=flag(options.get("latlon", True), where="latlon", kind=BergError))
-        seed = (
-            int(np.random.SeedSequence().generate_state(1)[0])
-            if seed is None
-            else given(seed, FieldOfBergs, "seed", kind=BergError)
-        )
+        seed = seed_of(seed)
         random = np.random.default_rng(seed)
         plan = fields.areas(n, sizes, random, between)
         heights = fields.thickness_of(plan) if thickness is None else thickness
