@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, ValidationError, model_validator
 
 from riftberg import constants
-from riftberg.config.values import Section, UnfitError, explained, fields_of, sections_in
+from riftberg.config.values import Section, UnfitError, explained, fields_of, key, sections_in
 from riftberg.errors import InputError, nearest
 from riftberg.system.input_files import value_shown
 
@@ -31,7 +31,7 @@ FootlooseStyle = Literal["bits", "bergs"]
 
 def quantity(default: Any, unit: str, meaning: str, source: str, **limits: Any) -> Any:
     """Describe one parameter: default, unit, meaning, source and the limits that pydantic checks."""
-    return Field(default, description=meaning, json_schema_extra={"unit": unit, "source": source}, **limits)
+    return key(default, unit, meaning, source=source, **limits)
 
 
 class Group(Section):

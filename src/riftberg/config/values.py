@@ -29,6 +29,7 @@ from pydantic import (
     model_validator,
 )
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
 
 from riftberg.config.units import looks_like_quantity, to_unit
 from riftberg.errors import InputError, nearest, together
@@ -47,8 +48,8 @@ Place = tuple[str | int, ...]
 class UnfitError(ValueError):
     """A value that a field cannot hold."""
 
-    def __init__(self, what: str, remedy: str = "") -> None:
-        self.what, self.remedy = what, remedy
+    def __init__(self, what: str, remedy: str = "", *, where: str = "") -> None:
+        self.what, self.remedy, self.where = what, remedy, where  # the field says where, unless it is stated
         super().__init__(what)
 
 
@@ -495,7 +496,9 @@ def nanoseconds(
     return given.astype("datetime64[ns]")
 
 
-def check_degrees(place: tuple[float, float], *, where: str, kind: type[InputError] = InputError) -> None:
+def check_degrees(
+    place: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError
+) -> None:
     """Refuse two numbers that cannot be degrees of longitude and latitude."""
     if not (abs(place[0]) <= 540.0 and abs(place[1]) <= 180.0):
         raise kind(
@@ -504,8 +507,8 @@ def check_degrees(place: tuple[float, float], *, where: str, kind: type[InputErr
 
 
 def check_place(
-    place: tuple[float, float], *, where: str, kind: type[InputError] = InputError, south: float = -90.0,
-    north: float = 90.0,
+    place: tuple[float, float], *, where: str = "", kind: type[InputError] | type[UnfitError] = UnfitError,
+    south: float = -90.0, north: float = 90.0,
 ) -> None:  # fmt: skip
     """Refuse a place that is none on Earth, where only swapped coordinates put a berg.
 
@@ -591,13 +594,14 @@ class Section(BaseModel):
 
 def about(unit: str, meaning: str, **options: Any) -> Any:
     """Describe an argument whose default stands behind it: unit, meaning, limits, and what `key` has under ``extra``."""
-    extra: dict[str, Any] = {name: options.pop(name) for name in ("place", "units", "hidden") if name in options}
-    return Field(description=meaning, json_schema_extra={"unit": unit, **extra}, **options)
+    return key(PydanticUndefined, unit, meaning, **options)
 
 
 def key(default: Any, unit: str, meaning: str, **options: Any) -> Any:
     """Describe one key of a section: default and what `about` takes."""
-    extra: dict[str, Any] = {name: options.pop(name) for name in ("place", "units", "hidden") if name in options}
+    extra: dict[str, Any] = {
+        name: options.pop(name) for name in ("place", "units", "hidden", "source") if name in options
+    }
     return Field(default, description=meaning, json_schema_extra={"unit": unit, **extra}, **options)
 
 
@@ -607,10 +611,7 @@ PLACE: dict[str, Any] = {"place": True}
 
 def _sea(place: Pair, info: ValidationInfo) -> Pair:
     if not in_metres(info):
-        try:
-            check_place(place, where="")
-        except InputError as error:
-            raise UnfitError(error.what, error.remedy) from error
+        check_place(place)
     return place
 
 
@@ -619,10 +620,7 @@ Position = Annotated[Pair, AfterValidator(_sea)]
 
 
 def _shift_in_degrees(shift: Pair) -> Pair:
-    try:
-        check_degrees(shift, where="")
-    except InputError as error:
-        raise UnfitError(error.what, error.remedy) from error
+    check_degrees(shift)
     return shift
 
 

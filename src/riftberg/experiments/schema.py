@@ -158,10 +158,7 @@ class Berg(BergKeys):
         """Refuse a place on or near a pole, where only swapped coordinates put a berg."""
         if self.placement is not None and not in_metres(info):
             final = self.placement[0], self.placement[1] + self.shift[1]
-            try:
-                check_place(final, where="", south=SOUTHERNMOST, north=NORTHERNMOST)
-            except InputError as error:
-                raise UnfitError(error.what, error.remedy) from error
+            check_place(final, south=SOUTHERNMOST, north=NORTHERNMOST)
         return self
 
 

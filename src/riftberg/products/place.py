@@ -47,6 +47,12 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
         return projected
     lat, lon = _pair(ds, coordinates, rest, name, where)
     north, east = (_checked_degrees(ds[c], where) for c in (lat, lon))
+    low, high = float(north.min()), float(north.max())
+    if low < -90.001 or high > 90.001:
+        raise ForcingError(
+            f"{lat} runs from {low:g} to {high:g}: that is no latitude", where=where,
+            remedy="Give positions in degrees; for axes in metres the file needs a grid_mapping",
+        )  # fmt: skip
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     if north.ndim == 1 and north.dims != east.dims:
         _check_axes(ds, lat, lon, north, east, where)
@@ -81,12 +87,6 @@ def _without_origin(
             f"{lat} and {lon} hold no positions: they are the same everywhere", where=where,
             remedy="Take the positions from the grid file of the model",
         )  # fmt: skip
-    if np.abs(north.values[known]).max() > 90.001:
-        raise ForcingError(
-            f"{lat} reaches {np.abs(north.values[known]).max():g}: that is no latitude",
-            where=where,
-            remedy="Correct the file",
-        )
     return north, east
 
 
@@ -167,11 +167,6 @@ def _check_axes(ds: xr.Dataset, lat: str, lon: str, north: xr.DataArray, east: x
             raise ForcingError(
                 f"{name} is not a number everywhere", where=where, remedy="Correct the axis or fetch again"
             )
-    if np.abs(north.values).max() > 90.001:
-        raise ForcingError(
-            f"{lat} runs from {north.values.min():g} to {north.values.max():g}: that is no latitude", where=where,
-            remedy="Give positions in degrees; for axes in metres the file needs a grid_mapping",
-        )  # fmt: skip
     for name, axis in ((lat, north), (lon, east)):  # which of two fields at a place is meant cannot be known
         distinct, times = np.unique(axis.values, return_counts=True)
         if (times > 1).any():
