@@ -854,7 +854,7 @@ class TimeStep:
         strengths = self.lattice.strengths(bonds, self.c)
         ratio, strength = np.zeros(bonds.first.size), np.zeros(bonds.first.size)
         ratio[now.intact], strength[now.intact] = overloads(now.stress, strengths), strengths.normal
-        last = bool(now.bridges[0][row])
+        last = row in now.bridges
         return paths.next_bond(failing, last, now.tensor[row], now.triangle_stress, ratio, strength)
 
     def _facet_area(self, bond: int) -> float:
