@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from riftberg.compiled.kernels import plain
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import story_model
 from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
-from riftberg.ocean.story import LATITUDE, LONGITUDE, OWN, REFERENCE, StoryNumbers, StoryOcean, ocean_at, stream
+from riftberg.ocean.story import LATITUDE, LONGITUDE, OWN, REFERENCE, StoryNumbers, StoryOcean, stream
 from riftberg.runs.layout import forcing_title
 from riftberg.runs.model import Model
 from riftberg.runs.tracks import berg_position
@@ -232,7 +231,7 @@ def geostrophic_level(ocean: StoryOcean, lon: float, lat: float, time: float) ->
     """Sea level (m) in geostrophic balance with the stream function at one point."""
     metre = EARTH_RADIUS_A68 * DEGREE
     x, y = metre * math.cos(LATITUDE * DEGREE) * (lon - LONGITUDE), metre * (lat - LATITUDE)
-    psi = stream(x, y, plain(ocean_at)(ocean.numbers, time))[0]
+    psi = stream(x, y, ocean.instant(time))[0]
     return 2.0 * EARTH_ROTATION * math.sin(LATITUDE * DEGREE) * psi / GRAVITY
 
 
@@ -275,7 +274,7 @@ def test_currents_are_free_of_divergence_and_in_balance_with_the_sea_surface(tim
 @pytest.mark.parametrize("time", [0.5 * DAY, 7.7 * DAY, 11.3 * DAY, 16.5 * DAY])
 def test_slopes_and_curl_are_those_of_the_stream_function(numbers: StoryNumbers, time: float) -> None:
     """Against differences of psi itself."""
-    now, h = plain(ocean_at)(numbers, time), 20.0
+    now, h = StoryOcean(numbers).instant(time), 20.0
     rng = np.random.default_rng(5)
     for x, y in rng.uniform(-120e3, 120e3, (10, 2)):
         _, psi_x, psi_y, curl = stream(x, y, now)
@@ -289,7 +288,7 @@ def test_slopes_and_curl_are_those_of_the_stream_function(numbers: StoryNumbers,
 def test_the_stream_function_is_that_of_the_docstring() -> None:
     """A plain twin of the formula, up to a constant."""
     time, n = 11.3 * DAY, OWN
-    now = plain(ocean_at)(n, time)
+    now = StoryOcean(n).instant(time)
     s, metre = time / DAY, 6_363_827.0 * math.pi / 180.0
     a = 0.25 * (1 + math.tanh((n.shear_end - s) / 0.5)) * (1 + math.tanh((s - n.shear_start) / 0.5))
     yj, yc = metre * (n.jet_latitude + 55.8), metre * (n.counter_latitude + 55.8)
@@ -315,7 +314,7 @@ def test_the_stream_function_is_that_of_the_docstring() -> None:
 def test_the_drift_is_that_of_its_centre(day: float) -> None:
     """With the surge of day 7.8; the gain makes the drift faster than its centre."""
     h = 30.0
-    here, now, there = (plain(ocean_at)(OWN, day * DAY + s * h) for s in (-1.0, 0.0, 1.0))
+    here, now, there = (StoryOcean().instant(day * DAY + s * h) for s in (-1.0, 0.0, 1.0))
     for speed, way in ((now.u, there.x - here.x), (now.v, there.y - here.y)):
         assert speed == pytest.approx(OWN.drift_gain * way / (2.0 * h), rel=1e-4, abs=1e-5)
 

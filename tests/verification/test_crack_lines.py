@@ -134,7 +134,11 @@ def test_what_a_last_bond_bears_is_the_balance_of_the_part_beyond_it(seed) -> No
     held = rng.random(count) < (0.1 if seed % 2 else 0.0)
     whole = np.ones(first.size, np.int64)
     whole[intact] = 0
-    found, moments, bridges = find_bridges(first, second, intact, count), np.zeros(intact.size), np.zeros(intact.size, bool)
+    found, moments, bridges = (
+        find_bridges(first, second, intact, count),
+        np.zeros(intact.size),
+        np.zeros(intact.size, bool),
+    )
     moments[found.bond], bridges[found.bond] = bridge_moments(found, first, second, intact, xy, load, held), True
     seen = 0
     for k, bond in enumerate(intact):

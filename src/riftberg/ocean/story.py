@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.compiled.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower, kernel, plain
 from riftberg.config.places import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.ocean.forcing import DescribedForcing
@@ -186,16 +186,22 @@ def _polynomial(coefficients: tuple[float, ...], x: float) -> tuple[float, float
     return value * x + coefficients[degree], slope
 
 
+def spin_at(n: StoryNumbers, time: float) -> float:
+    """Return the spin (s-1) of the eddy at ``time`` seconds after 9 December 2020 13:00 UTC."""
+    # Not compiled: the square is that of the C library, whose last digit is another one than that of a product.
+    s = time / SECONDS_PER_DAY
+    spin = n.eddy_spin / math.cosh((s - n.eddy_day) / n.eddy_days) ** 2
+    return spin + n.late_spin * 0.5 * (1.0 + math.tanh((s - 9.0) / 1.5))
+
+
 @kernel
-def ocean_at(n: StoryNumbers, time: float) -> _Instant:
-    """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC."""
+def ocean_at(n: StoryNumbers, time: float, spin: float) -> _Instant:
+    """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC, with the ``spin`` of `spin_at`."""
     s, metre = time / SECONDS_PER_DAY, EARTH_RADIUS_A68 * DEGREE
     day, late = min(s, n.last_day), max(s - n.last_day, 0.0)
     (x, u), (y, v) = _polynomial(n.path_x, day), _polynomial(n.path_y, day)
     bump = n.surge * math.exp(-(((s - 7.8) / 0.5) ** 2)) / math.sqrt(2.0)
     rate = bump * -2.0 * (s - 7.8) / 0.25 / SECONDS_PER_DAY
-    spin = n.eddy_spin / math.cosh((s - n.eddy_day) / n.eddy_days) ** 2
-    spin += n.late_spin * 0.5 * (1.0 + math.tanh((s - 9.0) / 1.5))
     on = 0.25 * (1.0 + math.tanh((n.shear_end - s) / 0.5)) * (1.0 + math.tanh((s - n.shear_start) / 0.5))
     return _Instant(
         1e3 * x + late * (1e3 * u) + bump,
@@ -216,14 +222,18 @@ def ocean_at(n: StoryNumbers, time: float) -> _Instant:
 
 
 @borrower
-def _fill(lon, lat, uo, vo, slope_x, slope_y, vorticity, numbers, time):
-    """Fill current, slope and vorticity at many points."""
+def _fill(
+    lon: Floats, lat: Floats, uo: Floats, vo: Floats, slope_x: Floats, slope_y: Floats, vorticity: Floats,
+    numbers: StoryNumbers, time: float, spin: float, spin_before: float, spin_after: float,
+) -> None:  # fmt: skip
+    """Fill current, slope and vorticity at many points; ``spin_before``, ``spin_after``: by `MATERIAL_STEP`."""
     scale, f_over_g = (
         math.cos(-55.8 * math.pi / 180.0),
         2.0 * EARTH_ROTATION * math.sin(-55.8 * math.pi / 180.0) / GRAVITY,
     )
-    metre, now = EARTH_RADIUS_A68 * math.pi / 180.0, ocean_at(numbers, time)
-    before, after = ocean_at(numbers, time - MATERIAL_STEP), ocean_at(numbers, time + MATERIAL_STEP)
+    metre, now = EARTH_RADIUS_A68 * math.pi / 180.0, ocean_at(numbers, time, spin)
+    before = ocean_at(numbers, time - MATERIAL_STEP, spin_before)
+    after = ocean_at(numbers, time + MATERIAL_STEP, spin_after)
     for e in range(lon.size):
         west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)
         stretch = scale / math.cos(lat[e] * math.pi / 180.0)
@@ -271,9 +281,18 @@ class StoryOcean(DescribedForcing):
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
         place, e = elements.place, elements.environment
-        _fill(place.lon, place.lat, e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity, self.numbers, time)
+        self._fill(place.lon, place.lat, time, e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity)
         e.ua[:], e.va[:] = self.numbers.wind
         self._fill_depth(place.lon, place.lat, e.depth)
+
+    def instant(self, time: float) -> _Instant:
+        """Return the ocean at a time (s)."""
+        return plain(ocean_at)(self.numbers, time, spin_at(self.numbers, time))
+
+    def _fill(self, lon: Floats, lat: Floats, time: float, *fields: Floats) -> None:
+        """Fill current, slopes and vorticity at a list of points."""
+        n, step = self.numbers, MATERIAL_STEP
+        _fill(lon, lat, *fields, n, time, spin_at(n, time), spin_at(n, time - step), spin_at(n, time + step))
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time; far from the berg's path the numbers mean nothing."""
@@ -282,7 +301,7 @@ class StoryOcean(DescribedForcing):
         """Return the current (m s-1) at arrays of points."""
         x, y = np.ravel(np.asarray(lon, np.float64)), np.ravel(np.asarray(lat, np.float64))
         u, v, a, b, c = np.empty((5, x.size))
-        _fill(x, y, u, v, a, b, c, self.numbers, time)
+        self._fill(x, y, time, u, v, a, b, c)
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
