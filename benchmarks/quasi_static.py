@@ -31,8 +31,8 @@ def row(name: str, model: Any, steps: int) -> str:
     """Return a row of the table for one model with long steps of 1800 s."""
     cost = seconds_per_day(model, steps)
     stick = yardstick_seconds_per_day(model)
-    ldl = model._stepper._lattice.solver._ldl
-    size = sum(a.nbytes for a in (ldl._order, ldl._start, ldl._row, ldl._lower, ldl._inverse)) / 2**20
+    factors = model._stepper._lattice.solver._ldl.factors
+    size = sum(a.nbytes for a in factors[:5]) / 2**20
     return (
         f"| {name} | {model.elements.size:,} | {cost:.4f} | {cost / stick:.2f} | {1e3 * cost / 48:.2f} | {size:.1f} |"
     )

@@ -12,7 +12,7 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,7 @@ class Run:
         options = Options(self.changes, without=self.without, numerics=self.numerics)
         ocean = None
         if self.eddy != 1.0:
-            ocean = StoryOcean(replace(OWN, eddy_spin=self.eddy * OWN.eddy_spin))
+            ocean = StoryOcean(OWN._replace(eddy_spin=self.eddy * OWN.eddy_spin))
         model = story_model(options, radius=self.radius, packing=self.packing, ocean=ocean)
         model.elements.lon[:] += self.moved[0]
         model.elements.lat[:] += self.moved[1]

@@ -62,6 +62,39 @@ for wrong in (made, given):
         print("refused")
 """
 
+TUPLES = """\
+import sys
+from typing import NamedTuple
+import numpy as np
+from riftberg.compiled.kernels import borrower, kernel
+
+class Place(NamedTuple):
+    x: np.ndarray
+    y: np.ndarray
+
+class Turned(NamedTuple):
+    y: np.ndarray
+    x: np.ndarray
+
+class Body(NamedTuple):
+    number: int
+    place: Place
+    mass: float
+
+@kernel
+def first(place: Place) -> float:
+    return place.x[0] + 10.0 * place.y[0]
+
+@borrower
+def moment(body: Body, arm: float) -> float:
+    body.place.x[1] = 7.0
+    return body.number * body.mass * first(body.place) * arm
+
+one, two = np.array([1.0, 0.0]), np.array([2.0, 0.0])
+print(moment(Body(2, Place(one, two), 0.5), 3.0), one[1], first(Place(one, two)), first(Turned(one, two)))
+print(moment.py_func(Body(2, Place(one, two), 0.5), 3.0), "numba.np.arraymath" in sys.modules)
+"""
+
 AT_START = """\
 import sys
 import riftberg.cli.run, riftberg.cli.kid, riftberg.experiments.a68a, riftberg.kid.run, riftberg.kid.trajectories
@@ -148,6 +181,19 @@ def test_a_kernel_that_kernels_call_is_a_part_of_their_code(tmp_path: Path) -> N
     assert first == "6.0 0 1 True"
     assert again == "6.0 0 0 False"
     assert len(list(tmp_path.rglob("*.code"))) == 1
+
+
+@pytest.mark.compiled
+def test_named_tuples_of_a_call_are_taken_apart_by_name(tmp_path: Path) -> None:
+    """Nested ones too, by the class that is given; the code of another order of fields is another one."""
+    first, again, turned = (
+        said(code, tmp_path, RIFTBERG_CACHE=str(tmp_path / "cache")).split()
+        for code in (TUPLES, TUPLES, TUPLES.replace("number: int\n    place: Place", "place: Place\n    number: int")
+                     .replace("(2, Place(one, two)", "(Place(one, two), 2"))
+    )  # fmt: skip
+    assert first == ["63.0", "7.0", "21.0", "12.0", "63.0", "True"]
+    assert again == [*first[:-1], "False"]
+    assert turned == first
 
 
 @pytest.mark.compiled

@@ -175,6 +175,7 @@ class BareModel(RunState):
         self.after_step: list[Process] = []
         self.departed: tuple[Elements, Bonds] | None = None
         self.remembered: dict[str, Floats] = {}
+        self._saved: Saved | None = None  # the state before the last step
         self._visited = step_number > 0
         check_state(self.elements, self.bonds, self.parameters.earth.latlon)
         check_strengths(self.bonds, parameters)
@@ -204,7 +205,7 @@ class BareModel(RunState):
         """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
         state = dict(self.__dict__)
         stepper = state.pop("_stepper")
-        return {**state, "_stepper_state": stepper.state_dict(), "_applied": stepper.applied}
+        return {**state, "_saved": None, "_stepper_state": stepper.state_dict(), "_applied": stepper.applied}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take up a state with a stepper of its own, which goes on bit for bit."""
@@ -316,7 +317,8 @@ class BareModel(RunState):
             self._first_visit()
         self._follow_changes()
         # A scheme alone changes neither rows nor sizes, so half of the copies are spared.
-        saved = self.population.saved(stepped_only=self.life is None and not self.after_step)
+        stepped_only = self.life is None and not self.after_step
+        self._saved = saved = self.population.saved(stepped_only=stepped_only, into=self._saved)
         before = (
             self.time, self.step_number, list(self.fragments.rows), saved, dict(self.remembered), self.contacts.saved()
         )  # fmt: skip

@@ -58,7 +58,7 @@ def test_elements_without_bonds_stand_alone() -> None:
     none = np.zeros(0, np.int64)
     diagonal = np.array([2.0 * np.eye(3), 4.0 * np.eye(3)])
     factors = BlockLDL(none, none, diagonal, np.zeros((0, 3, 3)))
-    assert factors._row.size == 0
+    assert factors.factors.row.size == 0
     np.testing.assert_array_equal(factors.solve(np.ones(6)), [0.5] * 3 + [0.25] * 3)
 
 
@@ -70,4 +70,4 @@ def test_the_order_keeps_the_factors_small() -> None:
     order = minimum_degree(400, first, second)
     np.testing.assert_array_equal(np.sort(order), np.arange(400))
     diagonal, between = np.tile(5.0 * np.eye(3), (400, 1, 1)), np.tile(-np.eye(3), (first.size, 1, 1))
-    assert BlockLDL(first, second, diagonal, between)._row.size < 400 * 9
+    assert BlockLDL(first, second, diagonal, between).factors.row.size < 400 * 9

@@ -18,7 +18,7 @@ from riftberg.stepping.contact.broad_phase import contact_cells
 from riftberg.stepping.contact.impulses import element_path, lever_velocity
 from riftberg.stepping.contact.island_step import accumulate_floor_impulse, accumulate_impulse
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR, Medium
-from riftberg.stepping.lattice.bridges import bridge_moments
+from riftberg.stepping.lattice.bridges import bridge_moments, find_bridges
 
 
 def levers(places: Any) -> np.ndarray:
@@ -124,8 +124,10 @@ def test_the_only_bond_between_two_parts_bears_their_moment() -> None:
     turn[2] = -turn[0] - (xy[:, 0] * force[:, 1] - xy[:, 1] * force[:, 0]).sum()
     load = np.column_stack([force, turn])
     first, second, rows = np.array([0, 1]), np.array([1, 2]), np.array([0, 1])
-    bridge, moment = bridge_moments(first, second, rows, xy, load, np.zeros(3, bool))
-    assert bridge.all()
+    bridges = find_bridges(first, second, rows, 3)
+    moment = np.zeros(2)
+    moment[bridges.bond] = bridge_moments(bridges, first, second, rows, xy, load, np.zeros(3, bool))
+    assert sorted(bridges.bond) == [0, 1]
     for k in (0, 1):
         away = xy[: k + 1] - 0.5 * (xy[k] + xy[k + 1])
         of_part = (away[:, 0] * force[: k + 1, 1] - away[:, 1] * force[: k + 1, 0] + turn[: k + 1]).sum()

@@ -127,7 +127,7 @@ def at_bonds_of(mesh, bonds, stress):
     """Mean stress at the bonds of ice without broken ones."""
     triangle = np.repeat(np.arange(len(mesh.triangle)), 3)
     near = Neighbourhoods.of_pairs(mesh, mesh.edge_bond.ravel(), triangle)
-    return mean_stresses(*near, np.ones(len(stress), bool), stress, bonds)
+    return mean_stresses(near, stress, bonds)
 
 
 @pytest.mark.parametrize(("packing", "angle"), LATTICES)

@@ -90,10 +90,10 @@ def test_factors_after_breaks_are_those_without_the_bonds_and_every_break_gives_
     size = abs(fresh).max(axis=0)
     np.testing.assert_allclose(displacement / size, fresh / size, rtol=0, atol=1e-6)
     intact = given[1]
-    stress = fresh_stiffness.bond_tensors(fresh_stiffness.triangle_stresses(fresh), intact)
+    stress = fresh_stiffness.stresses(given[0], intact, fresh, load).tensor
     scale = abs(stress).max()
     np.testing.assert_allclose(
-        stiffness.bond_tensors(stiffness.triangle_stresses(fresh), intact) / scale, stress / scale, rtol=0, atol=1e-9
+        stiffness.stresses(given[0], intact, fresh, load).tensor / scale, stress / scale, rtol=0, atol=1e-9
     )
 
 
@@ -106,7 +106,7 @@ def test_stress_is_read_in_the_frame_of_the_fragment_however_the_berg_has_turned
     el.lon[:], el.lat[:] = 1e5 + c * x - s * y, 3e4 + s * x + c * y
     stiffness, given, _, xy = stiffness_of(el, bonds, cells, p)
     displacement = np.column_stack([1e-3 * xy[:, 0], -3e-4 * xy[:, 1], np.zeros(el.size)])
-    stress = stiffness.bond_tensors(stiffness.triangle_stresses(displacement), given[1])
+    stress = stiffness.stresses(*given[:2], displacement, np.zeros((el.size, 3))).tensor
     inner = (abs(x) < 4000.0) & (abs(y) < 2000.0)
     inner = inner[bonds.first] & inner[bonds.second]
     assert inner.sum() > 10
@@ -446,13 +446,13 @@ def test_the_last_bond_between_two_parts_bends_as_a_beam_as_high_as_its_facet() 
     stiffness, (lattice, intact, *_), *_ = stiffness_of(el, bonds, cells, p)
     load = np.zeros((el.size, 3))
     load[np.argmin(el.lon), 2], load[np.argmax(el.lon), 2] = moment, -moment
-    last, stress = stiffness.bridges(lattice, intact, load)
-    assert intact[last].tolist() == [crossing[1]]
-    side = 2.0 * RADIUS
-    assert stress[last] == pytest.approx(moment / (THICKNESS * side**2 / 6.0), rel=1e-9)
-    assert not stress[~last].any()
-    assert stiffness.bridges(lattice, intact.copy(), -2.0 * load)[1][last] == pytest.approx(
-        2.0 * stress[last], rel=1e-12
+    found, still = stiffness.stresses(lattice, intact, 0.0 * load, load), np.zeros_like(load)
+    assert intact[found.bridge].tolist() == [crossing[1]]
+    side, tension = 2.0 * RADIUS, found.bond[:, 0]
+    assert tension[found.bridge] == pytest.approx(moment / (THICKNESS * side**2 / 6.0), rel=1e-9)
+    assert np.count_nonzero(tension) == 1
+    assert stiffness.stresses(lattice, intact.copy(), still, -2.0 * load).bond[found.bridge, 0] == pytest.approx(
+        2.0 * tension[found.bridge], rel=1e-12
     )
 
 

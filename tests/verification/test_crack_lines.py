@@ -22,7 +22,7 @@ from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackPaths
 from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Toughness
 from riftberg.stepping.fracture.strengths import Strengths, overloads
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.bridges import bridge_moments
+from riftberg.stepping.lattice.bridges import bridge_moments, find_bridges
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
 from riftberg.stepping.lattice.elastic_cells import ElasticCells, with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
@@ -95,7 +95,7 @@ class Plate:
         paths, strengths = self.paths(), self.strengths()
         ratio, strength = np.zeros(self.bonds.first.size), np.zeros(self.bonds.first.size)
         ratio[self.now.intact], strength[self.now.intact] = overloads(moment.stress, strengths), strengths.normal
-        last = bool(moment.bridges[0][row])
+        last = row in moment.bridges
         bond = paths.next_bond(
             int(self.now.intact[row]), last, moment.tensor[row], moment.triangle_stress, ratio, strength
         )
@@ -134,7 +134,12 @@ def test_what_a_last_bond_bears_is_the_balance_of_the_part_beyond_it(seed) -> No
     held = rng.random(count) < (0.1 if seed % 2 else 0.0)
     whole = np.ones(first.size, np.int64)
     whole[intact] = 0
-    bridges, moments = bridge_moments(first, second, intact, xy, load, held)
+    found, moments, bridges = (
+        find_bridges(first, second, intact, count),
+        np.zeros(intact.size),
+        np.zeros(intact.size, bool),
+    )
+    moments[found.bond], bridges[found.bond] = bridge_moments(found, first, second, intact, xy, load, held), True
     seen = 0
     for k, bond in enumerate(intact):
         parted = whole.copy()

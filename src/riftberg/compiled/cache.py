@@ -83,11 +83,16 @@ _DIGEST: Final = hashlib.sha256().digest_size
 class KernelCache(NullCache):
     """What numba asks for the kept code of one function.
 
-    ``folders``: gives the folders to look in; code is kept in the last of them.
+    ``folders``: gives the folders to look in; code is kept in the last of them. ``caller``: source of a function that calls
+    this one, where its code is kept.
     """
 
-    def __init__(self, function: Callable[..., Any], folders: Callable[[], list[Path]]) -> None:
-        self._function, self._folders = function, folders
+    def __init__(self, function: Callable[..., Any], folders: Callable[[], list[Path]], caller: str = "") -> None:
+        self._function, self._folders, self._caller = function, folders, caller
+
+    def of_caller(self, text: str) -> KernelCache:
+        """Return the cache of a function of this source that calls this one."""
+        return KernelCache(self._function, self._folders, text)
 
     @cached_property
     def _source(self) -> str | None:
@@ -102,7 +107,7 @@ class KernelCache(NullCache):
         return f"{self._function.__module__} {self._function.__qualname__} {code.co_firstlineno} {sources} {body}"
 
     def _name(self, sig: Any) -> str:
-        digest = hashlib.sha256(f"{self._source} {sig} {_fields(sig)}".encode()).hexdigest()[:24]
+        digest = hashlib.sha256(f"{self._source} {self._caller} {sig} {_fields(sig)}".encode()).hexdigest()[:24]
         return f"{self._function.__module__}.{self._function.__name__}-{digest}{ENDING}"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

@@ -47,6 +47,9 @@ for _option in ("runtime-memory-check-threshold", "memory-check-merge-threshold"
     llvm.set_option("riftberg", f"--{_option}=4096")
 
 
+PLAIN: Final = frozenset(("Floats", "Ints", "Booleans", "NDArray[np.bool_]", "float", "int", "bool"))
+"""Annotations of arguments that are no tuples."""
+
 LEVELS: Final = {
     "x86_64": ("x86-64-v3", ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")),
     "amd64": ("x86-64-v3", ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")),
@@ -167,9 +170,11 @@ def _compiled(function: _F, **options: Any) -> _F:
 
 
 def _in_parts(function: _F, options: dict[str, Any]) -> Any:
-    from riftberg.compiled.parts import Kernel
+    from riftberg.compiled.parts import Kernel, TupleKernel
 
-    return Kernel(function, targetoptions={"nopython": True, "boundscheck": None, **options})
+    asked = {str(kind) for name, kind in function.__annotations__.items() if name != "return"}
+    kind = Kernel if asked <= PLAIN or options.get("parallel") else TupleKernel
+    return kind(function, targetoptions={"nopython": True, "boundscheck": None, **options})
 
 
 def _whole(function: _F, options: dict[str, Any]) -> Any:

@@ -7,6 +7,9 @@ code. Here such a function is compiled as far as its caller needs it: types, and
 calls is compiled as before.
 
 The code that runs is the same: the caller takes up the same optimised code as it did.
+
+A kernel that takes named tuples gets their fields one by one where Python calls it (`TupleKernel`). Numba looks at the types of
+all arguments at each call, and takes ten times as long for an array inside of a tuple.
 """
 
 from __future__ import annotations
@@ -118,6 +121,50 @@ class Kernel(CPUDispatcher):
         """Signatures, of parts too."""
         parts = self.part, self.borrowing_part
         return [*super().nopython_signatures, *(known for part in parts for known in part.nopython_signatures)]
+
+
+class TupleKernel(Kernel):
+    """A kernel whose arguments may be named tuples."""
+
+    _cache: Any
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call with the fields of named tuples as arguments of their own; by the classes of the arguments."""
+        kinds = tuple(map(type, arguments))
+        if kinds not in self._calls:
+            self._calls[kinds] = self._call_by_fields(arguments)
+        return self._calls[kinds](*arguments)
+
+    @cached_property
+    def _calls(self) -> dict[tuple[type, ...], Callable[..., Any]]:
+        return {}
+
+    def _call_by_fields(self, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+        """Return a function that takes such arguments apart and calls a kernel that puts them together again."""
+        # Code that is kept is found again by module and name.
+        names: dict[str, Any] = {"kernel": self, "__name__": self.py_func.__module__}
+        name = f"{self.py_func.__name__}_by_fields"
+        given: list[str] = []  # the fields, as the function below finds them
+        classes: list[str] = []  # named in the source, which stands for the code that is kept
+
+        def put_together(value: Any, expression: str) -> str:
+            if not hasattr(value, "_fields"):
+                given.append(expression)
+                return f"x{len(given) - 1}"
+            kind = f"Kind{len(names)}"
+            names[kind] = type(value)
+            classes.append(f"# {kind}: {value.__class__.__qualname__} {value._fields}")
+            fields = [put_together(field, f"{expression}[{k}]") for k, field in enumerate(value)]
+            return f"{kind}({', '.join(fields)})"
+
+        whole = [put_together(value, f"a{n}") for n, value in enumerate(arguments)]
+        flat, own = ", ".join(f"x{k}" for k in range(len(given))), ", ".join(f"a{n}" for n in range(len(arguments)))
+        text = f"def {name}({flat}):\n    return kernel({', '.join(whole)})\n" + "\n".join(classes)
+        exec(text, names)
+        by_fields = Kernel(names[name], targetoptions={**self.targetoptions, "inline": "never"})
+        by_fields._cache = self._cache.of_caller(text)
+        call: Callable[..., Any] = eval(f"lambda {own}: by_fields({', '.join(given)})", {"by_fields": by_fields})
+        return call
 
 
 def _holds_arrays(kind: Any) -> bool:

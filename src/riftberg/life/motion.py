@@ -284,8 +284,11 @@ class MotionLedger:
         given[: len(FORCES)] = forces
         # The Coriolis force stands across the velocity; what it does along the mean of two velocities is the step's error.
         given[TIME_STEP, 2], given[CORIOLIS, 2] = given[CORIOLIS, 2], 0.0
-        _add_loads(given, before, now, run)
-        if (now.body.static >= 0.5).any() or (now.body.free_y < 0.5).any():
+        body = now.body
+        held, pushed = _held_or_pushed(body.static, body.free_y, body.load_x, body.load_y)
+        if pushed:
+            _add_loads(given, before, now, run)
+        if held:
             given[SUPPORTS, :2] = stands[:2] - was[:2] - given[:, :2].sum(axis=0)
         kept = self._begun(remembered, before, bonds_before, run, was)
         _enter_step(kept, was, stands, given)
@@ -346,11 +349,21 @@ class MotionLedger:
 def _add_loads(given: Floats, before: Elements, now: Elements, run: RunState) -> None:
     """Add impulse and work of the loads on the elements, which act in the schemes with sub-steps of beams or in equilibrium."""
     c, x, y = run.constants, now.body.load_x, now.body.load_y
-    if not (x.any() or y.any()) or not (c.rigid_bodies or (c.multiple_steps and c.dem)):
+    if not (c.rigid_bodies or (c.multiple_steps and c.dem)):
         return
     scaling, dt, place, was = now.life.mass_scaling, run.parameters.stepping.time_step, now.place, before.place
     east, north = separations(Metric(c.latlon, c.earth_radius, c.period), place.lon, place.lat, was.lon, was.lat)
     given[LOADS] += dt * (scaling * x).sum(), dt * (scaling * y).sum(), (scaling * (x * east + y * north)).sum()
+
+
+@borrower
+def _held_or_pushed(static: Floats, free_y: Floats, load_x: Floats, load_y: Floats) -> tuple[bool, bool]:
+    """Whether any element has a support, and whether any bears a given load."""
+    held = pushed = False
+    for e in range(static.size):
+        held = held or static[e] >= 0.5 or free_y[e] < 0.5
+        pushed = pushed or load_x[e] != 0.0 or load_y[e] != 0.0
+    return held, pushed
 
 
 def _known(remembered: Mapping[str, Floats]) -> Floats | None:

@@ -22,14 +22,11 @@ story, whose own numbers (`REFERENCE`) belong to the numerics of the reference.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from riftberg.compiled.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower, kernel, plain
 from riftberg.config.places import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.ocean.forcing import DescribedForcing
@@ -40,8 +37,7 @@ LATITUDE, LONGITUDE = -55.8, -37.4
 """Origin of the local coordinates, degrees."""
 
 
-@dataclass(frozen=True)
-class StoryNumbers:
+class StoryNumbers(NamedTuple):
     """Numbers of the fitted ocean."""
 
     # Path of the centre, km in local coordinates: polynomials in days since the start, highest power first
@@ -70,7 +66,7 @@ class StoryNumbers:
     shear_start: float = -math.inf  # Days on which the shear has grown and decayed to half; each takes about a day
     wind: tuple[float, float] = (5.0, -2.0)  # Eastward and northward wind, m s-1
     gradient_wind: bool = True  # The sea surface also balances the change of the current along the path of the water
-    fitted_with: str = ""  # Numerics by which it was fitted, for titles, if not Riftberg's own
+    reference: bool = False  # Fitted with the numerics of the reference, not with Riftberg's own
 
 
 OWN = StoryNumbers(
@@ -119,7 +115,7 @@ OWN = StoryNumbers(
 
 
 REFERENCE = StoryNumbers(
-    fitted_with=" with the reference's numerics",
+    reference=True,
     gradient_wind=False,
     path_x=(-3.04797e-4, 0.0129882, -0.197984, 1.30416, -4.19217, 23.207, -115.233),
     path_y=(2.24966e-4, -0.00939015, 0.144074, -0.951043, 1.36853, -0.696596, 86.7088),
@@ -179,35 +175,75 @@ def stream(x_local: float, y_local: float, now: _Instant) -> tuple[float, float,
     return psi, psi_x, psi_y, curl
 
 
+@kernel
+def _polynomial(coefficients: tuple[float, ...], x: float) -> tuple[float, float]:
+    """Value and derivative of a polynomial, highest power first."""
+    value = slope = 0.0
+    degree = len(coefficients) - 1
+    for k in range(degree):
+        value = value * x + coefficients[k]
+        slope = slope * x + (degree - k) * coefficients[k]
+    return value * x + coefficients[degree], slope
+
+
+def spin_at(n: StoryNumbers, time: float) -> float:
+    """Return the spin (s-1) of the eddy at ``time`` seconds after 9 December 2020 13:00 UTC."""
+    # Not compiled: the square is that of the C library, whose last digit is another one than that of a product.
+    s = time / SECONDS_PER_DAY
+    spin = n.eddy_spin / math.cosh((s - n.eddy_day) / n.eddy_days) ** 2
+    return spin + n.late_spin * 0.5 * (1.0 + math.tanh((s - 9.0) / 1.5))
+
+
+@kernel
+def ocean_at(n: StoryNumbers, time: float, spin: float) -> _Instant:
+    """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC, with the ``spin`` of `spin_at`."""
+    s, metre = time / SECONDS_PER_DAY, EARTH_RADIUS_A68 * DEGREE
+    day, late = min(s, n.last_day), max(s - n.last_day, 0.0)
+    (x, u), (y, v) = _polynomial(n.path_x, day), _polynomial(n.path_y, day)
+    bump = n.surge * math.exp(-(((s - 7.8) / 0.5) ** 2)) / math.sqrt(2.0)
+    rate = bump * -2.0 * (s - 7.8) / 0.25 / SECONDS_PER_DAY
+    on = 0.25 * (1.0 + math.tanh((n.shear_end - s) / 0.5)) * (1.0 + math.tanh((s - n.shear_start) / 0.5))
+    return _Instant(
+        1e3 * x + late * (1e3 * u) + bump,
+        1e3 * y + late * (1e3 * v) + bump,
+        n.drift_gain * (1e3 * u / SECONDS_PER_DAY + rate),
+        n.drift_gain * (1e3 * v / SECONDS_PER_DAY + rate),
+        spin,
+        on * n.jet_speed,
+        on * n.counter_speed,
+        on * n.shear_flow,
+        n.eddy_radius,
+        n.drift_radius,
+        n.jet_width,
+        metre * (n.jet_latitude - LATITUDE),
+        n.counter_width,
+        metre * (n.counter_latitude - LATITUDE),
+    )
+
+
 @borrower
-def _fill(lon, lat, uo, vo, slope_x, slope_y, vorticity, now):
-    """Fill current, slope and vorticity at many points."""
+def _fill(
+    lon: Floats, lat: Floats, uo: Floats, vo: Floats, slope_x: Floats, slope_y: Floats, vorticity: Floats,
+    numbers: StoryNumbers, time: float, spin: float, spin_before: float, spin_after: float,
+) -> None:  # fmt: skip
+    """Fill current, slope and vorticity at many points; ``spin_before``, ``spin_after``: by `MATERIAL_STEP`."""
     scale, f_over_g = (
         math.cos(-55.8 * math.pi / 180.0),
         2.0 * EARTH_ROTATION * math.sin(-55.8 * math.pi / 180.0) / GRAVITY,
     )
-    metre = EARTH_RADIUS_A68 * math.pi / 180.0
-    for e in range(lon.size):
-        west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)
-        stretch = scale / math.cos(lat[e] * math.pi / 180.0)
-        _, psi_x, psi_y, curl = stream(metre * scale * (west + 37.4), metre * (lat[e] + 55.8), now)
-        uo[e], vo[e] = -psi_y, psi_x * stretch
-        slope_x[e], slope_y[e] = f_over_g * psi_x * stretch, f_over_g * psi_y
-        vorticity[e] = curl
-
-
-MATERIAL_STEP = 10.0
-"""Time (s) before and after the present over which the change along the path of the water is found."""
-
-
-@borrower
-def _add_inertial_slope(lon, lat, uo, vo, slope_x, slope_y, before, after):
-    """Add ``-Du/Dt / g`` to the slope, by the current where the water comes from and where it goes."""
-    scale, metre = math.cos(-55.8 * math.pi / 180.0), EARTH_RADIUS_A68 * math.pi / 180.0
+    metre, now = EARTH_RADIUS_A68 * math.pi / 180.0, ocean_at(numbers, time, spin)
+    before = ocean_at(numbers, time - MATERIAL_STEP, spin_before)
+    after = ocean_at(numbers, time + MATERIAL_STEP, spin_after)
     for e in range(lon.size):
         west = lon[e] - 360.0 * np.floor((lon[e] + 180.0) / 360.0)
         stretch = scale / math.cos(lat[e] * math.pi / 180.0)
         x, y = metre * scale * (west + 37.4), metre * (lat[e] + 55.8)
+        _, psi_x, psi_y, curl = stream(x, y, now)
+        uo[e], vo[e], vorticity[e] = -psi_y, psi_x * stretch, curl
+        slope_x[e], slope_y[e] = f_over_g * psi_x * stretch, f_over_g * psi_y
+        if not numbers.gradient_wind:
+            continue
+        # -Du/Dt / g, by the current where the water comes from and where it goes.
         east, north = MATERIAL_STEP * uo[e] * stretch, MATERIAL_STEP * vo[e]
         _, ahead_x, ahead_y, _ = stream(x + east, y + north, after)
         _, behind_x, behind_y, _ = stream(x - east, y - north, before)
@@ -215,6 +251,10 @@ def _add_inertial_slope(lon, lat, uo, vo, slope_x, slope_y, before, after):
         behind_x *= scale / math.cos(lat[e] * math.pi / 180.0 - north / EARTH_RADIUS_A68)
         slope_x[e] += (ahead_y - behind_y) / (2.0 * MATERIAL_STEP * GRAVITY)
         slope_y[e] -= (ahead_x - behind_x) / (2.0 * MATERIAL_STEP * GRAVITY)
+
+
+MATERIAL_STEP = 10.0
+"""Time (s) before and after the present over which the change along the path of the water is found."""
 
 
 @borrower
@@ -233,46 +273,26 @@ class StoryOcean(DescribedForcing):
     citations = ("Huth, A., Adcroft, A., Sergienko, O., Khan, N. (2022), doi:10.1126/sciadv.abq6974",)
 
     def __init__(self, numbers: StoryNumbers = OWN, *, shoal: bool = True, shear: bool = True) -> None:
-        self.numbers = numbers if shear else replace(numbers, jet_speed=0.0, counter_speed=0.0, shear_flow=0.0)
+        self.numbers = numbers if shear else numbers._replace(jet_speed=0.0, counter_speed=0.0, shear_flow=0.0)
         self.has_shoal = shoal
-        self.title = f"currents fitted to the observed drift{numbers.fitted_with}, not measured"
-
-    def instant(self, time: float) -> _Instant:
-        """Return the ocean at ``time`` seconds after 9 December 2020 13:00 UTC."""
-        n, s = self.numbers, time / SECONDS_PER_DAY
-        centre, drift = _path(n, s)
-        bump = n.surge * math.exp(-(((s - 7.8) / 0.5) ** 2)) / math.sqrt(2.0)
-        rate = bump * -2.0 * (s - 7.8) / 0.25 / SECONDS_PER_DAY
-        spin = n.eddy_spin / math.cosh((s - n.eddy_day) / n.eddy_days) ** 2
-        spin += n.late_spin * 0.5 * (1.0 + math.tanh((s - 9.0) / 1.5))
-        on = 0.25 * (1.0 + math.tanh((n.shear_end - s) / 0.5)) * (1.0 + math.tanh((s - n.shear_start) / 0.5))
-        metre = EARTH_RADIUS_A68 * DEGREE
-        return _Instant(
-            x=centre[0] + bump,
-            y=centre[1] + bump,
-            u=n.drift_gain * (drift[0] + rate),
-            v=n.drift_gain * (drift[1] + rate),
-            spin=spin,
-            jet=on * n.jet_speed,
-            counter=on * n.counter_speed,
-            flow=on * n.shear_flow,
-            eddy_radius=n.eddy_radius,
-            drift_radius=n.drift_radius,
-            jet_width=n.jet_width,
-            jet_y=metre * (n.jet_latitude - LATITUDE),
-            counter_width=n.counter_width,
-            counter_y=metre * (n.counter_latitude - LATITUDE),
-        )
+        fitted_with = " with the reference's numerics" if numbers.reference else ""
+        self.title = f"currents fitted to the observed drift{fitted_with}, not measured"
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
         place, e = elements.place, elements.environment
-        _fill(place.lon, place.lat, e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity, self.instant(time))
-        if self.numbers.gradient_wind:
-            before, after = self.instant(time - MATERIAL_STEP), self.instant(time + MATERIAL_STEP)
-            _add_inertial_slope(place.lon, place.lat, e.uo, e.vo, e.slope_x, e.slope_y, before, after)
+        self._fill(place.lon, place.lat, time, e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity)
         e.ua[:], e.va[:] = self.numbers.wind
         self._fill_depth(place.lon, place.lat, e.depth)
+
+    def instant(self, time: float) -> _Instant:
+        """Return the ocean at a time (s)."""
+        return plain(ocean_at)(self.numbers, time, spin_at(self.numbers, time))
+
+    def _fill(self, lon: Floats, lat: Floats, time: float, *fields: Floats) -> None:
+        """Fill current, slopes and vorticity at a list of points."""
+        n, step = self.numbers, MATERIAL_STEP
+        _fill(lon, lat, *fields, n, time, spin_at(n, time), spin_at(n, time - step), spin_at(n, time + step))
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Serve any place and time; far from the berg's path the numbers mean nothing."""
@@ -281,7 +301,7 @@ class StoryOcean(DescribedForcing):
         """Return the current (m s-1) at arrays of points."""
         x, y = np.ravel(np.asarray(lon, np.float64)), np.ravel(np.asarray(lat, np.float64))
         u, v, a, b, c = np.empty((5, x.size))
-        _fill(x, y, u, v, a, b, c, self.instant(time))
+        self._fill(x, y, time, u, v, a, b, c)
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
@@ -311,26 +331,3 @@ class StoryOcean(DescribedForcing):
             f"a shoal at {place_text(*self.numbers.shoal[:2], latlon=True, digits=2)}" if self.has_shoal else "no shoal"
         )
         return f"closed-form ocean for A68a ({', '.join(parts)}); {self.title}"
-
-
-def _path(n: StoryNumbers, s: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Centre of the eddy (m) and its velocity (m s-1) on day ``s``."""
-    day, late = min(s, n.last_day), max(s - n.last_day, 0.0)
-    paths = n.path_x, n.path_y
-    speed = [1e3 * _polynomial(_derivative(p), day) for p in paths]
-    place = [1e3 * _polynomial(p, day) + late * v for p, v in zip(paths, speed, strict=True)]
-    return (place[0], place[1]), (speed[0] / SECONDS_PER_DAY, speed[1] / SECONDS_PER_DAY)
-
-
-def _polynomial(coefficients: Sequence[float], x: float) -> float:
-    """Value of a polynomial, highest power first; for one number that is ten times quicker than by NumPy."""
-    value = 0.0
-    for c in coefficients:
-        value = value * x + c
-    return value
-
-
-@cache
-def _derivative(coefficients: tuple[float, ...]) -> list[float]:
-    degree = len(coefficients) - 1
-    return [(degree - k) * c for k, c in enumerate(coefficients[:-1])]

@@ -121,7 +121,17 @@ def find_pairs(
     ``x``, ``y``: positions, degrees or m (shape (n,)); ``berg``: number of the conglomerate of each element (shape
     (n,)); ``reach``: distance, m.
     """
-    return PairList(*_find_pairs(x, y, berg, reach, rule, latlon, radius, period))
+    if rule != OTHER_BERG:
+        return PairList(*_find_pairs(x, y, berg, reach, rule, latlon, radius, period))
+    # Most elements of the pieces of a broken berg lie far from all other pieces: they need not be binned. Half of the reach
+    # for each of a pair, with something for round-off.
+    some = _near_other_boxes(x, y, berg, np.full(x.size, 0.5001 * reach), latlon, radius, period)
+    if some.size < 2:
+        return no_pairs(x.size)
+    start, partner = _find_pairs(x[some], y[some], berg[some], reach, rule, latlon, radius, period)
+    count = np.zeros(x.size + 1, np.int64)
+    count[some + 1] = np.diff(start)
+    return PairList(np.cumsum(count), some[partner])
 
 
 @kernel

@@ -24,6 +24,7 @@ class Saved(NamedTuple):
     next_element: int
     next_bond: int
     version: int
+    stepped_only: bool
 
 
 class Population:
@@ -100,14 +101,20 @@ class Population:
         """Give back the spare capacity."""
         self._hold(self._elements.copy(), self._bonds.copy())
 
-    def saved(self, *, stepped_only: bool = False) -> Saved:
-        """Return a copy to which `restore` goes back."""
+    def saved(self, *, stepped_only: bool = False, into: Saved | None = None) -> Saved:
+        """Return a copy to which `restore` goes back; in the memory of one that is done with, where the rows are the same."""
+        if into is not None and (into.version, into.stepped_only) == (self.version, stepped_only):
+            for now, then in zip((*self._elements, self._bonds), (*into.elements, into.bonds), strict=True):
+                for array, kept in zip(now, then, strict=True):
+                    if array is not kept:
+                        kept[...] = array
+            return into
         copies = (
             (self._elements.copy_of_stepped(), self._bonds.copy_of_stepped())
             if stepped_only
             else (self._elements.copy(), self._bonds.copy())
         )
-        return Saved(*copies, self.next_element, self.next_bond, self.version)
+        return Saved(*copies, self.next_element, self.next_bond, self.version, stepped_only)
 
     def restore(self, saved: Saved) -> None:
         """Go back to a saved population; in place where no row has come or gone since."""

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from riftberg.compiled.kernels import kernel
 from riftberg.config.places import place_text
 from riftberg.errors import InputError, RunError, SpeedError
 from riftberg.parameters import Parameters
@@ -29,7 +30,9 @@ _PUSH: Final = {
     "sea_ice": "the drag of the sea ice", "waves": "the waves", "sea_floor": "the sea floor",
 }  # fmt: skip
 
-_GIVEN: Final = tuple(name for name in Environment._fields if not name.startswith("keel_"))
+KEEL_TEMPERATURE, KEEL_SALINITY = map(Environment._fields.index, ("keel_temperature", "keel_salinity"))
+
+_GIVEN: Final = tuple(n for k, n in enumerate(Environment._fields) if k not in (KEEL_TEMPERATURE, KEEL_SALINITY))
 """What the forcing gives as finite numbers; at the keel NaN means that the value of the surface holds there too."""
 
 
@@ -87,9 +90,20 @@ def _product(a: Floats, b: Floats) -> float:
 
 def check_forcing(run: RunState) -> None:
     """Raise `RunError` where the environment that a step ends in is no finite number: a state with it could not go on."""
-    values = [getattr(run.elements.environment, name) for name in _GIVEN]
-    if not math.isfinite(sum(_product(a, a) for a in values)):
+    if not _is_finite(run.elements.environment):
         refuse_forcing(run, run.elements)
+
+
+@kernel
+def _is_finite(environment: Environment) -> bool:
+    """Whether all is a finite number that the forcing gives as one."""
+    for k in range(len(environment)):
+        if k in (KEEL_TEMPERATURE, KEEL_SALINITY):
+            continue
+        for value in environment[k]:
+            if not math.isfinite(value):
+                return False
+    return True
 
 
 def refuse_forcing(run: RunState, before: Elements, error: Exception | None = None) -> None:

@@ -30,8 +30,7 @@ from riftberg.physics.damage import stress_ratio
 from riftberg.state import Floats, Ints
 from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
 from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overload
-from riftberg.stepping.lattice.cell_stiffness import CellStiffness, principal_stresses
-from riftberg.stepping.lattice.cells import Booleans
+from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses, principal_stresses
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
 from riftberg.stepping.laws import Ratios
 
@@ -65,37 +64,37 @@ class Equilibrium:
         return self._paths
 
     @cached_property
-    def _deformation_and_stress(self) -> tuple[Floats, Floats]:
-        deformation, stress = deformations_and_stresses(self.lattice, self.intact, self.displacement, self._p)
-        if self._cells is not None:
-            stress = self._cells.bond_stresses(self.triangle_stress, self.tensor, self.intact)
-            stress[:, 0] += self.bridges[1]
-        return deformation, stress
+    def _springs(self) -> tuple[Floats, Floats]:
+        return deformations_and_stresses(self.lattice, self.intact, self.displacement, self._p)
 
     @cached_property
+    def _ice(self) -> CellStresses:
+        return self.cells.stresses(self.lattice, self.intact, self.displacement, self.load)
+
+    @property
     def triangle_stress(self) -> Floats:
         """Stress (Pa; xx, yy, xy) of the triangles of the cells."""
-        return self.cells.triangle_stresses(self.displacement)
+        return self._ice.triangle
 
-    @cached_property
+    @property
     def tensor(self) -> Floats:
         """Stress (Pa; xx, yy, xy) of the ice at the intact bonds, shape (intact bonds, 3)."""
-        return self.cells.bond_tensors(self.triangle_stress, self.intact)
+        return self._ice.tensor
 
-    @cached_property
-    def bridges(self) -> tuple[Booleans, Floats]:
-        """Which intact bonds are the last between two parts, and their stress (Pa) by bending, 0 for others."""
-        return self.cells.bridges(self.lattice, self.intact, self.load)
+    @property
+    def bridges(self) -> Ints:
+        """Rows among the intact bonds of those that are the last between two parts."""
+        return self._ice.bridge
 
     @property
     def deformation(self) -> Floats:
         """Extension, slip (m) and bend (rad) of the intact bonds, shape (intact bonds, 3)."""
-        return self._deformation_and_stress[0]
+        return self._springs[0]
 
     @property
     def stress(self) -> Floats:
         """Tensile and shear stress (Pa) of the intact bonds, shape (intact bonds, 2); of elastic cells the largest of the ice."""
-        return self._deformation_and_stress[1]
+        return self._springs[1] if self._cells is None else self._ice.bond
 
 
 class Criterion(Protocol):

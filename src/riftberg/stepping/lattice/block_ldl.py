@@ -9,6 +9,7 @@ The factors are found row by row (up-looking; Davis 2006, Direct Methods for Spa
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -43,6 +44,17 @@ def _minimum_degree(count: int, firsts: bytes, seconds: bytes) -> Ints:
     return order
 
 
+class Factors(NamedTuple):
+    """L by columns and D, all by place in the order of elimination."""
+
+    order: Ints  # Elements; shape (elements,)
+    start: Ints  # Where each column of L starts; shape (elements + 1,)
+    row: Ints  # Of each block of L; shape (blocks,)
+    lower: Floats  # Blocks of L; shape (blocks, 3, 3)
+    inverse: Floats  # Inverse blocks of D; shape (elements, 3, 3)
+    work: Floats  # Workspace of a solve; shape (elements, 3)
+
+
 class BlockLDL:
     """Factors of a symmetric positive definite matrix of 3 by 3 blocks.
 
@@ -51,28 +63,19 @@ class BlockLDL:
     """
 
     def __init__(self, first: Ints, second: Ints, diagonal: Floats, between: Floats) -> None:
-        self._order = minimum_degree(diagonal.shape[0], first, second)
-        self._start, self._row, self._lower, self._inverse = _factored(self._order, first, second, diagonal, between)
-        count = self._order.size
-        self._work, self._one, self._free = np.empty((count, 3)), np.ones(count), np.ones(3 * count)
+        order = minimum_degree(diagonal.shape[0], first, second)
+        self.factors = Factors(order, *_factored(order, first, second, diagonal, between), np.empty((order.size, 3)))
+        self._one, self._free = np.ones(order.size), np.ones(3 * order.size)
 
     def solve(self, right: Floats) -> Floats:
         """Return the solution for a right-hand side, shape (3 elements,)."""
-        count = self._order.size
-        out = np.empty((count, 3))
-        self.solve_scaled(right.reshape(count, 3), self._one, self._free, out)
+        out = np.empty((self._one.size, 3))
+        self.solve_scaled(right.reshape(out.shape), self._one, self._free, out)
         return out.ravel()
 
     def solve_scaled(self, right: Floats, radius: Floats, free: Floats, out: Floats) -> float:
-        """Solve for loads ``right`` (N, N, N m), whose moments act at the rims ``radius`` (m); returns the largest load, N.
-
-        ``free`` is 0 where loads are left out, else 1 (3 elements,); ``out`` takes the solution (elements, 3).
-        """
-        return float(
-            _solve(
-                self._order, self._start, self._row, self._lower, self._inverse, right, radius, free, self._work, out
-            )
-        )
+        """See `solve_factored`."""
+        return float(solve_factored(self.factors, right, radius, free, out))
 
 
 @kernel
@@ -198,11 +201,15 @@ def _eliminate(
 
 
 @borrower
-def _solve(
-    order: Ints, start: Ints, row: Ints, lower: Floats, inverse: Floats, right: Floats, radius: Floats, free: Floats,
-    x: Floats, out: Floats,
-) -> float:  # fmt: skip
-    """See `BlockLDL.solve_scaled`: forward substitution by columns, then back; ``x`` is workspace."""
+def solve_factored(factors: Factors, right: Floats, radius: Floats, free: Floats, out: Floats) -> float:
+    """Solve for loads ``right`` (N, N, N m), whose moments act at the rims ``radius`` (m); returns the largest load, N.
+
+    ``free`` is 0 where loads are left out, else 1 (3 elements,); ``out`` takes the solution (elements, 3). Forward substitution
+    by columns, then back.
+    """
+    order, start, row, lower, inverse, x = (
+        factors.order, factors.start, factors.row, factors.lower, factors.inverse, factors.work
+    )  # fmt: skip
     count, most = order.size, 0.0
     for k in range(count):
         e = order[k]

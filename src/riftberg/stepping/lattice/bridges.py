@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
@@ -9,17 +11,24 @@ from riftberg.state import Floats, Ints
 from riftberg.stepping.lattice.cells import Booleans
 
 
-@kernel
-def bridge_moments(
-    first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, held: Booleans
-) -> tuple[Booleans, Floats]:
-    """Find which intact bonds are bridges, and the moment (N m) that each alone bears about its middle, 0 for other bonds.
+class Bridges(NamedTuple):
+    """Bridges of a lattice, and a depth-first search of it, by which the loads on one side of each add up."""
 
-    From the balance of the part on one side of the bond. Loads of free fragments are in balance, so either side will do; a
-    part with supports (``held``: of the elements) bears unknown forces, and the other one counts. Bridges are found by
-    depth-first search (Tarjan 1974, Inf. Process. Lett. 2).
-    """
-    count = xy.shape[0]
+    bond: Ints  # Rows among the intact bonds; shape (bridges,)
+    below: Ints  # Element that the search reached by way of the bridge; shape (bridges,)
+    order: Ints  # Elements in the order in which the search reached them; shape (elements,)
+    above: Ints  # Element from which each was reached, -1 where the search began
+    root: Ints  # Element where the search of its fragment began
+
+
+def find_bridges(first: Ints, second: Ints, intact: Ints, elements: int) -> Bridges:
+    """Find which intact bonds are bridges, by depth-first search (Tarjan 1974, Inf. Process. Lett. 2)."""
+    return Bridges(*_find_bridges(first, second, intact, elements))
+
+
+@kernel
+def _find_bridges(first: Ints, second: Ints, intact: Ints, count: int) -> tuple[Ints, Ints, Ints, Ints, Ints]:
+    """Return the fields of `Bridges` (no named tuple: see `riftberg.compiled.kernels`)."""
     start = np.zeros(count + 1, np.int64)
     for b in intact:
         start[first[b] + 1] += 1
@@ -66,9 +75,22 @@ def bridge_moments(
             above[n], reached_by[n] = e, k
             stack[depth] = n
             depth += 1
+    below = np.array([e for e in range(count) if above[e] >= 0 and low[e] > visit[above[e]]], np.int64)
+    return reached_by[below], below, order, above, root
 
+
+@kernel
+def bridge_moments(
+    found: Bridges, first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, held: Booleans
+) -> Floats:
+    """Find the moment (N m) that each bridge alone bears about its middle; 0 between two parts with supports.
+
+    From the balance of the part on one side of the bond. Loads of free fragments are in balance, so either side will do; a
+    part with supports (``held``: of the elements) bears unknown forces, and the other one counts.
+    """
+    order, above, count = found.order, found.above, xy.shape[0]
     # Sums over what was reached from each element: force (2), moment about the origin, and whether it has supports.
-    sums = np.zeros((count, 4))
+    sums, moment = np.zeros((count, 4)), np.zeros(found.bond.size)
     for n in range(count - 1, -1, -1):
         e = order[n]
         sums[e, 0] += load[e, 0]
@@ -76,18 +98,17 @@ def bridge_moments(
         sums[e, 2] += load[e, 2] + xy[e, 0] * load[e, 1] - xy[e, 1] * load[e, 0]
         sums[e, 3] += 1.0 if held[e] else 0.0
         if above[e] >= 0:
-            sums[above[e]] += sums[e]
-    bridge, moment = np.zeros(intact.size, np.bool_), np.zeros(intact.size)
-    for e in range(count):
-        if above[e] < 0 or low[e] <= visit[above[e]]:
-            continue
-        bridge[reached_by[e]] = True
-        part = sums[e]
-        if part[3] > 0.0:
-            part = sums[root[e]] - part
-            if part[3] > 0.0:
+            for i in range(4):
+                sums[above[e], i] += sums[e, i]
+    for n in range(found.bond.size):
+        e = found.below[n]
+        fx, fy, turning = sums[e, 0], sums[e, 1], sums[e, 2]
+        if sums[e, 3] > 0.0:
+            r = found.root[e]
+            if sums[r, 3] - sums[e, 3] > 0.0:
                 continue
-        b = intact[reached_by[e]]
+            fx, fy, turning = sums[r, 0] - fx, sums[r, 1] - fy, sums[r, 2] - turning
+        b = intact[found.bond[n]]
         x, y = 0.5 * (xy[first[b], 0] + xy[second[b], 0]), 0.5 * (xy[first[b], 1] + xy[second[b], 1])
-        moment[reached_by[e]] = part[2] - (x * part[1] - y * part[0])
-    return bridge, moment
+        moment[n] = turning - (x * fy - y * fx)
+    return moment

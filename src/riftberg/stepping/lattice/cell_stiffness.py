@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,10 +18,10 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import principal
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import rows_of
-from riftberg.stepping.lattice.block_ldl import BlockLDL
-from riftberg.stepping.lattice.bridges import bridge_moments
+from riftberg.stepping.lattice.block_ldl import BlockLDL, Factors, solve_factored
+from riftberg.stepping.lattice.bridges import Bridges, bridge_moments, find_bridges
 from riftberg.stepping.lattice.cells import Booleans, freed_edges
-from riftberg.stepping.lattice.closing_faces import ClosingFaces
+from riftberg.stepping.lattice.closing_faces import ClosingFaces, FaceTables, put_closed_stress
 from riftberg.stepping.lattice.elastic_cells import ElasticCells
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
 from riftberg.stepping.lattice.triangles import (
@@ -126,43 +127,105 @@ class CellTopology:
         self.bond_beside, self.node_beside = pairs.T.copy()
 
 
-class OutlineNodes:
-    """Displacements of the nodes on the outline, which bear no loads: they stand where the ice around them is in equilibrium."""
+class OutlineNodes(NamedTuple):
+    """Nodes on the outline, which bear no loads: they stand where the ice around them is in equilibrium.
 
-    def __init__(self, topology: CellTopology, diagonal: Floats, between: Floats) -> None:
-        inner = topology.elements
-        free = (np.einsum("nii->ni", diagonal[inner:]) > 0.0) & ~topology.static[inner:, None]
-        free[:, 2] = False  # they rotate with their cells
-        self._free = free.astype(np.float64)
-        outer = topology.first >= inner
-        first, second = topology.first[outer] - inner, topology.second[outer] - inner
-        own = diagonal[inner:] * self._free[:, :, None] * self._free[:, None, :]
-        own[:, range(3), range(3)] += 1.0 - self._free
-        couple = between[outer] * self._free[first][:, :, None] * self._free[second][:, None, :]
-        self._factors = BlockLDL(first, second, own, couple)
-        mixed = ~outer & (topology.second >= inner)
-        self._element, self._node, self._pull = topology.first[mixed], topology.second[mixed] - inner, between[mixed]
-        self._one, self._every = np.ones(len(own)), np.ones(3 * len(own))
+    Of pairs of an element and a node on the outline: both, and their block of the stiffness matrix.
+    """
 
-    def displacements(self, of_elements: Floats) -> Floats:
-        """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3)."""
-        every = np.zeros((len(of_elements) + len(self._free), 3))
-        every[: len(of_elements)] = of_elements
-        load = outline_loads(self._element, self._node, self._pull, self._free, of_elements)
-        self._factors.solve_scaled(load, self._one, self._every, every[len(of_elements) :])
-        return every
+    element: Ints
+    node: Ints
+    pull: Floats
+    free: Floats  # 0 where a node cannot move, else 1; shape (nodes on the outline, 3)
+    factors: Factors  # Of the stiffness of these nodes
+    one: Floats  # shape (nodes on the outline,)
+    every: Floats  # shape (3 nodes on the outline,)
+
+
+def outline_nodes(topology: CellTopology, diagonal: Floats, between: Floats) -> OutlineNodes:
+    """Factor the stiffness of the nodes on the outline, by the blocks of `stiffness_blocks`."""
+    inner = topology.elements
+    can_move = (np.einsum("nii->ni", diagonal[inner:]) > 0.0) & ~topology.static[inner:, None]
+    can_move[:, 2] = False  # they rotate with their cells
+    free = can_move.astype(np.float64)
+    outer = topology.first >= inner
+    first, second = topology.first[outer] - inner, topology.second[outer] - inner
+    own = diagonal[inner:] * free[:, :, None] * free[:, None, :]
+    own[:, range(3), range(3)] += 1.0 - free
+    factors = BlockLDL(first, second, own, between[outer] * free[first][:, :, None] * free[second][:, None, :]).factors
+    mixed = ~outer & (topology.second >= inner)
+    element, node = topology.first[mixed], topology.second[mixed] - inner
+    return OutlineNodes(element, node, between[mixed], free, factors, np.ones(len(own)), np.ones(3 * len(own)))
 
 
 @kernel
-def outline_loads(element: Ints, node: Ints, pull: Floats, free: Floats, of_elements: Floats) -> Floats:
-    """Loads (N) on nodes of the outline by the displacements of the elements; a block of the stiffness matrix for each pair."""
-    load = np.zeros(free.shape)
+def node_displacements(outline: OutlineNodes, of_elements: Floats) -> Floats:
+    """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3)."""
+    element, node, pull, free, elements = outline.element, outline.node, outline.pull, outline.free, len(of_elements)
+    every, load = np.zeros((elements + len(free), 3)), np.zeros(free.shape)
+    every[:elements] = of_elements
     for n in range(element.size):
         e, k = element[n], node[n]
         for i in range(2):
             for j in range(3):
                 load[k, i] -= pull[n, j, i] * of_elements[e, j] * free[k, i]
-    return load
+    solve_factored(outline.factors, load, outline.one, outline.every, every[elements:])
+    return every
+
+
+class StressTables(NamedTuple):
+    """What the stress of the ice follows from, beside displacements and loads, for some intact bonds."""
+
+    outline: OutlineNodes
+    at: Ints  # Freedoms of the triangles; shape (triangles, 9)
+    by_displacement: Floats  # Their stress by these; shape (triangles, 3, 9)
+    faces: FaceTables  # Of triangles whose faces may close
+    at_bond: Neighbourhoods  # Triangles by number of the bond in the mesh
+    at_node: Neighbourhoods  # Triangles by node on the outline
+    number: Ints  # Of each intact bond in the mesh
+    beside: Ints  # Intact bonds and nodes on the outline beside them; shape (2, pairs)
+    places: tuple[int, int]  # Bonds of the mesh, nodes on the outline
+    bridges: Bridges
+    lattice: tuple[Ints, Ints, Ints, Floats, Booleans]  # First and second ends, intact bonds, coordinates, supports
+    modulus: Floats  # Of the section of each intact bond, times 6, m3
+
+
+@kernel
+def find_stresses(t: StressTables, of_elements: Floats, load: Floats, tensor: Floats, stress: Floats) -> Floats:
+    """Return the stress (Pa; xx, yy, xy) of the triangles, and fill that of intact bonds: as tensor, tension and shear.
+
+    Bonds lie inside the ice, so the stress at nodes of the outline beside them counts where it is larger. Bridges bear
+    6 M / (H w^2) at the end of the facet in addition, as in a beam as high as the facet is long (w): the mean stress of a bond
+    knows nothing of the moment M that it bears.
+    """
+    displacement = node_displacements(t.outline, of_elements)
+    triangle = triangle_stresses(t.at, t.by_displacement, displacement)
+    if t.faces.row.size > 0:
+        put_closed_stress(t.faces, displacement, triangle)
+    at_bond, number, beside = mean_stresses(t.at_bond, triangle, t.places[0]), t.number, t.beside
+    for k in range(number.size):
+        for i in range(3):
+            tensor[k, i] = at_bond[number[k], i]
+        stress[k, 0], stress[k, 1] = principal(tensor[k, 0], tensor[k, 1], tensor[k, 2])
+    at_node = principal_stresses(mean_stresses(t.at_node, triangle, t.places[1]))
+    for n in range(beside.shape[1]):
+        for i in range(2):
+            stress[beside[0, n], i] = max(stress[beside[0, n], i], at_node[beside[1, n], i])
+    bridge = t.bridges.bond
+    if bridge.size > 0:
+        moment = bridge_moments(t.bridges, *t.lattice[:4], load, t.lattice[4])
+        for n in range(bridge.size):
+            stress[bridge[n], 0] += 6.0 * abs(moment[n]) / t.modulus[bridge[n]]
+    return triangle
+
+
+class CellStresses(NamedTuple):
+    """Stress (Pa) of elastic cells."""
+
+    triangle: Floats  # xx, yy, xy; shape (triangles, 3)
+    tensor: Floats  # Of the ice at the intact bonds: xx, yy, xy; shape (intact bonds, 3)
+    bond: Floats  # Largest tension and shear of the ice there; shape (intact bonds, 2)
+    bridge: Ints  # Rows of intact bonds that are the last between two parts
 
 
 @kernel
@@ -213,7 +276,7 @@ class CellStiffness:
         # Of these triangles as they are: with their volume, and with what breaks free from now on.
         self._triangles = Triangles(found.stiffness * self._volume[:, None, None], found.stress.copy())
         self._whole: Booleans = np.asarray(~self._freed.any(axis=1))  # triangles without a freed edge
-        self._unbridged: Ints | None = None  # intact bonds none of which is the last between two parts
+        self._tables: tuple[Ints, StressTables] | None = None  # of some intact bonds
         self._blocks: tuple[Floats, Floats] | None = None
         self._outline: OutlineNodes | None = None
         self._faces: ClosingFaces | None = None
@@ -273,7 +336,7 @@ class CellStiffness:
         np.add.at(less, (place[:, :, None], place[:, None, :]), old[changed] - left)
         least = NEGLIGIBLE * float((old[changed] * scale[self._at[changed]][:, None, :] ** 2).max(initial=0.0))
         old[changed], self._triangles.stress[changed] = left, new.stress
-        self._blocks = self._outline = self._faces = None
+        self._blocks = self._outline = self._faces = self._tables = None
         value, vector = np.linalg.eigh(less * np.outer(scale[at], scale[at]))
         columns = np.zeros((int((value > least).sum()), scale.size))
         columns[:, at] = (vector[:, value > least] * np.sqrt(value[value > least])).T
@@ -281,9 +344,12 @@ class CellStiffness:
 
     def displacements(self, of_elements: Floats) -> Floats:
         """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3)."""
+        return node_displacements(self._nodes_on_outline(), of_elements)
+
+    def _nodes_on_outline(self) -> OutlineNodes:
         if self._outline is None:
-            self._outline = OutlineNodes(self.topology, *self.blocks())
-        return self._outline.displacements(of_elements)
+            self._outline = outline_nodes(self.topology, *self.blocks())
+        return self._outline
 
     @property
     def faces(self) -> ClosingFaces:
@@ -298,51 +364,30 @@ class CellStiffness:
             )
         return self._faces
 
-    def triangle_stresses(self, of_elements: Floats) -> Floats:
-        """Stress (Pa; xx, yy, xy) of each triangle by the displacements of the elements."""
-        displacement = self.displacements(of_elements)
-        stress = triangle_stresses(self._at, self._triangles.stress, displacement)
-        self.faces.put_stress(displacement, stress)
-        return stress
+    def stresses(self, lattice: ElasticLattice, rows: Ints, of_elements: Floats, load: Floats) -> CellStresses:
+        """Stress at intact bonds (rows of the state) and in all triangles, by displacements of the elements and their loads."""
+        if self._tables is None or self._tables[0] is not rows:  # nearly always they are those of the step before
+            self._tables = rows, self._stress_tables(lattice, rows)
+        tables, tensor, stress = self._tables[1], np.empty((rows.size, 3)), np.empty((rows.size, 2))
+        triangle = find_stresses(tables, of_elements, load, tensor, stress)
+        return CellStresses(triangle, tensor, stress, tables.bridges.bond)
 
-    def bond_tensors(self, stress: Floats, rows: Ints) -> Floats:
-        """Stress (Pa; xx, yy, xy) of the ice at intact bonds (rows of the state); ``stress``: of the triangles."""
-        return self._mean(self.topology.at_bond, stress, self._broken.size)[self.topology.bond_number[rows]]
+    def _stress_tables(self, lattice: ElasticLattice, rows: Ints) -> StressTables:
+        of, number = self.topology, self.topology.bond_number[rows]
+        row = np.full(self._broken.size, -1)
+        row[number] = np.arange(rows.size)
+        beside = np.stack([row[of.bond_beside], of.node_beside])
+        width = lattice.width[rows] * self.facet[lattice.first[rows]]
+        return StressTables(
+            self._nodes_on_outline(), self._at, self._triangles.stress, self.faces.tables,
+            of.at_bond.but_freed(self._whole), of.at_node.but_freed(self._whole), number, beside[:, beside[0] >= 0],
+            (self._broken.size, of.outer_nodes), find_bridges(lattice.first, lattice.second, rows, of.elements),
+            (lattice.first, lattice.second, rows, self._xy, of.held), lattice.thickness[rows] * width**2,
+        )  # fmt: skip
 
     def cell_tensors(self, stress: Floats) -> Floats:
         """Stress (Pa; xx, yy, xy) of the ice in the cells of the elements, with all triangles at their nodes."""
-        every = np.ones(len(stress), bool)
-        return mean_stresses(*self.topology.in_cell, every, stress, self.topology.elements)
-
-    def bridges(self, lattice: ElasticLattice, rows: Ints, load: Floats) -> tuple[Booleans, Floats]:
-        """Find which intact bonds are the last between two parts, and their stress (Pa) by bending, 0 for all others.
-
-        6 M / (H w^2) at the end of the facet, as in a beam as high as the facet is long (w): the mean stress of a bond
-        knows nothing of the moment M that it bears.
-        """
-        if (
-            self._unbridged is rows
-        ):  # as nearly always: bonds that are the same have no bridges under other loads either
-            return np.zeros(rows.size, bool), np.zeros(rows.size)
-        width = lattice.width[rows] * self.facet[lattice.first[rows]]
-        bridge, moment = bridge_moments(lattice.first, lattice.second, rows, self._xy, load, self.topology.held)
-        if not bridge.any():
-            self._unbridged = rows
-        return bridge, np.asarray(6.0 * abs(moment) / (lattice.thickness[rows] * width**2))
-
-    def bond_stresses(self, stress: Floats, tensor: Floats, rows: Ints) -> Floats:
-        """Largest tension and shear (Pa) of the ice at intact bonds, shape (bonds, 2); ``tensor``: `bond_tensors`.
-
-        Bonds lie inside the ice, so the stress at nodes of the outline beside them counts where it is larger.
-        """
-        largest = principal_stresses(tensor)
-        of_nodes = principal_stresses(self._mean(self.topology.at_node, stress, self.topology.outer_nodes))
-        of, number = self.topology, self.topology.bond_number[rows]
-        _raise_to_nodes(largest, of_nodes, of.bond_beside, of.node_beside, number, self._broken.size)
-        return np.asarray(largest)
-
-    def _mean(self, near: Neighbourhoods, stress: Floats, places: int) -> Floats:
-        return mean_stresses(*near, self._whole, stress, places)
+        return mean_stresses(self.topology.in_cell, stress, self.topology.elements)
 
     def row_distance(self, element: int, spacing: float) -> float:
         """Distance (m) of the rows of a lattice: of the elements in squares, sqrt(3) / 2 of it in hexagons."""
@@ -376,19 +421,6 @@ def principal_stresses(tensor: Floats) -> Floats:
     for k in range(tensor.shape[0]):
         extremes[k, 0], extremes[k, 1] = principal(tensor[k, 0], tensor[k, 1], tensor[k, 2])
     return extremes
-
-
-@kernel
-def _raise_to_nodes(largest: Floats, of_nodes: Floats, bond: Ints, node: Ints, number: Ints, bonds: int) -> None:
-    """Take the stress at nodes beside bonds where it is larger; ``number``: of the bond in each row of ``largest``."""
-    row = np.full(bonds, -1, np.int64)
-    for k in range(number.size):
-        row[number[k]] = k
-    for n in range(bond.size):
-        k = row[bond[n]]
-        if k >= 0:
-            for c in range(2):
-                largest[k, c] = max(largest[k, c], of_nodes[node[n], c])
 
 
 class CellSolver(StiffnessSolver):
@@ -435,11 +467,11 @@ class CellSolver(StiffnessSolver):
         """
         open_ones, largest = super()._displaced(load)
         faces, found = self._cells.faces, open_ones
-        if faces.row.size == 0:
+        if faces.tables.row.size == 0:
             return found, largest
-        scale, none = self._scale.reshape(-1, 3), np.zeros(faces.row.size, np.int64)
+        scale, none = self._scale.reshape(-1, 3), np.zeros(faces.tables.row.size, np.int64)
         before = none
-        for n in range(2 * faces.row.size + MOST_ROUNDS):
+        for n in range(2 * faces.tables.row.size + MOST_ROUNDS):
             pattern = faces.closed(found * scale)
             pattern = pattern if n < MOST_ROUNDS else pattern | before
             if np.array_equal(pattern, before):

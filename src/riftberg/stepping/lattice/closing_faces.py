@@ -10,6 +10,8 @@ the open and pressures of the closed ones, and the energy is convex, so there is
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
@@ -19,6 +21,17 @@ from riftberg.stepping.lattice.triangles import find_open_edges
 
 WAYS = 4
 """Ways to close up to two faces of a triangle: bit 0 for the first, bit 1 for the second."""
+
+
+class FaceTables(NamedTuple):
+    """What compiled code needs of `ClosingFaces`; a row for each triangle."""
+
+    row: Ints  # Number of the triangle
+    at: Ints  # Its nine freedoms
+    number: Ints  # Of its faces that may close, one or two
+    # By ways of closing: gap of each open and pressure of each closed face, both as a length (m) by the freedoms
+    signs: Floats  # shape (triangles, ways, 2, 9)
+    stress: Floats  # Stress xx, yy, xy (Pa) by the freedoms; shape (triangles, ways, 3, 9)
 
 
 class ClosingFaces:
@@ -33,13 +46,11 @@ class ClosingFaces:
         poisson: float,
     ) -> None:  # fmt: skip
         count = row.size
-        self.row, self.at = row, at
-        self.number = faces.sum(axis=1)
-        self.signs = np.zeros(
-            (count, WAYS, 2, 9)
-        )  # gap of each open and pressure of each closed face, both as a length (m)
+        self.at = at
+        self.tables = FaceTables(
+            row, at, faces.sum(axis=1), np.zeros((count, WAYS, 2, 9)), np.zeros((count, WAYS, 3, 9))
+        )
         self.columns = np.zeros((count, WAYS, 2, 9))  # w: closing adds the sum of w w^T to the stiffness
-        self._stress = np.zeros((count, WAYS, 3, 9))
         if count == 0:
             return
         found, edges = find_open_edges(vertex, freed, youngs, poisson)
@@ -47,7 +58,7 @@ class ClosingFaces:
         edge = np.argsort(~faces, axis=1, kind="stable")[:, :2]  # the second one counts where there are two
         gap, give = edges.gap[every, edge], edges.give[every[:, :, None], edge[:, :, None], edge[:, None, :]]
         # A lone face has no second one: any number but 0 does for its give.
-        give[self.number == 1, 1, 1] += give[self.number == 1, 0, 0]
+        give[self.tables.number == 1, 1, 1] += give[self.tables.number == 1, 0, 0]
         own = np.einsum("tii->ti", give)[:, :, None]
         by_pull = edges.stress @ np.take_along_axis(edges.give, edge[:, None, :], axis=2)
         for way in range(WAYS):
@@ -56,38 +67,36 @@ class ClosingFaces:
             block = give[:, shut][:, :, shut]
             pull = np.zeros_like(gap)
             pull[:, shut] = np.linalg.solve(block, gap[:, shut])
-            self.signs[:, way] = gap - give @ pull
-            self.signs[:, way, shut] = (-own * pull)[:, shut]
-            self._stress[:, way] = found.stress + by_pull @ pull
+            self.tables.signs[:, way] = gap - give @ pull
+            self.tables.signs[:, way, shut] = (-own * pull)[:, shut]
+            self.tables.stress[:, way] = found.stress + by_pull @ pull
             self.columns[:, way, shut] = (
                 np.linalg.solve(np.linalg.cholesky(block), gap[:, shut]) * np.sqrt(volume)[:, None, None]
             )
 
     def closed(self, displacement: Floats) -> Ints:
         """Which faces are closed, as a way for each triangle; ``displacement``: of all nodes (m, m, rad)."""
-        return closed_ways(self.at, self.signs, self.number, displacement)
-
-    def put_stress(self, displacement: Floats, stress: Floats) -> None:
-        """Put the stress (Pa; xx, yy, xy) of these triangles in the place of that with open faces."""
-        if self.row.size:
-            put_closed_stress(self.row, self.at, self.closed(displacement), self._stress, displacement, stress)
+        return closed_ways(self.tables, displacement)
 
 
 @kernel
-def put_closed_stress(row: Ints, at: Ints, way: Ints, by_way: Floats, displacement: Floats, stress: Floats) -> None:
-    """Fill ``stress`` of the triangles in ``row`` whose faces are closed in some ``way``."""
+def put_closed_stress(faces: FaceTables, displacement: Floats, stress: Floats) -> None:
+    """Put the stress (Pa; xx, yy, xy) of triangles with closed faces in the place of that with open ones."""
+    row, at, by_way, moved = faces.row, faces.at, faces.stress, displacement.ravel()
+    way = closed_ways(faces, displacement)
     for t in range(row.size):
         if way[t] == 0:
             continue
         for c in range(3):
             stress[row[t], c] = 0.0
             for a in range(9):
-                stress[row[t], c] += by_way[t, way[t], c, a] * displacement[at[t, a] // 3, at[t, a] % 3]
+                stress[row[t], c] += by_way[t, way[t], c, a] * moved[at[t, a]]
 
 
 @kernel
-def closed_ways(at: Ints, signs: Floats, number: Ints, displacement: Floats) -> Ints:
+def closed_ways(faces: FaceTables, displacement: Floats) -> Ints:
     """The way of closing the faces of each triangle whose least gap or pressure is the largest: 0 or more but for round-off."""
+    at, signs, number, moved = faces.at, faces.signs, faces.number, displacement.ravel()
     best = np.zeros(at.shape[0], np.int64)
     for t in range(at.shape[0]):
         highest = -np.inf
@@ -96,7 +105,7 @@ def closed_ways(at: Ints, signs: Floats, number: Ints, displacement: Floats) -> 
             for n in range(number[t]):
                 value = 0.0
                 for a in range(9):
-                    value += signs[t, way, n, a] * displacement[at[t, a] // 3, at[t, a] % 3]
+                    value += signs[t, way, n, a] * moved[at[t, a]]
                 least = min(least, value)
             if least > highest:
                 best[t], highest = way, least

@@ -151,17 +151,20 @@ def freedoms(node: Ints, owner: Ints) -> Ints:
 @kernel
 def triangle_stresses(at: Ints, stress: Floats, displacement: Floats) -> Floats:
     """Stress (Pa; xx, yy, xy) of each triangle; ``stress``: of `Triangles`; ``displacement``: of all nodes (m, m, rad)."""
-    found = np.zeros((at.shape[0], 3))
+    found, moved = np.empty((at.shape[0], 3)), displacement.ravel()
     for t in range(at.shape[0]):
+        xx = yy = xy = 0.0  # three sums side by side: each by itself would wait for its last addition
         for a in range(9):
-            moved = displacement[at[t, a] // 3, at[t, a] % 3]
-            for c in range(3):
-                found[t, c] += stress[t, c, a] * moved
+            d = moved[at[t, a]]
+            xx += stress[t, 0, a] * d
+            yy += stress[t, 1, a] * d
+            xy += stress[t, 2, a] * d
+        found[t, 0], found[t, 1], found[t, 2] = xx, yy, xy
     return found
 
 
 class Neighbourhoods(NamedTuple):
-    """Triangles whose stress is averaged in each of some places; a row for each triangle of a place."""
+    """Triangles whose stress is averaged in each of some places; a row for each triangle of a place, place by place."""
 
     place: Ints
     triangle: Ints
@@ -170,28 +173,35 @@ class Neighbourhoods(NamedTuple):
     @classmethod
     def of_pairs(cls, mesh: CellMesh, place: Ints, triangle: Ints) -> Neighbourhoods:
         """Take each pair of a place and a triangle once; places below 0 are none."""
-        pairs = np.unique(np.column_stack([place, triangle])[place >= 0], axis=0)
-        return cls(pairs[:, 0].copy(), pairs[:, 1].copy(), (mesh.weight * mesh.area)[pairs[:, 1]])
+        count, chosen = len(mesh.triangle), place >= 0
+        pairs = np.unique(place[chosen] * count + triangle[chosen])
+        place, triangle = np.divmod(pairs, count)
+        return cls(place, triangle, (mesh.weight * mesh.area)[triangle])
+
+    def but_freed(self, whole: Booleans) -> Neighbourhoods:
+        """Return those without a freed edge (``whole``: of the triangles), in places that have any.
+
+        Freed edges carry nothing, so a mean that takes their triangles in sees the relief of the flanks of a crack and hardly
+        notices that a short one goes on.
+        """
+        of_whole = whole[self.triangle]
+        some = np.bincount(self.place, self.share * of_whole) > 0.0
+        counts = of_whole | ~some[self.place]
+        return Neighbourhoods(self.place[counts], self.triangle[counts], self.share[counts])
 
 
 @kernel
-def mean_stresses(place: Ints, triangle: Ints, share: Floats, whole: Booleans, stress: Floats, places: int) -> Floats:
-    """Stress (Pa; xx, yy, xy) in each place: mean over its triangles by area, those without a freed edge if there are any.
-
-    Freed edges carry nothing, so a mean that takes their triangles in sees the relief of the flanks of a crack and hardly
-    notices that a short one goes on.
-    """
-    mean, total = np.zeros((places, 3)), np.zeros(places)
-    for only_whole in (True, False):
-        filled = total > 0.0
-        for n in range(place.size):
-            k, t = place[n], triangle[n]
-            if filled[k] or (only_whole and not whole[t]):
-                continue
-            total[k] += share[n]
-            for c in range(3):
-                mean[k, c] += share[n] * stress[t, c]
-    for k in range(places):
-        if total[k] > 0.0:
-            mean[k] /= total[k]
+def mean_stresses(near: Neighbourhoods, stress: Floats, places: int) -> Floats:
+    """Stress (Pa; xx, yy, xy) in each place: mean over its triangles by area; 0 where there are none."""
+    place, triangle, share = near.place, near.triangle, near.share
+    mean, n = np.zeros((places, 3)), 0
+    while n < place.size:
+        k, total, xx, yy, xy = place[n], 0.0, 0.0, 0.0, 0.0
+        while n < place.size and place[n] == k:
+            t, area = triangle[n], share[n]
+            total += area
+            xx, yy, xy = xx + area * stress[t, 0], yy + area * stress[t, 1], xy + area * stress[t, 2]
+            n += 1
+        if total > 0.0:
+            mean[k, 0], mean[k, 1], mean[k, 2] = xx / total, yy / total, xy / total
     return mean

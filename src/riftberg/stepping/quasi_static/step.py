@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import plain
+from riftberg.constants import EARTH_ROTATION
 from riftberg.errors import RunError
 from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
@@ -376,9 +377,10 @@ class TimeStep:
         may_break = fracture.enabled and not (first_step and fracture.not_in_first_step)
         if may_break and first_step:
             self._propagate_crack()
-        coriolis = float(np.abs(self.state.operators.forcing.coriolis).max(initial=0.0))
-        if self.state.operators.forcing.media_act and coriolis > 0.0:
-            self._max_dt = min(self.dt, INERTIAL_PART * 2.0 * math.pi / coriolis)
+        forcing = self.state.operators.forcing
+        if forcing.media_act and self.dt > INERTIAL_PART * math.pi / EARTH_ROTATION:  # that of the poles
+            coriolis = float(np.abs(forcing.coriolis).max(initial=0.0))
+            self._max_dt = min(self.dt, INERTIAL_PART * 2.0 * math.pi / coriolis) if coriolis > 0.0 else self.dt
         end, next_dt = self.start + self.dt, math.inf
         while (left := end - self.state.time) > 1e-9 * self.dt:
             # The rest in equal parts, so that the last one is no shorter than it must be.
@@ -483,18 +485,19 @@ class TimeStep:
 
     def _checkpoint(self) -> list[np.ndarray]:
         """Copy what a trial step changes in the model and the next trial needs as it was; all else is found anew."""
-        el = self.el
         if self.seabed is not None:
             self.seabed.checkpoint()
         self._face_pairs = None if self.faces is None else self.faces.pairs
-        return [array.copy() for array in (*el.place, *el.shown, el.motion.rotation, self.bonds.damage, *el.keel)]
+        return [array.copy() for array in self._changed_by_trials()]
+
+    def _changed_by_trials(self) -> tuple[np.ndarray, ...]:
+        el = self.el
+        damage = (self.bonds.damage,) if self.model.parameters.damage.enabled else ()
+        return *el.place, *el.shown, el.motion.rotation, *damage, *(el.keel if self.seabed is not None else ())
 
     def _rollback(self, checkpoint: list[np.ndarray]) -> None:
         """Return to the start of a trial step."""
-        el = self.el
-        for array, values in zip(
-            (*el.place, *el.shown, el.motion.rotation, self.bonds.damage, *el.keel), checkpoint, strict=True
-        ):
+        for array, values in zip(self._changed_by_trials(), checkpoint, strict=True):
             array[:] = values
         if self.seabed is not None:
             self.seabed.rollback()
@@ -854,7 +857,7 @@ class TimeStep:
         strengths = self.lattice.strengths(bonds, self.c)
         ratio, strength = np.zeros(bonds.first.size), np.zeros(bonds.first.size)
         ratio[now.intact], strength[now.intact] = overloads(now.stress, strengths), strengths.normal
-        last = bool(now.bridges[0][row])
+        last = row in now.bridges
         return paths.next_bond(failing, last, now.tensor[row], now.triangle_stress, ratio, strength)
 
     def _facet_area(self, bond: int) -> float:
