@@ -11,7 +11,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.state import Floats, Ints
@@ -29,7 +28,8 @@ def minimum_degree(count: int, first: Ints, second: Ints) -> Ints:
 
 @lru_cache(maxsize=4)
 def _minimum_degree(count: int, firsts: bytes, seconds: bytes) -> Ints:
-    from scipy.sparse.linalg import splu  # takes half a second to load, and not every run has a lattice
+    from scipy.sparse import csc_matrix  # takes half a second to load, and not every run has a lattice
+    from scipy.sparse.linalg import splu
 
     first, second = np.frombuffer(firsts, np.int64), np.frombuffer(seconds, np.int64)
     every = np.arange(count)

@@ -302,7 +302,7 @@ class QuasiStaticStepper:
                 self._cell_topology = step.topology
             parts.append((rows, step.state.bodies))
         body = connected_parts(model.elements.size, bonds.first, bonds.second, bonds.status)
-        self._bodies = joined_bodies(body, parts)
+        self._bodies = joined_bodies(body, tuple(parts))
         self._applied, self._touched, self._sizes, self._work = applied, concatenate_pairs(touched), sizes, None
         if cracked:
             self._topology = _topology_key(model)
