@@ -42,7 +42,7 @@ from riftberg.stepping.run_state import RunState
 
 Booleans = NDArray[np.bool_]
 
-FEWEST = 50
+FEWEST = 2000
 """Lone bergs from which on they go by themselves: with fewer it costs as much to copy the others out and back."""
 
 
