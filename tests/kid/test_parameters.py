@@ -53,9 +53,15 @@ def test_defaults_of_a_silent_namelist(tmp_path: Path) -> None:
     assert not p.grounding.implicit
 
 
-@pytest.mark.parametrize(("given", "found"), [(0.0, 1e-5), (-3.0, 1e-5), (2e-7, 2e-7)])
+@pytest.mark.parametrize(("given", "found"), [(0.0, 1e-5), (2e-7, 2e-7)])
 def test_contact_spring(tmp_path: Path, given: float, found: float) -> None:
     assert mapped(tmp_path, contact_spring_coef=given).contact.spring == found
+
+
+def test_a_negative_contact_spring_is_refused_at_reading(tmp_path: Path) -> None:
+    """Bug: it was taken for 0, as the reference does, and a slip of sign ended late, in bergs that lie on each other."""
+    with pytest.raises(NamelistError, match="contact_spring_coef = -3 is below 0"):
+        mapped(tmp_path, contact_spring_coef=-3.0)
 
 
 @pytest.mark.parametrize(

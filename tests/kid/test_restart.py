@@ -156,6 +156,14 @@ def test_bad_files_are_refused(
         assert word in str(error.value)
 
 
+def test_a_position_periods_away_is_refused(tmp_path: Path) -> None:
+    """Bug: in a periodic domain 1e9 m were wrapped without a word."""
+    cyclic = Grid.cartesian(20, 20, 1000.0, period=20e3)
+    assert read_restart(made(tmp_path, lon=np.array([5100.0, -300.0, 25e3])), cyclic).size == 3
+    with pytest.raises(BergError, match=r"lon = 1e\+09 of record 2 is not within two periods"):
+        read_restart(made(tmp_path, lon=np.array([5100.0, 1e9, 5500.0])), cyclic)
+
+
 def test_wrong_size_and_no_elements(tmp_path: Path, grid: Grid) -> None:
     path = made(tmp_path)
     with netCDF4.Dataset(path, "a") as dataset:

@@ -104,6 +104,20 @@ def test_a_criterion_of_ones_own_decides_what_breaks() -> None:
     assert strong.bonds_broken == 0
 
 
+@pytest.mark.parametrize("name", ["stress", "displacement"])
+def test_a_criterion_that_changes_the_equilibrium_is_refused(name: str) -> None:
+    """Bug: one that halved `moment.stress` changed what was stored and recorded."""
+
+    def halving(moment, strengths):
+        getattr(moment, name)[:] *= 0.5
+        return moment.stress[:, 0] / strengths.normal
+
+    at = pulled()
+    model = Model.going_on(at.population, at.forcing, at.parameters, at.start, 0.0, 0, (), laws=Laws(fracture=halving))
+    with pytest.raises(RunError, match="Laws, fracture: halving changes the equilibrium"):
+        model.step()
+
+
 @pytest.mark.parametrize(
     ("laws", "words"),
     [

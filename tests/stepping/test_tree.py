@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from riftberg.parameters import A68A_2022
+from riftberg.parameters import A68A_2022, Parameters
 from riftberg.state import Bonds, Elements, new_bonds, new_elements
-from riftberg.stepping.fragments.tree import FragmentTree
+from riftberg.stepping.fragments.tree import FragmentTree, _measures
 
 CONSTANTS = A68A_2022.kernel_values()
+GROUNDED = Parameters(grounding={"coefficient": 1e3}).kernel_values()
 
 
 def row_of_ice(count: int) -> tuple[Elements, Bonds]:
@@ -114,3 +115,22 @@ def test_bergs_have_the_names_that_were_given_and_pieces_those_of_their_bergs() 
     bonds.status[[1, 7]] = 1
     tree.update(elements, bonds, 1800.0, CONSTANTS)
     assert [(f.name, f.parent) for f in tree.rows] == [("west", 0), ("east", 0), ("west.1", 1), ("east.1", 2)]
+
+
+def test_bergs_of_one_element_are_described_as_all_others() -> None:
+    """Found for all at once: the same digits as by `_measures`, names and parents included."""
+    r, count = np.random.default_rng(4), 40
+    elements = new_elements(count)
+    elements.place.lon[:], elements.place.lat[:] = r.uniform(-180.0, 180.0, count), r.uniform(-80.0, -50.0, count)
+    elements.body.mass[:], elements.body.thickness[:] = r.uniform(1e6, 1e12, count), 100.0
+    elements.body.length[:], elements.body.width[:] = r.uniform(60.0, 3000.0, (2, count))
+    elements.environment.depth[:] = np.where(np.arange(count) % 7, 1000.0, 50.0)
+    elements.body.id[:] = np.arange(1, count + 1)
+    tree = FragmentTree(bergs=[("many", 30), ("G", 10)])
+    assert tree.update(elements, new_bonds(np.array([31]), np.array([32])), 0.0, GROUNDED) == count - 1
+    names = ["many", *(f"many.{k}" for k in range(1, 30)), "G", *(f"G.{k}" for k in range(1, 9))]
+    assert [row.name for row in tree.rows] == names
+    for row in tree.rows:
+        rows = np.flatnonzero(elements.berg == row.number)
+        assert (row.lon, row.lat, row.elements, row.area, row.mass) == _measures(rows, elements, 360.0)
+        assert row.grounded == bool((elements.environment.depth[rows] < 100.0).any())

@@ -111,7 +111,7 @@ ICEBERGS: Final[tuple[Entry, ...]] = (
     _yes("length_for_manually_initialize_bonds", REAL, 1000.0, "m",
          "distance criterion otherwise (negative means no bonds)"),
     _yes("spring_coef", REAL, 1e-08, "s-2", "spring constant of bonded interaction"),
-    _yes("contact_spring_coef", REAL, 0.0, "s-2", "spring constant of contact (<=0 means spring_coef)"),
+    _yes("contact_spring_coef", REAL, 0.0, "s-2", "spring constant of contact (0 means spring_coef)"),
     _yes("contact_distance", REAL, 0.0, "m", "contact starts at max(this, R1+R2)"),
     _nil("bond_coef", REAL, 1e-08, "s-2", "unused", "unused in the reference too"),
     _yes("radial_damping_coef", REAL, 0.0001, "s-1", "damping along the line of centres if not critical"),

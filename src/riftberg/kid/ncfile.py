@@ -241,14 +241,8 @@ CHUNK: Final = 4096
 BLOCK_SECONDS: Final = 10.0
 """Wall-clock time between writes at most, s, as long as records come in."""
 
-QUICK: Final = 1.0
-"""Writes that take less than this wall-clock time (s) may follow each other at once, as long as the file is small."""
-
-SMALL: Final = 4_000_000
-"""Bytes of a file that is copied in no time; each write begins with a copy of the file."""
-
 PATIENCE: Final = 20.0
-"""After another one records are held this many times as long as it took, so that writing stays a small part."""
+"""After a write, which begins with a copy of the file, records are held this many times as long as it took: a small part."""
 
 
 class BlockWriter:
@@ -315,10 +309,7 @@ class BlockWriter:
                 self._good = f"good records up to day {last['day'][-1]:g} of year {last['year'][-1]}"
             self._written, self._waiting, self._waiting_size = self._written + self._waiting_size, [], 0
         self._last = time.monotonic()
-        took = self._last - began
-        # A slow disk or a large file: hold records back, so that copying stays a small part of the run.
-        dear = took > QUICK or self.path.stat().st_size > SMALL
-        self._pause = PATIENCE * took if dear else 0.0
+        self._pause = PATIENCE * (self._last - began)
 
     def close(self) -> None:
         """Write what waits."""

@@ -85,7 +85,13 @@ def scheme(group: NamelistGroup) -> Scheme:
 def contact_stiffness(group: NamelistGroup) -> float:
     """Return the stiffness between bergs (s-2); ``spring_coef`` where none is given."""
     stated = group.number("contact_spring_coef")
-    return stated if stated > 0 else group.number("spring_coef")
+    if (
+        stated < 0.0
+    ):  # the reference takes it for 0; a slip of sign would make ice a thousand times as soft without a word
+        raise group.error(
+            f"contact_spring_coef = {stated:g} is below 0", "Give 0 for that of spring_coef, or a stiffness"
+        )
+    return stated if stated > 0.0 else group.number("spring_coef")
 
 
 def namelist_period(group: NamelistGroup) -> float:

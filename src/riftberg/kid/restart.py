@@ -146,7 +146,7 @@ def read_restart(path: Path, grid: Grid, *, seam: bool = False) -> Elements:
                 array[:] = whole_column(dataset, path, name, elements.size)
             else:
                 array[:] = column(dataset, path, name, elements.size, default)
-        _check_values(elements, path, degrees=grid.arrays.latlon)
+        _check_values(elements, path, grid)
         grid.locate(elements)
         elements.id[:] = _read_identifiers(dataset, path, elements, grid, seam)
     unique, counts = np.unique(elements.id, return_counts=True)
@@ -214,7 +214,7 @@ DENSITIES: Final = (200.0, 1100.0)
 """Densities (kg m-3) between which mass over volume lies."""
 
 
-def _check_values(elements: Elements, path: Path, *, degrees: bool) -> None:
+def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
     """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers too."""
     fields, life = {**REQUIRED, **OPTIONAL}, elements.life
 
@@ -243,9 +243,14 @@ def _check_values(elements: Elements, path: Path, *, degrees: bool) -> None:
         name = "uvel" if np.median(np.abs(elements.u)) >= np.median(np.abs(elements.v)) else "vvel"
         values = getattr(elements, REQUIRED[name])
         refuse(speed > FASTEST, values, name, f"a speed of ice, at most {FASTEST:g} m/s", meant=f", {MEANT}")
-    if degrees:
+    period = grid.arrays.period
+    if grid.arrays.latlon:
         refuse(np.abs(elements.lat) > 90.0, elements.lat, "lat", "a latitude from -90 to 90")
         refuse(np.abs(elements.lon) > 720.0, elements.lon, "lon", "a longitude in degrees")
+    elif period > 0.0:  # any number would be wrapped into the domain
+        refuse(
+            np.abs(elements.lon) > 2.0 * period, elements.lon, "lon", f"within two periods ({period:g} m) of the domain"
+        )
     # A flipped bit in one of four numbers leaves it finite, but rarely a density of ice.
     density = elements.mass / (elements.thickness * elements.length * elements.width)
     wrong = (density < DENSITIES[0]) | (density > DENSITIES[1])

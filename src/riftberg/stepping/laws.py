@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
@@ -96,9 +96,9 @@ class WithForce(WrappedForcing):
 
 
 @contextmanager
-def _to_read(elements: Elements, where: str) -> Iterator[None]:
-    """Let a law read the elements and change none: a law is called several times in a step, also in one that is taken back."""
-    arrays = [array for group in elements for array in group if array.flags.writeable]
+def to_read(groups: Iterable[Iterable[Any]], what: str, where: str) -> Iterator[None]:
+    """Let a law read arrays and change none: a law is called several times in a step, also in one that is taken back."""
+    arrays = [array for group in groups for array in group if isinstance(array, np.ndarray) and array.flags.writeable]
     for array in arrays:
         array.flags.writeable = False
     try:
@@ -106,7 +106,7 @@ def _to_read(elements: Elements, where: str) -> Iterator[None]:
     except ValueError as error:
         if "read-only" not in str(error):
             raise
-        raise RunError(f"{where} changes the elements. Return what it gives; what changes elements is a process "
+        raise RunError(f"{where} changes the {what}. Return what it gives; what changes elements is a process "
                        "(Model.after_step)") from error  # fmt: skip
     finally:
         for array in arrays:
@@ -123,7 +123,7 @@ def rows_of(
 ) -> Floats:
     """Return what a law gives for each of some names, shape (names, elements); NaN where it gives None."""
     where = f"Laws, {kind}: {name_of(law)}"
-    with _to_read(elements, where):
+    with to_read(elements, "elements", where):
         given = law(elements, time)
     if not isinstance(given, Sequence | np.ndarray) or len(given) != len(names):
         raise RunError(f"{where} returns {value_shown(given)} instead of {len(names)} arrays ({', '.join(names)})")

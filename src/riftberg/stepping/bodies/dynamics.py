@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.constants import EARTH_ROTATION
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import separation
@@ -65,6 +66,9 @@ NEWTON_RTOL = 1e-8
 
 NEWTON_PREDICTED_RTOL = 1e-11
 """Relative change that the next iteration would bring, judged by the last two, at which it is spared."""
+
+INERTIAL_PART = 1.0 / 6.0
+"""Longest trial step as a part of the inertial period, 2.3 h at 60 degrees."""
 
 VELOCITY_SCALE = 1e-6
 """Least speed (m s-1) that changes are measured by: at rest they would be parts of round-off."""
@@ -126,6 +130,14 @@ class BodyOperators(NamedTuple):
     forcing: ElementForcing
     contacts: ContactPairs
     matrices: BodyMatrices
+
+
+def longest_trial_step(forcing: ElementForcing, dt: float) -> float:
+    """Return the longest trial step (s) of a time step of ``dt`` s: what the Coriolis force that acts asks for."""
+    if not forcing.media_act or dt <= INERTIAL_PART * math.pi / EARTH_ROTATION:  # that of the poles, the shortest
+        return dt
+    coriolis = float(np.abs(forcing.coriolis).max(initial=0.0))
+    return min(dt, INERTIAL_PART * 2.0 * math.pi / coriolis) if coriolis > 0.0 else dt
 
 
 def allocate_forcing(el: Elements, p: KernelParameters) -> ElementForcing:
@@ -286,7 +298,7 @@ def accumulate_forces(
 
 
 @kernel
-def _torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float]:
+def spin_torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float]:
     """Torque (N m) of the water on an element that spins, and minus its derivative."""
     spin = w - forcing.water_spin[e]
     drag = forcing.inertia[e] * forcing.spin_drag[e] * abs(spin)
@@ -322,7 +334,11 @@ def add_forces(
                 accelerations[e, k, 0], accelerations[e, k, 1] = dx, dy
                 ax += dx
                 ay += dy
-        fx, fy, torque = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e], _torque(forcing, e, w)[0]
+        fx, fy, torque = (
+            mass[e] * ax + forcing.push_x[e],
+            mass[e] * ay + forcing.push_y[e],
+            spin_torque(forcing, e, w)[0],
+        )
         force[e, 0], force[e, 1], force[e, 2] = fx, fy, torque
         for i in range(3):
             net_force[b, i] += m[i] * fx + m[3 + i] * fy + m[6 + i] * torque
@@ -390,7 +406,7 @@ def assemble_force_and_jacobian(
                 jxx += dxx
                 jxy += dxy
                 jyy += dyy
-        torque, turning = _torque(forcing, e, m6 * q[0] + m7 * q[1] + m8 * q[2])
+        torque, turning = spin_torque(forcing, e, m6 * q[0] + m7 * q[1] + m8 * q[2])
         fx, fy, weight = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e], mass[e]
         t, s = net_force[b], jacobian[b]
         t0, t1, t2 = m0 * fx + m3 * fy + m6 * torque, m1 * fx + m4 * fy + m7 * torque, m2 * fx + m5 * fy + m8 * torque
@@ -513,8 +529,22 @@ def relative_increment(increment: Floats, new: Floats, inertia: Floats) -> float
     """Relative change of the speeds at the rim of a fragment by an increment of its velocities."""
     # A spin counts by the speed that it gives at the radius of gyration: that of a berg that does not turn is round-off.
     arm = math.sqrt(inertia[2, 2] / inertia[0, 0])
-    change = max(abs(increment[0]), abs(increment[1]), arm * abs(increment[2]))
-    return float(change / max(abs(new[0]), abs(new[1]), arm * abs(new[2]), VELOCITY_SCALE))
+    return relative_change(increment[0], increment[1], increment[2], new[0], new[1], new[2], arm)
+
+
+@kernel
+def relative_change(du: float, dv: float, dw: float, u: float, v: float, w: float, arm: float) -> float:
+    """Return the largest of the changes of a velocity and of a spin at ``arm`` m, by the largest of both."""
+    change = max(abs(du), abs(dv), arm * abs(dw))
+    return float(change / max(abs(u), abs(v), arm * abs(w), VELOCITY_SCALE))
+
+
+@kernel
+def has_converged(change: float, before: float) -> bool:
+    """Whether Newton's method may end after a relative change, ``before`` the one before it (0 at first)."""
+    # Convergence is superlinear, so the next change is at most change (change / before)^2: where that is
+    # nothing, the iteration that would find it is spared. False at first, with nothing before it.
+    return change <= NEWTON_RTOL or change**3 <= NEWTON_PREDICTED_RTOL * before**2
 
 
 @kernel
@@ -537,9 +567,7 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
                 new[b, i] += work.increment[b, i]
             before, change = last_change[b], relative_increment(work.increment[b], new[b], op.matrices.inertia[b])
             last_change[b] = change
-            # Convergence is superlinear, so the next change is at most change (change / before)^2: where that is
-            # nothing, the iteration that would find it is spared. False at first, with nothing before it.
-            converged = change <= NEWTON_RTOL or change**3 <= NEWTON_PREDICTED_RTOL * before**2
+            converged = has_converged(change, before)
             # Velocities that are not numbers end the iteration; the checks of loads and places then say where they came from.
             active[b] = not converged and np.isfinite(new[b, 0] + new[b, 1] + new[b, 2])
             more = more or active[b]

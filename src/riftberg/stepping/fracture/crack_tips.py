@@ -124,10 +124,16 @@ class Crossing(NamedTuple):
 
 
 class CrackPaths:
-    """Where the tips of a fragmented lattice stand, and where they go next."""
+    """Where the tips of a fragmented lattice stand, and where they go next.
 
-    def __init__(self, tips: CrackTips, bonds: Bonds, ids: Ints, body: Ints, xy: Floats, cells: CellStiffness) -> None:
+    ``last``: a number of a crack above which new ones are numbered.
+    """
+
+    def __init__(
+        self, tips: CrackTips, bonds: Bonds, ids: Ints, body: Ints, xy: Floats, cells: CellStiffness, last: int = 0
+    ) -> None:
         self.tips, self._bonds, self._ids, self._body, self._xy, self._cells = tips, bonds, ids, body, xy, cells
+        self._last = last
 
     def standing(self) -> list[Tip]:
         """Return the tips in the frames of their fragments, without those whose elements have parted or melted away."""
@@ -214,7 +220,7 @@ class CrackPaths:
         """Start a crack in the middle of a bond, with two tips."""
         xx, yy, xy = tensor
         angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
-        number = 1 + max(int(self._bonds.crack.max(initial=0)), int(self.tips.crack.max(initial=0)))
+        number = 1 + max(self._last, int(self._bonds.crack.max(initial=0)), int(self.tips.crack.max(initial=0)))
         self._bonds.crack[bond], self._bonds.crack_order[bond], self._bonds.crack_part[bond] = number, 0, 0.5
         for sign in (1.0, -1.0):
             direction = sign * np.array([math.cos(angle), math.sin(angle)])

@@ -32,7 +32,7 @@ from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
 from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overload
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses, principal_stresses
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
-from riftberg.stepping.laws import Ratios
+from riftberg.stepping.laws import Ratios, name_of, to_read
 
 CHUNK = 512
 """Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it takes as an array."""
@@ -56,6 +56,11 @@ class Equilibrium:
         """The elastic cells; of ice that is elastic in cells alone, like all that follows from them."""
         assert self._cells is not None
         return self._cells
+
+    @property
+    def in_cells(self) -> bool:
+        """Whether the ice is elastic in cells."""
+        return self._cells is not None
 
     @property
     def paths(self) -> CrackPaths:
@@ -187,11 +192,14 @@ class OwnRatios:
 
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        ratios = np.asarray(self._ratios(moment, strengths), np.float64)
+        where = f"Laws, fracture: {name_of(self._ratios)}"
+        seen = [moment.stress, moment.deformation, moment.displacement, moment.load, moment.intact]
+        seen += [moment.tensor, moment.triangle_stress] if moment.in_cells else []
+        with to_read((seen, moment.lattice, strengths), "equilibrium", where):
+            ratios = np.asarray(self._ratios(moment, strengths), np.float64)
         if ratios.shape != moment.intact.shape or np.isnan(ratios).any():
             what = "a value that is no number" if ratios.shape == moment.intact.shape else f"shape {ratios.shape}"
-            name = getattr(self._ratios, "__name__", "a function")
-            raise RunError(f"Laws, fracture: {name} returns {what}; there are {moment.intact.size} intact bonds")
+            raise RunError(f"{where} returns {what}; there are {moment.intact.size} intact bonds")
         return ratios
 
 

@@ -77,15 +77,19 @@ class FragmentTree:
         ends = np.cumsum(np.bincount(part))
         known = len(self.rows)
         names = _Names(self.rows) if unnumbered.size else None
-        for k in unnumbered:
+        first = order[np.append(0, ends)[unnumbered]]
+        parents, bergs = elements.body.berg[first].tolist(), self._bergs_at_start(first) if known == 0 else []
+        ids, single = elements.body.id[first].tolist(), _measures_of_single(first, elements)
+        on_ground = np.bincount(part[touching], minlength=count) + cuts.grounded > 0
+        # A population begins with tens of thousands of bergs: what they are is found for all at once.
+        for n, k in enumerate(unnumbered.tolist()):
             rows = order[ends[k - 1] if k else 0 : ends[k]]
-            parent = int(elements.body.berg[rows[0]])
-            parent = parent if 0 < parent <= known else 0
+            parent = parents[n] if 0 < parents[n] <= known else 0
             assert names is not None
-            name = names.free(self._berg_name(parent, int(rows[0]), known == 0))
+            name = names.free(self.rows[self.origin(parent) - 1].name if parent else bergs[n] if bergs else "")
             row = Fragment(
-                len(self.rows) + 1, parent, time, *_measures(rows, elements, p.period), int(cuts.count[k]),
-                bool(touching[rows].any() or cuts.grounded[k] > 0), name, self.calved_from.get(int(elements.id[rows[0]]), 0),
+                len(self.rows) + 1, parent, time, *(single[n] if rows.size == 1 else _measures(rows, elements, p.period)),
+                int(cuts.count[k]), bool(on_ground[k]), name, self.calved_from.get(ids[n], 0),
             )  # fmt: skip
             number[k] = row.number
             self.rows.append(row)
@@ -100,14 +104,13 @@ class FragmentTree:
             number = self.rows[number - 1].parent
         return number
 
-    def _berg_name(self, parent: int, row: int, at_start: bool) -> str:
-        """Return the name of the berg that a new fragment comes from; empty for one without."""
-        if parent > 0:
-            return self.rows[self.origin(parent) - 1].name
-        if at_start and self.bergs:
-            last = np.cumsum([count for _, count in self.bergs])
-            return self.bergs[min(int(np.searchsorted(last, row, side="right")), last.size - 1)][0]
-        return ""
+    def _bergs_at_start(self, rows: Ints) -> list[str]:
+        """Return the names of the bergs of the start to which elements belong; none where they are not known."""
+        if not self.bergs:
+            return []
+        last = np.cumsum([count for _, count in self.bergs])
+        berg = np.minimum(np.searchsorted(last, rows, side="right"), last.size - 1)
+        return [self.bergs[k][0] for k in berg.tolist()]
 
     def _inherited(self, part: Ints, mass: Floats, berg: Ints) -> Ints:
         """Give the heaviest part of each known fragment its number; 0 for all other parts."""
@@ -176,6 +179,17 @@ def _measures(rows: Ints, el: Elements, period: float) -> tuple[float, float, in
     body, mass = el.body, el.body.mass[rows]
     lon, lat = centroid(el.place.lon[rows], el.place.lat[rows], mass, period)
     return lon, lat, rows.size, float((body.length * body.width)[rows].sum()), float(mass.sum())
+
+
+def _measures_of_single(rows: Ints, el: Elements) -> list[tuple[float, float, int, float, float]]:
+    """Return the same for each of some elements by itself."""
+    body, place = el.body, el.place
+    mass, area = body.mass[rows], body.length[rows] * body.width[rows]
+    means = [
+        np.where(mass > 0.0, x[rows] * mass / np.where(mass > 0.0, mass, 1.0), x[rows]) for x in (place.lon, place.lat)
+    ]
+    one = [1] * rows.size
+    return list(zip(means[0].tolist(), means[1].tolist(), one, area.tolist(), mass.tolist(), strict=True))
 
 
 def centroid(lon: Floats, lat: Floats, weight: Floats, period: float = 360.0) -> tuple[float, float]:

@@ -12,7 +12,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.state import Floats, Ints
@@ -30,7 +29,8 @@ def minimum_degree(count: int, first: Ints, second: Ints) -> Ints:
 
 @lru_cache(maxsize=4)
 def _minimum_degree(count: int, firsts: bytes, seconds: bytes) -> Ints:
-    from scipy.sparse.linalg import splu  # takes half a second to load, and not every run has a lattice
+    from scipy.sparse import csc_matrix  # takes half a second to load, and not every run has a lattice
+    from scipy.sparse.linalg import splu
 
     first, second = np.frombuffer(firsts, np.int64), np.frombuffer(seconds, np.int64)
     every = np.arange(count)

@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import plain
-from riftberg.constants import EARTH_ROTATION
 from riftberg.errors import RunError
 from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
-from riftberg.state import Bonds, Floats, Ints
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
+from riftberg.state.population import put_back
 from riftberg.stepping.bodies.dynamics import (
     BodyOperators,
     BodyWorkspace,
@@ -37,6 +37,7 @@ from riftberg.stepping.bodies.dynamics import (
     check_converged,
     find_contact_pairs,
     half_kick_newton,
+    longest_trial_step,
 )
 from riftberg.stepping.bodies.pose import (
     Bodies,
@@ -98,6 +99,13 @@ from riftberg.stepping.lattice.equilibrium import (
     find_lattice,
 )
 from riftberg.stepping.lattice.footprints import FootprintBook
+from riftberg.stepping.quasi_static.lone_bergs import (
+    bodies_of,
+    find_lone_bergs,
+    joined_bodies,
+    run_of,
+    step_lone_bergs,
+)
 from riftberg.stepping.quasi_static.rigid_step import (
     BodyState,
     accumulate_step_forces,
@@ -121,9 +129,6 @@ contact, and the shortest interval between two cracks for overload (under half a
 
 LONGEST_CONTACT_STEP = 1800.0
 """Longest trial step (s) in which fragments touch: in longer ones the loads at its end are not those of the impact."""
-
-INERTIAL_PART = 1.0 / 6.0
-"""Longest trial step as a part of the inertial period, 2.3 h at 60 degrees."""
 
 MAX_LOW_RANK_UPDATES = 90
 """Rank of the correction for broken bonds beyond which the stiffness matrix is factored anew: about where that is quicker."""
@@ -231,6 +236,8 @@ class QuasiStaticStepper:
         pairs = NO_FACE_PAIRS if self._faces is None else self._faces.pairs
         self._last_start = model.time, self._bodies, self._snapshot, self._cells, self._tips, pairs
         unknown = self._sync(model)
+        if self._step_population(model, unknown):
+            return
         step = TimeStep(
             model,
             self._bodies,
@@ -240,7 +247,7 @@ class QuasiStaticStepper:
             self._work,
             unknown,
             (self._cells, self._cell_topology),
-            self._tips,
+            (self._tips, 0),
             LawsWithMemory(self._seabed, self._faces),
         )
         self._lattice = self._state = None  # a step that fails leaves them half changed
@@ -255,6 +262,53 @@ class QuasiStaticStepper:
             self._topology = _topology_key(model)
         self._snapshot = take_snapshot(model.elements)
         model.time = step.start + model.parameters.stepping.time_step
+
+    def _step_population(self, model: RunState, unknown: NDArray[np.bool_] | None) -> bool:
+        """Take a step in which most bergs are lone ones, which go by themselves; returns whether it is one."""
+        bodies, bonds, c = self._bodies, model.bonds, model.constants
+        # A force of one's own may look at all elements, and laws with a memory hold them by row.
+        if self._footprints is not None or model.laws.force is not None:
+            return False
+        if bodies is None:
+            bodies = first_bodies(model.elements, bonds, c)
+            unknown = np.ones(bodies.pose.shape[0], np.bool_)
+        sizes = self._sizes or interaction_sizes(model.elements, c)
+        found = find_lone_bergs(model, bodies, sizes)
+        if found is None:
+            return False
+        (lone, quiet), self._lattice, self._state = found, None, None
+        applied = np.zeros((model.elements.size, len(FORCES), 2))
+        done = step_lone_bergs(model, bodies, unknown, lone, sizes, applied)
+        # Fragments of several elements that nobody may touch, then all that may meet: events cut the step of each group alone.
+        company = ~quiet
+        company[done.rows] = False
+        parts, touched, cracked = [(done.rows, done.bodies)], [], False
+        for among in (quiet, company):
+            if not among.any():
+                continue
+            rows = np.flatnonzero(among)
+            (group, bond_rows), (theirs, numbers) = run_of(model, rows), bodies_of(bodies, rows)
+            topology = self._cell_topology if among is quiet else None
+            step = TimeStep(
+                group, theirs, unknown=None if unknown is None else unknown[numbers], cells=(self._cells, topology),
+                cracks=(self._tips, int(bonds.crack.max(initial=0))),
+            )  # fmt: skip
+            step.run()
+            put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
+            applied[rows] = step.applied
+            touched += [(rows[first], rows[second]) for first, second in step.touched]
+            self._cells, self._tips, cracked = step.cells, step.tips, cracked or step.cracked
+            if among is quiet:
+                self._cell_topology = step.topology
+            parts.append((rows, step.state.bodies))
+        body = connected_parts(model.elements.size, bonds.first, bonds.second, bonds.status)
+        self._bodies = joined_bodies(body, tuple(parts))
+        self._applied, self._touched, self._sizes, self._work = applied, concatenate_pairs(touched), sizes, None
+        if cracked:
+            self._topology = _topology_key(model)
+        self._snapshot = take_snapshot(model.elements)
+        model.time += model.parameters.stepping.time_step
+        return True
 
     def _sync(self, model: RunState) -> NDArray[np.bool_] | None:
         """Discard the lattice where ice, bonds or supports have changed since the last step, and bring the bodies up to date.
@@ -343,9 +397,11 @@ class TimeStep:
         self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
         state: BodyState | None = None, sizes: Sizes | None = None, work: BodyWorkspace | None = None,
         unknown: NDArray[np.bool_] | None = None,
-        cells: tuple[ElasticCells | None, CellTopology | None] = (None, None), tips: CrackTips = NO_TIPS,
-        laws: LawsWithMemory | None = None,
+        cells: tuple[ElasticCells | None, CellTopology | None] = (None, None),
+        cracks: tuple[CrackTips, int] = (NO_TIPS, 0), laws: LawsWithMemory | None = None,
     ) -> None:  # fmt: skip
+        # Tips, and the highest number of a crack, which may be one in ice that is not here.
+        tips, self._last_crack = self._first_tips, _ = cracks
         (self.cells, self.topology), (self.seabed, self.faces) = cells, laws or LawsWithMemory()
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
@@ -356,7 +412,7 @@ class TimeStep:
         self._none = no_pairs(self.el.mass.size)
         fresh = bodies is None or unknown is not None
         if bodies is None:
-            bodies = self._first_bodies()
+            bodies = first_bodies(self.el, self.bonds, self.c)
         self.lattice = lattice or self._factored_lattice(bodies, tips)
         if self.lattice.cells is not None:  # of the arrays of this step, which may be others than in the last one
             self.lattice.paths = self._crack_paths(tips, bodies, self.lattice)
@@ -377,10 +433,7 @@ class TimeStep:
         may_break = fracture.enabled and not (first_step and fracture.not_in_first_step)
         if may_break and first_step:
             self._propagate_crack()
-        forcing = self.state.operators.forcing
-        if forcing.media_act and self.dt > INERTIAL_PART * math.pi / EARTH_ROTATION:  # that of the poles
-            coriolis = float(np.abs(forcing.coriolis).max(initial=0.0))
-            self._max_dt = min(self.dt, INERTIAL_PART * 2.0 * math.pi / coriolis) if coriolis > 0.0 else self.dt
+        self._max_dt = longest_trial_step(self.state.operators.forcing, self.dt)
         end, next_dt = self.start + self.dt, math.inf
         while (left := end - self.state.time) > 1e-9 * self.dt:
             # The rest in equal parts, so that the last one is no shorter than it must be.
@@ -391,7 +444,7 @@ class TimeStep:
     @property
     def tips(self) -> CrackTips:
         """The tips of cracks, as the last break has left them."""
-        return NO_TIPS if self.lattice.paths is None else self.lattice.paths.tips
+        return self._first_tips if self.lattice.paths is None else self.lattice.paths.tips
 
     # One step to the first event
 
@@ -915,12 +968,6 @@ class TimeStep:
 
     # Set-up and output
 
-    def _first_bodies(self) -> Bodies:
-        """Make bodies of the elements as they are, taken to be free of load."""
-        el, bonds, c = self.el, self.bonds, self.c
-        body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
-        return bodies_from_elements(el.lon, el.lat, body, el.mass, c.latlon, c.earth_radius, c.period)
-
     def _twists_of_elements(self, bodies: Bodies) -> Floats:
         """Return the rigid motions nearest to the velocities of the elements: those of the same momentum."""
         el, op = self.el, self._operators(bodies)
@@ -946,7 +993,7 @@ class TimeStep:
         gauge_springs = supports.gauge_springs(bodies.body, xy)
         cells: CellStiffness | None = None
         solver: Callable[..., StiffnessSolver] = StiffnessSolver
-        if self.model.parameters.elastic_cells:
+        if self.model.parameters.elastic_cells and intact.size:
             self.cells = with_new_cells(self.cells, el, bonds, (), c)
             cells = CellStiffness(self.cells, el, bonds, bodies.body, xy, c, self.topology)
             self.topology = cells.topology
@@ -964,11 +1011,17 @@ class TimeStep:
     def _crack_paths(self, tips: CrackTips, bodies: Bodies, lattice: FactoredLattice) -> CrackPaths:
         """Where the tips of cracks stand in the fragments."""
         assert lattice.cells is not None
-        return CrackPaths(tips, self.bonds, self.el.body.id, bodies.body, lattice.xy, lattice.cells)
+        return CrackPaths(tips, self.bonds, self.el.body.id, bodies.body, lattice.xy, lattice.cells, self._last_crack)
 
     def _store(self, now: Equilibrium) -> None:
         """Write stresses and deformations to the state."""
         store_stresses(self.bonds, now.lattice, now.intact, now.deformation, now.stress, self.state.operators.levers)
+
+
+def first_bodies(el: Elements, bonds: Bonds, p: KernelParameters) -> Bodies:
+    """Make bodies of the elements as they are, taken to be free of load."""
+    body = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
+    return bodies_from_elements(el.lon, el.lat, body, el.mass, p.latlon, p.earth_radius, p.period)
 
 
 BREAK_NAMES = ("status", "break_time", "break_grounded", "break_strength", "released_energy", "cracked_area")
