@@ -18,6 +18,7 @@ from riftberg.ensembles.forecast import default_errors, errors_line
 from riftberg.ensembles.member import Outcome
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
 from riftberg.errors import InputError
+from riftberg.runs.run_file import open_run
 from riftberg.viz.forecast import draw_forecast
 
 from .made import forecast_of, outcome
@@ -240,7 +241,17 @@ def test_the_command_forecasts(tmp_path: Path) -> None:
     assert "Errors: current 0.1 m/s, 50 km, 3 days; wind 2 m/s" in said.output
     assert "2 members, 0 failed" in said.output
     assert (out / "forecast.png").exists()
-    assert open_sweep(out).sizes["member"] == 2
+    found = open_sweep(out)
+    assert found.sizes["member"] == 2
+    with open_run(out / "control.nc") as control:  # the run in which nothing is varied, whole
+        ends = found["control_lon"].values[0, [0, -1]], control["lon"].values[:, [0, -1]].mean(axis=0)
+        assert ends[0] == pytest.approx(ends[1], abs=0.02)
+    page = CliRunner().invoke(app, ["replay", str(out)])
+    assert page.exit_code == 0, page.output
+    (out / "control.nc").unlink()
+    none = CliRunner().invoke(app, ["replay", str(out)])
+    assert none.exit_code == 2
+    assert "holds no control.nc" in none.output
     more = CliRunner().invoke(app, ["forecast", "--resume", str(out), "--members", "3", "--no-map", "--workers", "0"])
     assert more.exit_code == 0, more.output
     assert open_sweep(out).sizes["member"] == 3

@@ -21,7 +21,7 @@ from riftberg.ensembles.distributions import STEP
 from riftberg.ensembles.sensitivity import Result, indices, results_of
 from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import InputError
-from riftberg.verification.forecast import drift_error
+from riftberg.verification.sightings import drift_error
 from riftberg.viz.sensitivity import draw_sensitivity
 
 from .made import forecast_of, outcome

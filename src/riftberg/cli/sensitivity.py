@@ -117,7 +117,7 @@ def sensitivity(
                 raise RunError("no run came to its end")
             results = results_of(ds, at_day or ())
             if seen is not None:
-                from riftberg.verification.forecast import drift_error
+                from riftberg.verification.sightings import drift_error
 
                 results["drift error"] = Result(drift_error(ds, seen, berg=berg), "km")
             found = indices(ds, results)

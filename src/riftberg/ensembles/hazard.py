@@ -18,6 +18,7 @@ import xarray as xr
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.probability import counted, effective, near, wilson
 from riftberg.errors import InputError
+from riftberg.plane import ellipse
 from riftberg.state import Floats
 
 LIMITS: Final = (50, 90, 99)
@@ -141,16 +142,11 @@ def _quantile(values: Floats, weight: Floats, share: float) -> float:
     return float(values[known][order][np.searchsorted(total, share * total[-1] - 1e-12)])
 
 
-def ellipse(ds: xr.Dataset, part: float, k: int) -> Floats:
+def ellipse_of(ds: xr.Dataset, part: float, k: int) -> Floats:
     """Return the ellipse of the position at a time as a closed line of longitude and latitude."""
-    lon, lat = float(ds["cone_lon"].values[k]), float(ds["cone_lat"].values[k])
-    major, minor = (
-        float(ds[name].sel(cone=part).values[k]) / (DEGREE * EARTH_RADIUS_A68) for name in ("cone_major", "cone_minor")
-    )
-    turn, azimuth = np.linspace(0.0, 2.0 * np.pi, 73), math.radians(float(ds["cone_azimuth"].values[k]))
-    x = major * np.cos(turn) * math.sin(azimuth) + minor * np.sin(turn) * math.cos(azimuth)
-    y = major * np.cos(turn) * math.cos(azimuth) - minor * np.sin(turn) * math.sin(azimuth)
-    return np.column_stack([lon + x / math.cos(lat * DEGREE), lat + y])
+    major, minor = (float(ds[name].sel(cone=part).values[k]) for name in ("cone_major", "cone_minor"))
+    lon, lat, azimuth = (float(ds[f"cone_{name}"].values[k]) for name in ("lon", "lat", "azimuth"))
+    return ellipse(lon, lat, major, minor, azimuth)
 
 
 # ---- ice near a place -------------------------------------------------------------------------------------------------
@@ -272,7 +268,7 @@ def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
                 date = f"{str(ds['time'].values[k])[:16]}Z"
                 add(
                     "ellipse of the position",
-                    _polygon(ellipse(ds, float(part), k)),
+                    _polygon(ellipse_of(ds, float(part), k)),
                     percent=round(100 * float(part)),
                     date=date,
                 )

@@ -178,13 +178,6 @@ def liu_weisberg(separation: ArrayLike, steps: ArrayLike, tolerance: float = 1.0
     return float(max(0.0, 1.0 - d.sum() / way.sum() / tolerance))
 
 
-def overlap(first: Any, second: Any) -> float:
-    """Return intersection over union of two shapes of shapely on one plane."""
-    from riftberg.diagnostics.outlines import intersection_over_union
-
-    return float(intersection_over_union(first, second))
-
-
 def with_observation_error(members: ArrayLike, error: float, random: np.random.Generator) -> Floats:
     """Return members to which the error of the observation is added, a standard deviation in their unit.
 
