@@ -74,7 +74,7 @@ def sensitivity(
     numerics: OneNumerics = None,
     seed: Seed = None,
     scheduler: Scheduler = None,
-    workers: Workers = 0,
+    workers: Workers = None,
     resume: Resume = None,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw sensitivity.png.")] = True,
     quiet: Quiet = False,

@@ -47,7 +47,7 @@ MOST_DATES: Final = 12
 """Dates that are compared, evenly over those that were observed: positions of nearby days say the same."""
 
 MODEL_ERROR: Final = {"km": 3.0, "degree": 5.0, "log": 0.15}
-"""Error of the model itself: position, azimuth, margin. Another angle of the lattice moves A68a by 0.6 km and its margin by 0.13
+"""Error of the model itself: position, azimuth, margin. Another angle of the lattice moves A68a by 0.6 km
 (docs/explanation/sensitivity.md); the rest is a guess."""
 
 EVERY: Final = 1.0

@@ -56,6 +56,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
     """Draw where ice passes, the tracks of the largest pieces, the control, and ellipses of the position."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
+    from matplotlib.patheffects import withStroke
 
     lon, lat = result["cell_lon"].values, result["cell_lat"].values
     box = Box(float(lon[0]), float(lon[-1]), float(lat[0]), float(lat[-1]))
@@ -74,14 +75,9 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
     first = float(lon[0])
     shown = np.flatnonzero(result["status"].values == 0)[:200]
     tracks = [result[name].isel(fragment=0, member=shown).values for name in ("lon", "lat")]
-    for x, y in zip(*tracks, strict=True):
+    for k, (x, y) in enumerate(zip(*tracks, strict=True)):
         ax.plot(
-            near(x, first, True),
-            y,
-            color=colours.STRENGTH,
-            lw=0.4,
-            alpha=0.35,
-            zorder=4,
+            near(x, first, True), y, color=colours.STRENGTH, lw=0.5, alpha=0.4, zorder=4, label=None if k else "members"
         )
     if "control_lon" in result:
         ax.plot(
@@ -102,6 +98,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
         ax.annotate(
             f"{lead:.0f} h" if in_hours else f"{lead / 24:.0f} d", (float(x[:-1].mean()), float(y[:-1].mean())),
             fontsize=8, color=colours.ARROW, zorder=7, ha="center", va="center",
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
         )  # fmt: skip
     ax.legend(fontsize=8, loc="upper right", framealpha=0.9)
     chart.draw_scale()
