@@ -10,8 +10,9 @@ from scipy.stats import norm
 
 from riftberg.ensembles.emulator import Emulator
 from riftberg.ensembles.matching import Matched, Region, Targets, Wave, likeliest, match, posterior
+from riftberg.ensembles.probability import quantiles
 from riftberg.errors import RunError
-from riftberg.verification.calibrate import is_known, quantiles
+from riftberg.verification.calibrate import is_known
 
 
 def targets_for(values: Any, sd: float, sides: Any = None) -> Targets:

@@ -16,7 +16,7 @@ import shapely
 import xarray as xr
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import counted, effective, near, wilson
+from riftberg.ensembles.probability import counted, effective, near, quantiles, wilson
 from riftberg.errors import InputError
 from riftberg.plane import ellipse
 from riftberg.state import Floats
@@ -128,18 +128,12 @@ def positions(ds: xr.Dataset) -> list[dict[str, Any]]:
             "lon": round((lon + 180) % 360 - 180, 5),
             "lat": round(lat, 5),
         }
-        row |= {f"radius_{p}_km": round(_quantile(distance, weight, p / 100.0), 2) for p in (50, 90)}
+        radii = quantiles(distance, weight, (0.5, 0.9))
+        row |= {f"radius_{p}_km": round(float(r), 2) for p, r in zip((50, 90), radii, strict=True)}
         for name in ("p_broken", "p_aground"):
             row |= {f"{name}{end}": round(float(ds[f"{name}{end}"].values[k]), 4) for end in ("", "_low", "_high")}
         rows.append(row)
     return rows
-
-
-def _quantile(values: Floats, weight: Floats, share: float) -> float:
-    known = np.isfinite(values)
-    order = np.argsort(values[known], kind="stable")
-    total = np.cumsum(weight[known][order])
-    return float(values[known][order][np.searchsorted(total, share * total[-1] - 1e-12)])
 
 
 def ellipse_of(ds: xr.Dataset, part: float, k: int) -> Floats:
@@ -231,8 +225,8 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     start = ds["time"].values[0]
     dates = np.full(3, np.datetime64("NaT", "s"))
     if came.any():
-        seconds = [round(3600.0 * _quantile(arrived[came], weight[came], part)) for part in (0.1, 0.5, 0.9)]
-        dates = start.astype("datetime64[s]") + np.array(seconds).astype("timedelta64[s]")
+        seconds = np.rint(3600.0 * quantiles(arrived, weight, (0.1, 0.5, 0.9)))
+        dates = start.astype("datetime64[s]") + seconds.astype("timedelta64[s]")
     share = np.clip(share, 0.0, 1.0)
     return Approach(name, within, ds["time"].values, share, low, high, dates, closest)
 

@@ -47,6 +47,15 @@ def wilson(share: Any, number: float, level: float = LEVEL) -> tuple[Any, Any]:
     return np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0)
 
 
+def quantiles(values: Floats, weight: Floats, levels: Any) -> Floats:
+    """Return quantiles of weighted numbers; missing ones count in none."""
+    known = np.isfinite(values)
+    order = np.argsort(values[known], kind="stable")
+    below = np.cumsum(weight[known][order])
+    rank = np.searchsorted(below, np.asarray(levels) * below[-1] * (1.0 - 1e-12))
+    return np.asarray(values[known][order][np.minimum(rank, len(order) - 1)])
+
+
 def counted(ds: xr.Dataset) -> tuple[xr.Dataset, Floats]:
     """Return the members that came to their end, and their weights, which add up to 1."""
     kept = np.flatnonzero(ds["status"].values == 0)

@@ -23,6 +23,7 @@ from riftberg.diagnostics.observed import Observations
 from riftberg.ensembles.distributions import member_seed, shares
 from riftberg.ensembles.forecast import LATTICE, default_errors
 from riftberg.ensembles.matching import Matched, Posterior, Targets, likeliest, match, posterior
+from riftberg.ensembles.probability import quantiles
 from riftberg.ensembles.sweep import Plan, Store, SweepOptions, WorkerOptions, common_options, planned, run_sweep
 from riftberg.ensembles.uncertain import SEED, has_fields
 from riftberg.ensembles.vary import Varied, varied_of
@@ -233,7 +234,7 @@ class Runner:
 
     def columns(self, wave: int, u: Floats) -> dict[str, list[Any]]:
         """Return the values of the members of a wave by name."""
-        columns = {v.name: _quantiles(v, u[:, k]) for k, v in enumerate(self.inputs)}
+        columns = {v.name: d.quantiles(u[:, k]) for k, v in enumerate(self.inputs) if (d := v.distribution)}
         columns |= {v.name: [v.values[0]] * len(u) for v in self.varied if v.distribution is None}
         parts = sum(v.parts for v in self.nuisance)
         drawn = shares(len(u), parts, "random", self.seed + 7919 * (wave + 1))
@@ -284,11 +285,6 @@ class Runner:
         store = Store(folder, plan, resume=self.resume and (folder / "sweep.json").exists())
         bar = None if self.bar is None else self.bar(name, len(plan.members))
         return run_sweep(store, bar=bar, **self.where).load()
-
-
-def _quantiles(v: Varied, share: Floats) -> list[Any]:
-    assert v.distribution is not None
-    return v.distribution.quantiles(share)
 
 
 def checked_inputs(
@@ -445,7 +441,7 @@ def _described(
     targets = found.region.targets
 
     def values(u: Floats) -> Floats:
-        return np.array([_quantiles(v, u[:, k]) for k, v in enumerate(inputs)], float).T
+        return np.array([d.quantiles(u[:, k]) for k, v in enumerate(inputs) if (d := v.distribution)], float).T
 
     ends = np.array([0.5 - LEVEL / 2.0, 0.5, 0.5 + LEVEL / 2.0])
     inner = np.array([quantiles(after.samples[:, k], after.weight, ends) for k in range(len(inputs))])
@@ -496,13 +492,6 @@ def is_known(narrowed: Floats, members: float) -> Floats:
     The spread of n numbers has a relative error of ``1 / sqrt(2 n)``; 1.645 of these leave 5 % to chance.
     """
     return np.asarray(narrowed < UNKNOWN * (1.0 - 1.645 / np.sqrt(2.0 * members)))
-
-
-def quantiles(values: Floats, weight: Floats, levels: Floats) -> Floats:
-    """Return quantiles of weighted numbers."""
-    order = np.argsort(values)
-    below = np.cumsum(weight[order])
-    return np.asarray(values[order][np.minimum(np.searchsorted(below, levels * below[-1]), len(order) - 1)])
 
 
 def _correlation(after: Posterior) -> Floats:

@@ -15,11 +15,11 @@ import numpy as np
 import xarray as xr
 
 from riftberg.diagnostics.observed import Observations
-from riftberg.ensembles.probability import effective
+from riftberg.ensembles.probability import effective, wilson
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.verification.positions import LEAST, Outlines, Point, outline_scores, position_scores, verdict
-from riftberg.verification.scores import LEVELS, fair_brier, liu_weisberg, reliability, wilson
+from riftberg.verification.scores import LEVELS, fair_brier, liu_weisberg, reliability
 from riftberg.verification.sightings import (
     DAY,
     away_from,
@@ -275,8 +275,8 @@ def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
              "axes": "east and north" if one.heading is None else "motion before the start",
              "liu_weisberg": one.liu_weisberg,
              "broken": [
-                 {"day": day, "probability": float(p.mean()), "interval": wilson(int(p.sum()), len(p)), "occurred": over,
-                  "fair_brier": float(fair_brier(p, over))}
+                 {"day": day, "probability": float(p.mean()), "occurred": over, "fair_brier": float(fair_brier(p, over)),
+                  "interval": [float(end) for end in wilson(p.mean(), len(p))]}
                  for day, (p, over) in sorted(one.broken.items())
              ]}
             for one in forecasts
