@@ -84,9 +84,9 @@ def position_scores(points: Sequence[Point], error: float, *, seed: int = 1, dra
             values |= {f"inside_{level:.0%}": inside_area(x, y, level).astype(float) for level in LEVELS}
             variance = x.var(axis=0, ddof=1).sum(axis=-1) * (count + 1.0) / count
             values["spread_and_error"] = np.stack([variance, square], axis=-1)
-            rank = np.stack([ranks(x[..., k], y[:, k], random) for k in range(2)], axis=-1)
+            below = np.stack([ranks(x[..., k], y[:, k], random) for k in range(2)], axis=-1)
             # Anywhere in the part of its rank: M + 1 ranks need not divide by the number of bins.
-            values["ranks"] = (rank + random.random(rank.shape)) / (count + 1.0)
+            values["ranks"] = (below + random.random(below.shape)) / (count + 1.0)
         for name, value in values.items():
             found.setdefault(name, []).append(value)
     result: dict[str, Any] = {"starts": len(points), "bergs": len(set(groups))}
