@@ -17,7 +17,7 @@ from riftberg.diagnostics.observed import read_observed
 from riftberg.experiments.a68a import story_model
 from riftberg.experiments.registry import Options
 from riftberg.ocean.story import OWN, StoryOcean
-from riftberg.verification.forecast import drift_error
+from riftberg.verification.sightings import drift_error
 from riftberg.viz.sensitivity import draw_sensitivity
 
 INPUTS = {

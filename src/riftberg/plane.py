@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from riftberg.constants import DEGREE
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.state import Floats
 
 
@@ -120,3 +120,15 @@ class OrthographicPlane(AzimuthalPlane):
 
     def _angle(self, rho: Floats) -> Floats:
         return np.asarray(np.arcsin(np.minimum(rho, 1.0)))
+
+
+def ellipse(lon: float, lat: float, major: float, minor: float, azimuth: float, corners: int = 72) -> Floats:
+    """Return an ellipse as a closed line of longitude and latitude, shape (corners + 1, 2).
+
+    ``lon``, ``lat``: its middle, degrees; ``major``, ``minor``: semi-axes, m; ``azimuth``: of the major axis, degrees
+    clockwise from north.
+    """
+    angle, turn = np.linspace(0.0, 2.0 * np.pi, corners + 1), np.radians(azimuth)
+    along, across = major * np.cos(angle), minor * np.sin(angle)
+    x, y = along * np.sin(turn) - across * np.cos(turn), along * np.cos(turn) + across * np.sin(turn)
+    return np.column_stack(EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y))

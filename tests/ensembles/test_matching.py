@@ -10,8 +10,9 @@ from scipy.stats import norm
 
 from riftberg.ensembles.emulator import Emulator
 from riftberg.ensembles.matching import Matched, Region, Targets, Wave, likeliest, match, posterior
+from riftberg.ensembles.probability import quantiles
 from riftberg.errors import RunError
-from riftberg.verification.calibrate import quantiles
+from riftberg.verification.calibrate import is_known
 
 
 def targets_for(values: Any, sd: float, sides: Any = None) -> Targets:
@@ -138,15 +139,18 @@ def test_the_posterior_is_that_of_bayes_where_all_is_linear_and_normal(seen: flo
 
 def test_few_members_leave_what_they_cannot_tell_as_wide_as_it_was() -> None:
     """Two or three members that are close to the data lie close together in the input that does nothing, by chance."""
-    known, unknown = [], []
+    known, unknown, claimed = [], [], []
     for seed in range(20):
         samples, weight, _, number = posterior(linear(8, 0.1, 0.5, seed), seed=seed)
         assert number < 8
         z = norm.ppf(samples)
         unknown.append(np.sqrt(weight @ (z - weight @ z) ** 2)[2])
+        low, high = quantiles(samples[:, 2], weight, np.array([0.05, 0.95]))
+        claimed.append(bool(is_known(np.array([(high - low) / 0.9]), number)[0]))
         told = z[:, 0] + 0.5 * z[:, 1]
         known.append(np.sqrt(weight @ (told - weight @ told) ** 2))
     assert np.median(unknown) > 0.7
+    assert sum(claimed) <= 1  # of twenty, as 5 % of chance allow
     assert np.median(known) < 0.3
 
 

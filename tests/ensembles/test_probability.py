@@ -14,10 +14,12 @@ from typer.testing import CliRunner
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
 from riftberg.cli.main import app
-from riftberg.ensembles.forecast import default_errors, errors_line
+from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.member import Outcome
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
+from riftberg.ensembles.vary import varied_of
 from riftberg.errors import InputError
+from riftberg.runs.run_file import open_run
 from riftberg.viz.forecast import draw_forecast
 
 from .made import forecast_of, outcome
@@ -212,10 +214,21 @@ def test_the_default_errors_stand_in_the_docs() -> None:
         assert error.what in page, error.what
         assert error.source in page, error.source
         assert all(text in page for text in error.vary), error.vary
-    assert "lattice" in errors_line("a68a")
-    assert "lattice" not in errors_line("collision")
-    assert "floor" not in errors_line("a68a")
-    assert "floor" in errors_line("own.yaml")
+
+
+def test_the_line_of_errors_names_what_is_varied() -> None:
+    """Bug: it named the current error of 0.1 m/s where --vary had another."""
+
+    def line(experiment: str, *vary: str) -> str:
+        return errors_line(varied_of(forecast_errors(experiment, vary)))
+
+    assert "lattice" in line("a68a")
+    assert "lattice" not in line("collision")
+    assert "floor" not in line("a68a")
+    own = line("a68a", "current_error.speed=0.2 m/s", "drag.ocean_scale~lognormal(17.8, 20 %)")
+    assert own.startswith("Errors: wind 2 m/s, 300 km, 1 day; thickness 15 %; start 3 km; ")
+    for name in ("current_error.speed", "current_error.length", "current_error.time", "drag.ocean_scale"):
+        assert name in own
 
 
 def test_the_picture_is_drawn(tmp_path: Path) -> None:
@@ -240,7 +253,17 @@ def test_the_command_forecasts(tmp_path: Path) -> None:
     assert "Errors: current 0.1 m/s, 50 km, 3 days; wind 2 m/s" in said.output
     assert "2 members, 0 failed" in said.output
     assert (out / "forecast.png").exists()
-    assert open_sweep(out).sizes["member"] == 2
+    found = open_sweep(out)
+    assert found.sizes["member"] == 2
+    with open_run(out / "control.nc") as control:  # the run in which nothing is varied, whole
+        ends = found["control_lon"].values[0, [0, -1]], control["lon"].values[:, [0, -1]].mean(axis=0)
+        assert ends[0] == pytest.approx(ends[1], abs=0.02)
+    page = CliRunner().invoke(app, ["replay", str(out)])
+    assert page.exit_code == 0, page.output
+    (out / "control.nc").unlink()
+    none = CliRunner().invoke(app, ["replay", str(out)])
+    assert none.exit_code == 2
+    assert "holds no control.nc" in none.output
     more = CliRunner().invoke(app, ["forecast", "--resume", str(out), "--members", "3", "--no-map", "--workers", "0"])
     assert more.exit_code == 0, more.output
     assert open_sweep(out).sizes["member"] == 3

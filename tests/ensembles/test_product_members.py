@@ -9,7 +9,8 @@ import pytest
 import xarray as xr
 
 from riftberg import forecast, sweep
-from riftberg.ensembles.forecast import default_errors, errors_line
+from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
+from riftberg.ensembles.vary import varied_of
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
@@ -69,7 +70,7 @@ def test_files_of_two_ensembles_go_together(file: Path) -> None:
 
 
 def test_members_of_a_forecast_take_those_of_the_product_in_turn(file: Path) -> None:
-    line = errors_line(str(file))
+    line = errors_line(varied_of(forecast_errors(str(file), ())))
     assert line.startswith("Errors: 3 members of the products in turn; wind 2 m/s")
     assert "current 0.1" not in line  # their spread is the error of the current
     result = forecast(file, ["wind_error.speed=0"], members=5, workers=0, every_hours=6)

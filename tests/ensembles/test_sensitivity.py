@@ -21,7 +21,7 @@ from riftberg.ensembles.distributions import STEP
 from riftberg.ensembles.sensitivity import Result, indices, results_of
 from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import InputError
-from riftberg.verification.forecast import drift_error
+from riftberg.verification.sightings import drift_error
 from riftberg.viz.sensitivity import draw_sensitivity
 
 from .made import forecast_of, outcome
@@ -214,7 +214,17 @@ def test_a_function_of_inputs(tmp_path: Path) -> None:
 @pytest.mark.compiled
 def test_the_command_writes_table_and_figure(tmp_path: Path) -> None:
     out = tmp_path / "s"
-    words = ["sensitivity", "a68a", "--no-default-errors", "--vary", "start.turn~normal(0, 5)", "--days", "0.25"]
+    words = [
+        "sensitivity",
+        "a68a",
+        "--no-default-errors",
+        "--vary",
+        "start.turn~normal(0, 5)",
+        "--days",
+        "0.25",
+        "--workers",
+        "0",
+    ]
     said = CliRunner().invoke(app, [*words, "--method", "sobol", "--draws", "2", "-o", str(out)])
     assert said.exit_code == 0, said.output
     assert "6 runs of 0.25 days" in said.output

@@ -185,7 +185,7 @@ def test_the_command_writes_table_and_pictures_and_goes_on(tmp_path: Path) -> No
     seen.write_text("date,lon,lat\n2020-12-10T13:00,-38.92,-55.01\n")
     out = tmp_path / "c"
     words = ["calibrate", "a68a", str(seen), "--vary", "current_error.scale~normal(1, 0.2)", "--days", "1", "--waves", "1",
-             "--members", "6", "--error", "2", "-o", str(out)]  # fmt: skip
+             "--members", "6", "--error", "2", "-o", str(out), "--workers", "0"]  # fmt: skip
     refused = CliRunner().invoke(app, [*words, "--vary", "fracture.normal_strength~uniform(40 kPa, 50 kPa)"])
     assert refused.exit_code == 2
     assert "excludes the" in refused.output
@@ -215,7 +215,7 @@ def test_one_that_was_stopped_goes_on_to_the_same_result(tmp_path: Path, monkeyp
     seen = tmp_path / "seen.csv"
     seen.write_text("date,lon,lat\n2020-12-09T19:00,-39.16,-55.01\n")
     words = ["calibrate", "a68a", str(seen), "--vary", "current_error.scale~normal(1, 0.2)", "--days", "0.25", "--waves", "2",
-             "--members", "6", "--error", "2", "--no-figure"]  # fmt: skip
+             "--members", "6", "--error", "2", "--no-figure", "--workers", "0"]  # fmt: skip
     whole, parted = tmp_path / "whole", tmp_path / "parted"
     assert CliRunner().invoke(app, [*words, "-o", str(whole)]).exit_code == 0
 
@@ -229,7 +229,7 @@ def test_one_that_was_stopped_goes_on_to_the_same_result(tmp_path: Path, monkeyp
     assert said.exit_code != 0
     assert f"riftberg calibrate --resume {parted}" in said.output
     monkeypatch.undo()
-    more = CliRunner().invoke(app, ["calibrate", "--resume", str(parted), "--no-figure"])
+    more = CliRunner().invoke(app, ["calibrate", "--resume", str(parted), "--no-figure", "--workers", "0"])
     assert more.exit_code == 0, more.output
     with xr.open_dataset(whole / "calibration.nc") as one, xr.open_dataset(parted / "calibration.nc") as other:
         xr.testing.assert_identical(one.load(), other.load())

@@ -6,18 +6,27 @@ import csv
 import json
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 import xarray as xr
+from shapely.affinity import rotate
 from typer.testing import CliRunner
 
+from fakes import FakeModel
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
-from riftberg.diagnostics.observed import read_observed
+from riftberg.diagnostics.observed import Fix, Observations, read_observed
+from riftberg.diagnostics.outlines import Outline
 from riftberg.ensembles.result import write_sweep
+from riftberg.ensembles.sweep import sweep
 from riftberg.errors import InputError
+from riftberg.runs.run_file import RunWriter
 from riftberg.verification.forecast import report, verified
-from riftberg.verification.sphere import moved
+from riftberg.verification.sightings import outline_of_run, sightings_of
+from riftberg.verification.sphere import local, moved
 from riftberg.verification.tracks import Case, Start, dressed_without
 
 START = datetime(2020, 12, 9, 13)
@@ -287,3 +296,83 @@ def test_the_family_of_the_berg_trains_no_baseline() -> None:
         errors = dressed_without(cases, name)["staying put"].errors[1]
         assert len(errors) == 1
     assert len(dressed_without(cases, "B22A")["staying put"].errors[1]) == 3
+
+
+RECTANGLE = shapely.box(-40.0, -10.0, 40.0, 10.0)  # km; its long axis lies east and west
+
+
+def turning(ds: xr.Dataset, degrees: float) -> xr.Dataset:
+    """Return an ensemble of rectangles that turn clockwise by so many degrees a day, by half a turn more than once."""
+    days = (ds["time"].values - ds["time"].values[0]) / np.timedelta64(1, "D")
+    dims, shape = ("member", "fragment", "time"), ds["lon"].shape
+    azimuth = (90.0 + degrees * days) % 180.0
+    return ds.assign(azimuth=(dims, np.broadcast_to(azimuth, shape)), area=(dims, np.full(shape, 1.6e9)))
+
+
+def test_outlines_of_members_are_turned_and_moved_like_them(tmp_path: Path) -> None:
+    """The truth is a rectangle that turned by 150 degrees in five days while it drifted 60 km east; the members do the same."""
+    ring = np.array(rotate(RECTANGLE, -150.0).exterior.coords)
+    lon, lat = moved(*map(float, moved(-40.0, -56.0, np.array(60.0), np.array(0.0))), ring[:, 0], ring[:, 1])
+    when = START + timedelta(days=5)
+    seen = Observations("seen", outlines=[Outline("A01", when, False, np.column_stack([lon, lat])[:-1])])
+    exact = turning(ensemble(1, spread=1e-9), 30.0)
+    found = verified(exact, seen, outline=RECTANGLE)
+    row = report([found], 0.0)["with_error"][0]
+    assert row["overlap"] == pytest.approx(1.0, abs=0.02)
+    assert row["area_km2"] < 0.02 * RECTANGLE.area
+    assert row["whole"] == 0.5  # every second member breaks after 2.5 days
+    for wrong in (turning(ensemble(1, spread=1e-9), 20.0), turning(ensemble(1, spread=4.0), 30.0)):
+        other = report([verified(wrong, seen, outline=RECTANGLE)], 0.0)["with_error"][0]
+        assert other["overlap"] < row["overlap"] - 0.1
+        assert other["area_km2"] > row["area_km2"] + 50.0
+    # Members of four times the area are twice as long and wide.
+    large = report([verified(exact.assign(area=4.0 * exact["area"]), seen, outline=RECTANGLE)], 0.0)["with_error"][0]
+    assert large["overlap"] == pytest.approx(0.25, abs=0.01)
+    # An error of the observation moves the members; positions alone have no outlines; nor has a forecast without its control.
+    assert report([found], 10.0)["with_error"][0]["overlap"] < 0.8
+    track = read_observed(observe(tmp_path / "seen.csv", 1))
+    assert "overlap" not in report([verified(exact, track, outline=RECTANGLE)], 0.0)["with_error"][0]
+    assert "overlap" not in report([verified(exact, seen)], 0.0)["with_error"][0]
+
+
+def test_the_outline_of_a_run_is_that_of_its_ice(tmp_path: Path) -> None:
+    FakeModel(8, 3, turn_per_day=0.0).advance(0.25, recorders=[RunWriter(tmp_path / "run.nc", every_hours=6)])
+    assert outline_of_run(tmp_path / "run.nc").symmetric_difference(shapely.box(-12.0, -4.5, 12.0, 4.5)).area < 1.5
+
+
+def test_of_several_pieces_the_largest_counts_with_its_axis() -> None:
+    def ring(east: float, north: float, long: float, wide: float) -> Outline:
+        x, y = np.array([-long, long, long, -long]) + east, np.array([-wide, -wide, wide, wide]) + north
+        return Outline("A01", START, True, np.column_stack(moved(-40.0, -56.0, x, y)))
+
+    observed = Observations("s", outlines=[ring(0, 0, 30, 3), ring(50, 0, 2, 9), ring(0, 40, 5, 20)],
+                            fixes=[Fix("A01", START, True, -41.0, -57.0, 33.0)])  # fmt: skip
+    name, (seen,) = sightings_of(observed, None, START, 6.0)
+    assert (name, seen.when) == ("A01", START + timedelta(hours=6))
+    assert local(-40.0, -56.0, seen.lon, seen.lat) == pytest.approx((0.0, 40.0), abs=0.05)  # 400, not 360 or 72 km2
+    assert abs((seen.azimuth + 90.0) % 180.0 - 90.0) < 0.5
+
+
+def drifter(east: float = 0.2, eddy: float = 0.5, spacing: float = 3000.0, step: float = 1800.0) -> Model:
+    """Return a berg in an eddy, with a lattice and a step of its own."""
+    berg = Iceberg.rectangle("30 km", "9 km", radius=0.5 * spacing, thickness=200.0, placement=(-37.0, -56.0))
+    sea = Forcing.uniform(current=(east, 0.05)) + Forcing.eddy((-37.1, -56.1), radius=15e3, speed=eddy)
+    return Model(berg, sea, Parameters.model_validate({"stepping": {"time_step": step}}), start=START.isoformat())
+
+
+@pytest.mark.slow
+def test_a_truth_with_another_lattice_and_step_is_reliable_too() -> None:
+    """The third twin: errors of the ensemble's own, but elements of 1.5 km for 3 km and steps of 15 for 30 minutes."""
+    vary = {"east": "~normal(0.2, 0.04)", "eddy": "~normal(0.5, 0.08)", "start.north": "~normal(0 km, 1 km)"}
+    common: dict[str, Any] = {"days": "2 day", "every_hours": 6, "workers": 0, "plan": "random"}  # Sobol' is too even
+    truths = sweep(drifter, {**vary, "spacing": [1500.0], "step": [900.0]}, members=16, seed=5, **common)
+    made = sweep(drifter, vary, members=20, seed=6, **common)
+    found = []
+    for k in range(truths.sizes["member"]):
+        track = truths.isel(member=k, fragment=0)
+        fixes = [Fix(f"A{k:02d}", when, False, float(lon), float(lat)) for when, lon, lat in zip(
+            track["time"].values[1:].astype("datetime64[us]").tolist(), track["lon"].values[1:], track["lat"].values[1:],
+            strict=True)]  # fmt: skip
+        found.append(verified(made, Observations("truth", fixes=fixes)))
+    rows = report(found, 0.0)["with_error"]
+    assert [row["verdict"] for row in rows] == ["reliable"] * 2

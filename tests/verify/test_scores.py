@@ -7,9 +7,11 @@ import itertools
 import numpy as np
 import pytest
 from scipy import stats
+from shapely import Point as Point2
+from shapely.affinity import translate
 
 from riftberg.errors import InputError
-from riftberg.verification import scores
+from riftberg.verification import positions, scores
 from riftberg.verification.positions import Point, position_scores
 
 CASES = 4000
@@ -111,13 +113,14 @@ def test_members_at_one_point_hold_that_point_alone() -> None:
     [(1.0, (0.17, 0.23), 1.0), (0.5, (0.0, 0.15), 0.509), (2.0, (0.3, 0.5), 1.871)],
 )  # fmt: skip
 def test_ranks_and_spread_tell_reliable_from_over_and_underconfident(scale, middle, ratio) -> None:
+    """Bug: of 20 members some of the ten bins held two ranks and others three, so that a reliable one was not flat."""
     x, y = truth_and_ensemble(scale)
-    counts = scores.rank_histogram(scores.ranks(x[..., 0], y[:, 0], np.random.default_rng(1)), 20)
-    assert counts.sum() == pytest.approx(CASES)
-    assert len(counts) == 10
-    assert middle[0] <= counts[4:6].sum() / CASES <= middle[1]
+    found = position_scores([Point("one", x[:, k], y[k]) for k in range(CASES)], 0.0)
+    counts = found["ranks_along"]
+    assert (sum(counts), len(counts)) == (CASES, 10)
+    assert middle[0] <= sum(counts[4:6]) / CASES <= middle[1]
     # scale (21/20)^1/2 over (1 + scale^2 / 20)^1/2, for the mean of 20 members errs too.
-    assert scores.spread_error(x, y).ratio == pytest.approx(ratio, rel=0.02)
+    assert found["spread_over_error"] == pytest.approx(ratio, rel=0.02)
 
 
 def test_equal_members_share_the_rank() -> None:
@@ -132,6 +135,39 @@ def test_liu_weisberg_by_hand() -> None:
     assert scores.liu_weisberg([0.0], [0.0]) == 1.0
     with pytest.raises(InputError, match="2 separations, 1 steps"):
         scores.liu_weisberg([1.0, 2.0], [1.0])
+
+
+def test_the_mean_of_the_right_ensemble_has_the_best_skill_of_liu_and_weisberg() -> None:
+    way = 5.0 * np.ones(50)
+
+    def skill(shift: float) -> float:
+        x, y = truth_and_ensemble(1.0, shift)
+        return scores.liu_weisberg(np.linalg.norm(x.mean(axis=0) - y, axis=-1)[:50], way)
+
+    assert skill(0.0) > max(skill(0.7), skill(-0.7))
+
+
+def test_outlines_score_best_with_the_ensemble_of_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The overlap alone is won by members that are too close together."""
+    monkeypatch.setattr(positions, "CELLS", 8)
+    disc = Point2(0.0, 0.0).buffer(10.0)
+    found = {}
+    for name, scale, shift in (("right", 6.0, 0.0), ("narrow", 2.0, 0.0), ("wide", 15.0, 0.0), ("off", 6.0, 6.0)):
+        random = np.random.default_rng(8)
+        cases = []
+        for _ in range(40):
+            truth, members = random.normal(0.0, 6.0, 2), shift + scale * random.normal(0.0, 1.0, (20, 2))
+            cases.append(positions.Outlines([translate(disc, *m) for m in members], translate(disc, *truth), 1.0))
+        found[name] = positions.outline_scores(cases, 0.0)
+    right = found.pop("right")
+    assert all(other["area_km2"] > right["area_km2"] + 5.0 for other in found.values()), found
+    assert found["narrow"]["overlap"] > right["overlap"]
+    # By hand: two members, one on the truth and one elsewhere; fair: (1/2)2 - 1/4 / 1 = 0 on both discs.
+    two = [positions.Outlines([disc, translate(disc, 50.0, 0.0)], disc, 1.0)]
+    assert positions.outline_scores(two, 0.0)["area_km2"] == pytest.approx(0.0, abs=1e-9)
+    assert positions.outline_scores(two, 0.0)["overlap"] == pytest.approx(0.5)
+    apart = [positions.Outlines([translate(disc, 50.0, 0.0)] * 2, disc, 1.0)]
+    assert positions.outline_scores(apart, 0.0)["area_km2"] == pytest.approx(2.0 * disc.area, rel=0.05)
 
 
 def test_intervals_from_groups_are_wider_than_from_values_that_repeat_each_other() -> None:

@@ -139,7 +139,7 @@ def test_the_command_weights_a_forecast_and_draws_anew(tmp_path: Path) -> None:
     weight = open_sweep(out)["weight"].values
     assert weight.sum() == pytest.approx(4.0)
     assert np.ptp(weight) > 0.01
-    said = CliRunner().invoke(app, ["update", str(out), str(seen), "--error", "0.3", "-q"])
+    said = CliRunner().invoke(app, ["update", str(out), str(seen), "--error", "0.3", "-q", "--workers", "0"])
     assert said.exit_code == 0, said.output
     new = open_sweep(tmp_path / "f-updated")
     assert new.sizes["member"] == 4

@@ -12,12 +12,13 @@ import pytest
 import xarray as xr
 from matplotlib.image import imread
 
+from ensembles.made import forecast_of, outcome
 from fakes import FakeModel
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz import colours
-from riftberg.viz.replay import ReplayContent, chosen_records, pack, write_replay
+from riftberg.viz.replay import Members, ReplayContent, chosen_records, pack, write_replay
 from viz.browser import drawn, opened, unpack, until
 
 RING = np.array([[-39.2, -55.1], [-38.8, -55.1], [-38.8, -54.9], [-39.2, -54.9]])
@@ -239,6 +240,59 @@ def test_the_page_draws_every_shape_and_place(tmp_path: Path) -> None:
         page = write_replay(run, tmp_path / "replay.html")
     with opened(page) as browser:
         browser.execute_script("replay.go(replay.span)")
+        drawn(browser)
+        assert errors(browser) == []
+
+
+@pytest.fixture(scope="module")
+def forecast() -> xr.Dataset:
+    """Four members around the fake berg: two drift north of it and break up on the second day."""
+    members = [outcome(k, [-39.0, -38.9, -38.7], [-55.0, -55.0 + 0.1 * k, -55.0 + 0.3 * k], broken=1 if k > 1 else None)
+               for k in range(4)]  # fmt: skip
+    return forecast_of(members, 2)
+
+
+def test_members_and_probabilities_are_where_the_forecast_has_them(run: xr.Dataset, forecast: xr.Dataset) -> None:
+    scenarios = [(0, 0.5, "no piece breaks off"), (1, 0.5, "breaks off 30 km2")]
+    content = ReplayContent(run, title="", observed={}, members=Members(forecast, scenarios, "what is likely"))
+    found = content.data()["members"]
+    # The forecast starts at midnight, the run at 13:00.
+    assert found["seconds"] == pytest.approx([-46800.0, 39600.0, 126000.0])
+    x, y = unpack(found["x"]), unpack(found["y"])
+    lon, lat = content.plane.inverse(x, y)
+    np.testing.assert_allclose(lon, forecast["lon"].values[:, 0], atol=2e-4)
+    np.testing.assert_allclose(lat, forecast["lat"].values[:, 0], atol=2e-4)
+    assert found["p_broken"] == [0.0, 0.5, 0.5]
+    assert found["scenario"] == forecast["scenario"].values.tolist()
+    presence = found["presence"]
+    share = unpack(presence["share"])
+    for k, (at_x, at_y) in enumerate(zip(x.T, y.T, strict=True)):
+        for m in range(4):
+            i, j = (round((v - a[0]) / (a[1] - a[0]) * (share.shape[2 - n] - 1))
+                    for n, (v, a) in enumerate(((at_x[m], presence["x"]), (at_y[m], presence["y"]))))  # fmt: skip
+            there = forecast["presence"].isel(time=k).sel(cell_lon=lon[m, k], cell_lat=lat[m, k], method="nearest")
+            assert share[k, j, i] == pytest.approx(100.0 * float(there), abs=0.3)
+    assert set(share[0].ravel().tolist()) == {0.0, 100.0}  # all at one place at first
+    # The ellipse of 90 % around the places of the second day: as far north as two of them are from their mean.
+    line = np.reshape(found["ellipses"][1][2], (-1, 2))
+    assert np.abs(line[:, 1] - y[:, 2].mean()).max() == pytest.approx(
+        np.sqrt(-2 * np.log(0.1)) * y[:, 2].std(), rel=0.01
+    )
+
+
+def test_a_page_with_members_works_in_a_browser(run: xr.Dataset, forecast: xr.Dataset, tmp_path: Path) -> None:
+    scenarios = [(0, 0.5, "no piece breaks off"), (1, 0.5, "breaks off 30 km2")]
+    page = write_replay(run, tmp_path / "replay.html", members=Members(forecast, scenarios, "what is likely"))
+    with opened(page) as browser:
+        assert browser.find_element("id", "note").text == "what is likely"
+        browser.execute_script("replay.go(39600)")
+        drawn(browser)
+        assert "50 % (" in browser.find_element("id", "facts").text
+        buttons = browser.find_elements("css selector", "#scenarios button")
+        assert [b.text.split("\n") for b in buttons] == [["50 %", "no piece breaks off"], ["50 %", "breaks off 30 km2"]]
+        buttons[1].click()
+        assert browser.execute_script("return replay.state.scenario") == 1
+        browser.execute_script("document.getElementById('members').click()")
         drawn(browser)
         assert errors(browser) == []
 

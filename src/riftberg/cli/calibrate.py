@@ -77,7 +77,7 @@ def calibrate(
     numerics: OneNumerics = None,
     seed: Seed = None,
     scheduler: Scheduler = None,
-    workers: Workers = 0,
+    workers: Workers = None,
     resume: Resume = None,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw posterior.png and predictive.png.")] = True,
     quiet: Quiet = False,

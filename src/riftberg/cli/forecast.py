@@ -94,8 +94,7 @@ def forecast(
         }  # fmt: skip
         store = opened("forecast", experiment, make, output, RESULTS, resume, members, kept)
         if not quiet:
-            if default_errors:
-                say(errors_line(store.plan.named, store.plan.options.data))
+            say(errors_line(store.plan.varied))
             if map_:
                 store.look = partial(first_picture, path=store.folder / "forecast.png")
             for v in store.plan.varied:

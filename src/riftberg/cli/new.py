@@ -174,14 +174,9 @@ def _experiment(
 
 def _ellipse(lon: float, lat: float, long_axis: float, short_axis: float, azimuth: float) -> list[tuple[float, float]]:
     """Return the corners of an ellipse, degrees."""
-    import numpy as np
+    from riftberg.plane import ellipse
 
-    from riftberg.constants import EARTH_RADIUS_A68
-    from riftberg.plane import EqualAreaPlane
-
-    angle, turn = 2.0 * np.pi * np.arange(CORNERS) / CORNERS, math.radians(azimuth)
     # A polygon in an ellipse has less area than it: the corners stand a little outside.
     grown = math.sqrt(2.0 * math.pi / (CORNERS * math.sin(2.0 * math.pi / CORNERS)))
-    along, across = 0.5 * grown * long_axis * np.cos(angle), 0.5 * grown * short_axis * np.sin(angle)
-    x, y = along * math.sin(turn) - across * math.cos(turn), along * math.cos(turn) + across * math.sin(turn)
-    return list(zip(*(a.tolist() for a in EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)), strict=True))
+    ring = ellipse(lon, lat, 0.5 * grown * long_axis, 0.5 * grown * short_axis, azimuth, CORNERS)[:-1]
+    return [(x, y) for x, y in ring.tolist()]

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from riftberg.diagnostics.observed import Observations
     from riftberg.viz.polar import Projection
+    from riftberg.viz.replay import Members
 
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' made.")]
@@ -277,7 +278,12 @@ def _filmed(
 
 @reported
 def replay(
-    run: Run,
+    run: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' or 'riftberg forecast' made."
+        ),
+    ],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Page.  [default: replay.html beside the run]")
     ] = None,
@@ -288,7 +294,7 @@ def replay(
     ] = 10.0,
     show: Annotated[bool, typer.Option("--show", help="Open the page in the browser.")] = False,
 ) -> None:
-    """Write one web page that plays the run offline, with scrubbing and zoom."""
+    """Write one web page that plays the run offline, with scrubbing and zoom; of a forecast the control, with all members."""
     from riftberg.runs.run_file import open_run
     from riftberg.viz.replay import write_replay
 
@@ -296,11 +302,40 @@ def replay(
     if output is not None and output.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{output.name[:60]!r} is no name of a web page", where="--output", remedy="Name it PAGE.html")
     shown = outlines(observed)
+    run, members = _of_forecast(run)
     with (
         open_run(run) as dataset,
         picture_path(run, output, "replay.html", observed=observed) as goal,
     ):
-        path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6)
+        path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6, members=members)
     typer.echo(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     if show:
         typer.launch(str(path))
+
+
+def _of_forecast(run: Path) -> tuple[Path, Members | None]:
+    """Return the run to play, and the members around it where a forecast was named."""
+    file = run / "forecast.nc" if is_folder(run) and not (run / "run.nc").exists() else run
+    if file.name != "forecast.nc" or not file.exists():
+        return run, None
+    from riftberg.ensembles.member import CONTROL_RUN
+    from riftberg.ensembles.probability import scenarios, told
+    from riftberg.ensembles.result import open_sweep
+    from riftberg.viz.replay import Members
+
+    control = file.with_name(CONTROL_RUN)
+    if not control.exists():
+        raise InputError(
+            f"holds no {CONTROL_RUN}, the run of the control", where=str(file.parent), remedy="Make the forecast again"
+        )
+    result = open_sweep(file)
+    if "presence" not in result:
+        raise InputError(
+            "no forecast in degrees with members that are done",
+            where=str(file),
+            remedy="Name a run, or another forecast",
+        )
+    rows = [(s.number, s.probability, s.told().partition(": ")[2]) for s in scenarios(result)]
+    first, *chances = told(result)[:3]
+    words = f"{first} {', '.join(line.strip() for line in chances)}"
+    return control, Members(result, rows, words)

@@ -74,7 +74,7 @@ def sensitivity(
     numerics: OneNumerics = None,
     seed: Seed = None,
     scheduler: Scheduler = None,
-    workers: Workers = 0,
+    workers: Workers = None,
     resume: Resume = None,
     figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw sensitivity.png.")] = True,
     quiet: Quiet = False,
@@ -117,7 +117,7 @@ def sensitivity(
                 raise RunError("no run came to its end")
             results = results_of(ds, at_day or ())
             if seen is not None:
-                from riftberg.verification.forecast import drift_error
+                from riftberg.verification.sightings import drift_error
 
                 results["drift error"] = Result(drift_error(ds, seen, berg=berg), "km")
             found = indices(ds, results)

@@ -45,7 +45,7 @@ def update(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder of the new members.  [default: FOLDER-updated]")
     ] = None,
-    workers: Workers = 0,
+    workers: Workers = None,
     quiet: Quiet = False,
 ) -> None:  # fmt: skip
     """Weight the members of a forecast by new sightings; where too few of them count, run new ones around these."""

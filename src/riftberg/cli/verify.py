@@ -71,7 +71,7 @@ def verify(
     forecasts = [
         verified(
             open_sweep(pairs[2 * k]), read_observed(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
-            whole_until=seen_whole[k], hour=hour, dressed=dressed,
+            whole_until=seen_whole[k], hour=hour, dressed=dressed, outline=_outline(pairs[2 * k]),
         )
         for k in range(count)
     ]  # fmt: skip
@@ -104,6 +104,15 @@ def _dressed(tracks: Path) -> Callable[[str], dict[str, Any]]:
     from riftberg.verification.tracks import LEADS, dressed_without, read_cases
 
     return partial(dressed_without, read_cases(tracks, sorted({*LEADS, 10, 14})))
+
+
+def _outline(ensemble: Path) -> Any:
+    """Return the outline of the berg at the start, from the control of a forecast; None where there is none."""
+    from riftberg.ensembles.member import CONTROL_RUN
+    from riftberg.verification.sightings import outline_of_run
+
+    file = (ensemble if ensemble.is_dir() else ensemble.parent) / CONTROL_RUN
+    return outline_of_run(file) if file.exists() else None
 
 
 def _show(result: dict[str, Any]) -> None:
@@ -149,6 +158,14 @@ def _show(result: dict[str, Any]) -> None:
     console.print(
         "Baselines: distance of a single forecast, energy score of one that is dressed; compare with the energy score."
     )
+    for row, bare in zip(result["with_error"], result["without_error"], strict=True):
+        if "overlap" in row:
+            console.print(
+                f"Outlines, day {row['lead_days']}: overlap {row['overlap']:.2f} ({bare['overlap']:.2f}), squared error of the "
+                f"probability of ice {row['area_km2']:,.0f} km2 ({bare['area_km2']:,.0f}); {row['whole']:.0%} of the members, "
+                "those still whole",
+                highlight=False,
+            )
     for one in result["forecasts"]:
         if one["liu_weisberg"]:
             parts = ", ".join(f"{name} {value:.2f}" for name, value in one["liu_weisberg"].items())

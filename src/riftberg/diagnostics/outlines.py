@@ -351,8 +351,8 @@ def aligned_overlap(a: BaseGeometry, b: BaseGeometry) -> float:
     return intersection_over_union(translate(a, there.x - here.x, there.y - here.y), b)
 
 
-def axis_difference(first: float, second: float) -> float:
-    """Return the angle between two axes, first minus second, degrees in [-90, 90)."""
+def axis_difference(first: Any, second: Any) -> Any:
+    """Return the angle between two axes, first minus second, degrees in [-90, 90); of numbers or arrays."""
     return (first - second + 90.0) % 180.0 - 90.0
 
 

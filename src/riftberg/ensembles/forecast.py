@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
 from riftberg.ensembles.distributions import PLANS, POINTS
-from riftberg.ensembles.sweep import Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
-from riftberg.ensembles.vary import Draws, varied_of, vary_with_file
+from riftberg.ensembles.sweep import MEMBER, Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
+from riftberg.ensembles.vary import Draws, Varied, varied_of, vary_with_file
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import EXPERIMENTS, Options
 from riftberg.runs.progress import SweepBar
@@ -99,9 +99,18 @@ def default_errors(experiment: object, data: Path | None = None) -> tuple[Defaul
     return (*products, *kept, *floor, *((LATTICE,) if own or (entry is not None and entry.lattice) else ()))
 
 
-def errors_line(experiment: object, data: Path | None = None) -> str:
-    """Return them in one line."""
-    return "Errors: " + "; ".join(error.what for error in default_errors(experiment, data))
+def errors_line(varied: Sequence[Varied]) -> str:
+    """Return in one line which of them a forecast has, and what else is varied in it."""
+    own = {v.name: v.plain() for v in varied}
+    parts = [f"{len(v.distribution.choices if v.distribution else v.values)} members of the products in turn"
+             for v in varied if v.name == MEMBER]  # fmt: skip
+    own.pop(MEMBER, None)
+    for error in (*DEFAULTS, FLOOR, LATTICE):
+        names = {v.name: v.plain() for v in varied_of(error.vary)}
+        if names.items() <= own.items():
+            parts.append(error.what)
+            own = {name: value for name, value in own.items() if name not in names}
+    return "Errors: " + "; ".join([*parts, *own])
 
 
 def forecast_plan(

@@ -16,8 +16,9 @@ import shapely
 import xarray as xr
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import counted, effective, near, wilson
+from riftberg.ensembles.probability import counted, effective, near, quantiles, wilson
 from riftberg.errors import InputError
+from riftberg.plane import ellipse
 from riftberg.state import Floats
 
 LIMITS: Final = (50, 90, 99)
@@ -127,30 +128,19 @@ def positions(ds: xr.Dataset) -> list[dict[str, Any]]:
             "lon": round((lon + 180) % 360 - 180, 5),
             "lat": round(lat, 5),
         }
-        row |= {f"radius_{p}_km": round(_quantile(distance, weight, p / 100.0), 2) for p in (50, 90)}
+        radii = quantiles(distance, weight, (0.5, 0.9))
+        row |= {f"radius_{p}_km": round(float(r), 2) for p, r in zip((50, 90), radii, strict=True)}
         for name in ("p_broken", "p_aground"):
             row |= {f"{name}{end}": round(float(ds[f"{name}{end}"].values[k]), 4) for end in ("", "_low", "_high")}
         rows.append(row)
     return rows
 
 
-def _quantile(values: Floats, weight: Floats, share: float) -> float:
-    known = np.isfinite(values)
-    order = np.argsort(values[known], kind="stable")
-    total = np.cumsum(weight[known][order])
-    return float(values[known][order][np.searchsorted(total, share * total[-1] - 1e-12)])
-
-
-def ellipse(ds: xr.Dataset, part: float, k: int) -> Floats:
+def ellipse_of(ds: xr.Dataset, part: float, k: int) -> Floats:
     """Return the ellipse of the position at a time as a closed line of longitude and latitude."""
-    lon, lat = float(ds["cone_lon"].values[k]), float(ds["cone_lat"].values[k])
-    major, minor = (
-        float(ds[name].sel(cone=part).values[k]) / (DEGREE * EARTH_RADIUS_A68) for name in ("cone_major", "cone_minor")
-    )
-    turn, azimuth = np.linspace(0.0, 2.0 * np.pi, 73), math.radians(float(ds["cone_azimuth"].values[k]))
-    x = major * np.cos(turn) * math.sin(azimuth) + minor * np.sin(turn) * math.cos(azimuth)
-    y = major * np.cos(turn) * math.cos(azimuth) - minor * np.sin(turn) * math.sin(azimuth)
-    return np.column_stack([lon + x / math.cos(lat * DEGREE), lat + y])
+    major, minor = (float(ds[name].sel(cone=part).values[k]) for name in ("cone_major", "cone_minor"))
+    lon, lat, azimuth = (float(ds[f"cone_{name}"].values[k]) for name in ("lon", "lat", "azimuth"))
+    return ellipse(lon, lat, major, minor, azimuth)
 
 
 # ---- ice near a place -------------------------------------------------------------------------------------------------
@@ -235,8 +225,8 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     start = ds["time"].values[0]
     dates = np.full(3, np.datetime64("NaT", "s"))
     if came.any():
-        seconds = [round(3600.0 * _quantile(arrived[came], weight[came], part)) for part in (0.1, 0.5, 0.9)]
-        dates = start.astype("datetime64[s]") + np.array(seconds).astype("timedelta64[s]")
+        seconds = np.rint(3600.0 * quantiles(arrived, weight, (0.1, 0.5, 0.9)))
+        dates = start.astype("datetime64[s]") + seconds.astype("timedelta64[s]")
     share = np.clip(share, 0.0, 1.0)
     return Approach(name, within, ds["time"].values, share, low, high, dates, closest)
 
@@ -272,7 +262,7 @@ def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
                 date = f"{str(ds['time'].values[k])[:16]}Z"
                 add(
                     "ellipse of the position",
-                    _polygon(ellipse(ds, float(part), k)),
+                    _polygon(ellipse_of(ds, float(part), k)),
                     percent=round(100 * float(part)),
                     date=date,
                 )

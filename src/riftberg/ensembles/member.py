@@ -23,9 +23,9 @@ from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import Options
 from riftberg.ocean.errors import UncertainForcing
 from riftberg.plane import EqualAreaPlane
-from riftberg.runs.tracks import berg_position
+from riftberg.runs.run_file import RunWriter
+from riftberg.runs.tracks import Shapes
 from riftberg.stepping.forces.media import aground
-from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import value_shown
 from riftberg.system.limits import allow_large
 
@@ -43,6 +43,12 @@ LOOK_SECONDS: Final = 0.5
 """Wall time between two looks for that file."""
 
 UNDO: Final = "Undo the change, or begin anew in another folder"
+
+CONTROL: Final = -1
+"""Number of the run of a forecast in which nothing is varied."""
+
+CONTROL_RUN: Final = "control.nc"
+"""Run file of that run, in the folder of the forecast."""
 
 CELLS: Final = "cells"
 """Folder of fresh water, heat and mass on cells, beside that of the members."""
@@ -73,6 +79,16 @@ class Job:
     def cells_path(self) -> Path:
         """Begin of the names of the member's files on cells."""
         return self.folder.parent / CELLS / f"{self.number:05d}"
+
+    @property
+    def run_file(self) -> Path | None:
+        """The run file that the member writes: of a forecast the control has one, where the folder can be reached."""
+        return self.folder.parent / CONTROL_RUN if self.number == CONTROL and self.folder.is_dir() else None
+
+    @property
+    def begins_anew(self) -> bool:
+        """Whether a member that is stopped begins anew, for it writes files at its end that a saved state does not hold."""
+        return self.cells is not None or self.number == CONTROL
 
     @property
     def state_file(self) -> Path:
@@ -145,11 +161,11 @@ def run_member(job: Job) -> Outcome:
             outcome = outcome_of(job.number, model, track)
             outcome.cracks = _cracks(model, fresh, job.values)
     except StoppedError:
-        _forget_cells(job)
+        _forget_files(job)
         return Outcome(job.number, "stopped")
     except Exception as error:  # a failed member is a result too: the others go on
         outcome = Outcome(job.number, "failed", _sentence(error))
-        _forget_cells(job)
+        _forget_files(job)
     outcome.wall_seconds = clock.perf_counter() - began
     return outcome
 
@@ -185,25 +201,32 @@ def _gone_on(job: Job, fresh: Model) -> Model:
 def _advance(model: Model, days: float, track: Tracks, job: Job) -> None:
     keeper = Keeper(job, track)
     try:
-        model.advance(days, recorders=[track, *_on_cells(job), keeper])
+        model.advance(days, recorders=[track, *_files(job), keeper])
     except (StoppedError, KeyboardInterrupt, SystemExit):
         keeper.save(model)
         raise
 
 
-def _on_cells(job: Job) -> list[Recorder]:
-    """Return the recorder of fresh water, heat and mass on cells, if they are asked for."""
-    if job.cells is None:
-        return []
-    from riftberg.coupling.gridded import GridRecorder
+def _files(job: Job) -> list[Recorder]:
+    """Return the recorders of the files of a member: of the control its run, and what is asked for on cells."""
+    recorders: list[Recorder] = []
+    if job.run_file is not None:
+        name = job.experiment if isinstance(job.experiment, str) else ""
+        recorders.append(
+            RunWriter(job.run_file, every_hours=job.every / 3600.0, experiment=f"{Path(name).stem} control")
+        )
+    if job.cells is not None:
+        from riftberg.coupling.gridded import GridRecorder
 
-    job.cells_path.parent.mkdir(exist_ok=True)
-    return [GridRecorder(job.cells_path, job.cells)]
+        job.cells_path.parent.mkdir(exist_ok=True)
+        recorders.append(GridRecorder(job.cells_path, job.cells))
+    return recorders
 
 
-def _forget_cells(job: Job) -> None:
-    """Remove the files on cells of a member that did not come to its end."""
-    for file in job.cells_path.parent.glob(f"{job.cells_path.name}-*.nc") if job.cells is not None else ():
+def _forget_files(job: Job) -> None:
+    """Remove the files of a member that did not come to its end."""
+    files = list(job.cells_path.parent.glob(f"{job.cells_path.name}-*.nc")) if job.cells is not None else []
+    for file in [*files, *([] if job.run_file is None else [job.run_file])]:
         file.unlink(missing_ok=True)
 
 
@@ -242,16 +265,14 @@ class Tracks:
         if due <= last + _TOLERANCE or abs(model.time - due) > 0.5 * model.parameters.stepping.time_step + _TOLERANCE:
             return
         e, earth = model.elements, model.parameters.earth
-        area = e.length * e.width
-        for number in np.unique(e.berg):
-            rows = e.berg == number
-            lon, lat = centroid(e.lon[rows], e.lat[rows], area[rows], model.constants.period)
-            here = berg_position(e.lon[rows], e.lat[rows], area[rows], latlon=earth.latlon, radius=earth.radius,
-                                 period=model.constants.period)  # fmt: skip
-            # Without a longer axis there is no azimuth; 0 as any other.
-            azimuth = float(np.nan_to_num(here.azimuth))
-            self.rows.append([due, float(number), lon, lat, here.area, float(touching[rows].any()), azimuth,
-                              self.stress_ratio])  # fmt: skip
+        numbers, place = np.unique(e.berg, return_inverse=True)
+        here = Shapes(e.lon, e.lat, e.length * e.width, place, numbers.size, latlon=earth.latlon, radius=earth.radius,
+                      period=model.constants.period)  # fmt: skip
+        # Without a longer axis there is no azimuth; 0 as any other.
+        columns = [np.full(numbers.size, due), numbers, here.lon, here.lat, here.area,
+                   here.sum(touching.astype(float)) > 0.0, np.nan_to_num(here.azimuth),
+                   np.full(numbers.size, self.stress_ratio)]  # fmt: skip
+        self.rows += np.column_stack(columns).tolist()
 
     def kept(self) -> Any:
         """Return all rows as one array, for a saved state."""
@@ -328,8 +349,7 @@ class Keeper:
     def save(self, model: BareModel) -> None:
         """Save state and track, where the folder of the sweep can be reached."""
         self._saved = clock.monotonic()
-        # The months on cells are written at the end, so that a member with them begins anew.
-        if self.job.folder.is_dir() and hasattr(model, "save") and self.job.cells is None:
+        if self.job.folder.is_dir() and hasattr(model, "save") and not self.job.begins_anew:
             model.remembered[_REMEMBERED] = self.track.kept()
             model.save(self.job.state_file)
             del model.remembered[_REMEMBERED]

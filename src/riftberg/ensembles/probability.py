@@ -47,6 +47,15 @@ def wilson(share: Any, number: float, level: float = LEVEL) -> tuple[Any, Any]:
     return np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0)
 
 
+def quantiles(values: Floats, weight: Floats, levels: Any) -> Floats:
+    """Return quantiles of weighted numbers; missing ones count in none."""
+    known = np.isfinite(values)
+    order = np.argsort(values[known], kind="stable")
+    below = np.cumsum(weight[known][order])
+    rank = np.searchsorted(below, np.asarray(levels) * below[-1] * (1.0 - 1e-12))
+    return np.asarray(values[known][order][np.minimum(rank, len(order) - 1)])
+
+
 def counted(ds: xr.Dataset) -> tuple[xr.Dataset, Floats]:
     """Return the members that came to their end, and their weights, which add up to 1."""
     kept = np.flatnonzero(ds["status"].values == 0)
@@ -99,8 +108,8 @@ def with_probabilities(
     ds.attrs["not_covered"] = f"ice smaller than an element, {ice[2] ** 2 / 1e6:.3g} km2"
     for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
         # A member that never breaks has no date and stays in the denominator.
-        happened = done[when].values[:, None] <= time[None, :]
-        _add(ds, name, ("time",), share_of @ happened, number)
+        dates = done[when].values
+        _add(ds, name, ("time",), np.array([share_of[dates <= now].sum() for now in time]), number)
     bounds = np.array(AREA_CLASSES)
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
     ds["area_class_upper"] = ("area_class", bounds[1:], {"units": "m2", "long_name": "largest area of the class"})
@@ -171,7 +180,7 @@ def add_discs(
 
 def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     """Add the probability that any ice lies over a cell: fragments as discs of their areas."""
-    first = float(done["lon"].isel(time=0, fragment=0).values[0])
+    first = float(done["lon"].isel(member=0, fragment=0, time=0))
     west, south, east, north, largest = np.inf, np.inf, -np.inf, -np.inf, 0.0
     for _, lon, lat, area in tracks_of(done, weight):
         lon = near(lon, first)
@@ -200,26 +209,30 @@ def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
 
 def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     """Add the ellipses of the position of the first berg: normal distribution with the members' mean and covariance."""
-    lon, lat = (done[name].isel(fragment=0).values for name in ("lon", "lat"))
-    lon = near(lon, float(lon[0, 0]))
-    times = lon.shape[1]
-    middle, spread, axes = np.full((2, times), np.nan), np.full((2, 2, times), np.nan), np.full((3, times), np.nan)
-    for k in range(times):
-        known = np.isfinite(lon[:, k])
-        w = weight[known]
-        if w.sum() <= 0.0:
-            continue
-        w = w / w.sum()
-        middle[:, k] = w @ lon[known, k], w @ lat[known, k]
-        if known.sum() < 2:  # one place says nothing of the spread
-            continue
-        metres = DEGREE * EARTH_RADIUS_A68
-        x = (lon[known, k] - middle[0, k]) * metres * np.cos(middle[1, k] * DEGREE)
-        y = (lat[known, k] - middle[1, k]) * metres
-        spread[:, :, k] = np.cov(np.vstack([x, y]), aweights=w, ddof=0)
-        values, vectors = np.linalg.eigh(spread[:, :, k])
-        axes[:2, k] = np.sqrt(np.maximum(values[::-1], 0.0))
-        axes[2, k] = np.rad2deg(np.arctan2(vectors[0, 1], vectors[1, 1])) % 180.0
+    times, metres = done.sizes["time"], DEGREE * EARTH_RADIUS_A68
+    first = float(done["lon"].isel(member=0, fragment=0, time=0))
+    total, count, middle, squares = np.zeros(times), np.zeros(times), np.zeros((2, times)), np.zeros((times, 2, 2))
+
+    def places() -> Iterator[tuple[Floats, Floats]]:
+        for w, lon, lat, _ in tracks_of(done, weight):
+            known = np.isfinite(lon[:, 0])
+            place = np.stack([near(lon[:, 0], first), lat[:, 0]])
+            yield w[:, None] * known, np.where(known, place, middle[:, None])  # nothing where nobody is
+
+    for w, place in places():
+        total, count = total + w.sum(axis=0), count + (w > 0.0).sum(axis=0)
+        middle = middle + (w * place).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        middle = np.where(total > 0.0, middle / total, np.nan)
+    for w, place in places():
+        away = metres * (place - middle[:, None])
+        away[0] *= np.cos(middle[1] * DEGREE)
+        squares += np.einsum("mt,imt,jmt->tij", w, np.nan_to_num(away), np.nan_to_num(away))
+    axes = np.full((3, times), np.nan)
+    several = count > 1  # one place says nothing of the spread
+    values, vectors = np.linalg.eigh(squares[several] / total[several, None, None])
+    axes[:2, several] = np.sqrt(np.maximum(values[:, ::-1].T, 0.0))
+    axes[2, several] = np.rad2deg(np.arctan2(vectors[:, 0, 1], vectors[:, 1, 1])) % 180.0
     # Within r standard deviations of a normal distribution in two dimensions lies 1 - exp(-r2 / 2).
     factor = np.sqrt(-2.0 * np.log(1.0 - np.array(CONES)))
     ds.coords["cone"] = (

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
+import netCDF4
 import numpy as np
 import xarray as xr
 
@@ -404,9 +406,20 @@ def _loaded(file: Path, remedy: str) -> xr.Dataset:
 
 def _without_tracks(file: Path, remedy: str) -> xr.Dataset:
     """Return a result in memory but for its tracks."""
-    with reading(file, "not readable as NetCDF", remedy):
+    with reading(file, "not readable as NetCDF", remedy), _little_kept():
         ds: xr.Dataset = open_lazily(file)
         for name, variable in ds.variables.items():
             if not {"member", "time"} <= set(variable.dims):
                 ds[name].load()
     return ds
+
+
+@contextmanager
+def _little_kept() -> Iterator[None]:
+    """Let files that are opened meanwhile keep one chunk of each variable; by itself netCDF keeps 16 MB of each."""
+    before = netCDF4.get_chunk_cache()
+    netCDF4.set_chunk_cache(2 * CHUNK_BYTES, *before[1:])
+    try:
+        yield
+    finally:
+        netCDF4.set_chunk_cache(*before)

@@ -19,7 +19,7 @@ from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.cluster import computed, connected, cores
 from riftberg.ensembles.distributions import PLANS
-from riftberg.ensembles.member import STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
+from riftberg.ensembles.member import CONTROL, STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
@@ -54,9 +54,6 @@ BLOCK: Final = 250
 
 FIRST_LOOK: Final = 20
 """Runs after which a first result is written while the others go on; then whenever they have doubled."""
-
-CONTROL: Final = -1
-"""Number of the run of a forecast in which nothing is varied."""
 
 MOST_LAG: Final = 30.0
 """Days that a member of a forecast may start before it, or the length of the forecast."""

@@ -139,8 +139,12 @@ def read_spline(coefficients: Floats, periodic: bool, x: Floats, y: Floats, out:
     """
     rows, columns = coefficients.shape
     wx, wy = np.zeros((3, 4)), np.zeros((3, 4))
+    across = np.zeros(4, np.int64)
     for n in range(x.size):
         i, j = math.floor(x[n]), math.floor(y[n])
+        for a in range(4):  # once for all rows: a remainder takes as long as all else of a coefficient
+            column = int(i) + a - 1
+            across[a] = column % columns if periodic else min(max(column, 0), columns - 1)
         for weights, t in ((wx, x[n] - i), (wy, y[n] - j)):
             s = 1.0 - t
             weights[0, 0], weights[0, 3] = s * s * s / 6.0, t * t * t / 6.0
@@ -157,9 +161,7 @@ def read_spline(coefficients: Floats, periodic: bool, x: Floats, y: Floats, out:
             row = row % rows if periodic else min(max(row, 0), rows - 1)
             s0 = s1 = s2 = 0.0
             for a in range(4):
-                column = int(i) + a - 1
-                column = column % columns if periodic else min(max(column, 0), columns - 1)
-                c = coefficients[row, column]
+                c = coefficients[row, across[a]]
                 s0, s1, s2 = s0 + c * wx[0, a], s1 + c * wx[1, a], s2 + c * wx[2, a]
             value, east, east2 = value + s0 * wy[0, b], east + s1 * wy[0, b], east2 + s2 * wy[0, b]
             north, north2 = north + s0 * wy[1, b], north2 + s0 * wy[2, b]
@@ -338,10 +340,10 @@ class UncertainForcing(WrappedForcing):
         """Fill the environment of the elements, with the errors added."""
         self.forcing.sample(elements, time)
         e, lat = elements.environment, elements.place.lat
-        for array in (e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity):
-            array[:] *= self.errors.current_scale
-        for array in (e.ua, e.va):
-            array[:] *= self.errors.wind_scale
+        for factor, arrays in ((self.errors.current_scale, (e.uo, e.vo, e.slope_x, e.slope_y, e.vorticity)),
+                               (self.errors.wind_scale, (e.ua, e.va))):  # fmt: skip
+            for array in arrays if factor != 1.0 else ():
+                array[:] *= factor
         x, y, scale = self.plane.forward(elements.place.lon, lat)
         if self._current is not None:
             u, v, turn = self._flow((x, y, scale), lat, time)

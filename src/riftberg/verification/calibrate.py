@@ -20,19 +20,18 @@ import xarray as xr
 
 from riftberg.config.values import check_names
 from riftberg.diagnostics.observed import Observations
-from riftberg.diagnostics.outlines import polygon_moments, polygon_on
 from riftberg.ensembles.distributions import member_seed, shares
 from riftberg.ensembles.forecast import LATTICE, default_errors
 from riftberg.ensembles.matching import Matched, Posterior, Targets, likeliest, match, posterior
+from riftberg.ensembles.probability import quantiles
 from riftberg.ensembles.sweep import Plan, Store, SweepOptions, WorkerOptions, common_options, planned, run_sweep
 from riftberg.ensembles.uncertain import SEED, has_fields
 from riftberg.ensembles.vary import Varied, varied_of
 from riftberg.errors import InputError
-from riftberg.plane import ConformalPlane
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
-from riftberg.verification.forecast import at_date, check_dates, moment_of, positions_of
 from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
+from riftberg.verification.sightings import DAY, away_from, check_dates, sightings_of, turned_from
 
 if TYPE_CHECKING:
     from riftberg.ensembles.member import Maker
@@ -49,7 +48,7 @@ MOST_DATES: Final = 12
 """Dates that are compared, evenly over those that were observed: positions of nearby days say the same."""
 
 MODEL_ERROR: Final = {"km": 3.0, "degree": 5.0, "log": 0.15}
-"""Error of the model itself: position, azimuth, margin. Another angle of the lattice moves A68a by 0.6 km and its margin by 0.13
+"""Error of the model itself: position, azimuth, margin. Another angle of the lattice moves A68a by 0.6 km
 (docs/explanation/sensitivity.md); the rest is a guess."""
 
 EVERY: Final = 1.0
@@ -72,8 +71,6 @@ UNKNOWN: Final = 0.8
 
 LEVEL: Final = 0.9
 """Of the intervals."""
-
-DAY: Final = np.timedelta64(1, "D")
 
 
 @dataclass(frozen=True)
@@ -107,17 +104,18 @@ def seen_of(
     azimuths: dict[datetime, float] = {}
     if observed is not None:
         where = str(observed.source)
-        name, known = positions_of(observed, berg, where, start, hour)
-        places = {when: place for when, place in known.items() if start < when <= end}
-        if not places and broken is None and whole_until is None:
+        name, sightings = sightings_of(observed, berg, start, hour)
+        sightings = [s for s in sightings if start < s.when <= end]
+        if not sightings and broken is None and whole_until is None:
             raise InputError(
                 f"nothing was observed from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}", where=where,
                 remedy="Give observations of the time of the runs, or a date by --broken or --whole-until",
             )  # fmt: skip
-        if len(places) > MOST_DATES:
-            chosen = np.linspace(0, len(places) - 1, MOST_DATES).round().astype(int)
-            places = {when: places[when] for when in np.array(list(places))[chosen].tolist()}
-        azimuths = azimuths_of(observed, places, start, hour)
+        if len(sightings) > MOST_DATES:
+            chosen = np.linspace(0, len(sightings) - 1, MOST_DATES).round().astype(int)
+            sightings = [sightings[k] for k in chosen]
+        places = {s.when: s.place for s in sightings}
+        azimuths = {s.when: s.azimuth for s in sightings if np.isfinite(s.azimuth)}
     for option, date in (("--broken", broken), ("--whole-until", whole_until)):
         if date is not None and not start < date <= end:
             raise InputError(
@@ -130,26 +128,6 @@ def seen_of(
             "nothing to compare with", where="calibrate", remedy="Give observations, --broken or --whole-until"
         )
     return Seen(name, places, azimuths, whole_until, broken)
-
-
-def azimuths_of(
-    observed: Observations, places: Mapping[datetime, tuple[float, float]], start: datetime, hour: float | None
-) -> dict[datetime, float]:
-    """Return the long axes at the dates of positions: of the outline or row that has the position."""
-    found: dict[datetime, float] = {}
-    largest: dict[datetime, float] = {}
-    for outline in observed.outlines:
-        when = moment_of(outline.when, outline.day_only, start, hour)
-        if when in places:
-            plane = ConformalPlane(*places[when], 6.371e6)
-            shape = polygon_on(plane, outline.ring)
-            if shape.area > largest.get(when, 0.0):
-                largest[when], found[when] = shape.area, polygon_moments(np.asarray(shape.exterior.coords))[2] % 180.0
-    for fix in observed.fixes:
-        when = moment_of(fix.when, fix.day_only, start, hour)
-        if when in places and np.isfinite(fix.azimuth) and places[when] == (fix.lon, fix.lat):
-            found.setdefault(when, fix.azimuth)
-    return {when: azimuth for when, azimuth in found.items() if np.isfinite(azimuth)}
 
 
 def targets_of(seen: Seen, errors: Errors) -> Targets:
@@ -194,7 +172,7 @@ def results_of(ds: xr.Dataset, seen: Seen, firm: xr.Dataset | None = None, facto
         when for when in (*seen.places, *seen.azimuths) if seen.whole_until is not None and when <= seen.whole_until
     }
     columns: list[Floats] = []
-    away = [_of_whole(_away, ds, firm, when, place, when in held) for when, place in seen.places.items()]
+    away = [_of_whole(away_from, ds, firm, when, place, when in held) for when, place in seen.places.items()]
     for axis in range(2):
         columns += [place[:, axis] for place in away]
     columns += [_of_whole(turned_from, ds, firm, when, axis, when in held) for when, axis in seen.azimuths.items()]
@@ -216,18 +194,6 @@ def _of_whole(
     if held and firm is not None and broke.any():
         found[broke] = np.where(firm["status"].values[broke] == 0, result(firm, when, observed)[broke].T, np.nan).T
     return found
-
-
-def _away(ds: xr.Dataset, when: datetime, place: tuple[float, float]) -> Floats:
-    """Return the kilometres of the first berg east and north of a place (members, 2)."""
-    lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
-    return at_date(ds["time"].values.astype("datetime64[ns]"), lon, lat, np.datetime64(when, "ns"), place)
-
-
-def turned_from(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
-    """Return the angle from an axis to that of the first berg, degrees, at the record nearest to a date (members,)."""
-    nearest = int(np.abs(ds["time"].values.astype("datetime64[ns]") - np.datetime64(when, "ns")).argmin())
-    return np.asarray((ds["azimuth"].values[:, 0, nearest].astype(float) - axis + 90.0) % 180.0 - 90.0)
 
 
 def margin_until(
@@ -268,7 +234,7 @@ class Runner:
 
     def columns(self, wave: int, u: Floats) -> dict[str, list[Any]]:
         """Return the values of the members of a wave by name."""
-        columns = {v.name: _quantiles(v, u[:, k]) for k, v in enumerate(self.inputs)}
+        columns = {v.name: d.quantiles(u[:, k]) for k, v in enumerate(self.inputs) if (d := v.distribution)}
         columns |= {v.name: [v.values[0]] * len(u) for v in self.varied if v.distribution is None}
         parts = sum(v.parts for v in self.nuisance)
         drawn = shares(len(u), parts, "random", self.seed + 7919 * (wave + 1))
@@ -319,11 +285,6 @@ class Runner:
         store = Store(folder, plan, resume=self.resume and (folder / "sweep.json").exists())
         bar = None if self.bar is None else self.bar(name, len(plan.members))
         return run_sweep(store, bar=bar, **self.where).load()
-
-
-def _quantiles(v: Varied, share: Floats) -> list[Any]:
-    assert v.distribution is not None
-    return v.distribution.quantiles(share)
 
 
 def checked_inputs(
@@ -480,7 +441,7 @@ def _described(
     targets = found.region.targets
 
     def values(u: Floats) -> Floats:
-        return np.array([_quantiles(v, u[:, k]) for k, v in enumerate(inputs)], float).T
+        return np.array([d.quantiles(u[:, k]) for k, v in enumerate(inputs) if (d := v.distribution)], float).T
 
     ends = np.array([0.5 - LEVEL / 2.0, 0.5, 0.5 + LEVEL / 2.0])
     inner = np.array([quantiles(after.samples[:, k], after.weight, ends) for k in range(len(inputs))])
@@ -531,13 +492,6 @@ def is_known(narrowed: Floats, members: float) -> Floats:
     The spread of n numbers has a relative error of ``1 / sqrt(2 n)``; 1.645 of these leave 5 % to chance.
     """
     return np.asarray(narrowed < UNKNOWN * (1.0 - 1.645 / np.sqrt(2.0 * members)))
-
-
-def quantiles(values: Floats, weight: Floats, levels: Floats) -> Floats:
-    """Return quantiles of weighted numbers."""
-    order = np.argsort(values)
-    below = np.cumsum(weight[order])
-    return np.asarray(values[order][np.minimum(np.searchsorted(below, levels * below[-1]), len(order) - 1)])
 
 
 def _correlation(after: Posterior) -> Floats:

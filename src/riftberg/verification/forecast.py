@@ -1,8 +1,7 @@
 """An ensemble of `riftberg sweep` or `riftberg forecast` against what was observed afterwards.
 
-A fragment keeps its number when something breaks off, so the first row of the tables is the berg. Errors are measured along and
-across the motion of the berg before the start: axes that knew the outcome could be won with a wrong spread. Without a
-position before the start they are east and north.
+Errors are measured along and across the motion of the berg before the start: axes that knew the outcome could be won with a wrong
+spread. Without a position before the start they are east and north.
 """
 
 from __future__ import annotations
@@ -10,21 +9,29 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from riftberg.diagnostics.observed import Observations
-from riftberg.ensembles.probability import effective
+from riftberg.ensembles.probability import effective, wilson
 from riftberg.errors import InputError
 from riftberg.state import Floats
-from riftberg.verification.positions import Point, position_scores, verdict
-from riftberg.verification.scores import LEVELS, fair_brier, liu_weisberg, reliability, wilson
-from riftberg.verification.sphere import along_across, carried_on, distance, local
+from riftberg.verification.positions import LEAST, Outlines, Point, outline_scores, position_scores, verdict
+from riftberg.verification.scores import LEVELS, fair_brier, liu_weisberg, reliability
+from riftberg.verification.sightings import (
+    DAY,
+    away_from,
+    between,
+    check_dates,
+    outlines_at,
+    sightings_of,
+    start_of,
+    times_of,
+)
+from riftberg.verification.sphere import along_across, carried_on, distance, local, moved
 from riftberg.verification.tracks import DAYS_BEFORE, Dressed, Start
-
-DAY: Final = np.timedelta64(1, "D")
 
 
 @dataclass(frozen=True)
@@ -43,12 +50,13 @@ class Verified:
     broken: dict[int, tuple[Floats, bool]]  # By day: members that have broken by then, and whether the berg had
     # By lead time: of the forecast's own ellipses the offset of what was seen (2,) and the covariance (2, 2), km
     own: dict[int, list[tuple[Floats, Floats]]] = field(default_factory=dict)
+    outlines: dict[int, list[Outlines]] = field(default_factory=dict)  # By lead time, of members that are whole
 
 
 def verified(
     ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, broken: datetime | None = None,
     whole_until: datetime | None = None, hour: float | None = None,
-    dressed: dict[str, Dressed] | Callable[[str], dict[str, Dressed]] | None = None,
+    dressed: dict[str, Dressed] | Callable[[str], dict[str, Dressed]] | None = None, outline: Any = None,
 ) -> Verified:  # fmt: skip
     """Put an ensemble beside what was observed.
 
@@ -69,6 +77,8 @@ def verified(
     dressed : dict or callable, optional
         Baselines with errors of other bergs, by name (`riftberg.verification.tracks.Dressed`); or a function that returns them
         for the name of the berg that is verified, without those of its family.
+    outline : shapely.Polygon, optional
+        Outline of the berg at the start (`riftberg.verification.sightings.outline_of_run`), to compare outlines with.
 
     Returns
     -------
@@ -86,19 +96,19 @@ def verified(
     if "lon" not in ensemble:
         raise InputError("positions in metres", where="ensemble", remedy="Observations need longitude and latitude")
     ds = ensemble.isel(member=_by_weight(ensemble, done))
-    times = ds["time"].values.astype("datetime64[ns]")
+    times, first = times_of(ds), start_of(ds)
     start = times[0]
-    first = start.astype("datetime64[us]").item()
-    named, seen = positions_of(observed, berg, where, first, hour)
+    named, seen = sightings_of(observed, berg, first, hour)
     lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
     if not np.isfinite(lon[:, 0]).all():
         raise InputError("members without a position at the start", where="ensemble", remedy="Make the ensemble again")
     east, north = local(lon[0, 0], lat[0, 0], lon[:, 0], lat[:, 0])
-    origin = _single(lon[0, 0], lat[0, 0], east.mean(), north.mean())
-    before = {when: place for when, place in seen.items() if timedelta(0) < first - when <= timedelta(days=DAYS_BEFORE)}
+    x, y = moved(lon[0, 0], lat[0, 0], east.mean(), north.mean())
+    origin = float(x), float(y)
+    before = {s.when: s.place for s in seen if timedelta(0) < first - s.when <= timedelta(days=DAYS_BEFORE)}
     heading = _heading(before, origin)
     axes = (1.0, 0.0) if heading is None else heading
-    later = {when: place for when, place in seen.items() if start < np.datetime64(when, "ns") <= times[-1]}
+    later = [s for s in seen if start < np.datetime64(s.when, "ns") <= times[-1]]
     if not later:
         raise InputError(
             f"no position of {named} from {first:%Y-%m-%d %H:%M} to {times[-1].astype('datetime64[m]')}", where=where,
@@ -108,11 +118,12 @@ def verified(
     baselines: dict[str, dict[int, list[Point]]] = {}
     own: dict[int, list[tuple[Floats, Floats]]] = {}
     others = dressed(named) if callable(dressed) else dressed or {}
+    outlines: dict[int, list[Outlines]] = {}
     separations, ways, last = [], [], origin
-    for when, place in later.items():
-        days = (when - first) / timedelta(days=1)
-        lead = max(1, round(days))
-        members = at_date(times, lon, lat, np.datetime64(when, "ns"), origin)
+    for sighting in later:
+        when, place = sighting.when, sighting.place
+        lead = max(1, round((when - first) / timedelta(days=1)))
+        members = away_from(ds, when, origin)
         members = members[np.isfinite(members).all(axis=1)]
         truth = np.array(along_across(*local(*origin, *place), axes))
         ahead = np.stack(along_across(members[:, 0], members[:, 1], axes), axis=-1)
@@ -122,7 +133,11 @@ def verified(
             ways.append(float(distance(*last, *place)))
             last = place
         if "cone_major" in ensemble:
-            own.setdefault(lead, []).append(_own_area(ensemble, times, np.datetime64(when, "ns"), place))
+            own.setdefault(lead, []).append(_own_area(ensemble, when, place))
+        if outline is not None and sighting.shape is not None:
+            shapes = outlines_at(ds, outline, sighting)
+            if len(shapes) >= LEAST:
+                outlines.setdefault(lead, []).append(Outlines(shapes, sighting.shape, len(shapes) / len(lon)))
         for name, made in _baselines(Start(named, first, *origin, before), heading, when, others).items():
             shown = np.stack(along_across(*local(*origin, made[:, 0], made[:, 1]), axes), axis=-1)
             baselines.setdefault(name, {}).setdefault(lead, []).append(Point(named, shown, truth))
@@ -136,35 +151,16 @@ def verified(
         }
     return Verified(
         named, first, len(done), int(ensemble.sizes["member"]) - len(done), origin, heading, points, baselines, skills,
-        _broken(ds, start, times[-1], broken, whole_until), own,
+        _broken(ds, start, times[-1], broken, whole_until), own, outlines,
     )  # fmt: skip
 
 
-def drift_error(
-    ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, hour: float | None = None
-) -> Floats:
-    """Return the mean distance (km) of each member's berg from the observed positions after the start."""
-    times = ensemble["time"].values.astype("datetime64[ns]")
-    first = times[0].astype("datetime64[us]").item()
-    lon, lat = (ensemble[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
-    _, seen = positions_of(observed, berg, str(observed.source), first, hour)
-    apart = [
-        np.linalg.norm(at_date(times, lon, lat, np.datetime64(when, "ns"), place), axis=-1)
-        for when, place in seen.items()
-        if times[0] < np.datetime64(when, "ns") <= times[-1]
-    ]
-    if not apart:
-        raise InputError("no position during the runs", where=str(observed.source), remedy="Observe the berg then")
-    return np.asarray(np.mean(apart, axis=0))
-
-
-def _own_area(ds: xr.Dataset, times: Any, when: np.datetime64, place: tuple[float, float]) -> tuple[Floats, Floats]:
+def _own_area(ds: xr.Dataset, when: datetime, place: tuple[float, float]) -> tuple[Floats, Floats]:
     """Return how far what was seen lies from the middle of a forecast's ellipses (km east, north), and their covariance."""
-    after = int(np.clip(np.searchsorted(times, when), 1, len(times) - 1))
-    part = float((when - times[after - 1]) / (times[after] - times[after - 1]))
+    (before, after), part = between(times_of(ds), when)
     level = float(ds["cone"].values[-1])
     offset, covariance = np.zeros(2), np.zeros((2, 2))
-    for k, weight in ((after - 1, 1.0 - part), (after, part)):
+    for k, weight in ((before, 1.0 - part), (after, part)):
         offset += weight * np.array(local(float(ds["cone_lon"][k]), float(ds["cone_lat"][k]), *place))
         azimuth = np.radians(float(ds["cone_azimuth"][k]))
         along = np.array([np.sin(azimuth), np.cos(azimuth)])
@@ -203,66 +199,12 @@ def _by_weight(ensemble: xr.Dataset, done: Any) -> Any:
     return done[np.searchsorted(shares, (np.arange(count) + 0.5) / count)]
 
 
-def positions_of(
-    observed: Observations, berg: str | None, where: str, start: datetime, hour: float | None
-) -> tuple[str, dict[datetime, tuple[float, float]]]:
-    """Return the name of the berg and its positions by date: of its outlines the centroids, and the largest of a date."""
-    from riftberg.diagnostics.outlines import polygon_on
-    from riftberg.plane import ConformalPlane
-
-    rows = [(f.name, f.when, f.day_only, f.lon, f.lat, 0.0) for f in observed.fixes if not f.interpolated]
-    for outline in observed.outlines:
-        plane = ConformalPlane(float(outline.ring[0, 0]), float(outline.ring[0, 1]), 6.371e6)
-        shape = polygon_on(plane, outline.ring)
-        x, y = np.array([shape.centroid.x]), np.array([shape.centroid.y])
-        (lon,), (lat,) = plane.inverse(x, y)
-        rows.append((outline.name, outline.when, outline.day_only, float(lon), float(lat), float(shape.area)))
-    names = sorted({row[0] for row in rows})
-    chosen = next((name for name in names if berg is not None and name.lower() == berg.lower()), None)
-    if chosen is None and (berg is not None or (len(names) > 1 and not observed.outlines)):
-        what = "several bergs" if berg is None else f"no positions of {berg}"
-        raise InputError(what, where=where, remedy=f"Name one with --berg: {', '.join(names[:10])}")
-    seen: dict[datetime, tuple[float, float]] = {}
-    sizes: dict[datetime, float] = {}
-    for name, when, day_only, lon, lat, area in sorted(rows, key=lambda row: row[1]):
-        at = moment_of(when, day_only, start, hour)
-        if chosen in (None, name) and area >= sizes.get(at, 0.0):
-            seen[at], sizes[at] = (lon, lat), area
-    return chosen or (names[0] if len(names) == 1 and names[0] else "berg"), dict(sorted(seen.items()))
-
-
-def moment_of(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
-    """Return the moment of an observation: of one without a time at an hour (UTC), by default that of the start."""
-    return when + timedelta(hours=start.hour + start.minute / 60.0 if hour is None else hour) if day_only else when
-
-
-def check_dates(broken: datetime | None, whole_until: datetime | None) -> None:
-    """Refuse a berg that was seen whole after it was seen broken."""
-    if broken is not None and whole_until is not None and whole_until >= broken:
-        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
-
-
-def _single(lon: float, lat: float, east: float, north: float) -> tuple[float, float]:
-    from riftberg.verification.sphere import moved
-
-    x, y = moved(lon, lat, np.array(east), np.array(north))
-    return float(x), float(y)
-
-
 def _heading(before: dict[datetime, tuple[float, float]], origin: tuple[float, float]) -> tuple[float, float] | None:
     """Return the motion from the earliest position of the days before to the start; None where there is none."""
     if not before:
         return None
     east, north = local(*origin, *before[min(before)])
     return None if np.hypot(east, north) == 0.0 else (-float(east), -float(north))
-
-
-def at_date(times: Any, lon: Floats, lat: Floats, when: np.datetime64, origin: tuple[float, float]) -> Floats:
-    """Return kilometres east and north of the origin at a date, between the records of the tracks (members, 2)."""
-    after = int(np.clip(np.searchsorted(times, when), 1, len(times) - 1))
-    part = (when - times[after - 1]) / (times[after] - times[after - 1])
-    first, second = (np.stack(local(*origin, lon[:, k], lat[:, k]), axis=-1) for k in (after - 1, after))
-    return np.asarray(second if part == 1.0 else first + part * (second - first))
 
 
 def _baselines(
@@ -305,9 +247,12 @@ def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
     pooled: dict[int, list[Point]] = {}
     others: dict[str, dict[int, list[Point]]] = {}
     own: dict[int, list[tuple[Floats, Floats]]] = {}
+    outlines: dict[int, list[Outlines]] = {}
     for one in forecasts:
         for lead, areas in one.own.items():
             own.setdefault(lead, []).extend(areas)
+        for lead, shapes in one.outlines.items():
+            outlines.setdefault(lead, []).extend(shapes)
         for lead, points in one.points.items():
             pooled.setdefault(lead, []).extend(points)
         for name, rows in one.baselines.items():
@@ -317,7 +262,8 @@ def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
     def scored(points: dict[int, list[Point]], added: float) -> list[dict[str, Any]]:
         rows = [
             {"lead_days": lead, **position_scores(points[lead], added),
-             **(own_coverage(own[lead], added) if points is pooled and lead in own else {})}
+             **(own_coverage(own[lead], added) if points is pooled and lead in own else {}),
+             **(outline_scores(outlines[lead], added) if points is pooled and lead in outlines else {})}
             for lead in sorted(points)
         ]  # fmt: skip
         return [{**row, "verdict": verdict(row)} for row in rows]
@@ -329,8 +275,8 @@ def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
              "axes": "east and north" if one.heading is None else "motion before the start",
              "liu_weisberg": one.liu_weisberg,
              "broken": [
-                 {"day": day, "probability": float(p.mean()), "interval": wilson(int(p.sum()), len(p)), "occurred": over,
-                  "fair_brier": float(fair_brier(p, over))}
+                 {"day": day, "probability": float(p.mean()), "occurred": over, "fair_brier": float(fair_brier(p, over)),
+                  "interval": [float(end) for end in wilson(p.mean(), len(p))]}
                  for day, (p, over) in sorted(one.broken.items())
              ]}
             for one in forecasts

@@ -1,4 +1,4 @@
-"""Scores of forecast positions, given as kilometres along and across the motion before the start."""
+"""Scores of forecast positions, given as kilometres along and across the motion before the start, and of outlines."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import shapely
+from shapely.affinity import translate
 
+from riftberg.diagnostics.outlines import intersection_over_union
 from riftberg.state import Floats
 from riftberg.verification.scores import (
     LEVELS,
     bootstrap_interval,
+    fair_brier,
     fair_crps,
     fair_energy,
     inside_area,
@@ -25,6 +29,14 @@ class Point(NamedTuple):
     group: str  # Berg: positions of one are no independent cases
     members: Floats  # (members, 2), km along the motion before the start and to the left of it
     observed: Floats  # (2,), in the same axes
+
+
+class Outlines(NamedTuple):
+    """Outlines of members (polygons, km) beside the one that was seen."""
+
+    members: list[Any]
+    observed: Any
+    whole: float  # Part of the members, those that have not broken up; of the others no outline is kept
 
 
 USUAL_ERROR: Final = 6.0
@@ -72,9 +84,9 @@ def position_scores(points: Sequence[Point], error: float, *, seed: int = 1, dra
             values |= {f"inside_{level:.0%}": inside_area(x, y, level).astype(float) for level in LEVELS}
             variance = x.var(axis=0, ddof=1).sum(axis=-1) * (count + 1.0) / count
             values["spread_and_error"] = np.stack([variance, square], axis=-1)
-            values["ranks"] = np.stack(
-                [(ranks(x[..., k], y[:, k], random) + 0.5) / (count + 1.0) for k in range(2)], axis=-1
-            )
+            below = np.stack([ranks(x[..., k], y[:, k], random) for k in range(2)], axis=-1)
+            # Anywhere in the part of its rank: M + 1 ranks need not divide by the number of bins.
+            values["ranks"] = (below + random.random(below.shape)) / (count + 1.0)
         for name, value in values.items():
             found.setdefault(name, []).append(value)
     result: dict[str, Any] = {"starts": len(points), "bergs": len(set(groups))}
@@ -94,6 +106,32 @@ def position_scores(points: Sequence[Point], error: float, *, seed: int = 1, dra
         for k, axis in enumerate(("along", "across")):
             result[f"ranks_{axis}"] = np.histogram(rank[:, k], np.linspace(0.0, 1.0, parts + 1))[0].tolist()
     return result
+
+
+CELLS: Final = 30
+"""Cells along the root of the area that was seen, on which outlines are compared: each some 5 km2 for A68a."""
+
+
+def outline_scores(outlines: Sequence[Outlines], error: float, *, seed: int = 1) -> dict[str, float]:
+    """Return the overlap of outlines of one lead time, with the error of the observation (km) added to the members.
+
+    ``overlap`` is the mean intersection over union of members and observation. It is no score: members all at the best place
+    win it. ``area_km2`` is one, the squared difference between the probability of ice and what was seen, summed over the area
+    (Goessling and Jung 2018, https://doi.org/10.1002/qj.3242), fair in the number of members.
+    """
+    random = np.random.default_rng(seed)
+    overlap, area = [], []
+    for one in outlines:
+        moves = random.normal(0.0, error, (len(one.members), 2)) if error > 0.0 else np.zeros((len(one.members), 2))
+        members = [translate(shape, *move) for shape, move in zip(one.members, moves, strict=True)]
+        overlap.append(np.mean([intersection_over_union(shape, one.observed) for shape in members]))
+        west, south, east, north = shapely.total_bounds([*members, one.observed])
+        step = np.sqrt(one.observed.area) / CELLS
+        x, y = np.meshgrid(np.arange(west, east + step, step), np.arange(south, north + step, step))
+        inside = np.stack([shapely.contains_xy(shape, x, y) for shape in (*members, one.observed)])
+        area.append(step**2 * fair_brier(inside[:-1], inside[-1]).sum())
+    return {"outlines": len(outlines), "whole": float(np.mean([one.whole for one in outlines])),
+            "overlap": float(np.mean(overlap)), "area_km2": float(np.mean(area))}  # fmt: skip
 
 
 def _ratio(spread_and_error: Floats) -> Any:

@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from riftberg.ensembles.probability import wilson
 from riftberg.errors import InputError
 from riftberg.state import Floats
 
@@ -85,19 +86,10 @@ def reliability(probability: ArrayLike, occurred: ArrayLike, bins: int = 5) -> l
     result = []
     for k in np.unique(place):
         inside = place == k
-        count, hits = int(inside.sum()), int(o[inside].sum())
-        result.append(
-            ReliabilityBin(k / bins, (k + 1) / bins, float(p[inside].mean()), hits / count, count, wilson(hits, count))
-        )
+        share, count = float(o[inside].mean()), int(inside.sum())
+        low, high = (float(end) for end in wilson(share, count))
+        result.append(ReliabilityBin(k / bins, (k + 1) / bins, float(p[inside].mean()), share, count, (low, high)))
     return result
-
-
-def wilson(hits: int, count: int, level: float = 0.9) -> tuple[float, float]:
-    """Return the interval of Wilson (1927) of a part: good for few cases, and for none or all."""
-    from scipy.stats import binomtest
-
-    interval = binomtest(hits, count).proportion_ci(level, "wilson")
-    return float(interval.low), float(interval.high)
 
 
 def inside_area(members: ArrayLike, observed: ArrayLike, level: float) -> np.ndarray[Any, Any]:
@@ -125,36 +117,6 @@ def ranks(members: ArrayLike, observed: ArrayLike, random: np.random.Generator) 
     return np.asarray((x < y).sum(axis=0) + random.integers(0, (x == y).sum(axis=0) + 1))
 
 
-def rank_histogram(rank: ArrayLike, members: int, bins: int = 10) -> np.ndarray[Any, Any]:
-    """Return how many observations have which rank, in equal parts from the lowest to the highest; flat where reliable."""
-    parts = min(bins, members + 1)
-    # Ranks are spread over the unit interval: M + 1 of them need not divide by the number of bins.
-    edges = np.linspace(0.0, 1.0, parts + 1)
-    shares = np.arange(members + 2) / (members + 1.0)
-    counts = np.bincount(np.ravel(rank).astype(int), minlength=members + 1).astype(float)
-    return np.diff(np.interp(edges, shares, np.concatenate([[0.0], np.cumsum(counts)])))
-
-
-class SpreadError(NamedTuple):
-    """Spread of an ensemble beside the error of its mean; equal where reliable, spread smaller where overconfident."""
-
-    spread: float  # Root mean variance, with the factor (M + 1) / M by which a mean of M members errs more
-    error: float  # Root mean squared error of the ensemble mean
-
-    @property
-    def ratio(self) -> float:
-        """Spread over error."""
-        return self.spread / self.error if self.error > 0.0 else np.inf
-
-
-def spread_error(members: ArrayLike, observed: ArrayLike) -> SpreadError:
-    """Return spread and error over all cases (Fortin and others 2014, https://doi.org/10.1175/JHM-D-14-0008.1)."""
-    x = _members(members)
-    factor = (len(x) + 1.0) / len(x)
-    spread = float(np.sqrt(factor * x.var(axis=0, ddof=1).mean()))
-    return SpreadError(spread, float(np.sqrt(((x.mean(axis=0) - np.asarray(observed, float)) ** 2).mean())))
-
-
 def liu_weisberg(separation: ArrayLike, steps: ArrayLike, tolerance: float = 1.0) -> float:
     """Return the skill score of a track: 1 perfect, 0 where the separations add up to as much as the way that was gone.
 
@@ -176,13 +138,6 @@ def liu_weisberg(separation: ArrayLike, steps: ArrayLike, tolerance: float = 1.0
     if not way.sum() > 0.0:
         return 1.0 if not d.any() else 0.0
     return float(max(0.0, 1.0 - d.sum() / way.sum() / tolerance))
-
-
-def overlap(first: Any, second: Any) -> float:
-    """Return intersection over union of two shapes of shapely on one plane."""
-    from riftberg.diagnostics.outlines import intersection_over_union
-
-    return float(intersection_over_union(first, second))
 
 
 def with_observation_error(members: ArrayLike, error: float, random: np.random.Generator) -> Floats:

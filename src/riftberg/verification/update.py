@@ -16,9 +16,8 @@ from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
-from riftberg.verification.calibrate import azimuths_of, turned_from
-from riftberg.verification.forecast import DAY, at_date, check_dates, positions_of
 from riftberg.verification.positions import AZIMUTH_ERROR
+from riftberg.verification.sightings import DAY, away_from, check_dates, sightings_of, start_of, times_of, turned_from
 
 FEWEST: Final = 1.0 / 3.0
 """Part of the members that has to count; below it they are drawn anew."""
@@ -41,32 +40,29 @@ def log_likelihood(
     axes out; ``doubt``: probability that it was wrongly seen whole or broken. Sightings are independent of each other.
     """
     check_dates(broken, whole_until)
-    times = ds["time"].values.astype("datetime64[ns]")
+    times = times_of(ds)
     found = np.where(ds["status"].values == 0, 0.0, np.nan)
     if not np.isfinite(found).any():
         raise InputError("no member came to its end", where="update", remedy="Look at the reasons in sweep.json")
     count = 0
-    if observed is not None:
-        lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
-        _, seen = positions_of(observed, berg, str(observed.source), times[0].astype("datetime64[us]").item(), hour)
-        for when, place in seen.items():
-            if times[0] <= np.datetime64(when, "ns") <= times[-1]:
-                away = at_date(times, lon, lat, np.datetime64(when, "ns"), place)
-                found -= 0.5 * (away**2).sum(axis=-1) / error**2
-                if (nearest := float(np.nanmin(np.hypot(*away.T)))) > FARTHEST * error:
-                    raise InputError(
-                        f"on {when:%Y-%m-%d %H:%M} the berg was seen {nearest:,.0f} km from the nearest member, with an error "
-                        f"of {error:g} km",
-                        where=str(observed.source),
-                        remedy="Check place, date and berg; if they are right, give an error that covers it (--error)",
-                    )
-                count += 1
-        first = times[0].astype("datetime64[us]").item()
+    _, sightings = ("", []) if observed is None else sightings_of(observed, berg, start_of(ds), hour)
+    for seen in sightings:
+        if not times[0] <= np.datetime64(seen.when, "ns") <= times[-1]:
+            continue
+        away = away_from(ds, seen.when, seen.place)
+        if (nearest := float(np.nanmin(np.hypot(*away.T)))) > FARTHEST * error:
+            assert observed is not None
+            raise InputError(
+                f"on {seen.when:%Y-%m-%d %H:%M} the berg was seen {nearest:,.0f} km from the nearest member, with an error "
+                f"of {error:g} km",
+                where=str(observed.source),
+                remedy="Check place, date and berg; if they are right, give an error that covers it (--error)",
+            )
+        found -= 0.5 * (away**2).sum(axis=-1) / error**2
         # An ensemble of an earlier version has no axes.
-        axes = azimuths_of(observed, seen, first, hour) if azimuth_error is not None and "azimuth" in ds else {}
-        for when, axis in axes.items():
-            if times[0] <= np.datetime64(when, "ns") <= times[-1]:
-                found -= 0.5 * (turned_from(ds, when, axis) / (azimuth_error or 1.0)) ** 2
+        if azimuth_error is not None and np.isfinite(seen.azimuth) and "azimuth" in ds:
+            found -= 0.5 * (turned_from(ds, seen.when, seen.azimuth) / azimuth_error) ** 2
+        count += 1
     first = ds["first_breakup"].values.astype("datetime64[ns]")
     for date, was in ((broken, True), (whole_until, False)):
         if date is not None:

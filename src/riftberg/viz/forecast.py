@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
+from riftberg.plane import ellipse
 from riftberg.runs.scene import Box
+from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import Map, widened
 from riftberg.viz.sweep import near
@@ -55,6 +56,7 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
     """Draw where ice passes, the tracks of the largest pieces, the control, and ellipses of the position."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
+    from matplotlib.patheffects import withStroke
 
     lon, lat = result["cell_lon"].values, result["cell_lat"].values
     box = Box(float(lon[0]), float(lon[-1]), float(lat[0]), float(lat[-1]))
@@ -73,14 +75,9 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
     first = float(lon[0])
     shown = np.flatnonzero(result["status"].values == 0)[:200]
     tracks = [result[name].isel(fragment=0, member=shown).values for name in ("lon", "lat")]
-    for x, y in zip(*tracks, strict=True):
+    for k, (x, y) in enumerate(zip(*tracks, strict=True)):
         ax.plot(
-            near(x, first, True),
-            y,
-            color=colours.STRENGTH,
-            lw=0.4,
-            alpha=0.35,
-            zorder=4,
+            near(x, first, True), y, color=colours.STRENGTH, lw=0.5, alpha=0.4, zorder=4, label=None if k else "members"
         )
     if "control_lon" in result:
         ax.plot(
@@ -91,39 +88,29 @@ def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
             zorder=6,
             label="control",
         )
-    metres = DEGREE * EARTH_RADIUS_A68
-    cosine = float(np.cos(np.nanmean(result["cone_lat"].values) * DEGREE))
     in_hours = float(result["lead"].values[-1]) < 96.0  # else two of the ellipses would have one day
+    lines = ellipses(result, 0.9)
     steps = np.unique(np.linspace(0, result.sizes["time"] - 1, 5).astype(int))[1:]
     for n, k in enumerate(steps):
-        centre = float(near(float(result["cone_lon"].values[k]), first, True)), float(result["cone_lat"].values[k])
-        major, minor = (float(result[name].sel(cone=0.9).values[k]) / metres for name in ("cone_major", "cone_minor"))
-        turn = np.linspace(0.0, 2.0 * np.pi, 80)
-        azimuth = np.deg2rad(float(result["cone_azimuth"].values[k]))
-        along, across = major * np.cos(turn), minor * np.sin(turn)
-        x = along * np.sin(azimuth) + across * np.cos(azimuth)
-        y = along * np.cos(azimuth) - across * np.sin(azimuth)
-        ax.plot(
-            centre[0] + x / cosine,
-            centre[1] + y,
-            color=colours.ARROW,
-            lw=1.2,
-            zorder=5,
-            label="90 % of positions" if n == 0 else None,
-        )
+        x, y = near(lines[k][:, 0], first, True), lines[k][:, 1]
+        ax.plot(x, y, color=colours.ARROW, lw=1.2, zorder=5, label="90 % of positions" if n == 0 else None)
+        lead = float(result["lead"].values[k])
         ax.annotate(
-            f"{result['lead'].values[k]:.0f} h" if in_hours else f"{result['lead'].values[k] / 24:.0f} d",
-            centre,
-            fontsize=8,
-            color=colours.ARROW,
-            zorder=7,
-            ha="center",
-            va="center",
-        )
+            f"{lead:.0f} h" if in_hours else f"{lead / 24:.0f} d", (float(x[:-1].mean()), float(y[:-1].mean())),
+            fontsize=8, color=colours.ARROW, zorder=7, ha="center", va="center",
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+        )  # fmt: skip
     ax.legend(fontsize=8, loc="upper right", framealpha=0.9)
     chart.draw_scale()
     ax.set_title("Where ice passes, tracks of the first berg", fontsize=10, pad=6)
     return image
+
+
+def ellipses(result: xr.Dataset, part: float) -> list[Floats]:
+    """Return the ellipses of the position at all times as closed lines of longitude and latitude."""
+    sizes = (result[name].sel(cone=part).values for name in ("cone_major", "cone_minor"))
+    rows = np.column_stack([result["cone_lon"], result["cone_lat"], *sizes, result["cone_azimuth"]]).tolist()
+    return [ellipse(*row) for row in rows]
 
 
 def _draw_dates(ax: Axes, result: xr.Dataset) -> None:

@@ -30,6 +30,7 @@ from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
 from riftberg.viz.coast import coast_in
 from riftberg.viz.colours import FRAGMENTS, SMALL
+from riftberg.viz.forecast import ellipses
 from riftberg.viz.style import degree_label
 
 _MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}
@@ -67,6 +68,21 @@ _ELEMENT_BYTES = 2 * 6 * 4 / 3  # six integers of two bytes for an element at a 
 _ISOBATHS = (50, 100, 150, 200, 300, 400, 500, 1000, 2000, 3000, 4000, 5000)
 _THIN = 300.0  # m between the points of an observed outline
 
+MOST_MEMBERS: Final = 200
+"""Members of a forecast whose tracks are shown, evenly over all; probabilities are of all."""
+
+MOST_VALUES: Final = 1_500_000
+"""Values of the probability of ice on cells in the page; times are left out evenly above it."""
+
+
+@dataclass(frozen=True)
+class Members:
+    """A forecast around the run: what `riftberg replay` shows with the control."""
+
+    result: xr.Dataset  # From `riftberg.open_sweep`
+    scenarios: Sequence[tuple[int, float, str]]  # Number, probability and words, the likeliest first
+    words: str  # What is likely, in a line
+
 
 def write_replay(
     run: xr.Dataset,
@@ -75,6 +91,7 @@ def write_replay(
     title: str = "",
     observed: Mapping[str, Sequence[Floats]] | None = None,
     largest: float = LARGEST,
+    members: Members | None = None,
 ) -> Path:
     """Write the replay of a run.
 
@@ -90,6 +107,8 @@ def write_replay(
         Observed outlines: ISO day to rings of longitude and latitude.
     largest : float, optional
         Size in bytes above which records are left out evenly.
+    members : Members, optional
+        The forecast of which the run is the control.
 
     Returns
     -------
@@ -97,7 +116,7 @@ def write_replay(
     """
     if run.sizes["time"] < 1:
         raise InputError("the run has no records yet", where=str(run.encoding.get("source", "run")))
-    content = ReplayContent(run, title=title, observed=observed or {}, largest=largest)
+    content = ReplayContent(run, title=title, observed=observed or {}, largest=largest, members=members)
     template = files("riftberg.viz").joinpath("replay_template.html").read_text(encoding="utf-8")
     data = json.dumps(content.data(), separators=(",", ":"), allow_nan=False)
     # A closing tag within the data would end the script.
@@ -117,6 +136,7 @@ class ReplayContent:
     title: str  # Heading
     observed: Mapping[str, Sequence[Floats]]  # Outlines by ISO day
     largest: float = LARGEST  # Size in bytes
+    members: Members | None = None  # The forecast of which the run is the control
 
     def __post_init__(self) -> None:
         """Read the geometry of the run and choose the records."""
@@ -163,6 +183,7 @@ class ReplayContent:
             "coast": self._coast(),
             "graticule": self._graticule(),
             "observed": self._observed(),
+            "members": None if self.members is None else self._members(self.members),
         }
 
     # --- ice -------------------------------------------------------------------------------------------------------
@@ -239,6 +260,52 @@ class ReplayContent:
                 }
             )
         return sorted(rows, key=lambda row: (-row["end"], row["number"]))
+
+    # --- members ---------------------------------------------------------------------------------------------------
+
+    def _members(self, members: Members) -> dict[str, Any]:
+        """Return tracks, probabilities and ellipses of a forecast; times are seconds since the first record shown."""
+        ds = members.result
+        done = np.flatnonzero(ds["status"].values == 0)
+        shown = done[np.unique(np.linspace(0, done.size - 1, min(done.size, MOST_MEMBERS)).astype(int))]
+        tracks = ds[["lon", "lat"]].isel(member=shown, fragment=0).transpose("member", "time")
+        x, y = self.plane.forward(tracks["lon"].values, tracks["lat"].values)
+        share = {name: ds[name].values.round(4).tolist()
+                 for what in ("p_broken", "p_aground") for name in (what, f"{what}_low", f"{what}_high")}  # fmt: skip
+        return {
+            "words": members.words,
+            "scenarios": [{"number": n, "share": p, "text": text} for n, p, text in members.scenarios],
+            "seconds": self._since_first(ds["time"].values),
+            "x": pack(x),
+            "y": pack(y),
+            "scenario": ds["scenario"].values[shown].tolist(),
+            "all": int(done.size),
+            **share,
+            "presence": self._presence(ds),
+            "ellipses": [[_flat_list(*self.plane.forward(*line.T)) if np.isfinite(line).all() else []
+                          for line in ellipses(ds, float(part))] for part in ds["cone"].values],
+        }  # fmt: skip
+
+    def _presence(self, ds: xr.Dataset) -> dict[str, Any]:
+        """Return the probability of ice (%) on an even mesh of the plane."""
+        lon, lat = ds["cell_lon"].values, ds["cell_lat"].values
+        px, py = self.plane.forward(*np.meshgrid(lon, lat))
+        step = float(np.diff(py, axis=0).mean())
+        xs, ys = (np.arange(p.min(), p.max() + step, step) for p in (px, py))
+        at_lon, at_lat = self.plane.inverse(*np.meshgrid(xs, ys))
+        i, j = (np.rint((at - a[0]) / (a[1] - a[0])).astype(int) for at, a in ((at_lon, lon), (at_lat, lat)))
+        inside = (i >= 0) & (i < lon.size) & (j >= 0) & (j < lat.size)
+        every = -(-ds.sizes["time"] * inside.size // MOST_VALUES)
+        values = ds["presence"].isel(time=slice(None, None, every)).transpose("time", "cell_lat", "cell_lon").values
+        there = np.where(inside, values[:, np.where(inside, j, 0), np.where(inside, i, 0)], 0.0)
+        return {
+            "x": [float(xs[0]), float(xs[-1])], "y": [float(ys[0]), float(ys[-1])],
+            "seconds": self._since_first(ds["time"].values[::every]), "share": pack(100.0 * there, "uint8", step=0.5),
+        }  # fmt: skip
+
+    def _since_first(self, times: NDArray[Any]) -> list[float]:
+        since: list[float] = ((times - self.scene.times[self.records[0]]) / np.timedelta64(1, "s")).tolist()
+        return since
 
     # --- water -----------------------------------------------------------------------------------------------------
 

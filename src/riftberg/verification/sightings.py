@@ -1,0 +1,179 @@
+"""Where and how a berg was seen, and where the members of an ensemble have it then.
+
+A fragment keeps its number when something breaks off, so the first row of the tables of an ensemble is the berg.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import shapely
+import xarray as xr
+from shapely.affinity import rotate, scale, translate
+
+from riftberg.diagnostics.observed import Observations
+from riftberg.diagnostics.outlines import axis_difference, polygon_moments, polygon_on
+from riftberg.errors import InputError
+from riftberg.plane import ConformalPlane
+from riftberg.runs.run_file import open_run
+from riftberg.runs.scene import Scene
+from riftberg.state import Floats
+from riftberg.verification.sphere import local
+
+DAY: Final = np.timedelta64(1, "D")
+
+RADIUS: Final = 6.371e6
+"""Mean radius of the Earth, m."""
+
+
+class Sighting(NamedTuple):
+    """A berg at a moment."""
+
+    when: datetime
+    lon: float  # Of its centroid, degrees
+    lat: float
+    azimuth: float  # Long axis, degrees clockwise from north; NaN where it was not seen
+    ring: Floats | None  # Outline: longitudes and latitudes, shape (n, 2)
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Longitude and latitude."""
+        return self.lon, self.lat
+
+    @property
+    def shape(self) -> Any:
+        """The outline in kilometres east and north of the centroid; None where it was not seen."""
+        if self.ring is None:
+            return None
+        return scale(polygon_on(ConformalPlane(*self.place, RADIUS), self.ring), 1e-3, 1e-3, origin=(0.0, 0.0))
+
+
+def sightings_of(
+    observed: Observations, berg: str | None, start: datetime, hour: float | None
+) -> tuple[str, list[Sighting]]:
+    """Return the name of the berg and when it was seen, in order: of several pieces at a moment the largest, then positions.
+
+    ``hour``: of observations without a time (UTC), by default that of the start.
+    """
+    found = [(o.name, moment_of(o.when, o.day_only, start, hour), o) for o in observed.outlines]
+    fixes = [(f.name, moment_of(f.when, f.day_only, start, hour), f) for f in observed.fixes if not f.interpolated]
+    names = sorted({row[0] for row in (*found, *fixes)})
+    chosen = next((name for name in names if berg is not None and name.lower() == berg.lower()), None)
+    if chosen is None and (berg is not None or (len(names) > 1 and not observed.outlines)):
+        what = "several bergs" if berg is None else f"no positions of {berg}"
+        raise InputError(what, where=str(observed.source), remedy=f"Name one with --berg: {', '.join(names[:10])}")
+    seen = {when: Sighting(when, f.lon, f.lat, f.azimuth, None) for name, when, f in fixes if chosen in (None, name)}
+    sizes: dict[datetime, float] = {}
+    for name, when, outline in found:
+        if chosen not in (None, name):
+            continue
+        # First where it is, then its axis against north there.
+        rough = ConformalPlane(float(outline.ring[0, 0]), float(outline.ring[0, 1]), RADIUS)
+        shape = polygon_on(rough, outline.ring)
+        if shape.area >= sizes.get(when, 0.0):
+            lon, lat = (float(a) for a in rough.inverse(np.array(shape.centroid.x), np.array(shape.centroid.y)))
+            own = polygon_on(ConformalPlane(lon, lat, RADIUS), outline.ring)
+            azimuth = polygon_moments(np.asarray(own.exterior.coords))[2] % 180.0
+            seen[when], sizes[when] = Sighting(when, lon, lat, azimuth, outline.ring), shape.area
+    name = chosen or (names[0] if len(names) == 1 and names[0] else "berg")
+    return name, [seen[when] for when in sorted(seen)]
+
+
+def moment_of(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
+    """Return the moment of an observation: of one without a time at an hour (UTC), by default that of the start."""
+    return when + timedelta(hours=start.hour + start.minute / 60.0 if hour is None else hour) if day_only else when
+
+
+def check_dates(broken: datetime | None, whole_until: datetime | None) -> None:
+    """Refuse a berg that was seen whole after it was seen broken."""
+    if broken is not None and whole_until is not None and whole_until >= broken:
+        raise InputError("whole until after it broke", where="--whole-until", remedy="Give an earlier date")
+
+
+# --- members ------------------------------------------------------------------------------------------------------------
+
+
+def times_of(ds: xr.Dataset) -> Any:
+    """Return the dates of the tracks of an ensemble, in nanoseconds."""
+    return ds["time"].values.astype("datetime64[ns]")
+
+
+def start_of(ds: xr.Dataset) -> datetime:
+    """Return the start of an ensemble."""
+    start: datetime = times_of(ds)[0].astype("datetime64[us]").item()
+    return start
+
+
+def away_from(ds: xr.Dataset, when: datetime, place: tuple[float, float]) -> Floats:
+    """Return kilometres of the first berg of each member east and north of a place at a date (members, 2)."""
+    lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
+    (first, after), part = between(times_of(ds), when)
+    before, then = (np.stack(local(*place, lon[:, k], lat[:, k]), axis=-1) for k in (first, after))
+    return np.asarray(then if part == 1.0 else before + part * (then - before))
+
+
+def between(times: Any, when: datetime) -> tuple[tuple[int, int], float]:
+    """Return the records before and after a date, and its place between them, 0 to 1."""
+    now = np.datetime64(when, "ns")
+    after = int(np.clip(np.searchsorted(times, now), 1, len(times) - 1))
+    return (after - 1, after), float((now - times[after - 1]) / (times[after] - times[after - 1]))
+
+
+def turned_from(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
+    """Return the angle from an axis to that of the first berg, degrees, at the record nearest to a date (members,)."""
+    nearest = int(np.abs(times_of(ds) - np.datetime64(when, "ns")).argmin())
+    return np.asarray(axis_difference(ds["azimuth"].values[:, 0, nearest].astype(float), axis))
+
+
+def drift_error(
+    ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, hour: float | None = None
+) -> Floats:
+    """Return the mean distance (km) of each member's berg from the observed positions after the start."""
+    times = times_of(ensemble)
+    _, seen = sightings_of(observed, berg, start_of(ensemble), hour)
+    apart = [
+        np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1)
+        for s in seen
+        if times[0] < np.datetime64(s.when, "ns") <= times[-1]
+    ]
+    if not apart:
+        raise InputError("no position during the runs", where=str(observed.source), remedy="Observe the berg then")
+    return np.asarray(np.mean(apart, axis=0))
+
+
+def outline_of_run(file: Path) -> Any:
+    """Return the outline of all ice at the start of a run in kilometres east and north of its centroid."""
+    with open_run(file) as run:
+        scene = Scene(run)
+        corners = scene.polygons(0)
+        lon, lat = (float(np.average(a[0], weights=scene.area)) for a in (scene.x, scene.y))
+    x, y = ConformalPlane(lon, lat, scene.radius).forward(corners[..., 0], corners[..., 1])
+    squares = shapely.polygons(np.stack([x, y], axis=-1) / 1e3)
+    seam = 1e-3 * float(np.sqrt(scene.area.min()) / 1e3)  # elements meet to within rounding errors
+    ice = shapely.union_all(shapely.buffer(squares, seam, join_style="mitre"))
+    whole = max(shapely.get_parts(shapely.buffer(ice, -seam, join_style="mitre")), key=lambda part: part.area)
+    return translate(whole, -whole.centroid.x, -whole.centroid.y)
+
+
+def outlines_at(ds: xr.Dataset, start: Any, seen: Sighting) -> list[Any]:
+    """Return the outlines of the members that are whole at a sighting, kilometres east and north of its centroid.
+
+    ``start``: outline at the start of the run in which nothing is varied. A berg that is whole is rigid: its place is that of
+    the centroid, its turn that of its long axis, its size that of its area.
+    """
+    (first, after), part = between(times_of(ds), seen.when)
+    whole = ~(ds["first_breakup"].values <= np.datetime64(seen.when, "ns"))
+    azimuth = ds["azimuth"].isel(fragment=0).values.astype(float)
+    # An axis has no direction, so a turn is known but for 180 degrees: at the start the smaller one, then continued.
+    turn = np.unwrap(azimuth, period=180.0, axis=1) - azimuth[:, :1]
+    turn += axis_difference(azimuth[:, :1], polygon_moments(np.asarray(start.exterior.coords))[2])
+    turn = (1.0 - part) * turn[:, first] + part * turn[:, after]
+    size = np.sqrt(ds["area"].values[:, 0, first].astype(float) / (1e6 * start.area))
+    place = away_from(ds, seen.when, seen.place)
+    return [
+        translate(scale(rotate(start, -turn[m], origin=(0.0, 0.0)), size[m], size[m], origin=(0.0, 0.0)), *place[m])
+        for m in np.flatnonzero(whole & np.isfinite(place).all(axis=1))
+    ]
