@@ -154,7 +154,7 @@ def calve(groups: Groups, *, steps: int = 3, **_: Any) -> Any:
     model = Model(berg, OceanForcing(grid, grid.fields(depth=500.0)), Parameters(**groups))
     exchange = Exchange(model)
     flux = np.zeros(shape)
-    flux[1:5, 3] = 0.05
+    flux[1:5, 3] = 0.002  # some dozens of bergs a step
     for step in range(steps):
         exchange.step({
             "eastward_sea_water_velocity": 0.3, "northward_sea_water_velocity": -0.1, "eastward_wind": 5.0,
