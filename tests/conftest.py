@@ -34,11 +34,11 @@ def pytest_configure(config: pytest.Config) -> None:
 COMPILES = "test_every_parameter.py"
 """Compiles nearly every kernel, in minutes."""
 
-FEW_KERNELS = ("products", "fetching", "bergs", "diagnostics")
+FEW_KERNELS = ("products", "fetching", "bergs", "ocean", "viz")
 """Folders that need few kernels."""
 
-DEAR = ("test_docs.py", "test_short.py", "test_killed.py")
-"""Files that take more than half a minute."""
+DEAR = ("test_docs.py", "test_short.py", "test_landing.py", "test_a68a.py", "test_parity.py", "test_sweep.py")
+"""Files that take more than twenty seconds."""
 
 
 def _turn(item: pytest.Item) -> int:
@@ -46,7 +46,9 @@ def _turn(item: pytest.Item) -> int:
     path = item.path.relative_to(ROOT / "tests")
     if path.name == COMPILES:
         return 0
-    return 1 if path.parts[0] in FEW_KERNELS else 2 if path.name in DEAR else 3
+    if path.parts[0] in FEW_KERNELS:
+        return 1
+    return 2 if path.name in DEAR else 3
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
