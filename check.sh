@@ -14,7 +14,11 @@ venv="${RIFTBERG_VENV:-.venv}"
 "$venv/bin/python" -m pip install --quiet --no-deps --constraint constraints.txt veros loguru entrypoints h5netcdf h5py
 "$venv/bin/ruff" format --check src tests benchmarks
 "$venv/bin/ruff" check src tests benchmarks
-"$venv/bin/mypy"
+# Types are checked beside the tests, which they end where something is wrong with them.
+trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
+"$venv/bin/mypy" &
 # Two processes share the files of tests out between them; each compiles the kernels that it needs, once, into one cache.
 # A process that dies ends the run: pytest-xdist would wait for ever for the files that it had.
-exec "$venv/bin/python" -m pytest -n "${RIFTBERG_WORKERS:-2}" --dist loadfile --max-worker-restart 0 "$@"
+"$venv/bin/python" -m pytest -n "${RIFTBERG_WORKERS:-2}" --dist loadfile --max-worker-restart 0 "$@" &
+wait -n
+wait -n

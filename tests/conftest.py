@@ -23,13 +23,37 @@ def shared_folder() -> Path | None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Without compilation NumPy's scalars warn of what compiled code passes on in silence: infinities and NaN."""
+    """Files keep the order below where processes share them; warnings without compilation."""
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        # NumPy's scalars warn of what compiled code passes on in silence: infinities and NaN.
         config.addinivalue_line("filterwarnings", "ignore::RuntimeWarning")
 
 
+COMPILES = "test_every_parameter.py"
+"""Compiles nearly every kernel, in minutes."""
+
+FEW_KERNELS = ("products", "fetching", "bergs", "ocean", "viz")
+"""Folders that need few kernels."""
+
+DEAR = ("test_docs.py", "test_short.py", "test_landing.py", "test_a68a.py", "test_parity.py", "test_sweep.py")
+"""Files that take more than twenty seconds."""
+
+
+def _turn(item: pytest.Item) -> int:
+    """Rank a test's file: two processes must not compile the same kernels, nor one wait for the other's last long file."""
+    path = item.path.relative_to(ROOT / "tests")
+    if path.name == COMPILES:
+        return 0
+    if path.parts[0] in FEW_KERNELS:
+        return 1
+    return 2 if path.name in DEAR else 3
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave out what needs compilation where there is none."""
+    """Put the files in their order; leave out what needs compilation where there is none."""
+    items.sort(key=_turn)
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         for item in items:
             if item.get_closest_marker("compiled"):

@@ -16,6 +16,7 @@ import pytest
 from typer.models import OptionInfo
 
 import riftberg
+from pages import run_blocks
 from riftberg.cli.main import app
 from riftberg.parameters import Compatibility
 from scripts import loaded
@@ -53,22 +54,8 @@ def commands() -> list[tuple[str, list[str]]]:
 
 
 def run_page(page: Path, folder: Path) -> None:
-    """Run the python and bash blocks of a page in order, all Python in one namespace, in ``folder``."""
-    riftberg = f"{shlex.quote(sys.executable)} -m riftberg.cli.main "
-    steps = []
-    for kind, content in blocks(page):
-        if kind == "bash":
-            shell = re.sub(r"^riftberg ", lambda _: riftberg, content, flags=re.MULTILINE)
-            lines = "set -e\n" + shell
-            steps.append(f"subprocess.run({lines!r}, shell=True, check=True)\n")
-        elif kind == "python":
-            steps.append(content)
-    text = "import subprocess\n" + "\n".join(steps)
-    done = subprocess.run(
-        [sys.executable, "-W", "error::DeprecationWarning:__main__", "-c", text],
-        cwd=folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    """Run the Python and bash blocks of a page."""
+    run_blocks([block for block in blocks(page) if block[0] in ("bash", "python")], folder)
 
 
 @pytest.mark.parametrize("name", script().PAGES)

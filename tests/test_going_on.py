@@ -65,6 +65,15 @@ def ended(words: list[str]) -> str:
     return result.stderr
 
 
+@pytest.fixture(scope="module")
+def wholes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folder of each experiment's run that never stopped."""
+    folder = tmp_path_factory.mktemp("wholes")
+    for name in EXPERIMENTS:
+        ended(command(folder, name, "-o", str(folder / name)))
+    return {name: folder / name for name in EXPERIMENTS}
+
+
 class Cut(BaseException):
     """The machine is lost: nothing is tidied up."""
 
@@ -113,26 +122,24 @@ def assert_same_files(whole: Path, other: Path) -> None:
     "after", [70, pytest.param(101, marks=pytest.mark.slow), pytest.param(49, marks=pytest.mark.slow)]
 )
 def test_a_lost_run_goes_on_without_a_gap(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, after: int
+    tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch, name: str, after: int
 ) -> None:
     """Records, forces, months and moments on cells, the daily track: all of the part before are there."""
-    ended(command(tmp_path, name, "-o", str(tmp_path / "whole")))
     words = command(tmp_path, name, "--keep-days", "0.3")  # 15 long steps
     lost([*words, "-o", str(tmp_path / "part")], monkeypatch, after)
     kept = sorted(path.name for path in (tmp_path / "part").glob("*.restart.nc"))
     assert kept == ["kept-1.restart.nc", "kept-2.restart.nc"]
     ended([*words, "--resume", str(tmp_path / "part")])
-    assert_same_files(tmp_path / "whole", tmp_path / "part")
-    with xr.open_dataset(tmp_path / "whole" / "run.nc") as run:
+    assert_same_files(wholes[name], tmp_path / "part")
+    with xr.open_dataset(wholes[name] / "run.nc") as run:
         steps = (run.fragment_birth_time.values[1:] - run.time.values[0]) / np.timedelta64(30, "m")
         assert np.floor(steps).tolist() == ([] if name == "melts" else [25, 33])
 
 
 @pytest.mark.parametrize("damage", ["cut", "garbage", "of another run"])
 def test_a_damaged_newest_state_gives_way_to_the_older(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str
+    tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch, damage: str
 ) -> None:
-    ended(command(tmp_path, "breaks", "-o", str(tmp_path / "whole")))
     words = command(tmp_path, "breaks", "--keep-days", "0.45")
     lost([*words, "-o", str(tmp_path / "part")], monkeypatch, 70)
     states = {load_state(path).time: path for path in (tmp_path / "part").glob("*.restart.nc")}
@@ -144,14 +151,13 @@ def test_a_damaged_newest_state_gives_way_to_the_older(
         newest.write_bytes(newest.read_bytes()[:3000] if damage == "cut" else b"garbage")
     said = ended([*words, "--resume", str(tmp_path / "part")])
     assert f"Notice: {newest.name} is passed over" in said
-    assert_same_files(tmp_path / "whole", tmp_path / "part")
+    assert_same_files(wholes["breaks"], tmp_path / "part")
 
 
 def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As after a disk that was full: the state of the end was saved, but the run file ends before it."""
-    ended(command(tmp_path, "breaks", "-o", str(tmp_path / "whole")))
     words = command(tmp_path, "breaks", "--keep-days", "0.45")
     lost([*words, "-o", str(tmp_path / "part")], monkeypatch, 70)
     lost([*words, "-o", str(tmp_path / "later")], monkeypatch, 95)
@@ -161,31 +167,31 @@ def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
     assert "its records end before" in said
     for path in (tmp_path / "part").glob("later-*"):
         path.unlink()
-    assert_same_files(tmp_path / "whole", tmp_path / "part")
+    assert_same_files(wholes["breaks"], tmp_path / "part")
 
 
-def test_lost_again_and_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ended(command(tmp_path, "melts", "-o", str(tmp_path / "whole")))
+def test_lost_again_and_again(tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     words = command(tmp_path, "melts", "--keep-days", "0.3")
     lost([*words, "-o", str(tmp_path / "part")], monkeypatch, 30)
     for after in (31, 62, 113):
         lost([*words, "--resume", str(tmp_path / "part")], monkeypatch, after)
     ended([*words, "--resume", str(tmp_path / "part")])
-    assert_same_files(tmp_path / "whole", tmp_path / "part")
+    assert_same_files(wholes["melts"], tmp_path / "part")
 
 
-def test_what_was_interrupted_goes_on_in_its_folder_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_interrupted_goes_on_in_its_folder_too(
+    tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The record that an interrupt makes between two others does not stay."""
     from cli.test_run import _PressedInARealRun
 
-    ended(command(tmp_path, "breaks", "-o", str(tmp_path / "whole")))
     with monkeypatch.context() as patch:
         _PressedInARealRun(patch, 41)
         words = command(tmp_path, "breaks", "-o", str(tmp_path / "part"))
         assert CliRunner().invoke(app, words).exit_code == 130
     ended(command(tmp_path, "breaks", "--resume", str(tmp_path / "part")))
     (tmp_path / "part" / "interrupted.restart.nc").unlink()
-    assert_same_files(tmp_path / "whole", tmp_path / "part")
+    assert_same_files(wholes["breaks"], tmp_path / "part")
 
 
 @pytest.mark.parametrize(
@@ -272,7 +278,7 @@ WAITS = [0.2, *(pytest.param(0.03 * k, marks=pytest.mark.slow) for k in range(30
 @pytest.mark.parametrize("wait", WAITS)
 def test_kill_9(tmp_path: Path, wait: float) -> None:
     """In a process of its own, at any moment: in the step, in the flush, in the state that is kept (30 of them: ``-m slow``)."""
-    long = ["--days", "12"]
+    long = ["--days", "5" if wait <= 0.2 else "12"]
     ended(command(tmp_path, "breaks", *long, "-o", str(tmp_path / "whole")))
     words = command(tmp_path, "breaks", *long, "--keep-days", "0.25")
     killed([*words, "-o", str(tmp_path / "part")], tmp_path / "part", 4, wait)

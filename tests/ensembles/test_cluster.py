@@ -117,7 +117,7 @@ def _told(folder: str) -> tuple[bool, str, str, int]:
 def test_workers_are_deaf_to_interrupts_also_those_in_the_place_of_lost_ones(tmp_path: Path) -> None:
     """A worker that took the place of a lost one died of Ctrl-C, with its member."""
     before = dict(os.environ)
-    found = [future.result() for future, _ in pooled(_told, [str(tmp_path)] * 3, 2, Hold())]
+    found = [future.result() for future, _ in pooled(_told, [str(tmp_path)] * 3, 1, Hold())]
     assert len(found) == 3
     assert {row[:3] for row in found} == {(True, "synchronous", "1")}
     assert os.getpid() not in {row[3] for row in found}

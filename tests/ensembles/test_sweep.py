@@ -370,10 +370,10 @@ def test_parts_of_a_population_sum_up_to_the_whole(on_cells: xr.Dataset, tmp_pat
 def test_a_lost_part_of_a_population_is_done_again_with_the_same_fresh_water(
     on_cells: xr.Dataset, tmp_path: Path
 ) -> None:
-    """Two workers, of which one is killed in the middle of a part."""
+    """A worker that is killed in the middle of a part."""
     (tmp_path / "out").mkdir()
     result = sweep(
-        melting, {"west": WESTS, "folder": [str(tmp_path)]}, days="12 h", workers=2, output=tmp_path / "out", cells=0.5
+        melting, {"west": WESTS, "folder": [str(tmp_path)]}, days="12 h", workers=1, output=tmp_path / "out", cells=0.5
     )
     assert (tmp_path / "died").exists()
     assert result["status"].values.tolist() == [0, 0]

@@ -50,7 +50,7 @@ def test_bad_input_of_every_class_is_refused_in_one_sentence(tmp_path: Path) -> 
 LONG = ("large_tables", "kills", "streams", "outputs_in_use", "quiet", "waves")
 """Families that take seconds for each kind; the long form has them."""
 
-EVERY = 15
+EVERY = 30
 """Every so-many-th layout in the short form."""
 
 
