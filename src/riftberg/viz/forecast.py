@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +12,9 @@ import xarray as xr
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
-from riftberg.runs.scene import Box
+from riftberg.state import Floats
 from riftberg.viz import colours, style
-from riftberg.viz.panels import Map, widened
-from riftberg.viz.sweep import near
+from riftberg.viz.panels import Map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     style.check_format(path)
     figure = style.new_figure(14.0, 8.0, dpi)
     axes = figure.subplot_mosaic([["map", "dates"], ["map", "cracks"]], width_ratios=(0.56, 0.44))
-    shown = _draw_map(axes["map"], result)
+    shown, finish = _draw_map(axes["map"], result)
     bar = figure.colorbar(shown, ax=axes["map"], orientation="horizontal", aspect=45, pad=0.03, shrink=0.9)
     bar.set_label("probability that ice passes over", fontsize=9)
     bar.ax.tick_params(labelsize=8)
@@ -48,82 +48,62 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     name = Path(str(result.attrs.get("experiment", "Forecast"))).stem
     style.put_title(figure, f"{name}: {done} members, {style.span_text(result['time'].values)}", size=13.0)
     style.lay_out(figure)
+    finish()
     return style.save_figure(figure, path)
 
 
-def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
-    """Draw where ice passes, the tracks of the largest pieces, the control, and ellipses of the position."""
+def _draw_map(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None]]:
+    """Draw where ice passes, tracks of the largest pieces, the control, ellipses; return the shades, and what comes last."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
-    lon, lat = result["cell_lon"].values, result["cell_lat"].values
-    box = Box(float(lon[0]), float(lon[-1]), float(lat[0]), float(lat[-1]))
-    chart = Map(ax, widened(box, True, 1.0, margin=0.04, least=1e-9), ticks=5)
+    cells = np.meshgrid(result["cell_lon"].values, result["cell_lat"].values)
+    chart = Map.around(ax, *cells, margin=0.04)
     shades = ListedColormap(colormaps["YlOrRd"](np.linspace(0.05, 0.85, 10)))
     image = ax.pcolormesh(
-        lon,
-        lat,
-        np.ma.masked_less(result["passes"].values, 0.005),
-        cmap=shades,
-        vmin=0.0,
-        vmax=1.0,
-        alpha=0.85,
+        *chart.placed(*cells), np.ma.masked_less(result["passes"].values, 0.005), cmap=shades, vmin=0.0, vmax=1.0,
         zorder=1.5,
-    )
-    first = float(lon[0])
+    )  # fmt: skip
     shown = np.flatnonzero(result["status"].values == 0)[:200]
     tracks = [result[name].isel(fragment=0, member=shown).values for name in ("lon", "lat")]
-    for x, y in zip(*tracks, strict=True):
-        ax.plot(
-            near(x, first, True),
-            y,
-            color=colours.STRENGTH,
-            lw=0.4,
-            alpha=0.35,
-            zorder=4,
-        )
+    for n, track in enumerate(zip(*tracks, strict=True)):
+        label = "members" if n == 0 else None
+        ax.plot(*chart.placed(*track), color=colours.STRENGTH, lw=0.4, alpha=0.5, zorder=4, label=label)
     if "control_lon" in result:
-        ax.plot(
-            near(result["control_lon"].values[0], first, True),
-            result["control_lat"].values[0],
-            color="black",
-            lw=1.8,
-            zorder=6,
-            label="control",
-        )
-    metres = DEGREE * EARTH_RADIUS_A68
-    cosine = float(np.cos(np.nanmean(result["cone_lat"].values) * DEGREE))
+        control = (result[f"control_{name}"].values[0] for name in ("lon", "lat"))
+        ax.plot(*chart.placed(*control), color="black", lw=1.8, zorder=6, label="control")
     in_hours = float(result["lead"].values[-1]) < 96.0  # else two of the ellipses would have one day
     steps = np.unique(np.linspace(0, result.sizes["time"] - 1, 5).astype(int))[1:]
+    leads: list[tuple[str, float, float]] = []
     for n, k in enumerate(steps):
-        centre = float(near(float(result["cone_lon"].values[k]), first, True)), float(result["cone_lat"].values[k])
-        major, minor = (float(result[name].sel(cone=0.9).values[k]) / metres for name in ("cone_major", "cone_minor"))
-        turn = np.linspace(0.0, 2.0 * np.pi, 80)
-        azimuth = np.deg2rad(float(result["cone_azimuth"].values[k]))
-        along, across = major * np.cos(turn), minor * np.sin(turn)
-        x = along * np.sin(azimuth) + across * np.cos(azimuth)
-        y = along * np.cos(azimuth) - across * np.sin(azimuth)
-        ax.plot(
-            centre[0] + x / cosine,
-            centre[1] + y,
-            color=colours.ARROW,
-            lw=1.2,
-            zorder=5,
-            label="90 % of positions" if n == 0 else None,
-        )
-        ax.annotate(
-            f"{result['lead'].values[k]:.0f} h" if in_hours else f"{result['lead'].values[k] / 24:.0f} d",
-            centre,
-            fontsize=8,
-            color=colours.ARROW,
-            zorder=7,
-            ha="center",
-            va="center",
-        )
-    ax.legend(fontsize=8, loc="upper right", framealpha=0.9)
+        x, y = chart.placed(*_ellipse(result, k))
+        ax.plot(x, y, color=colours.ARROW, lw=1.2, zorder=5, label="90 % of positions" if n == 0 else None)
+        lead = result["lead"].values[k]
+        east = int(np.argmax(x))  # the tracks run through the middle
+        leads.append((f"{lead:.0f} h" if in_hours else f"{lead / 24:.0f} d", float(x[east]), float(y[east])))
+    style.legend_above(ax, ncols=3)
     chart.draw_scale()
-    ax.set_title("Where ice passes, tracks of the first berg", fontsize=10, pad=6)
-    return image
+
+    def finish() -> None:
+        """Draw what finds its place by where the axes came to lie."""
+        labels = style.Labels(ax)
+        ice = result["passes"].values > 0.005
+        chart.draw_place(*chart.placed(*(axis[ice] for axis in cells)), labels)
+        for lead in leads:
+            labels.put(*lead, fontsize=8, color=colours.ARROW)
+
+    return image, finish
+
+
+def _ellipse(result: xr.Dataset, k: int) -> tuple[Floats, Floats]:
+    """Return the ellipse that holds 90 % of the positions at a time: longitudes and latitudes."""
+    metres = DEGREE * EARTH_RADIUS_A68
+    lon, lat, azimuth = (float(result[f"cone_{name}"].values[k]) for name in ("lon", "lat", "azimuth"))
+    major, minor = (float(result[name].sel(cone=0.9).values[k]) / metres for name in ("cone_major", "cone_minor"))
+    around, turn = np.linspace(0.0, 2.0 * np.pi, 80), math.radians(azimuth)
+    along, across = major * np.cos(around), minor * np.sin(around)
+    east = along * math.sin(turn) + across * math.cos(turn)
+    return lon + east / math.cos(math.radians(lat)), lat + along * math.cos(turn) - across * math.sin(turn)
 
 
 def _draw_dates(ax: Axes, result: xr.Dataset) -> None:
