@@ -125,6 +125,11 @@ def test_a_member_that_is_not_there_and_a_sweep_that_keeps_nothing_are_refused(s
     result = call("rerun", "all/sweep.nc#9", "-o", "b", "-q")
     assert result.exit_code == 2
     assert "no member 9" in result.output
+    for number in ("-1", "x"):
+        for words in (["rerun", f"all/sweep.nc#{number}"], ["compare", f"all/sweep.nc#{number}", "all/sweep.nc#0"]):
+            result = call(*words)
+            assert result.exit_code == 2
+            assert f"no member {number}. They are counted from 0" in " ".join(result.output.split())
     sweep(lambda **_: build("cantilever")[0], {"errors.seed": [1]}, days=0.001, workers=0, output="own")
     result = call("rerun", "own/sweep.nc#0", "-o", "b", "-q")
     assert result.exit_code == 2

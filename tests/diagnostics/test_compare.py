@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from dataclasses import replace
@@ -90,6 +91,9 @@ def test_the_table_has_events_bonds_and_days(folder: Path, tmp_path: Path) -> No
     assert rows["2020-12-09 13:00"][2:] == ["1.0 km off, +0°", "1.0 km off, +0°"]
     assert "S" in rows["2020-12-09 13:00"][1]
     assert [label for label, _ in found.rows][-2:] == ["2020-12-09 13:00", "rms of the days"]
+    bare = [dataclasses.replace(seen[0], azimuth=math.nan)]  # a position alone has no turn
+    rows = dict(compare([read_compared(folder, "one", bare)], Known(fixes=bare)).rows)
+    assert rows["rms of the days"][-1] == "1.0 km"
     told = json.loads(found.write(tmp_path / "c.json").read_text())
     assert told["runs"][0]["breakups"][0]["area_km2"] == 54.0
     assert told["runs"][1]["days"][0]["distance_km"] == pytest.approx(1.0, rel=1e-6)

@@ -113,15 +113,10 @@ def folder(tmp_path: Path) -> Path:
 
 def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
     rig = tmp_path / "rigs.geojson"
-    rig.write_text(
-        json.dumps(
-            {
-                "type": "Feature",
-                "properties": {"name": "Rig"},
-                "geometry": {"type": "Point", "coordinates": [-36.8, -56.0]},
-            }
-        )
-    )
+    point = {"type": "Point", "coordinates": [-36.8, -56.0]}
+    features = [{"type": "Feature", "properties": {"name": "Rig"}, "geometry": point}]
+    features.append({"type": "Feature", "properties": {"name": "nowhere"}, "geometry": None})  # allowed by RFC 7946
+    rig.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     said = CliRunner().invoke(
         app, ["hazard", str(folder), "-o", str(tmp_path / "h"), "--near", str(rig), "--within", "5nm"]
     )
@@ -150,9 +145,10 @@ def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("place", "within", "message"),
     [
-        ('{"type": "FeatureCollection", "features": []}', "5nm", "holds no shape"),
-        ('{"type": "Point"}', "5nm", "no GeoJSON that can be read"),
-        ("no json", "5nm", "no GeoJSON that can be read"),
+        ('{"type": "FeatureCollection", "features": []}', "5nm", "no geometry found"),
+        ('{"type": "Feature", "properties": {}, "geometry": null}', "5nm", "no geometry found"),
+        ('{"type": "Point"}', "5nm", "Give points, lines or areas"),
+        ("no json", "5nm", "not JSON"),
         ('{"type": "Point", "coordinates": [-36000, -5600000]}', "5nm", "are no degrees"),
         ('{"type": "Point", "coordinates": [-36, -56]}', "-5nm", "Give a distance"),
         ('{"type": "Point", "coordinates": [-36, -56]}', "5kPa", "is in kPa"),

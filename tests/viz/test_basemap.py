@@ -163,6 +163,24 @@ def test_neither_date_line_nor_pole_are_coasts(data: Path) -> None:
         assert not ((np.abs(x[1:] - 180.0) < 0.005) & (np.abs(x[:-1] - 180.0) < 0.005)).any()
 
 
+def test_ice_that_floats_over_land_is_noticed(data: Path) -> None:
+    write_layer(data, "land", SQUARE)
+    time = np.array(["2020-12-09T00", "2020-12-09T12"], "M8[ns]")
+    ice = ("time", "trajectory"), np.full((2, 2), 200.0)
+    floor = np.array([[4000.0, 4000.0], [4000.0, 600.0]])
+
+    def run(lon: list[list[float]], depth: Any) -> xr.Dataset:
+        place = {"lon": (ice[0], np.array(lon)), "lat": (ice[0], np.full((2, 2), -54.9))}
+        return xr.Dataset({**place, "depth": (ice[0], depth), "thickness": ice}, {"time": time})
+
+    ashore = run([[-39.2, -39.0], [-39.1, -38.87]], floor)
+    found = "from 2020-12-09 12:00 on ice of this run floats over land of the map, at 54.9 S, 38.9 W"
+    assert basemap.over_land(ashore).startswith(f"{found}: its sea floor is 600 m deep there")
+    assert "it has no sea floor" in basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 10000.0)))
+    assert not basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.95]], floor))  # beside it
+    assert not basemap.over_land(run([[-39.2, -39.0], [-39.1, -38.87]], np.full((2, 2), 150.0)))  # aground
+
+
 def test_a_run_in_metres_has_no_coast(data: Path) -> None:
     write_layer(data, "land", SQUARE)
     assert Map(axes(CLOSE), CLOSE).coast == {basemap.LAND}

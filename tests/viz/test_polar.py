@@ -19,9 +19,9 @@ from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Box
-from riftberg.viz import colours
-from riftberg.viz.coast import coast_on
-from riftberg.viz.map import SIZE, draw_map, draw_tracks
+from riftberg.viz import colours, style
+from riftberg.viz.coast import SIZE, coast_on
+from riftberg.viz.map import draw_map, draw_tracks
 from riftberg.viz.panels import Map
 from riftberg.viz.polar import PolarScene, PolarWater, on_a_map
 
@@ -83,6 +83,26 @@ def test_option_of_the_command_line(south: xr.Dataset, tmp_path: Path) -> None:
     assert (tmp_path / "map.png").read_bytes() == polar
     assert CliRunner().invoke(app, [*call, "--projection", "degrees"]).exit_code == 0
     assert (tmp_path / "map.png").read_bytes() != polar
+
+
+@pytest.mark.parametrize("lat", [-72.0, -56.0, 56.0, 72.0])
+def test_map_around_positions_holds_them_on_any_branch_and_takes_the_pole_beyond_60_degrees(lat: float) -> None:
+    lon = np.array([179.5, -179.5, np.nan, 180.2])  # across the date line
+    lats = lat + np.array([0.0, 0.5, 7.0, -0.5])  # of the third the longitude is unknown: it is nowhere
+    chart = Map.around(Figure().subplots(), lon, lats, margin=0.0)
+    assert (chart.plane is not None) == (abs(lat) > 60.0)
+    x, y = (v[[0, 1, 3]] for v in chart.placed(lon, lats))
+    box = chart.box
+    assert min(x.min() - box.west, box.east - x.max(), y.min() - box.south, box.north - y.max()) > -1e-6
+    height = (box.north - box.south) / chart.units_per_km
+    assert height == pytest.approx(111.19, rel=0.02)  # a degree of latitude; 1 degree of longitude is less
+    assert np.hypot(*(v[0] - v[2] for v in (x, y))) / chart.units_per_km > 50.0
+
+
+def test_tracks_have_gaps_where_a_berg_lost_a_part() -> None:
+    x, y = style.gapped(np.arange(4.0), np.arange(4.0), np.array([9.0, 8.999, 5.0, 5.0]))
+    np.testing.assert_array_equal(x, [0.0, 1.0, np.nan, 2.0, 3.0])
+    np.testing.assert_array_equal(y, x)
 
 
 @pytest.mark.parametrize("lat", [-72.0, 72.0])

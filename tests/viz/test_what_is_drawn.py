@@ -170,7 +170,7 @@ def test_the_score_of_a_run_across_a_seam_is_one_map(
     days = []
     for k in range(5):
         ends = [(lon + 0.1 * k + 180.0) % 360.0 - 180.0 for lon in (seen, made)]
-        match = Match("a", [1], 3.0, 40.0, 50.0, -10.0, 90.0, 95.0, 0.7, ends[1], -70.0, ends[0], -70.05)
+        match = Match("a", [1], 3.0, 40.0, 50.0, -10.0, 90.0, 95.0, 0.7, ends[1], -56.0, ends[0], -56.05)
         days.append(ScoredDay(f"2020-12-{10 + k}T12:00:00", [match], 1, []))
     score_picture.draw_score(Score("track.csv", days), tmp_path / "score.png", dpi=40)
     (ax,) = [ax for ax in figures[0].axes if ax.get_title("left") == "(a)"]

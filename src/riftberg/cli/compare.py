@@ -69,7 +69,13 @@ def names_of(runs: Sequence[Path]) -> list[str]:
 def member_of(run: Path) -> tuple[Path, int] | None:
     """Return the sweep and the number of a member, such as of ``sweep.nc#3``; None for a run."""
     path, mark, number = str(run).rpartition("#")
-    return (Path(path), int(number)) if mark and number.isdecimal() and not run.exists() else None
+    if not mark or run.exists() or not Path(path).exists():
+        return None
+    if not number.isdecimal():
+        raise InputError(
+            f"no member {number}", where=str(run), remedy="They are counted from 0: sweep.nc#3 is the fourth"
+        )
+    return Path(path), int(number)
 
 
 def folder_of(run: Path) -> Path:

@@ -91,29 +91,19 @@ def _distance(text: str) -> float:
 
 def _places(path: Path) -> list[tuple[str, Any]]:
     """Return names and shapes (degrees) of a file."""
-    import shapely
-
-    from riftberg.system.input_files import check_file, reading
+    from riftberg.bergs.outline import read_features
+    from riftberg.errors import BergError
+    from riftberg.system.input_files import check_file
 
     remedy = "Give points, lines or areas in longitude and latitude as GeoJSON, shapefile or KML"
     check_file(path, remedy=remedy)
-    if path.suffix.lower() not in (".geojson", ".json"):
-        from riftberg.bergs.outline import read_features
-
-        found = [
-            (str(feature.properties.get("name", "")), feature.geometry) for feature in read_features(path, lines=True)
-        ]
-    else:
-        with reading(path, "no GeoJSON that can be read", remedy):
-            document = json.loads(path.read_text("utf-8"))
-            features = document["features"] if document.get("type") == "FeatureCollection" else [document]
-            found = []
-            for feature in features:
-                geometry = feature.get("geometry", feature)
-                shape = shapely.from_geojson(json.dumps(geometry))
-                found.append((str((feature.get("properties") or {}).get("name", "")), shape))
-    if not found or any(shape.is_empty for _, shape in found):
-        raise InputError("holds no shape, or an empty one", where=str(path), remedy=remedy)
+    try:
+        features = read_features(path, lines=True)
+    except BergError as error:
+        raise InputError(error.what, where=str(path), remedy=remedy) from error
+    found = [(str(feature.properties.get("name") or ""), feature.geometry) for feature in features]
+    if any(shape.is_empty for _, shape in found):
+        raise InputError("holds an empty shape", where=str(path), remedy=remedy)
     for _, shape in found:
         west, south, east, north = shape.bounds
         if south < -90.0 or north > 90.0 or west < -360.0 or east > 540.0:

@@ -528,6 +528,7 @@ class Session:
 
     def _draw(self) -> None:
         from riftberg.runs.run_file import open_own
+        from riftberg.viz.coast import over_land
         from riftberg.viz.map import draw_map
 
         with open_own(self.folder / "run.nc") as dataset:
@@ -538,6 +539,8 @@ class Session:
                 dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
                 observed=self.info.observed,
             )  # fmt: skip
+            if ashore := over_land(dataset):
+                say(f"Notice: {ashore}")
 
 
 def berg_line(model: Model) -> str:

@@ -30,6 +30,7 @@ from riftberg.cli.options import (
     results_folder,
 )
 from riftberg.cli.terminal import announce_compilation, reported, say
+from riftberg.config.places import duration_text
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 
@@ -229,7 +230,7 @@ def _size(store: Store) -> str:
     plan = store.plan
     varied = ", ".join(v.told() for v in plan.varied)
     done = f", {len(store.done)} are done" if store.done else ""
-    return f"{len(plan.members)} members ({varied}), {plan.days:g} days each{done}"
+    return f"{len(plan.members)} members ({varied}), {duration_text(plan.days)} each{done}"
 
 
 def summary_lines(result: xr.Dataset) -> list[str]:
@@ -240,7 +241,12 @@ def summary_lines(result: xr.Dataset) -> list[str]:
         member = result.isel(member=k)
         said = ", ".join(f"{member[name].attrs['parameter']} {_value(member[name])}" for name in names)
         if int(member["status"]) == 0:
-            end = f"{float(member['pieces']):.0f} pieces, largest {float(member['largest_area']) / 1e6:.0f} km2"
+            pieces, area = (float(member[name]) for name in ("pieces", "largest_area"))
+            end = (
+                f"in one piece, {area / 1e6:.0f} km2"
+                if pieces == 1
+                else f"{pieces:.0f} pieces, largest {area / 1e6:.0f} km2"
+            )
             date = str(member["first_breakup"].values)[:16]
             lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date.replace('T', ' ')}"))
         elif int(member["status"]) == 1:

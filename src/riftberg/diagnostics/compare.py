@@ -471,7 +471,7 @@ def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, st
     rows |= {minute_text(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
     means = run.rms()
     if means is not None:
-        rows["rms of the days"] = f"{means[0]:.1f} km, {means[1]:.0f}°"
+        rows["rms of the days"] = f"{means[0]:.1f} km" + ("" if math.isnan(means[1]) else f", {means[1]:.0f}°")
     return rows
 
 

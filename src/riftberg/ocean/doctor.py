@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from riftberg.config.places import duration_text
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, fill_values
 from riftberg.ocean.product_records import as_block
@@ -241,7 +242,7 @@ def _time_cover(ds: xr.Dataset) -> str:
 
 
 def _duration(seconds: float) -> str:
-    return f"{seconds / 86400:.3g} days" if seconds >= 86400 else f"{seconds / 3600:.3g} h"
+    return duration_text(float(f"{seconds / 86400:.3g}")) if seconds >= 86400 else f"{seconds / 3600:.3g} h"
 
 
 def _space_problems(ds: xr.Dataset, mesh: Mesh, lon: Span | None, lat: Span | None, finding: DataFinding) -> None:

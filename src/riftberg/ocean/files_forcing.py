@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from riftberg.config.places import box_text, place_text
+from riftberg.config.places import box_text, duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
@@ -166,7 +166,7 @@ def _with_box(settings: FileForcing, opened: Sequence[xr.Dataset], run: Run) -> 
     days = seconds / SECONDS_PER_DAY
     return found, (
         f"files are read from {box_text(west, east, south, north)}: as far as the fastest current there, {fastest:.2g} m/s, "
-        f"carries a berg in {days:g} days; longitude and latitude in forcing give another box",
+        f"carries a berg in {duration_text(float(f'{days:.6g}'))}; longitude and latitude in forcing give another box",
     )
 
 

@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from riftberg.config.places import place_text
+from riftberg.plane import EqualAreaPlane
 from riftberg.runs.scene import Box
 from riftberg.state import Floats
+from riftberg.viz import colours
 from riftberg.viz.colours import LAND, SHELF, SHORE
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.axes import Axes
 
     from riftberg.plane import ConformalPlane
@@ -35,6 +39,18 @@ CUTS: Final = (-35.0, 40.0, -89.99)
 
 UNITS: Final = 1000.0
 """Stored units in a degree."""
+
+UNKNOWN_DEPTH: Final = 9000.0
+"""A floor that is this deep (m) all over is the deep water of a run that knows no sea floor."""
+
+RIM: Final = {-1: 35.0, 1: 40.0}
+"""Latitude at which the view of a hemisphere ends: the coast of the package goes no further."""
+
+SIZE: Final = 0.24
+"""Side of the view over that of the map."""
+
+CORNERS: Final = ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.13))
+"""Where it may stand, best first; in the fourth corner above the scale bar."""
 
 
 def draw_coast(ax: Axes, box: Box, *, plane: ConformalPlane | None = None) -> set[str]:
@@ -58,6 +74,105 @@ def draw_coast(ax: Axes, box: Box, *, plane: ConformalPlane | None = None) -> se
         colour for area, colour in areas
         if (w := area.bounds)[0] < box.east and w[2] > box.west and w[1] < box.north and w[3] > box.south
     }  # fmt: skip
+
+
+def draw_place(ax: Axes, box: Box, plane: ConformalPlane | None, x: Floats, y: Floats) -> Axes | None:
+    """Draw where on the hemisphere a map lies, in the corner where it hides the fewest points, then land.
+
+    ``x``, ``y``: ice and tracks on the map. Returns the axes of the view; none where no coast is known.
+    """
+    import shapely
+    from matplotlib.collections import PathCollection
+    from matplotlib.patches import Circle
+
+    lon, lat = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
+    if plane is not None:
+        lon, lat = (float(v) for v in plane.inverse(np.array(lon), np.array(lat)))
+    side = 1 if lat > 0.0 else -1
+    if abs(lat) < RIM[side] + 2.0:
+        return None
+    frame = ax.get_window_extent()
+    wide = SIZE * min(1.0, frame.height / frame.width)
+    high = wide * frame.width / frame.height
+    places = [(0.015 + a * (0.97 - wide), 0.015 + b * (0.97 - high)) for a, b in CORNERS]
+    x, y = (x - box.west) / (box.east - box.west), (y - box.south) / (box.north - box.south)
+    areas, _ = coast_in(box) if plane is None else coast_on(box, plane)
+
+    def hidden(place: tuple[float, float]) -> tuple[int, bool]:
+        left, low = place
+        points = (x > left - 0.05) & (x < left + wide + 0.05) & (y > low - 0.05) & (y < low + high + 0.05)
+        west, south = box.west + left * (box.east - box.west), box.south + low * (box.north - box.south)
+        east, north = west + wide * (box.east - box.west), south + high * (box.north - box.south)
+        return int(points.sum()), any(area.intersects(shapely.box(west, south, east, north)) for area, _ in areas)
+
+    left, low = min(places, key=hidden)
+    inset = ax.inset_axes((left, low, wide, high), zorder=11)
+    view = EqualAreaPlane(0.0, 90.0 * side, 1.0)
+    rim = float(np.hypot(*view.forward(np.array(0.0), np.array(side * RIM[side]))))
+    disc = Circle((0.0, 0.0), rim, fc=colours.SEA, ec=colours.STRENGTH, lw=0.8)
+    inset.add_patch(disc)
+    for paths, colour in _view(side):
+        land = PathCollection(paths, facecolors=colour, edgecolors=colour, linewidths=0.3)
+        inset.add_collection(land)
+        land.set_clip_path(disc)
+    inset.plot(*view.forward(np.array(lon), np.array(lat)), "s", ms=5, mfc="none", mec=colours.GROUND, mew=1.6)
+    inset.set(xlim=(-1.02 * rim, 1.02 * rim), ylim=(-1.02 * rim, 1.02 * rim), aspect="equal")
+    inset.axis("off")
+    return inset
+
+
+@lru_cache(maxsize=2)
+def _view(side: int) -> list[tuple[list[Any], str]]:
+    """Return land and ice shelves of a hemisphere on its view, coarsely."""
+    import shapely
+
+    plane = EqualAreaPlane(0.0, 90.0 * side, 1.0)
+    layers = []
+    for shapes, colour in packaged():
+        near = [shape for shape in shapes if side * shape.centroid.y > 0.0]
+        laid = shapely.transform(
+            shapely.segmentize(near, 1.0), lambda xy: np.stack(plane.forward(xy[:, 0], xy[:, 1]), axis=-1)
+        )
+        # About 15 km, less than a tenth of a point of the view; what is smaller is no land of it.
+        coarse = shapely.simplify(laid, 0.0025)
+        kept = coarse[shapely.area(coarse) > 2e-6]
+        layers.append(([polygon_path(p) for shape in kept for p in getattr(shape, "geoms", [shape])], colour))
+    return layers
+
+
+def over_land(run: xr.Dataset) -> str:
+    """Return a sentence on the first ice of a run that floats over land; empty where none does.
+
+    Where a run knows no sea floor, or one of coarse cells, bergs drift across islands without a word.
+    """
+    import shapely
+
+    if "lat" not in run or "depth" not in run:
+        return ""
+    records = np.unique(np.linspace(0, run.sizes["time"] - 1, 60).astype(int))
+    some = run[["lon", "lat", "depth", "thickness"]].isel(time=records).transpose("time", ...)
+    lon, lat, depth, thickness = (some[name].values for name in ("lon", "lat", "depth", "thickness"))
+    if not np.isfinite(lat).any():
+        return ""
+    west, east, south, north = (float(f(v)) for v in (lon, lat) for f in (np.nanmin, np.nanmax))
+    box = Box(west - 0.01, east + 0.01, south - 0.01, north + 0.01)  # a row of elements has no height
+    afloat = (depth > thickness) & np.isfinite(lat)
+    dry = np.zeros(lat.shape, np.bool_)
+    for area, colour in coast_in(box)[0]:
+        if colour == LAND:
+            shapely.prepare(area)
+            dry |= shapely.contains_xy(area, lon, lat)
+    found = np.argwhere(dry & afloat)
+    if not len(found):
+        return ""
+    k, n = found[0]
+    date = str(some["time"].values[k].astype("datetime64[m]")).replace("T", " ")
+    place = place_text(float(lon[k, n]), float(lat[k, n]), latlon=True, digits=1)
+    floor = f"its sea floor is {depth[k, n]:.0f} m deep there" if depth[k, n] < UNKNOWN_DEPTH else "it has no sea floor"
+    return (
+        f"from {date} on ice of this run floats over land of the map, at {place}: {floor}. Add one to the forcing, such as "
+        "that of 'riftberg fetch gebco'"
+    )
 
 
 @lru_cache(maxsize=16)

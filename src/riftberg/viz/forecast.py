@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +11,9 @@ import xarray as xr
 
 from riftberg.errors import InputError
 from riftberg.plane import ellipse
-from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import colours, style
-from riftberg.viz.panels import Map, widened
-from riftberg.viz.sweep import near
+from riftberg.viz.panels import Map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +32,7 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     style.check_format(path)
     figure = style.new_figure(14.0, 8.0, dpi)
     axes = figure.subplot_mosaic([["map", "dates"], ["map", "cracks"]], width_ratios=(0.56, 0.44))
-    shown = _draw_map(axes["map"], result)
+    shown, finish = _draw_map(axes["map"], result)
     bar = figure.colorbar(shown, ax=axes["map"], orientation="horizontal", aspect=45, pad=0.03, shrink=0.9)
     bar.set_label("probability that ice passes over", fontsize=9)
     bar.ax.tick_params(labelsize=8)
@@ -49,61 +47,52 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     name = Path(str(result.attrs.get("experiment", "Forecast"))).stem
     style.put_title(figure, f"{name}: {done} members, {style.span_text(result['time'].values)}", size=13.0)
     style.lay_out(figure)
+    finish()
     return style.save_figure(figure, path)
 
 
-def _draw_map(ax: Axes, result: xr.Dataset) -> Any:
-    """Draw where ice passes, the tracks of the largest pieces, the control, and ellipses of the position."""
+def _draw_map(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None]]:
+    """Draw where ice passes, tracks of the largest pieces, the control, ellipses; return the shades, and what comes last."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
-    from matplotlib.patheffects import withStroke
 
-    lon, lat = result["cell_lon"].values, result["cell_lat"].values
-    box = Box(float(lon[0]), float(lon[-1]), float(lat[0]), float(lat[-1]))
-    chart = Map(ax, widened(box, True, 1.0, margin=0.04, least=1e-9), ticks=5)
+    cells = np.meshgrid(result["cell_lon"].values, result["cell_lat"].values)
+    chart = Map.around(ax, *cells, margin=0.04)
     shades = ListedColormap(colormaps["YlOrRd"](np.linspace(0.05, 0.85, 10)))
     image = ax.pcolormesh(
-        lon,
-        lat,
-        np.ma.masked_less(result["passes"].values, 0.005),
-        cmap=shades,
-        vmin=0.0,
-        vmax=1.0,
-        alpha=0.85,
+        *chart.placed(*cells), np.ma.masked_less(result["passes"].values, 0.005), cmap=shades, vmin=0.0, vmax=1.0,
         zorder=1.5,
-    )
-    first = float(lon[0])
+    )  # fmt: skip
     shown = np.flatnonzero(result["status"].values == 0)[:200]
     tracks = [result[name].isel(fragment=0, member=shown).values for name in ("lon", "lat")]
-    for k, (x, y) in enumerate(zip(*tracks, strict=True)):
-        ax.plot(
-            near(x, first, True), y, color=colours.STRENGTH, lw=0.5, alpha=0.4, zorder=4, label=None if k else "members"
-        )
+    for n, track in enumerate(zip(*tracks, strict=True)):
+        label = "members" if n == 0 else None
+        ax.plot(*chart.placed(*track), color=colours.STRENGTH, lw=0.4, alpha=0.5, zorder=4, label=label)
     if "control_lon" in result:
-        ax.plot(
-            near(result["control_lon"].values[0], first, True),
-            result["control_lat"].values[0],
-            color="black",
-            lw=1.8,
-            zorder=6,
-            label="control",
-        )
+        control = (result[f"control_{name}"].values[0] for name in ("lon", "lat"))
+        ax.plot(*chart.placed(*control), color="black", lw=1.8, zorder=6, label="control")
     in_hours = float(result["lead"].values[-1]) < 96.0  # else two of the ellipses would have one day
     lines = ellipses(result, 0.9)
     steps = np.unique(np.linspace(0, result.sizes["time"] - 1, 5).astype(int))[1:]
+    leads: list[tuple[str, float, float]] = []
     for n, k in enumerate(steps):
-        x, y = near(lines[k][:, 0], first, True), lines[k][:, 1]
+        x, y = chart.placed(*lines[k].T)
         ax.plot(x, y, color=colours.ARROW, lw=1.2, zorder=5, label="90 % of positions" if n == 0 else None)
-        lead = float(result["lead"].values[k])
-        ax.annotate(
-            f"{lead:.0f} h" if in_hours else f"{lead / 24:.0f} d", (float(x[:-1].mean()), float(y[:-1].mean())),
-            fontsize=8, color=colours.ARROW, zorder=7, ha="center", va="center",
-            path_effects=[withStroke(linewidth=2.5, foreground="white")],
-        )  # fmt: skip
-    ax.legend(fontsize=8, loc="upper right", framealpha=0.9)
+        lead = result["lead"].values[k]
+        east = int(np.argmax(x))  # the tracks run through the middle
+        leads.append((f"{lead:.0f} h" if in_hours else f"{lead / 24:.0f} d", float(x[east]), float(y[east])))
+    style.legend_above(ax, ncols=3)
     chart.draw_scale()
-    ax.set_title("Where ice passes, tracks of the first berg", fontsize=10, pad=6)
-    return image
+
+    def finish() -> None:
+        """Draw what finds its place by where the axes came to lie."""
+        labels = style.Labels(ax)
+        ice = result["passes"].values > 0.005
+        chart.draw_place(*chart.placed(*(axis[ice] for axis in cells)), labels)
+        for lead in leads:
+            labels.put(*lead, fontsize=8, color=colours.ARROW)
+
+    return image, finish
 
 
 def ellipses(result: xr.Dataset, part: float) -> list[Floats]:

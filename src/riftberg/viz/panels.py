@@ -16,8 +16,8 @@ from riftberg.runs.background import KeptWater, StoredWater
 from riftberg.runs.scene import Box, Scene, filled_forward
 from riftberg.state import Floats
 from riftberg.viz import colours, style
-from riftberg.viz.coast import draw_coast
-from riftberg.viz.polar import PolarWater, draw_graticule
+from riftberg.viz.coast import UNKNOWN_DEPTH, draw_coast, draw_place
+from riftberg.viz.polar import POLAR, PolarWater, draw_graticule, plane_at
 from riftberg.viz.style import is_short, moment_text
 
 if TYPE_CHECKING:
@@ -33,9 +33,6 @@ ISOBATHS: Final = (50, 100, 200, 300, 500, 1000, 2000, 3000, 4000, 5000)
 
 DEPTHS: Final = (0, *ISOBATHS, 7000, 12000)
 """Edges (m) of the steps in which the sea floor is shaded."""
-
-UNKNOWN_DEPTH: Final = 9000.0
-"""A floor that is this deep (m) all over is the deep water of a run that knows no sea floor."""
 
 NO_FLOOR: Final = 20.0
 """A floor nowhere deeper than this (m) is none: a depth of 0, and the sea level on top of it."""
@@ -79,7 +76,7 @@ class Map:
         self, ax: Axes, box: Box, *, latlon: bool = True, radius: float = EARTH_RADIUS_A68, ticks: int = 4,
         labels: bool = False, plane: ConformalPlane | None = None,
     ) -> None:  # fmt: skip
-        self.ax, self.box, self.latlon = ax, box, latlon
+        self.ax, self.box, self.latlon, self.plane = ax, box, latlon, plane
         self.units_per_km = 1e3 / (DEGREE * radius) if latlon else 1e3  # along y
         ax.set_xlim(box.west, box.east)
         ax.set_ylim(box.south, box.north)
@@ -93,6 +90,45 @@ class Map:
         self.shaded = False
         # Runs in metres that are no place on the Earth have no coast.
         self.coast = draw_coast(ax, box, plane=plane) if latlon or plane is not None else set()
+
+    @classmethod
+    def around(
+        cls, ax: Axes, x: Floats, y: Floats, *, latlon: bool = True, radius: float = EARTH_RADIUS_A68, shape: float = 1.0,
+        margin: float = 0.06, least: float = 0.0, ticks: int = 5,
+    ) -> Map:  # fmt: skip
+        """Return a map around positions of an ensemble or of several runs; beyond 60 degrees it is polar stereographic.
+
+        ``x``, ``y``: degrees, longitudes on any branch, or metres; what is not finite does not count. ``least``: smallest
+        side, m.
+        """
+        there = np.isfinite(x) & np.isfinite(y)
+        x, y = x[there], y[there]
+        plane = None
+        if latlon:
+            x = x - 360.0 * np.round((x - x[0]) / 360.0)
+            lon, lat = (0.5 * float(v.min() + v.max()) for v in (x, y))
+            if abs(lat) > POLAR:
+                plane = plane_at(lon, lat, radius)
+                x, y = plane.forward(x, y)
+        latlon = latlon and plane is None
+        box = Box(float(x.min()), float(x.max()), float(y.min()), float(y.max()))
+        smallest = max(least / (DEGREE * radius) if latlon else least, 1e-9)
+        box = widened(box, latlon, shape, margin=margin, least=smallest)
+        return cls(ax, box, latlon=latlon, radius=radius, ticks=ticks, plane=plane, labels=not latlon)
+
+    def placed(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """Return positions of a run on the map: on its plane, or on the branch of its longitudes."""
+        if self.plane is not None:
+            return self.plane.forward(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        middle = 0.5 * (self.box.west + self.box.east)
+        return (x - 360.0 * np.round((x - middle) / 360.0) if self.latlon else x), y
+
+    def draw_place(self, x: Floats, y: Floats, labels: style.Labels | None = None) -> None:
+        """Draw where on the Earth the map lies, off points of it, once the axes have their place; labels keep off."""
+        if self.latlon or self.plane is not None:
+            inset = draw_place(self.ax, self.box, self.plane, x, y)
+            if inset is not None and labels is not None:
+                labels.avoid_box(inset.get_window_extent())
 
     def mesh(self, points: int) -> tuple[Floats, Floats]:
         """Return points on an even mesh over the map."""

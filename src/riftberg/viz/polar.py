@@ -36,17 +36,20 @@ STEPS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0
 """Degrees between meridians, and between parallels."""
 
 
+def plane_at(lon: float, lat: float, radius: float) -> ConformalPlane:
+    """Return the polar stereographic plane whose lengths are true at a place, with its meridian upright."""
+    true = 0.5 * (1.0 + math.sin(math.radians(abs(lat))))
+    return ConformalPlane(lon, math.copysign(90.0, lat), true * radius)
+
+
 class PolarScene(Scene):
     """A run on the plane of its pole: ``x`` and ``y`` are metres, true at the middle latitude."""
 
     def __init__(self, run: xr.Dataset) -> None:
         super().__init__(run)
         self.degrees = Scene(run)
-        lat = 0.5 * float(self.y.min() + self.y.max())
-        true = 0.5 * (1.0 + math.sin(math.radians(abs(lat))))
-        self.pole = self.plane = ConformalPlane(
-            0.5 * float(self.x.min() + self.x.max()), math.copysign(90.0, lat), true * self.radius
-        )
+        lon, lat = (0.5 * float(v.min() + v.max()) for v in (self.x, self.y))
+        self.pole = self.plane = plane_at(lon, lat, self.radius)
         self.x, self.y = self.pole.forward(self.x, self.y)
         self.latlon = False
 

@@ -10,17 +10,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.diagnostics.score import Match, Score
-from riftberg.plane import ConformalPlane
-from riftberg.runs.scene import Box
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.colours import MODEL, OBSERVED, PAIRING
-from riftberg.viz.panels import KnownDepth, Map, widened
-from riftberg.viz.polar import POLAR
+from riftberg.viz.panels import KnownDepth, Map
+from riftberg.viz.polar import PolarWater
 from riftberg.viz.style import date_axis, day_text, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from riftberg.diagnostics.compare import ComparedRun
     from riftberg.diagnostics.observed import Fix
@@ -32,11 +31,8 @@ MARK: Final[dict[str, Any]] = {"ms": 4.5, "mec": "black", "mew": 0.5}
 TRACKS: Final = 0.83
 """Width over height of the map of the tracks."""
 
-LEAST: Final = 0.2
-"""Least height (degrees) of that map: a berg that hardly moved is not blown up to metres."""
-
-PIECES: Final = 6
-"""Parts of a line of the track off which labels keep."""
+LEAST: Final = 2e4
+"""Least height (m) of a map of tracks: a berg that hardly moved is not blown up to metres."""
 
 
 def draw_score(
@@ -57,23 +53,25 @@ def draw_score(
     """
     style.check_format(path)
     figure = new_figure(12.5, 7.6, dpi)
-    grid = figure.add_gridspec(len(_CURVES), 2, width_ratios=(1.0, 1.15))
-    tracks = figure.add_subplot(grid[:, 0])
     rows = [(day.time, berg) for day in score.days if (berg := day.berg) is not None]
     times = np.array([time for time, _ in rows], dtype="datetime64[s]")
     matches = [match for _, match in rows]
+    # Positions alone have no overlap.
+    curves = _CURVES if any(match.iou is not None for match in matches) else _CURVES[:-1]
+    grid = figure.add_gridspec(len(curves), 2, width_ratios=(1.0, 1.15))
+    tracks = figure.add_subplot(grid[:, 0])
     axes: list[Any] = []
-    for k, (label, draw) in enumerate(_CURVES):
+    for k, (label, draw) in enumerate(curves):
         axes.append(figure.add_subplot(grid[k, 1], sharex=axes[0] if axes else None))
         draw(axes[k], times, matches)
         axes[k].set_ylabel(label, fontsize=9)
         plain_axes(axes[k])
-        axes[k].tick_params(labelbottom=k == len(_CURVES) - 1)
+        axes[k].tick_params(labelbottom=k == len(curves) - 1)
     date_axis(axes[-1])
     for k, ax in enumerate((tracks, *axes)):
         style.letter(ax, k)
     style.put_title(figure, title or f"Run against {score.observed}")
-    _draw_tracks(tracks, score, water)
+    _draw_tracks(figure, tracks, score, water)
     return style.save_figure(figure, path)
 
 
@@ -106,8 +104,6 @@ def _draw_overlap(ax: Axes, times: Any, berg: Sequence[Match]) -> None:
     values = _match_values(berg, "iou")
     ax.plot(times, values, "o-", color=MODEL, **MARK)
     ax.set_ylim(0.0, 1.0)
-    if not np.isfinite(values).any():
-        ax.text(0.5, 0.5, "positions only, no outlines", transform=ax.transAxes, ha="center", va="center", fontsize=9)
 
 
 _CURVES: Final = (
@@ -118,55 +114,42 @@ _CURVES: Final = (
 )
 
 
-def _near(lon: float, middle: float) -> float:
-    """Return a longitude on the branch around another one, so that no line runs around the globe at its seam."""
-    return lon - 360.0 * round((lon - middle) / 360.0)
-
-
-def _draw_tracks(ax: Axes, score: Score, water: KnownDepth | None) -> None:
+def _draw_tracks(figure: Figure, ax: Axes, score: Score, water: KnownDepth | None) -> None:
     """Draw the centroids of all pieces, model and observed, joined day by day."""
     berg = [(day.time, m) for day in score.days if (m := day.berg) is not None]
     matches = [(m, m is not day.berg) for day in score.days for m in day.matches]
-    middle = (berg[0][1] if berg else matches[0][0]).lon_observed
-    ends: list[tuple[float, float]] = []
+    ends = [(m.lon_observed, m.lat_observed) for m, _ in matches]
+    ends += [(m.lon, m.lat) for m, _ in matches if m.lon is not None and m.lat is not None]
+    chart = Map.around(ax, *_columns(ends), shape=TRACKS, margin=0.08, least=LEAST, ticks=6)
     for m, other in matches:
         look: dict[str, Any] = {"ms": 3 if other else 5, "alpha": 0.5 if other else 1.0, "zorder": 5}
-        seen_at = _near(m.lon_observed, middle), m.lat_observed
-        ends.append(seen_at)
+        seen_at = chart.placed(m.lon_observed, m.lat_observed)
         ax.plot(*seen_at, "s", color=OBSERVED, **look)
         if m.lon is not None and m.lat is not None:
-            made_at = _near(m.lon, middle), m.lat
-            ends.append(made_at)
+            made_at = chart.placed(m.lon, m.lat)
             ax.plot([seen_at[0], made_at[0]], [seen_at[1], made_at[1]], "-", color=PAIRING, lw=0.9, zorder=4)
             ax.plot(*made_at, "o", color=MODEL, mec="black", mew=0.5, **look)
-    seen = np.array([(_near(m.lon_observed, middle), m.lat_observed) for _, m in berg]).reshape(-1, 2)
-    made = np.array(
-        [(np.nan, np.nan) if m.lon is None else (_near(m.lon, middle), m.lat) for _, m in berg], np.float64
-    ).reshape(-1, 2)
-    ax.plot(*seen.T, "s-", color=OBSERVED, ms=5, lw=1.4, label="observed", zorder=5)
-    ax.plot(*made.T, "o-", color=MODEL, ms=5.5, lw=1.4, mec="black", mew=0.5, label="model", zorder=5)
+    seen = chart.placed(*_columns((m.lon_observed, m.lat_observed) for _, m in berg))
+    there = ((math.nan, math.nan) if m.lon is None or m.lat is None else (m.lon, m.lat) for _, m in berg)
+    made = chart.placed(*_columns(there))
+    ax.plot(*seen, "s-", color=OBSERVED, ms=5, lw=1.4, label="observed", zorder=5)
+    ax.plot(*made, "o-", color=MODEL, ms=5.5, lw=1.4, mec="black", mew=0.5, label="model", zorder=5)
     style.legend_above(ax, ncols=2)
-    (west, south), (east, north) = np.min(ends, axis=0), np.max(ends, axis=0)
-    box = widened(Box(west, east, south, north), True, TRACKS, margin=0.08, least=LEAST)
-    chart = Map(ax, box, ticks=6)
-    chart.draw_floor(water, shaded=True)
+    chart.draw_floor(water if chart.plane is None or water is None else PolarWater(water, chart.plane), shaded=True)
     chart.draw_scale()
-    others = any(other for _, other in matches)
-    note = "grey lines: of the same time" + ("; small: other pieces" if others else "")
+    note = "grey lines: of the same time" + ("; small: other pieces" if any(other for _, other in matches) else "")
     ax.set_xlabel(note + ("; sea floor, darker is deeper" if chart.shaded else ""), fontsize=8)
-    assert ax.figure is not None
-    style.lay_out(ax.figure)  # type: ignore[arg-type]
+    style.lay_out(figure)
     labels = style.Labels(ax)
-    for x, y in (*seen, *made):
-        if np.isfinite(x + y):
-            labels.avoid(x, y)
     for line in (seen, made):
-        for part in np.linspace(0.0, 1.0, PIECES + 1)[1:-1]:
-            for x, y in part * line[1:] + (1.0 - part) * line[:-1]:
-                if np.isfinite(x + y):
-                    labels.prefer_off(x, y)
+        for x, y in zip(*line, strict=True):
+            if math.isfinite(x + y):
+                labels.avoid(x, y)
+        labels.prefer_off_line(*line)
+    x, y = (np.concatenate([seen[k], made[k]]) for k in (0, 1))
+    chart.draw_place(x, y, labels)
     for k in range(0, len(berg), max(1, len(berg) // 8)):
-        labels.put(day_text(np.datetime64(berg[k][0]), hour=False), *seen[k], fontsize=8)
+        labels.put(day_text(np.datetime64(berg[k][0]), hour=False), float(seen[0][k]), float(seen[1][k]), fontsize=8)
 
 
 def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 150) -> Path:
@@ -245,29 +228,21 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     """Draw the tracks, with the dates of the first run, the places of break-ups, and the observed track."""
     style.check_format(path)
     first = runs[0].course
-    points = [(run.course.x, run.course.y) for run in runs]
-    points += [_columns((e["lon"], e["lat"]) for e in run.course.births) for run in runs]
-    points.append(_columns((fix.lon, fix.lat) for fix in fixes))
-    if first.latlon:  # all on the branch of the first
-        middle = float(first.x.mean())
-        points = [(x - 360.0 * np.round((x.mean() - middle) / 360.0) if x.size else x, y) for x, y in points]
-    latitude, plane = float(first.y.mean()), None
-    if first.latlon and abs(latitude) > POLAR:
-        true = 0.5 * (1.0 + math.sin(math.radians(abs(latitude))))
-        plane = ConformalPlane(float(first.x.mean()), math.copysign(90.0, latitude), true * first.radius)
-        points = [plane.forward(*pair) for pair in points]
-    lines, births, seen = points[: len(runs)], points[len(runs) : -1], points[-1]
-    x, y = (np.concatenate([line[k] for line in (*lines, seen)]) for k in (0, 1))
-    latlon = first.latlon and plane is None
-    least = 0.2 if latlon else 2e4
-    box = widened(Box(x.min(), x.max(), y.min(), y.max()), latlon, 0.95, margin=0.08, least=least)
-
     figure = style.new_figure(7.0, 8.2, dpi)
     ax = figure.subplots()
-    panel = Map(ax, box, latlon=latlon, radius=first.radius, ticks=6, labels=True, plane=plane)
+    seen_at = _columns((fix.lon, fix.lat) for fix in fixes)
+    x, y = (
+        np.concatenate(parts) for parts in zip(*((run.course.x, run.course.y) for run in runs), seen_at, strict=True)
+    )
+    panel = Map.around(
+        ax, x, y, latlon=first.latlon, radius=first.radius, shape=0.95, margin=0.08, least=LEAST, ticks=6
+    )  # fmt: skip
+    lines = [panel.placed(run.course.x, run.course.y) for run in runs]
+    births = [panel.placed(*_columns((e["lon"], e["lat"]) for e in run.course.births)) for run in runs]
+    seen = panel.placed(*seen_at)
     for k, (run, (east, north), born) in enumerate(zip(runs, lines, births, strict=True)):
         colour = colours.FRAGMENTS[k % len(colours.FRAGMENTS)]
-        ax.plot(east, north, color=colour, lw=2.0, zorder=7, label=run.name)
+        ax.plot(*style.gapped(east, north, run.course.area), color=colour, lw=2.0, zorder=7, label=run.name)
         ax.plot(east[-1], north[-1], "s", color=colour, mec="black", ms=6, zorder=8)
         ax.plot(*born, "*", color=colour, mec="black", ms=12, ls="", zorder=9)
     labels = style.Labels(ax)
@@ -284,10 +259,11 @@ def draw_compared(runs: Sequence[ComparedRun], fixes: Sequence[Fix], path: str |
     berg = f"{first.berg}: " if first.berg else ""
     style.put_title(figure, f"{berg}{', '.join(run.name for run in runs)}\n{style.span_text(first.times)}")
     style.lay_out(figure)
-    for x, y in zip(*(a[:: max(1, a.size // 60)] for a in lines[0]), strict=True):
-        labels.prefer_off(float(x), float(y))
+    labels.prefer_off_line(*lines[0])
     for x, y in (place for born in births for place in zip(*born, strict=True)):
         labels.avoid(float(x), float(y), 7.0)
+    x, y = (np.concatenate([line[k] for line in (*lines, seen)]) for k in (0, 1))
+    panel.draw_place(x, y, labels)
     for k, text in zip(records, style.moment_texts(first.times, records, hour=False), strict=True):
         labels.put(text, float(lines[0][0][k]), float(lines[0][1][k]), fontsize=9)
     return style.save_figure(figure, path)

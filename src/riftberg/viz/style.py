@@ -278,6 +278,15 @@ class Labels:
         """Keep labels off a point of a line where there is another place for them."""
         self._better_free.append(self._mark(x, y, 2.0))
 
+    def prefer_off_line(self, x: Any, y: Any) -> None:
+        """Keep labels off some sixty points along a line; it has gaps where a point is not finite."""
+        length = max(2, 60 // max(1, len(x) - 1)) + 1
+        for part in np.linspace(0.0, 1.0, length)[:-1]:
+            between = (part * v[1:] + (1.0 - part) * v[:-1] for v in (x, y))
+            for point in zip(*(v[:: max(1, len(v) // 60)] for v in between), strict=True):
+                if math.isfinite(sum(point)):
+                    self.prefer_off(*map(float, point))
+
     def apart(self, first: tuple[float, float], second: tuple[float, float]) -> float:
         """Return the distance of two places on the picture, points."""
         (x0, y0), (x1, y1) = self.ax.transData.transform([first, second])
@@ -318,6 +327,13 @@ class Labels:
                 arrowprops={"arrowstyle": "-", "lw": 0.8, "color": colours.STRENGTH, "shrinkA": 0.0, "shrinkB": 3.0},
             )  # fmt: skip
         return True
+
+
+def gapped(x: Any, y: Any, area: Any) -> tuple[Any, Any]:
+    """Return a track with gaps where its berg lost more than a hundredth of its area at once: there its centroid jumps."""
+    with np.errstate(invalid="ignore"):
+        jumps = np.flatnonzero(np.diff(area) < -0.01 * area[:-1]) + 1
+    return np.insert(x, jumps, np.nan), np.insert(y, jumps, np.nan)
 
 
 def legend_above(ax: Axes, **options: Any) -> None:

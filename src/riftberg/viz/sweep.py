@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import xarray as xr
 
+from riftberg.config.places import area_text
 from riftberg.config.values import required
 from riftberg.errors import InputError
-from riftberg.runs.scene import Box
 from riftberg.viz import style
-from riftberg.viz.panels import Map, widened
+from riftberg.viz.panels import Map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,7 +61,7 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     bar.ax.tick_params(labelsize=8)
     if shade_words:
         bar.set_ticks(range(len(shade_words)), labels=shade_words)
-    _draw_tracks(axes["tracks"], done, shades)
+    chart, ice = _draw_tracks(axes["tracks"], done, shades)
     distinct = np.unique(x)
     spread = x
     if len(names) > 1 and len(distinct) > 1:  # members of one value stand side by side, so that all are seen
@@ -84,6 +84,7 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     note = f"{done.sizes['member']} runs" + (f", {missing} more failed or not yet run" if missing else "")
     style.put_title(figure, f"{str(done.attrs.get('title', 'Sweep')).split(':')[0]}, {note}", size=13.0)
     style.lay_out(figure)
+    chart.draw_place(*ice)
     return style.save_figure(figure, path)
 
 
@@ -101,30 +102,28 @@ def _colour_bar(colorbar: Any, axes: list[Axes], values: Array) -> tuple[Array, 
     return np.asarray(scale.to_rgba(values)), colorbar(scale, ax=axes, aspect=50, pad=0.02)
 
 
-def _draw_tracks(ax: Axes, done: xr.Dataset, shades: Array) -> None:
-    """Draw where the pieces of each member were at each time, the largest one full."""
+def _draw_tracks(ax: Axes, done: xr.Dataset, shades: Array) -> tuple[Map, tuple[Array, Array]]:
+    """Draw where the pieces of each member were at each time, the largest one full; return the map and what is on it."""
     latlon = "lat" in done
     x_name, y_name = ("lon", "lat") if latlon else ("x", "y")
-    x, y, area = (done[name].values for name in (x_name, y_name, "area"))
-    first = float(x[np.isfinite(x)][0])
-    x = near(x, first, latlon)
-    around = Box(*(float(f(part)) for part in (x, y) for f in (np.nanmin, np.nanmax)))
-    chart = Map(ax, widened(around, latlon, 1.0, margin=0.06, least=1e-9), latlon=latlon, ticks=5)
+    lon, lat, area = (done[name].values for name in (x_name, y_name, "area"))
+    chart = Map.around(ax, lon, lat, latlon=latlon)
+    x, y = chart.placed(lon, lat)
     for k, colour in enumerate(shades):
         # The largest at any time: at the end it may have melted away or broken up.
         largest = int(np.argmax(np.nanmax(np.nan_to_num(area[k]), axis=1)))
         for piece in range(x.shape[1]):
             main = piece == largest
             ax.plot(
-                x[k, piece], y[k, piece], color=colour, lw=1.4 if main else 0.6, ls="-" if main else (0, (3, 1.5)),
-                alpha=0.9 if main else 0.6, solid_capstyle="round", zorder=5,
+                *style.gapped(x[k, piece], y[k, piece], area[k, piece]), color=colour, lw=1.4 if main else 0.6,
+                ls="-" if main else (0, (3, 1.5)), alpha=0.9 if main else 0.6, solid_capstyle="round", zorder=5,
             )  # fmt: skip
         born = done["fragment_parent"].values[k] > 0
-        births = [done[f"fragment_{name}"].values[k][born] for name in (x_name, y_name)]
-        ax.plot(near(births[0], first, latlon), births[1], ls="", marker="*", ms=7, mec="white", mew=0.4,
-                color=colour, zorder=6)  # fmt: skip
+        births = chart.placed(*(done[f"fragment_{name}"].values[k][born] for name in (x_name, y_name)))
+        ax.plot(*births, ls="", marker="*", ms=7, mec="white", mew=0.4, color=colour, zorder=6)
     chart.draw_scale()
     ax.set_title("Tracks; a star where a piece broke off", fontsize=10, pad=6)
+    return chart, (x, y)
 
 
 def _draw_breakups(ax: Axes, done: xr.Dataset, x: Array, shades: Array) -> None:
@@ -139,7 +138,7 @@ def _draw_breakups(ax: Axes, done: xr.Dataset, x: Array, shades: Array) -> None:
     times = done["time"].values
     ax.set_ylim(times[0], times[-1])
     style.date_axis(ax, "y")
-    largest = f"largest dot {most:.3g} km²" if broke.any() else "none broke"
+    largest = f"largest dot {area_text(1e6 * most, squared='²')}" if broke.any() else "none broke"
     ax.set_title(f"Break-ups ({largest})", fontsize=10, pad=6)
 
 
@@ -156,8 +155,3 @@ def _scale(done: xr.Dataset, name: str) -> tuple[Array, str, list[str]]:
         factor, unit = next(pair for pair in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa")) if largest >= pair[0])
         values = values / factor
     return values, title if unit in ("1", "") else f"{title} ({unit})", []
-
-
-def near(x: Any, first: float, latlon: bool) -> Any:
-    """Put longitudes on one branch, so that no track runs around the globe at its seam."""
-    return x - 360.0 * np.round((x - first) / 360.0) if latlon else x
