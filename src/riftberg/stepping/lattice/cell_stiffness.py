@@ -17,13 +17,13 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import principal
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import rows_of
+from riftberg.stepping.fragments.connectivity import bridge_moments
 from riftberg.stepping.lattice.block_ldl import BlockLDL
-from riftberg.stepping.lattice.bridges import bridge_moments
 from riftberg.stepping.lattice.cells import Booleans, freed_edges
-from riftberg.stepping.lattice.closing_faces import ClosingFaces
 from riftberg.stepping.lattice.elastic_cells import ElasticCells
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
 from riftberg.stepping.lattice.triangles import (
+    ClosingFaces,
     Neighbourhoods,
     Triangles,
     find_triangles,
