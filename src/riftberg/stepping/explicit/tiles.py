@@ -305,7 +305,7 @@ def _thickness_rule(
 
 @kernel
 def _fill_constants(
-    bond: Floats, at: int, i: int, j: int, rest_length: float, normal: float, diagonal: bool, elements: Elements,
+    bond: Floats, at: int, i: int, j: int, rest_length: float, normal: float, elements: Elements,
     sizes: Sizes, rank: Ints, p: KernelParameters,
 ) -> None:  # fmt: skip
     """Constants of the law for a bond or diagonal from element i to j (equations 5.4, Q10, Q11); ``normal``: `BondKind`."""
@@ -327,9 +327,6 @@ def _fill_constants(
         p.youngs_modulus, p.poisson, p.bond_damping, sizes.bond_mass[i], sizes.bond_mass[j]
     )
     bond[at + MODULUS] = p.youngs_modulus / rest * normal
-    if diagonal:
-        # The rows damp whatever moves; more would shorten the sub-step for nothing.
-        bond[at + DAMPING] = 0.0
 
 
 @kernel
@@ -362,13 +359,15 @@ def pack_bonds(
         b, at, normal = tiles.bond_ids[r], bond_offset(r), kinds[r // in_layer, 0]
         if b >= 0:
             _copy_bond(bond, at, b, bonds, p)
-            _fill_constants(bond, at, first[b], second[b], rest[b], normal, False, elements, sizes, rank, p)
+            _fill_constants(bond, at, first[b], second[b], rest[b], normal, elements, sizes, rank, p)
             _fill_place(bond, at, first[b], second[b], sx[b], sy[b], elements, p)
         elif b != EMPTY:
             d = diagonal_of(b)
             _begin_diagonal(bond, at)
             length = diagonal_length(way, d, rest)
-            _fill_constants(bond, at, begin[d], end[d], length, normal, True, elements, sizes, rank, p)
+            _fill_constants(bond, at, begin[d], end[d], length, normal, elements, sizes, rank, p)
+            # The rows damp whatever moves; more would shorten the sub-step for nothing.
+            bond[at + DAMPING] = 0.0
             _fill_place(bond, at, begin[d], end[d], 0.0, 0.0, elements, p)
     return count
 
