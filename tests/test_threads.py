@@ -97,7 +97,7 @@ def test_threads_within_a_lattice_change_nothing(threads: int, monkeypatch: pyte
 def test_each_block_of_bonds_is_the_work_of_one_thread() -> None:
     model = shattering(1)
     el, bonds, p = model.elements, model.bonds, model.parameters.kernel_values()
-    rows = allocate_tiles(bonds, el.size)
+    rows = allocate_tiles(el, bonds, p)
     count = pack_bonds(rows, el, bonds, interaction_sizes(el, p), np.arange(el.size), p)
     for threads in (1, 2, 5, 40):
         parts = partition(rows, count, el.size, threads)

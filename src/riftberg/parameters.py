@@ -70,9 +70,6 @@ __all__ = [
 FROM_ELEMENTS: Final = -1.0
 """Stiffness of a pair law that follows from the two elements (`riftberg.physics.contact.pair_stiffness`)."""
 
-SPRING_POISSON_TOLERANCE: Final = 1e-3
-"""How near to 1/3 Poisson's ratio must be given for a lattice of springs between centres, which has no other."""
-
 CONTACT_PHASE: Final = 0.5
 """Frequency of a contact times the long step, where contact acts in it and its stiffness follows from the elements."""
 
@@ -262,35 +259,46 @@ class Parameters(Group):
             )
         return self
 
+    @property
+    def isotropic_bonds(self) -> bool:
+        """Whether bonds together make a solid alike in all directions: the default of explicit schemes with own numerics."""
+        b = self.bonds
+        if b.elasticity is not None or self.stepping.scheme == "quasi_static" or self._published_bonds:
+            return b.elasticity == "isotropic"
+        return (b.law == "dem" and not b.no_shear) or (b.law == "spring" and b.spring is None)
+
+    @property
+    def _published_bonds(self) -> bool:
+        """Whether bonds are those of the reference, whose numerics must stay as they are."""
+        return self.compatibility.zero_start or self.compatibility.rest_length_from_sizes
+
     def _check_isotropic(self) -> None:
         """Refuse isotropic bonds where there are none, or none of this Poisson's ratio."""
         b, asked = self.bonds, "bonds.elasticity = 'isotropic'"
-        if b.elasticity != "isotropic":
-            return
-        if self.stepping.scheme == "quasi_static":
-            raise ValueError(
-                f"{asked} is for explicit schemes: with stepping.scheme = 'quasi_static' the ice is alike in all directions by "
-                "bonds.elasticity = 'cells'"
-            )
-        if b.law == "none" or b.no_shear:
-            raise ValueError(
-                f"{asked} needs bonds with shear: set bonds.law = 'dem' (or 'spring') and bonds.no_shear = false"
-            )
-        if self.compatibility != Compatibility():
-            raise ValueError(
-                f"{asked} changes the bonds that the reference has: leave out compatibility, or set it to 'bonds'"
-            )
-        if b.law == "spring":
-            if abs(b.poisson - 1.0 / 3.0) > SPRING_POISSON_TOLERANCE or b.spring is not None:
+        if b.elasticity == "isotropic":
+            if self.stepping.scheme == "quasi_static":
                 raise ValueError(
-                    f"{asked} with bonds.law = 'spring' makes ice of Poisson's ratio 1/3 and its own stiffness: set "
-                    f"bonds.poisson = 0.3333 (it is {b.poisson:g}) and leave out bonds.spring, or set bonds.law = 'dem'"
+                    f"{asked} is for explicit schemes: with stepping.scheme = 'quasi_static' the ice is alike in all directions "
+                    "by bonds.elasticity = 'cells'"
                 )
-        elif b.poisson > 1.0 / 3.0 or (b.packing == "square" and b.poisson < 0.0):
+            if b.law == "none" or b.no_shear:
+                raise ValueError(
+                    f"{asked} needs bonds with shear: set bonds.law = 'dem' (or 'spring') and bonds.no_shear = false"
+                )
+            if self._published_bonds:
+                raise ValueError(
+                    f"{asked} changes the bonds that the reference has: leave out compatibility, or set it to 'bonds'"
+                )
+            if b.law == "spring" and b.spring is not None:
+                raise ValueError(f"{asked} gives springs the stiffness of the ice: leave out bonds.spring")
+        if not self.isotropic_bonds or b.law == "spring":
+            return
+        if b.poisson > 1.0 / 3.0 or (b.packing == "square" and b.poisson < 0.0):
             bounds = "above -1 and up to 0.3333" if b.packing == "hexagonal" else "from 0 to 0.3333"
             raise ValueError(
-                f"bonds.poisson = {b.poisson:g} is more than bonds of {b.packing} elements can have with {asked}: give a value "
-                f"{bounds}, or take stepping.scheme = 'quasi_static', whose elastic cells can have any"
+                f"bonds.poisson = {b.poisson:g} is not what {asked}, the default of explicit schemes, can have with {b.packing} "
+                f"elements: give a value {bounds}, set it to 'bonds', or take stepping.scheme = 'quasi_static', whose elastic "
+                "cells can have any"
             )
 
     def _check_seabed(self) -> None:
@@ -460,12 +468,12 @@ class Parameters(Group):
             dem=p.bonds.law == "dem",
             bonds_on=p.bonds.law != "none",
             hexagonal=hexagonal,
-            isotropic=p.bonds.elasticity == "isotropic",
+            isotropic=p.isotropic_bonds,
             spring=FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
             # Springs in rows and diagonals of squares share the load of the rows alone: 3/4 and 3/8 of E H, nu = 1/3.
             spring_modulus=p.bonds.youngs_modulus
             / p.ice.density
-            * (0.75 if p.bonds.elasticity == "isotropic" and not hexagonal else 1.0),
+            * (0.75 if p.isotropic_bonds and not hexagonal else 1.0),
             max_bonds=(6 if hexagonal else 4) if p.bonds.max_bonds is None else p.bonds.max_bonds,
         )
 

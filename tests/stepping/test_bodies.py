@@ -18,7 +18,7 @@ from riftberg.stepping.contact.broad_phase import contact_cells
 from riftberg.stepping.contact.impulses import element_path, lever_velocity
 from riftberg.stepping.contact.island_step import accumulate_floor_impulse, accumulate_impulse
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR, Medium
-from riftberg.stepping.lattice.bridges import bridge_moments, find_bridges
+from riftberg.stepping.fragments.connectivity import bridge_moments, find_bridges
 
 
 def levers(places: Any) -> np.ndarray:

@@ -49,7 +49,7 @@ def summed(made: BondTiles, elements: int) -> np.ndarray:
 def loaded(columns: int, rows: int, broken: tuple[int, ...] = ()) -> tuple[Any, Any, BondTiles, int]:
     el, bonds = lattice(3, P, columns=columns, rows=rows)
     bonds.status[list(broken)] = 1
-    made = allocate_tiles(bonds, el.mass.size)
+    made = allocate_tiles(el, bonds, P)
     made.bond[: -tile.BOND_TILE] = np.nan  # what an earlier long step left must not matter
     made.scratch[:] = np.nan
     count = pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
@@ -73,7 +73,9 @@ def applied(made: BondTiles, count: int, elements: int) -> None:
     for b in made.in_use[:count]:
         block, ends, sums = parts(made, b, elements)
         tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
-        tile_kernels.apply_bond_law(block, made.scratch, ends, 10.0, P, P.period)
+        tile_kernels.apply_bond_law(
+            block, made.scratch, ends, made.kinds[b // tile.tile_count(elements)], 10.0, P, P.period
+        )
         tile_kernels.accumulate_first_ends(block, made.scratch, sums)
 
 
@@ -143,7 +145,7 @@ def test_bergs_without_bonds_have_no_rows() -> None:
     """Fifty thousand of them would take 9 MB, and be gone through in each long step."""
     el, bonds = lattice(3, P, columns=5, rows=4)
     none = bonds.taken(np.zeros(0, np.int64))
-    made = allocate_tiles(none, el.mass.size)
+    made = allocate_tiles(el, none, P)
     assert made.bond_ids.size == 0
     assert pack_bonds(made, el, none, interaction_sizes(el, P), np.arange(el.mass.size), P) == 0
     assert not summed(made, el.mass.size).any()
@@ -184,7 +186,7 @@ def test_the_order_of_the_bonds_does_not_matter() -> None:
         order = np.random.default_rng(seed).permutation(bonds.first.size) if seed else np.arange(bonds.first.size)
         for name in ("first", "second", "status", "shear_x", "shear_y", "strength", "rest_length", "damage"):
             getattr(bonds, name)[:] = getattr(bonds, name)[order]
-        made = allocate_tiles(bonds, el.mass.size)
+        made = allocate_tiles(el, bonds, P)
         count = pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
         show(made, el)
         applied(made, count, el.mass.size)
@@ -254,7 +256,7 @@ def test_large_angles_have_the_sine_of_all_angles() -> None:
 LOOPS: dict[str, tuple[int, tuple[str, ...], tuple[Any, ...]]] = {
     "find_sections": (15, ("bond", "scratch", "ends"), (True, False, 6.37e6)),
     "sines": (60, ("bond", "scratch", "ends"), (False,)),
-    "forces": (40, ("bond", "scratch", "ends"), (10.0, 0.3, True, False, False)),
+    "forces": (40, ("bond", "scratch", "ends", "kind"), (10.0, 0.3, True, False, False)),
     "accumulate_first_ends": (3, ("bond", "scratch", "sums"), ()),
     "kick_tile": (20, ("elem", "ends", "scratch"), (10.0, True)),
     "drift_tile": (30, ("elem", "ends", "rotation"), (10.0, True, 6.37e6, False)),
@@ -272,6 +274,7 @@ def test_the_loops_of_the_sub_steps_are_vector_code(name: str) -> None:
     block, _, sums = parts(made, 0, el.mass.size)
     given = {
         "bond": block,
+        "kind": made.kinds[0],
         "scratch": made.scratch,
         "ends": made.ends,
         "sums": sums,

@@ -9,9 +9,8 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.lattice.closing_faces import ClosingFaces
 from riftberg.stepping.lattice.equilibrium import elastic_energy
-from riftberg.stepping.lattice.triangles import find_open_edges, find_triangles
+from riftberg.stepping.lattice.triangles import ClosingFaces, find_open_edges, find_triangles
 from stepping.test_elastic_cells import dense_matrix
 from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
 

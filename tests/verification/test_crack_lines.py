@@ -21,8 +21,7 @@ from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackPaths, CrackTips, tips_of_rifts
 from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Toughness
 from riftberg.stepping.fracture.strengths import Strengths, overloads
-from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.bridges import bridge_moments, find_bridges
+from riftberg.stepping.fragments.connectivity import bridge_moments, connected_parts, find_bridges
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
 from riftberg.stepping.lattice.elastic_cells import ElasticCells, with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice

@@ -249,7 +249,8 @@ class BondParameters(Group):
         "",
         "what is elastic: bonds, each for itself as published; isotropic (explicit schemes), bonds that make a solid alike "
         "in all directions; cells (quasi_static), the ice of the elements, such a solid too. none means cells with quasi_static, "
-        "but for the criteria bond and averaged, else bonds",
+        "but for the criteria bond and averaged; isotropic with other schemes; bonds with the reference's numerics, without "
+        "shear and where bonds.spring is given for springs",
         "equations 5; isotropic: Ostoja-Starzewski 2002; cells: Argyris 1964, Hughes and Brezzi 1989",
     )
     spring: float | None = quantity(

@@ -78,7 +78,13 @@ class Beam:
             drag={"rotational": False},
             grounding={"coefficient": 2.0 * self.slowest * self.density * self.thickness},
             contact={"spring": 1e-8, "distance": 0.0},
-            bonds={"youngs_modulus": self.youngs_modulus, "damping": 0.1, "linear_bending": self.rows > 1},
+            # A bar of one to three rows along its length is a row of beams; isotropic bonds lack the diagonals beyond its sides.
+            bonds={
+                "youngs_modulus": self.youngs_modulus,
+                "damping": 0.1,
+                "linear_bending": self.rows > 1,
+                "elasticity": "bonds",
+            },
             fracture={"enabled": False},
             # Under its whole load at once the tip of the cantilever swings at 15 m/s: no iceberg, and meant.
             stepping={"scheme": "mts", "time_step": self.time_step, "only_interactions": True, "speed_limit": 100.0},

@@ -27,8 +27,10 @@ from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.stepping.explicit.stability import stiffness_parts
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, SEA_FLOOR
 from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
 
 if TYPE_CHECKING:
     from riftberg.stepping.run_state import RunState
@@ -325,7 +327,10 @@ class MotionLedger:
         if self.parameters.stepping.scheme == "quasi_static":
             kept[BONDS, 1] += float((bonds.released_energy - bonds_before.released_energy)[broke].sum())
             return
-        kept[BONDS, 1] += elastic_energy(before, bonds_before.taken(broke), run) or 0.0
+        left = bonds_before.copy()
+        left.status[broke] = 1
+        held = [elastic_energy(before, some, run) or 0.0 for some in (bonds_before, left)]
+        kept[BONDS, 1] += held[0] - held[1]  # with what freed diagonals held
 
     def balance(self, run: RunState, remembered: MutableMapping[str, Floats]) -> MotionBalance:
         """Return the ledger from the start to now."""
@@ -406,32 +411,39 @@ def bonds_vibrate(run: RunState) -> bool:
 def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | None:
     """Return the elastic energy (J) in unbroken bonds, None where their law is not that of a vibrating lattice.
 
-    Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``.
+    Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``;
+    isotropic bonds have other parts of these, and diagonals.
     """
     p, c = run.parameters, run.constants
     if not bonds_vibrate(run):
         return None
     some = bonds.taken(bonds.status == 0) if (bonds.status != 0).any() else bonds
-    i, j = some.first, some.second
-    if i.size == 0:
+    if some.first.size == 0:
         return 0.0
+    diagonals = find_diagonals(elements, some, c)
+    i, j = np.append(some.first, diagonals.first), np.append(some.second, diagonals.second)
+    rest = np.append(some.rest_length, diagonal_lengths(diagonals.way, some.rest_length))
+    parts = stiffness_parts(p, elements, i, np.arange(i.size) >= some.first.size)
     sizes = interaction_sizes(elements, c)
     radius, thickness = sizes.bond_radius, elements.body.thickness
     x, y = elements.place.lon, elements.place.lat
     length = np.hypot(*separations(Metric(c.latlon, c.earth_radius, c.period), x[i], y[i], x[j], y[j]))
-    formed = some.rest_length / (radius[i] + radius[j])  # the section is that with which the bond formed
+    formed = rest / (radius[i] + radius[j])  # the section is that with which the bond formed
     small = formed * np.minimum(radius[i], radius[j])
     section: Any = plain(bond_section)  # it has no branches, and takes arrays as well
     width, height = section(
         small, formed * np.abs(radius[i] - radius[j]), np.minimum(thickness[i], thickness[j]),
-        np.abs(thickness[i] - thickness[j]), 0.5 * (some.rest_length - length), 1.0 / length,
+        np.abs(thickness[i] - thickness[j]), 0.5 * (rest - length), 1.0 / length,
     )  # fmt: skip
-    stiffness = p.bonds.youngs_modulus * height * width / some.rest_length
+    stiffness = p.bonds.youngs_modulus * height * width / rest
     sub_step = p.stepping.time_step / np.maximum(elements.body.substeps, 1) if run.step_number else 0.0
     # The angles of the state are one sub-step ahead of the positions.
     angle = elements.motion.rotation - sub_step * elements.motion.spin
     bent = angle[i] - angle[j]
     bending = 0.5 * bent * bent if p.bonds.linear_bending else 1.0 - np.cos(bent)
-    shear = 0.0 if p.bonds.no_shear else (some.shear_x**2 + some.shear_y**2) * (0.5 / (1.0 + p.bonds.poisson))
-    stretch = length - some.rest_length
-    return float((stiffness * (0.5 * (stretch * stretch + shear) + width * width / 12.0 * bending)).sum())
+    of_normal, of_shear, facet = parts
+    slip = np.append(some.shear_x**2 + some.shear_y**2, np.zeros(diagonals.first.size)) * (
+        0.0 if p.bonds.no_shear else of_shear
+    )
+    stretch = of_normal * (length - rest) ** 2
+    return float((stiffness * (0.5 * (stretch + slip) + facet**3 * width * width / 12.0 * bending)).sum())

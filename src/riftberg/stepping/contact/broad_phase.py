@@ -79,6 +79,7 @@ class NeighbourSearch:
 
     def __init__(self) -> None:
         self._bonded: tuple[PairList, Ints] | None = None
+        self._springs: tuple[PairList, Floats] | None = None
         self._listed: tuple[int, int, int] = (-1, -1, -1)
 
     def bonded(self, el: Elements, bonds: Bonds) -> tuple[PairList, Ints]:
@@ -87,7 +88,7 @@ class NeighbourSearch:
         listed = int((bonds.status == 0).sum()), int(bonds.id.max(initial=0)), el.size
         if self._bonded is None or listed != self._listed:
             self._bonded = adjacency(bonds.first, bonds.second, bonds.status, el.size)
-            self._listed = listed
+            self._listed, self._springs = listed, None
         return self._bonded
 
     def springs(self, el: Elements, bonds: Bonds, p: KernelParameters) -> tuple[PairList, Floats]:
@@ -97,12 +98,14 @@ class NeighbourSearch:
             return partners, np.zeros(0)
         if not p.isotropic:
             return partners, bonds.rest_length[bond]
-        diagonals = find_diagonals(el, bonds, p)
-        first, second = np.append(bonds.first, diagonals.first), np.append(bonds.second, diagonals.second)
-        rest = np.append(bonds.rest_length, diagonal_lengths(diagonals.way, bonds.rest_length))
-        status = np.append(bonds.status, np.zeros_like(diagonals.first))
-        partners, bond = adjacency(first, second, status, el.size)
-        return partners, rest[bond]
+        if self._springs is None:
+            diagonals = find_diagonals(el, bonds, p)
+            first, second = np.append(bonds.first, diagonals.first), np.append(bonds.second, diagonals.second)
+            rest = np.append(bonds.rest_length, diagonal_lengths(diagonals.way, bonds.rest_length))
+            status = np.append(bonds.status, np.zeros_like(diagonals.first))
+            partners, bond = adjacency(first, second, status, el.size)
+            self._springs = partners, rest[bond]
+        return self._springs
 
     def find(
         self, el: Elements, reach: float, rule: int, c: KernelParameters, cells: CellSearch | None = None

@@ -266,7 +266,7 @@ def _apply_bonds(
             shift_second_ends(scratch, tiles.ends[e * tile.END_TILE : (e + 2) * tile.END_TILE])
         else:
             gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
-        apply_bond_law(bond, scratch, ends, flags.dt, p, flags.period)
+        apply_bond_law(bond, scratch, ends, tiles.kinds[b // width], flags.dt, p, flags.period)
         if flags.grow_damage:
             grow_damage(bond, scratch, flags.dt, p)
         if flags.may_break and count_loaded(bond, scratch, 1.0) > 0:

@@ -15,8 +15,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import normal_force
-from riftberg.physics.damage import damage_rate, grown_damage, stress_ratio
-from riftberg.physics.fracture import exceeds
+from riftberg.physics.fracture import damage_rate, exceeds, grown_damage, stress_ratio
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
@@ -138,7 +137,6 @@ def _force_while_breaking(bond: Floats, scratch: Floats, ends: Floats, k: int) -
     u1, v1, u2, v2 = ends[tile.U + k], ends[tile.V + k], scratch[tile.U + k], scratch[tile.V + k]
     du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), scratch[tile.TURN + k])
     push = normal_force(bond[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], half)
-    push *= bond[tile.NORMAL_PART + k]
     return push * scratch[tile.NX + k] - damping * du, push * scratch[tile.NY + k] - damping * dv
 
 

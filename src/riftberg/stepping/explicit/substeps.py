@@ -22,7 +22,6 @@ from riftberg.stepping.explicit.breaking import ContactPairs, allocate_pairs
 from riftberg.stepping.explicit.tiles import BondTiles, allocate_tiles
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, Surroundings, grounded_part
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.lattice.diagonals import find_diagonals
 
 POLAR_LATITUDE = 88.0
 """North of this (degrees) the tangent plane, used from 89 degrees on, may be needed within a long step."""
@@ -81,8 +80,7 @@ def allocate_fields(count: int) -> SubstepFields:
 def allocate_workspace(elements: Elements, bonds: Bonds, p: KernelParameters) -> Workspace:
     """Return a workspace for the sub-steps of these elements and bonds."""
     pairs = allocate_pairs(max(bonds.first.size, 1))
-    tiles = allocate_tiles(bonds, elements.size, find_diagonals(elements, bonds, p))
-    return Workspace(tiles, pairs, allocate_fields(elements.size))
+    return Workspace(allocate_tiles(elements, bonds, p), pairs, allocate_fields(elements.size))
 
 
 @kernel

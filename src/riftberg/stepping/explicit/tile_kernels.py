@@ -132,6 +132,7 @@ def forces(
     bond: Floats,
     scratch: Floats,
     ends: Floats,
+    kind: Floats,
     dt: float,
     poisson: float,
     objective: bool,
@@ -147,6 +148,8 @@ def forces(
     slip_part = 1.0 if objective else 0.0
     # Elements turn with the ice, so that a facet slips by half of what the ice is sheared.
     turning = 2.0 if isotropic else 1.0
+    # Of all bonds of the tile, and so no load of memory: see `BondKind`.
+    shear_part, youngs_part, facet = kind[1], kind[2], kind[3]
     for k in range(tile.LANES):
         nx, ny, half, sine = scratch[tile.NX + k], scratch[tile.NY + k], scratch[tile.HALF + k], scratch[tile.SINE + k]
         width, thickness, intact = (scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], bond[tile.INTACT + k] > 0.0)
@@ -157,13 +160,13 @@ def forces(
         parting, across = along_and_across(du, dv, nx, ny)
         sliding = slip_speed(across, (bond[tile.RADIUS1 + k] - half) * spin1 + (bond[tile.RADIUS2 + k] - half) * spin2)
         slip = advance_slip(bond[tile.SLIP + k], sliding, dt)
-        facet = bond[tile.FACET + k]
-        push = normal_force(modulus, width, thickness, half) * bond[tile.NORMAL_PART + k] - damping * parting
-        shear = -shear_on * shear_stiffness(modulus, bond[tile.SHEAR_PART + k], width, thickness) * slip
+        push = normal_force(modulus, width, thickness, half) - damping * parting
+        shear = -shear_on * shear_stiffness(modulus, shear_part, width, thickness) * slip
+        youngs = modulus * youngs_part
         damper = -damping * (sliding if objective else across)
         at_contact, drag = shear + slip_part * damper, shear + damper
-        bending = bending_torque(modulus, width * facet, thickness, sine) - damping * (spin1 - spin2)
-        stress = tensile_stress(modulus, half, sine, width * facet)
+        bending = bending_torque(youngs, width * facet, thickness, sine) - damping * (spin1 - spin2)
+        stress = tensile_stress(youngs, half, sine, width * facet)
         fx, fy = push * nx - drag * ny, push * ny + drag * nx
         torque1 = torque_of(bond[tile.LEVER1 + k] - half, at_contact) + bending
         torque2 = torque_of(bond[tile.LEVER2 + k] - half, at_contact) - bending
@@ -172,13 +175,15 @@ def forces(
         bond[tile.FX + k], bond[tile.FY + k] = fx if intact else 0.0, fy if intact else 0.0
         scratch[tile.TORQUE1 + k], bond[tile.TORQUE2 + k] = torque1 if intact else 0.0, torque2 if intact else 0.0
         scratch[tile.NORMAL_STRESS + k] = stress
-        scratch[tile.SHEAR_STRESS + k] = shear_on * shear_stress_of(modulus, poisson, abs(slip)) * turning
+        scratch[tile.SHEAR_STRESS + k] = shear_on * shear_stress_of(youngs, poisson, abs(slip)) * turning
         bond[tile.PEAK_STRESS + k] = stress if stress > peak else peak
 
 
 @kernel
-def apply_bond_law(bond: Floats, scratch: Floats, ends: Floats, dt: float, p: KernelParameters, period: float) -> None:
-    """Apply the beam law to a tile of bonds, whose second ends have been fetched, over a sub-step of ``dt`` seconds.
+def apply_bond_law(
+    bond: Floats, scratch: Floats, ends: Floats, kind: Floats, dt: float, p: KernelParameters, period: float
+) -> None:
+    """Apply the beam law to a tile of bonds of a `BondKind`, whose second ends have been fetched, over ``dt`` seconds.
 
     Writes forces on the first ends, torques on both ends, stresses, lengths and the new shear displacements.
     """
@@ -186,7 +191,7 @@ def apply_bond_law(bond: Floats, scratch: Floats, ends: Floats, dt: float, p: Ke
         _wrap(scratch, ends, period)
     find_sections(bond, scratch, ends, p.latlon, p.flat_relative_velocity, p.earth_radius)
     sines(bond, scratch, ends, p.linear_bending)
-    forces(bond, scratch, ends, dt, p.poisson, p.objective_damping, p.no_shear, p.isotropic)
+    forces(bond, scratch, ends, kind, dt, p.poisson, p.objective_damping, p.no_shear, p.isotropic)
 
 
 @kernel

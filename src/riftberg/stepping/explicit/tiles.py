@@ -8,7 +8,8 @@ bonds see of them in ``ends``, what they have for themselves in ``elem``.
 
 Lanes stand in layers: the first layer holds the bonds from each element to the next one, in order of the elements, the others
 one more bond each that begins there. So the first ends of a tile of bonds are one tile of elements, which lie side by side
-too. Where an element has no such bond its lane is not intact; a tile without a bond is left out.
+too. Where an element has no such bond its lane is not intact; a tile without a bond is left out. A layer holds bonds of one kind,
+so that numbers that are those of the kind are not in the lanes.
 
 Why: numbers have to come from the second-level cache, or from memory, in each sub-step, and that takes longer than the law
 itself; so a lane holds as little as it can, and all that happens to a tile happens while it is in the cache. All distances
@@ -31,9 +32,9 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import beam_parts, damping_constant, isotropic_parts, signed_slip
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.forces.sizes import Sizes, sides_of
+from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fracture.strengths import residual_strength
-from riftberg.stepping.lattice.diagonals import NO_DIAGONALS, Diagonals, diagonal_length, holds
+from riftberg.stepping.lattice.diagonals import Diagonals, diagonal_length, find_diagonals, holds
 
 Indices = NDArray[np.uint32]
 """Unsigned, because numba then leaves out the test for negative (wrap-around) indices."""
@@ -62,8 +63,8 @@ FLOOR_RATE, FLOOR_LINEAR, FLOOR_QUADRATIC, DECAY, SPIN_DECAY, FLOOR_IMPULSE_X, F
 ELEMENT_TILE: Final = LANES * 22
 """Numbers in a tile of elements."""
 
-# Of a bond, constants of the law; INTACT is 1, or 0 where no bond is or it has broken in this long step. MODULUS is E over the
-# length at rest; DAMPING in kg s-1.
+# Of a bond, constants of the law; INTACT is 1, or 0 where no bond is or it has broken in this long step. MODULUS is that against
+# extension over the length at rest, in Pa m-1; DAMPING in kg s-1.
 INTACT, REST, RADIUS1, RADIUS2, LEVER1, LEVER2, THICKNESS_SMALL, THICKNESS_GAP, DAMPING, MODULUS = (
     LANES * n for n in range(10)
 )
@@ -75,10 +76,8 @@ NORMAL_LIMIT, SHEAR_LIMIT, PEAK_STRESS, SLIP = (LANES * n for n in range(13, 17)
 FX, FY, TORQUE2 = (LANES * n for n in range(17, 20))
 # What only damage needs.
 STRENGTH, DAMAGE = (LANES * n for n in range(20, 22))
-# Stiffness against extension and slip, as parts of E H w / l_0, and the facet as a part of the width w.
-NORMAL_PART, SHEAR_PART, FACET = (LANES * n for n in range(22, 25))
 
-BOND_TILE: Final = LANES * 25
+BOND_TILE: Final = LANES * 22
 """Numbers in a tile of bonds."""
 
 # In the scratch tile, after the second ends: direction of the bond, half its overlap, length, width, thickness, turn of the
@@ -115,6 +114,21 @@ def tile_count(count: int) -> int:
     return (count + LANES - 1) // LANES
 
 
+class BondKind(NamedTuple):
+    """What all bonds of one kind have alike, as parts of what `isotropic_parts` calls 1."""
+
+    normal: float  # Stiffness against extension
+    shear: float  # Stiffness against slip, as a part of that against extension
+    youngs: float  # Young's modulus, as a part of that of the extension; 0 for what neither bends nor has a stress
+    facet: float  # Side along which both elements touch, as a part of the width
+
+
+def bond_kind(sides: int, diagonal: bool, p: KernelParameters) -> BondKind:
+    """Return the kind of the bonds of elements with so many sides, or of their diagonals."""
+    normal, shear, facet = isotropic_parts(sides, diagonal, p.poisson) if p.isotropic else beam_parts(p.poisson)
+    return BondKind(normal, 0.0, 0.0, 0.0) if diagonal else BondKind(normal, shear / normal, 1.0 / normal, facet)
+
+
 EMPTY: Final = -1
 """Stands for a bond in a lane that holds none."""
 
@@ -140,6 +154,9 @@ class BondTiles(NamedTuple):
     rotation: Floats  # By how much elements have turned since the bonds were packed, rad
     counter: Ints  # Work space, one number for each element
     diagonals: Diagonals
+    row_kind: Ints  # 0, or 1 where both elements have not as many sides as others of the run
+    first_layer: Ints  # Of each kind of bonds, and of the diagonals, not counting that of bonds to the next element
+    kinds: Floats  # What the bonds of each layer have alike: `BondKind`; shape (layers, 4)
 
 
 def _aligned(count: int) -> Floats:
@@ -149,16 +166,21 @@ def _aligned(count: int) -> Floats:
     return padded[begin : begin + count]
 
 
-def allocate_tiles(bonds: Bonds, element_count: int, diagonals: Diagonals = NO_DIAGONALS) -> BondTiles:
+def allocate_tiles(elements: Elements, bonds: Bonds, p: KernelParameters) -> BondTiles:
     """Allocate lanes for all bonds of the state, and for the diagonals; `pack_bonds` fills them."""
-    first, second = (
-        np.concatenate(pair) for pair in ((bonds.first, diagonals.first), (bonds.second, diagonals.second))
-    )
-    further = first[second != first + 1]
-    begin, end = (np.bincount(end_ids, minlength=element_count) for end_ids in (further, second))
-    width = tile_count(element_count)
-    count = width * (1 + int(begin.max(initial=0))) if bonds.first.size else 0
-    size = count * LANES
+    count, diagonals = elements.size, find_diagonals(elements, bonds, p)
+    sides = np.where(elements.body.sides > 0, elements.body.sides, p.max_sides)
+    odd = sides[bonds.first] != p.max_sides if p.isotropic else np.zeros(bonds.first.size, bool)
+    # Bonds to the next element have a layer of their own before all others, where they are of the first kind.
+    further = (bonds.second != bonds.first + 1) & ~odd
+    begin = [np.bincount(first, minlength=count) for first in (bonds.first[further], bonds.first[odd], diagonals.first)]
+    layers = [int(of_element.max(initial=0)) for of_element in begin] if bonds.first.size else [0, 0, 0]
+    other = 10 - p.max_sides  # squares beside hexagons, or hexagons beside squares
+    of_kind = [bond_kind(p.max_sides, False, p), bond_kind(other, False, p), bond_kind(4, True, p)]
+    width = tile_count(count)
+    tiles = width * (1 + sum(layers)) if bonds.first.size else 0
+    size = tiles * LANES
+    end = np.bincount(np.append(bonds.second, diagonals.second), minlength=count)
     ends = _aligned((width + 1) * END_TILE)
     # Numbers that differ, so that lanes without a bond divide by no length of 0.
     ends[:] = np.arange(ends.size)
@@ -168,41 +190,49 @@ def allocate_tiles(bonds: Bonds, element_count: int, diagonals: Diagonals = NO_D
         ends=ends,
         elem=_aligned(width * ELEMENT_TILE),
         sums=_aligned(width * SUM_TILE),
-        bond=_aligned((count + 1) * BOND_TILE),
+        bond=_aligned((tiles + 1) * BOND_TILE),
         scratch=_aligned(SCRATCH_TILE),
-        in_use=np.zeros(count, np.int64),
-        slots=np.zeros((element_count, max(int(end.max(initial=0)), 1)), np.uint32),
+        in_use=np.zeros(tiles, np.int64),
+        slots=np.zeros((count, max(int(end.max(initial=0)), 1)), np.uint32),
         rotation=np.zeros(width * LANES),
-        counter=np.zeros(element_count, np.int64),
+        counter=np.zeros(count, np.int64),
         diagonals=diagonals,
+        row_kind=odd.astype(np.int64),
+        first_layer=1 + np.cumsum([0, *layers[:2]]),
+        kinds=np.repeat(np.array(of_kind), [1 + layers[0], *layers[1:]], axis=0),
     )
 
 
 @kernel
 def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
-    """Give each unbroken bond a layer: the first one to the next element, else the next one of its first end; then diagonals."""
-    bond_ids, second, counter, status = tiles.bond_ids, tiles.second_end, tiles.counter, bonds.status
+    """Give each unbroken bond a layer: the first one to the next element, else the next one of its first end and its kind."""
+    bond_ids, second, counter, status, kind = (
+        tiles.bond_ids,
+        tiles.second_end,
+        tiles.counter,
+        bonds.status,
+        tiles.row_kind,
+    )
     begin, end, way = tiles.diagonals.first, tiles.diagonals.second, tiles.diagonals.way
     width = tile_count(counter.size) * LANES
     bond_ids[:] = EMPTY
-    counter[:] = 0
-    for b in range(status.size):
-        if status[b] == 0:
-            i, j = bonds.first[b], bonds.second[b]
-            layer = 0
-            # Layer 0 is kept for the bonds to the next element, whose second ends need no gathering.
-            if j != i + 1:
-                counter[i] += 1
-                layer = counter[i]
-            r = layer * width + i
-            bond_ids[r], second[r] = b, end_offset(j)
+    for of_kind in range(2):
+        counter[:] = tiles.first_layer[of_kind]
+        for b in range(status.size):
+            if status[b] == 0 and kind[b] == of_kind:
+                i, j = bonds.first[b], bonds.second[b]
+                layer = 0
+                # Layer 0 is kept for the bonds to the next element, whose second ends need no gathering.
+                if of_kind == 1 or j != i + 1:
+                    layer = counter[i]
+                    counter[i] += 1
+                r = layer * width + i
+                bond_ids[r], second[r] = b, end_offset(j)
+    counter[:] = tiles.first_layer[2]
     for d in range(begin.size):
         if holds(way, d, status):
-            layer = 0
-            if end[d] != begin[d] + 1:
-                counter[begin[d]] += 1
-                layer = counter[begin[d]]
-            r = layer * width + begin[d]
+            r = counter[begin[d]] * width + begin[d]
+            counter[begin[d]] += 1
             bond_ids[r], second[r] = diagonal_of(d), end_offset(end[d])
 
 
@@ -275,10 +305,10 @@ def _thickness_rule(
 
 @kernel
 def _fill_constants(
-    bond: Floats, at: int, i: int, j: int, rest_length: float, diagonal: bool, elements: Elements, sizes: Sizes, rank: Ints,
-    p: KernelParameters,
+    bond: Floats, at: int, i: int, j: int, rest_length: float, normal: float, elements: Elements,
+    sizes: Sizes, rank: Ints, p: KernelParameters,
 ) -> None:  # fmt: skip
-    """Constants of the law for a bond or diagonal from element i to j (equations 5.4; quirks Q10, Q11)."""
+    """Constants of the law for a bond or diagonal from element i to j (equations 5.4, Q10, Q11); ``normal``: `BondKind`."""
     r1, r2, thickness = sizes.bond_radius[i], sizes.bond_radius[j], elements.body.thickness
     rest = r1 + r2
     if not p.rest_length_from_sizes and not math.isnan(rest_length):
@@ -296,13 +326,7 @@ def _fill_constants(
     bond[at + DAMPING] = damping_constant(
         p.youngs_modulus, p.poisson, p.bond_damping, sizes.bond_mass[i], sizes.bond_mass[j]
     )
-    bond[at + MODULUS] = p.youngs_modulus / rest
-    sides = sides_of(elements.body.sides[i], p)
-    parts = isotropic_parts(sides, diagonal, p.poisson) if p.isotropic else beam_parts(p.poisson)
-    bond[at + NORMAL_PART], bond[at + SHEAR_PART], bond[at + FACET] = parts
-    if diagonal:
-        # The rows damp whatever moves; more would shorten the sub-step for nothing.
-        bond[at + DAMPING] = 0.0
+    bond[at + MODULUS] = p.youngs_modulus / rest * normal
 
 
 @kernel
@@ -330,17 +354,20 @@ def pack_bonds(
     _fill_slots(tiles, bonds.second)
     bond, first, second, sx, sy = tiles.bond, bonds.first, bonds.second, bonds.shear_x, bonds.shear_y
     begin, end, way, rest = tiles.diagonals.first, tiles.diagonals.second, tiles.diagonals.way, bonds.rest_length
+    in_layer, kinds = tile_count(tiles.counter.size) * LANES, tiles.kinds
     for r in range(tiles.bond_ids.size):
-        b, at = tiles.bond_ids[r], bond_offset(r)
+        b, at, normal = tiles.bond_ids[r], bond_offset(r), kinds[r // in_layer, 0]
         if b >= 0:
             _copy_bond(bond, at, b, bonds, p)
-            _fill_constants(bond, at, first[b], second[b], rest[b], False, elements, sizes, rank, p)
+            _fill_constants(bond, at, first[b], second[b], rest[b], normal, elements, sizes, rank, p)
             _fill_place(bond, at, first[b], second[b], sx[b], sy[b], elements, p)
         elif b != EMPTY:
             d = diagonal_of(b)
             _begin_diagonal(bond, at)
             length = diagonal_length(way, d, rest)
-            _fill_constants(bond, at, begin[d], end[d], length, True, elements, sizes, rank, p)
+            _fill_constants(bond, at, begin[d], end[d], length, normal, elements, sizes, rank, p)
+            # The rows damp whatever moves; more would shorten the sub-step for nothing.
+            bond[at + DAMPING] = 0.0
             _fill_place(bond, at, begin[d], end[d], 0.0, 0.0, elements, p)
     return count
 

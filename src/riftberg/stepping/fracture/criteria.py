@@ -26,10 +26,10 @@ from riftberg.config.parameter_groups import Fracture
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import disc_of_lattice, disc_weight
-from riftberg.physics.damage import stress_ratio
+from riftberg.physics.fracture import stress_ratio
 from riftberg.state import Floats, Ints
 from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
-from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overload
+from riftberg.stepping.fracture.strengths import Strengths, most_overloaded, overloads
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses, principal_stresses
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
 from riftberg.stepping.laws import Ratios, name_of, to_read
@@ -159,11 +159,18 @@ def criterion_for(
     """
     if own is not None:
         return OwnRatios(own)
-    if cells is not None:
-        return Toughness(fracture.toughness) if fracture.criterion == "toughness" else IceStress()
-    if fracture.criterion in (None, "bond"):
-        return BondStress()
-    return AveragedStress(lattice, intact, xy, body, volume, fracture.distance, p)
+    match fracture.criterion or ("bond" if cells is None else "ice"):
+        case "bond" if cells is None:
+            return BondStress()
+        case "averaged" if cells is None:
+            return AveragedStress(lattice, intact, xy, body, volume, fracture.distance, p)
+        case "ice" if cells is not None:
+            return IceStress()
+        case "toughness" if cells is not None:
+            return Toughness(fracture.toughness)
+        case name:
+            elastic = "bonds" if cells is None else "cells"
+            raise RunError(f"fracture.criterion = {name!r} is none of ice that is elastic in {elastic}")
 
 
 class BondStress:
@@ -175,7 +182,7 @@ class BondStress:
 
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        return _stress_ratios(moment.stress, strengths)
+        return overloads(moment.stress, strengths)
 
 
 class OwnRatios:
@@ -213,13 +220,16 @@ class IceStress:
     def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
         row, ratio = most_overloaded(moment.stress, strengths)
-        if ratio > 1.0 and overload(moment.stress[row, 0], 0.0, strengths.normal[row], strengths.shear[row]) == ratio:
+        if (
+            ratio > 1.0
+            and stress_ratio(moment.stress[row, 0], 0.0, strengths.normal[row], strengths.shear[row]) == ratio
+        ):
             row = _most_in_line(moment.lattice, moment.intact, moment.tensor, moment.stress, strengths, row)
         return row, ratio
 
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        return _stress_ratios(moment.stress, strengths)
+        return overloads(moment.stress, strengths)
 
 
 TIP_FACTOR = 2.20
@@ -319,7 +329,7 @@ class AveragedStress:
 
     def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
         """See `Criterion`."""
-        return _stress_ratios(self._mean_stresses(moment), strengths)
+        return overloads(self._mean_stresses(moment), strengths)
 
 
 @kernel
@@ -391,7 +401,7 @@ def _most_loaded_near(
         if body[b] != body[here]:
             continue
         away = np.hypot(middle[b, 0] - middle[here, 0], middle[b, 1] - middle[here, 1])
-        ratio = overload(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
+        ratio = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
         if away < radius and ratio > highest:
             best, highest = k, ratio
     return best
@@ -412,16 +422,7 @@ def _most_in_line(
         if first != i and first != j and second != i and second != j:
             continue
         in_line = abs(lattice.nx[b] * x + lattice.ny[b] * y)
-        fails = overload(stress[k, 0], 0.0, strengths.normal[k], strengths.shear[k]) > 1.0
+        fails = stress_ratio(stress[k, 0], 0.0, strengths.normal[k], strengths.shear[k]) > 1.0
         if fails and in_line > nearest + 1e-9:
             best, nearest = k, in_line
     return best
-
-
-@kernel
-def _stress_ratios(stress: Floats, strengths: Strengths) -> Floats:
-    """Stress over strength of each bond as the growth of damage takes it."""
-    ratios = np.empty(stress.shape[0])
-    for k in range(stress.shape[0]):
-        ratios[k] = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
-    return ratios

@@ -8,7 +8,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
-from riftberg.physics.damage import damage_rate, grown_damage
+from riftberg.physics.fracture import damage_rate, grown_damage, stress_ratio
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.lattice.equilibrium import ElasticLattice
 
@@ -45,7 +45,7 @@ def most_overloaded(stress: Floats, strengths: Strengths) -> tuple[int, float]:
     """Row of the bond whose stress is highest over its strength, and that ratio; -1 without bonds."""
     row, highest = -1, -np.inf
     for k in range(stress.shape[0]):
-        ratio = overload(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
+        ratio = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
         if ratio > highest:
             row, highest = k, ratio
     return row, highest
@@ -56,16 +56,8 @@ def overloads(stress: Floats, strengths: Strengths) -> Floats:
     """Stress over strength of each intact bond."""
     ratios = np.empty(stress.shape[0])
     for k in range(stress.shape[0]):
-        ratios[k] = overload(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
+        ratios[k] = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
     return ratios
-
-
-@kernel
-def overload(normal: float, shear: float, normal_limit: float, shear_limit: float) -> float:
-    """Stress over strength; a bond without strength fails under the smallest stress."""
-    a = normal / normal_limit if normal_limit > 0.0 else (np.inf if normal > 0.0 else 0.0)
-    b = shear / shear_limit if shear_limit > 0.0 else (np.inf if shear > 0.0 else 0.0)
-    return a if a >= b else b
 
 
 @kernel

@@ -1,12 +1,15 @@
-"""Connected parts of the lattice, joined by intact bonds, and the bonds that no longer count (equations 1.5, 7.1)."""
+"""Connected parts of the lattice, bonds that no longer count, and bridges of the graph of bonds (equations 1.5, 7.1)."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.physics.fracture import exceeds
-from riftberg.state import Bonds, Elements, Ints
+from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import partners_over_bonds
 
 
@@ -75,3 +78,106 @@ def break_after_step(el: Elements, bonds: Bonds, normal_strength: float, shear_s
             count[second[b]] -= 1
             broken += 1
     return broken
+
+
+class Bridges(NamedTuple):
+    """Bridges of a lattice, and a depth-first search of it, by which the loads on one side of each add up."""
+
+    bond: Ints  # Rows among the intact bonds; shape (bridges,)
+    below: Ints  # Element that the search reached by way of the bridge; shape (bridges,)
+    order: Ints  # Elements in the order in which the search reached them; shape (elements,)
+    above: Ints  # Element from which each was reached, -1 where the search began
+    root: Ints  # Element where the search of its fragment began
+
+
+def find_bridges(first: Ints, second: Ints, intact: Ints, elements: int) -> Bridges:
+    """Find which intact bonds are bridges, by depth-first search (Tarjan 1974, Inf. Process. Lett. 2)."""
+    return Bridges(*_find_bridges(first, second, intact, elements))
+
+
+@kernel
+def _find_bridges(first: Ints, second: Ints, intact: Ints, count: int) -> tuple[Ints, Ints, Ints, Ints, Ints]:
+    """Return the fields of `Bridges` (no named tuple: see `riftberg.compiled.kernels`)."""
+    start = np.zeros(count + 1, np.int64)
+    for b in intact:
+        start[first[b] + 1] += 1
+        start[second[b] + 1] += 1
+    start = np.cumsum(start)
+    fill, partner, by = start[:-1].copy(), np.empty(2 * intact.size, np.int64), np.empty(2 * intact.size, np.int64)
+    for k in range(intact.size):
+        i, j = first[intact[k]], second[intact[k]]
+        partner[fill[i]], by[fill[i]] = j, k
+        partner[fill[j]], by[fill[j]] = i, k
+        fill[i] += 1
+        fill[j] += 1
+
+    # Depth-first: the order of visits, the bond and the element by which each was reached, and the earliest element that it
+    # or what was reached from it is bonded to.
+    visit, low = np.full(count, -1, np.int64), np.zeros(count, np.int64)
+    above, reached_by = np.full(count, -1, np.int64), np.full(count, -1, np.int64)
+    order, root = np.empty(count, np.int64), np.empty(count, np.int64)
+    edge, stack, visited = start[:-1].copy(), np.empty(count, np.int64), 0
+    for seed in range(count):
+        if visit[seed] >= 0:
+            continue
+        stack[0], depth = seed, 1
+        visit[seed] = low[seed] = visited
+        order[visited], root[seed] = seed, seed
+        visited += 1
+        while depth > 0:
+            e = stack[depth - 1]
+            if edge[e] == start[e + 1]:
+                depth -= 1
+                if above[e] >= 0:
+                    low[above[e]] = min(low[above[e]], low[e])
+                continue
+            n, k = partner[edge[e]], by[edge[e]]
+            edge[e] += 1
+            if k == reached_by[e]:
+                continue
+            if visit[n] >= 0:
+                low[e] = min(low[e], visit[n])
+                continue
+            visit[n] = low[n] = visited
+            order[visited], root[n] = n, seed
+            visited += 1
+            above[n], reached_by[n] = e, k
+            stack[depth] = n
+            depth += 1
+    below = np.array([e for e in range(count) if above[e] >= 0 and low[e] > visit[above[e]]], np.int64)
+    return reached_by[below], below, order, above, root
+
+
+@kernel
+def bridge_moments(
+    found: Bridges, first: Ints, second: Ints, intact: Ints, xy: Floats, load: Floats, held: NDArray[np.bool_]
+) -> Floats:
+    """Find the moment (N m) that each bridge alone bears about its middle; 0 between two parts with supports.
+
+    From the balance of the part on one side of the bond. Loads of free fragments are in balance, so either side will do; a
+    part with supports (``held``: of the elements) bears unknown forces, and the other one counts.
+    """
+    order, above, count = found.order, found.above, xy.shape[0]
+    # Sums over what was reached from each element: force (2), moment about the origin, and whether it has supports.
+    sums, moment = np.zeros((count, 4)), np.zeros(found.bond.size)
+    for n in range(count - 1, -1, -1):
+        e = order[n]
+        sums[e, 0] += load[e, 0]
+        sums[e, 1] += load[e, 1]
+        sums[e, 2] += load[e, 2] + xy[e, 0] * load[e, 1] - xy[e, 1] * load[e, 0]
+        sums[e, 3] += 1.0 if held[e] else 0.0
+        if above[e] >= 0:
+            for i in range(4):
+                sums[above[e], i] += sums[e, i]
+    for n in range(found.bond.size):
+        e = found.below[n]
+        fx, fy, turning = sums[e, 0], sums[e, 1], sums[e, 2]
+        if sums[e, 3] > 0.0:
+            r = found.root[e]
+            if sums[r, 3] - sums[e, 3] > 0.0:
+                continue
+            fx, fy, turning = sums[r, 0] - fx, sums[r, 1] - fy, sums[r, 2] - turning
+        b = intact[found.bond[n]]
+        x, y = 0.5 * (xy[first[b], 0] + xy[second[b], 0]), 0.5 * (xy[first[b], 1] + xy[second[b], 1])
+        moment[n] = turning - (x * fy - y * fx)
+    return moment

@@ -18,18 +18,20 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import principal
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import rows_of
+from riftberg.stepping.fragments.connectivity import Bridges, bridge_moments, find_bridges
 from riftberg.stepping.lattice.block_ldl import BlockLDL, Factors, solve_factored
-from riftberg.stepping.lattice.bridges import Bridges, bridge_moments, find_bridges
 from riftberg.stepping.lattice.cells import Booleans, freed_edges
-from riftberg.stepping.lattice.closing_faces import ClosingFaces, FaceTables, put_closed_stress
 from riftberg.stepping.lattice.elastic_cells import ElasticCells
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
 from riftberg.stepping.lattice.triangles import (
+    ClosingFaces,
+    FaceTables,
     Neighbourhoods,
     Triangles,
     find_triangles,
     freedoms,
     mean_stresses,
+    put_closed_stress,
     triangle_stresses,
     volumes,
 )

@@ -13,7 +13,9 @@ one has a z of its own, an inner unknown at which W is least, and its squares dr
 r - m is the rotation of the material, whatever the edge, so that the sum is the drilling term of Hughes and Brezzi (1989, Comput.
 Methods Appl. Mech. Eng. 72): zero in uniform strain and rigid motion.
 
-A freed edge is open by the gap q - z. Where its faces have closed, z = q again and it bears pressure; the squares stay away.
+A freed edge is open by the gap q - z; a gap below 0 would be ice that passes through ice. So its faces close: z = q again, and
+they bear pressure, and no tension. They slip freely, for the squares stay away, and diagonals of squares stay free, for they meet
+at a corner alone.
 
 To free an edge adds an unknown to the minimum and drops squares, so the stiffness can only fall: the energy that a break
 releases is never negative, and the order of breaks does not matter.
@@ -35,6 +37,10 @@ DRILLING = 0.3
 The sag of a beam of eight cells hardly knows it, but it is what resists bending in a neck of one bond. More would lock the
 rotations to the ice of coarse lattices.
 """
+
+
+WAYS = 4
+"""Ways to close up to two faces of a triangle: bit 0 for the first, bit 1 for the second."""
 
 
 class Triangles(NamedTuple):
@@ -128,6 +134,99 @@ def _condensed(
     stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
     stretch, stress = known + inner @ least, elastic @ strain
     return Triangles(stiffness, stress @ stretch), elongation, stretch, ss, stress
+
+
+class FaceTables(NamedTuple):
+    """What compiled code needs of `ClosingFaces`; a row for each triangle."""
+
+    row: Ints  # Number of the triangle
+    at: Ints  # Its nine freedoms
+    number: Ints  # Of its faces that may close, one or two
+    # By ways of closing: gap of each open and pressure of each closed face, both as a length (m) by the freedoms
+    signs: Floats  # shape (triangles, ways, 2, 9)
+    stress: Floats  # Stress xx, yy, xy (Pa) by the freedoms; shape (triangles, ways, 3, 9)
+
+
+class ClosingFaces:
+    """Triangles with faces that may close; a row for each.
+
+    Which edges of a triangle are closed follows from its displacements, so nothing is stored: each way of closing them gives
+    gaps of the open and pressures of the closed ones, and the energy is convex, so there is one way that leaves none of these
+    below 0.
+
+    ``row``: number of the triangle; ``at``: its nine freedoms; ``vertex``: m; ``freed``, ``faces``: its edges that are freed,
+    and those of them that may close, one or two; ``volume``: m3.
+    """
+
+    def __init__(
+        self, row: Ints, at: Ints, vertex: Floats, freed: Booleans, faces: Booleans, volume: Floats, youngs: float,
+        poisson: float,
+    ) -> None:  # fmt: skip
+        count = row.size
+        self.at = at
+        self.tables = FaceTables(
+            row, at, faces.sum(axis=1), np.zeros((count, WAYS, 2, 9)), np.zeros((count, WAYS, 3, 9))
+        )
+        self.columns = np.zeros((count, WAYS, 2, 9))  # w: closing adds the sum of w w^T to the stiffness
+        if count == 0:
+            return
+        found, edges = find_open_edges(vertex, freed, youngs, poisson)
+        every = np.arange(count)[:, None]
+        edge = np.argsort(~faces, axis=1, kind="stable")[:, :2]  # the second one counts where there are two
+        gap, give = edges.gap[every, edge], edges.give[every[:, :, None], edge[:, :, None], edge[:, None, :]]
+        # A lone face has no second one: any number but 0 does for its give.
+        give[self.tables.number == 1, 1, 1] += give[self.tables.number == 1, 0, 0]
+        own = np.einsum("tii->ti", give)[:, :, None]
+        by_pull = edges.stress @ np.take_along_axis(edges.give, edge[:, None, :], axis=2)
+        for way in range(WAYS):
+            shut = [n for n in range(2) if way >> n & 1]
+            # Gap = gap of open faces - give times pull; the pull closes the faces that are shut.
+            block = give[:, shut][:, :, shut]
+            pull = np.zeros_like(gap)
+            pull[:, shut] = np.linalg.solve(block, gap[:, shut])
+            self.tables.signs[:, way] = gap - give @ pull
+            self.tables.signs[:, way, shut] = (-own * pull)[:, shut]
+            self.tables.stress[:, way] = found.stress + by_pull @ pull
+            self.columns[:, way, shut] = (
+                np.linalg.solve(np.linalg.cholesky(block), gap[:, shut]) * np.sqrt(volume)[:, None, None]
+            )
+
+    def closed(self, displacement: Floats) -> Ints:
+        """Which faces are closed, as a way for each triangle; ``displacement``: of all nodes (m, m, rad)."""
+        return closed_ways(self.tables, displacement)
+
+
+@kernel
+def put_closed_stress(faces: FaceTables, displacement: Floats, stress: Floats) -> None:
+    """Put the stress (Pa; xx, yy, xy) of triangles with closed faces in the place of that with open ones."""
+    row, at, by_way, moved = faces.row, faces.at, faces.stress, displacement.ravel()
+    way = closed_ways(faces, displacement)
+    for t in range(row.size):
+        if way[t] == 0:
+            continue
+        for c in range(3):
+            stress[row[t], c] = 0.0
+            for a in range(9):
+                stress[row[t], c] += by_way[t, way[t], c, a] * moved[at[t, a]]
+
+
+@kernel
+def closed_ways(faces: FaceTables, displacement: Floats) -> Ints:
+    """The way of closing the faces of each triangle whose least gap or pressure is the largest: 0 or more but for round-off."""
+    at, signs, number, moved = faces.at, faces.signs, faces.number, displacement.ravel()
+    best = np.zeros(at.shape[0], np.int64)
+    for t in range(at.shape[0]):
+        highest = -np.inf
+        for way in range(2 ** number[t]):
+            least = np.inf
+            for n in range(number[t]):
+                value = 0.0
+                for a in range(9):
+                    value += signs[t, way, n, a] * moved[at[t, a]]
+                least = min(least, value)
+            if least > highest:
+                best[t], highest = way, least
+    return best
 
 
 def volumes(mesh: CellMesh, thickness: Floats) -> Floats:

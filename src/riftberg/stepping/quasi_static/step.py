@@ -26,6 +26,7 @@ from riftberg.compiled.kernels import plain
 from riftberg.errors import RunError
 from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
+from riftberg.physics.fracture import stress_ratio
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.state.population import put_back
@@ -74,7 +75,6 @@ from riftberg.stepping.fracture.strengths import (
     SHEAR,
     Strengths,
     grow_damage,
-    overload,
     overloads,
     record_peak_stress,
     residual_strengths,
@@ -895,8 +895,8 @@ class TimeStep:
         row, bonds = int(np.searchsorted(now.intact, bond)), self.bonds
         left = self.lattice.strengths(bonds, self.c)
         ratios = [
-            overload(now.stress[row, 0], 0.0, left.normal[row], left.shear[row]),
-            overload(0.0, now.stress[row, 1], left.normal[row], left.shear[row]),
+            stress_ratio(now.stress[row, 0], 0.0, left.normal[row], left.shear[row]),
+            stress_ratio(0.0, now.stress[row, 1], left.normal[row], left.shear[row]),
             self._bending_ratios(now.intact[row : row + 1])[0],
         ]
         return (NORMAL, SHEAR, FLEXURAL)[int(np.argmax(ratios))]
