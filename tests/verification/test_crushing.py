@@ -204,22 +204,26 @@ def broken_in_converging_current(strength: str, dt: float, modulus: float) -> in
     return int((model.bonds.status != 0).sum())
 
 
-ENDS = [(450.0, 5e6), (10800.0, 5e6), (1800.0, 9e9)]
-BETWEEN = [(1800.0, 5e6), (1800.0, 1e7)]
+CASES = [(10800.0, 5e6), (1800.0, 9e9), (450.0, 5e6), (1800.0, 5e6), (1800.0, 1e7)]
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(("dt", "modulus"), [*ENDS, *(pytest.param(*one, marks=pytest.mark.slow) for one in BETWEEN)])
+@pytest.mark.parametrize(
+    ("dt", "modulus"), CASES[:2] + [pytest.param(*case, marks=pytest.mark.slow) for case in CASES[2:]]
+)
 def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
     """At 700 Pa, half the largest stress of the impacts, 40 of 201 bonds break."""
     assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 40) <= 3
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("dt", "modulus"), [*ENDS, *BETWEEN])
-def test_what_shatters_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
-    """At 500 Pa; 10 to 60 s each, three minutes and a half in all."""
-    assert abs(broken_in_converging_current("500 Pa", dt, modulus) - 82) <= 4
+@pytest.mark.parametrize(("dt", "modulus"), CASES)
+@pytest.mark.parametrize(("strength", "broken", "few"), [("500 Pa", 82, 4), ("300 Pa", 84, 5)])
+def test_what_shatters_in_a_converging_current_hangs_on_neither_step_nor_modulus(
+    strength: str, broken: int, few: int, dt: float, modulus: float
+) -> None:
+    """10 to 60 s each, five minutes in all."""
+    assert abs(broken_in_converging_current(strength, dt, modulus) - broken) <= few
 
 
 def in_mts(speed: float, dt: float, modulus: float, *, aside: float = 0.0, strength: float = 0.0) -> Model:
@@ -244,7 +248,9 @@ def after_impact(model: Model, speed: float) -> tuple[float, float, float, float
     def sums() -> np.ndarray:
         e, m = model.elements, model.elements.mass
         energy = 0.5 * (m @ (e.u**2 + e.v**2) + inertia @ e.spin**2)
-        return np.array([m @ e.u, m @ (e.lon * e.v - e.lat * e.u) + inertia @ e.spin, energy])
+        # Spins stand half a sub-step ahead of the velocities.
+        spin = e.spin - 0.5 * model.parameters.stepping.time_step / e.body.substeps * e.spin_rate
+        return np.array([m @ e.u, m @ (e.lon * e.v - e.lat * e.u) + inertia @ spin, energy])
 
     gap, before = float(np.ptp(el.lon)) - 25e3, sums()
     while model.time < gap / speed + 200.0:
@@ -261,7 +267,7 @@ def test_elastic_bergs_rebound_at_a_tenth_too(speed: float, dt: float) -> None:
     restitution, momentum, angular, spent = after_impact(in_mts(speed, dt, 1e9), speed)
     assert 0.05 < restitution < 0.15
     assert abs(momentum) < 1e-12
-    assert abs(angular) < 1e-8
+    assert abs(angular) < 1e-11
     assert spent == pytest.approx(1.0, abs=0.01)
 
 
@@ -272,7 +278,8 @@ def test_what_an_impact_breaks_in_mts_does_not_hang_on_youngs_modulus(modulus: f
     assert int((model.bonds.status != 0).sum()) == 2
     assert model.fragment_count == 3
     assert abs(momentum) < 1e-12
-    assert abs(angular) < 1e-5  # the sub-steps of the bonds turn the bergs by that much
+    # With the impulse on the piece as it was before the sub-steps deformed it, 2e-8.
+    assert abs(angular) < 1e-11
     assert spent == pytest.approx(1.0, abs=0.01)
 
 

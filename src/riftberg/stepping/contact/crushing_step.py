@@ -30,10 +30,10 @@ from riftberg.stepping.bodies.dynamics import (
 )
 from riftberg.stepping.contact.impulses import Island, IslandResult, approach_bound, element_path, spin_lever
 from riftberg.stepping.contact.island_step import (
-    REFRESH_FRACTION,
     Linearisation,
     accumulate_floor_impulse,
     accumulate_impulse,
+    is_stale,
     linearised_force,
 )
 from riftberg.stepping.contact.overlap import gap, overlap
@@ -209,7 +209,7 @@ def _integrate_island(
     left, shortest, elapsed, h = dt, dt, np.inf, np.inf
     _align(island, faces, pair_state, result, work)
     while True:
-        if elapsed >= REFRESH_FRACTION * dt or left <= 0.0:
+        if left <= 0.0 or is_stale(about, twist, work.arm, elapsed, dt):
             accumulate_impulse(island, about, elapsed, result.applied)
             if left <= 0.0:
                 _remember_depths(island, faces, pair_state, result, work)
@@ -295,6 +295,35 @@ def _overlap_of_pair(
     return area, moment_x, moment_y, chord_x, chord_y
 
 
+DRIVEN: Final = 2e-4
+"""Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
+
+
+@kernel
+def may_meet(
+    first: Ints, second: Ints, apart: Floats, velocity: Floats, faces: Faces, h: float
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Whether the faces of each pair may overlap within ``h`` s.
+
+    ``velocity``: of the elements, east, north and spin; shape (elements, 3).
+    """
+    near, most = np.ones(first.size, np.bool_), 0
+    for k in range(faces.ring.size - 1):
+        most = max(most, faces.ring[k + 1] - faces.ring[k])
+    one, two = np.empty((most, 2)), np.empty((most, 2))
+    for k in range(first.size):
+        i, j = first[k], second[k]
+        v, w, reach = velocity[i], velocity[j], faces.reach[i] + faces.reach[j]
+        way = h * (math.hypot(v[0] - w[0], v[1] - w[1]) + abs(v[2] - w[2]) * reach + 0.5 * DRIVEN * h)
+        near[k] = False
+        for p in range(faces.begin[i], faces.end[i]):
+            corners = _place(faces, p, apart[k, 0], apart[k, 1], 1.0, 0.0, one)
+            for q in range(faces.begin[j], faces.end[j]):
+                others = _place(faces, q, 0.0, 0.0, 1.0, 0.0, two)
+                near[k] = near[k] or gap(one[:corners], two[:others])[0] <= way
+    return near
+
+
 @borrower
 def _align(island: Island, faces: Faces, pair_state: Floats, result: IslandResult, work: CrushingWorkspace) -> None:
     """Take the pairs on from where the last step saw them: no force from a depth that has changed without a motion.
@@ -351,6 +380,10 @@ def _longest_substep(
     for k in range(island.first.size):
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
+        if pair_state[k, PHASE] == REST:
+            # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
+            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * before)
+            continue
         work.gap[k] = np.inf
         ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         far, reach = math.hypot(x1 - x2, y1 - y2), faces.reach[i] + faces.reach[j]
@@ -650,10 +683,11 @@ def _record_peak(island: Island, pair_state: Floats, count: int, result: IslandR
     work.size[:] = 0.0
     for f in range(count):
         k = work.active[f]
-        size = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y])
+        size, impact = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y]), pair_state[k, PHASE] == IMPACT
         for b in (body_of[island.first[k]], body_of[island.second[k]]):
             work.size[b] += size
-            harder = harder or (bonded[b] and work.size[b] > work.peak[b])
+            # At rest loads change slowly, and are those of the end of the step.
+            harder = harder or (bonded[b] and impact and work.size[b] > work.peak[b])
     if not harder:
         return
     work.contact_force[:, :] = 0.0

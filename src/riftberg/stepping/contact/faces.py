@@ -24,6 +24,7 @@ from riftberg.stepping.contact.crushing_step import (
     CrushingLaw,
     Faces,
     integrate_faces,
+    may_meet,
 )
 from riftberg.stepping.contact.islands import ContactPhase, IslandsOutcome, find_islands, forcing_of_rows, phase_of
 from riftberg.stepping.forces.sizes import Sizes
@@ -100,12 +101,7 @@ class FaceContact:
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:
             return None
-        count = op.matrices.mobility.shape[0]
-        i = find_islands(op.body, count, first, second)
-        first, second = first[i.order], second[i.order]
-        ids = np.column_stack([el.body.id[first], el.body.id[second]])
-        pair_state = _known_states(before, ids)
-        shown, axis = el.shown, op.levers[:, 9:11]
+        shown, axis, count = el.shown, op.levers[:, 9:11], op.matrices.mobility.shape[0]
         if turned is not None:
             alone = (np.bincount(op.body, minlength=count)[op.body] == 1) * turned
             c_turn, s_turn = np.cos(alone), np.sin(alone)
@@ -116,8 +112,7 @@ class FaceContact:
         x, y = polygons.corner.T
         corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
         faces = Faces(
-            polygons.begin[i.rows], polygons.begin[i.rows + 1], polygons.ring, corner, polygons.reach[i.rows],
-            el.body.thickness[i.rows],
+            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
         )  # fmt: skip
         apart = np.column_stack(
             separations(
@@ -125,11 +120,22 @@ class FaceContact:
                 shown.lon_pair[second], shown.lat_pair[second],
             )
         )  # fmt: skip
+        near = may_meet(first, second, apart, np.column_stack([shown.u_pair, shown.v_pair, el.motion.spin]), faces, h)
+        if not near.any():
+            return None
+        first, second, apart = first[near], second[near], apart[near]
+        i = find_islands(op.body, count, first, second)
+        first, second, apart = first[i.order], second[i.order], apart[i.order]
+        ids = np.column_stack([el.body.id[first], el.body.id[second]])
+        pair_state = _known_states(before, ids)
         bonded = np.bincount(op.body, minlength=count)[i.members] > 1
+        of_rows = Faces(
+            faces.begin[i.rows], faces.end[i.rows], faces.ring, corner, faces.reach[i.rows], faces.thickness[i.rows]
+        )
         outcome = integrate_faces(
             i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows],
             forcing_of_rows(i.rows, op.forcing), BodyMatrices(*(matrix[i.members] for matrix in op.matrices)),
-            bodies.twist[i.members], bonded, apart, faces, pair_state, h, self._law,
+            bodies.twist[i.members], bonded, apart, of_rows, pair_state, h, self._law,
         )  # fmt: skip
         found = IslandsOutcome(*outcome[:8])
         if not np.isfinite(found.twist).all():

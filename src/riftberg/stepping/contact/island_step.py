@@ -49,6 +49,10 @@ Media change over hours and velocities by contact within minutes: 32 times a ste
 """
 
 
+REFRESH_SPEED: Final = 2e-3
+"""Change of a body's velocity (m s-1) up to which the linear media stay: their error is its square times the drag."""
+
+
 class Linearisation(NamedTuple):
     """The forces of the media, linear about the twists at which they were evaluated last."""
 
@@ -148,6 +152,18 @@ def _integrate_island(
         if left < 1e-9 * dt:
             left = 0.0
         before = step
+
+
+@borrower
+def is_stale(about: Linearisation, twist: Floats, arm: Floats, elapsed: float, dt: float) -> bool:
+    """Whether the media must be evaluated anew, ``elapsed`` s after the last time."""
+    if elapsed < REFRESH_FRACTION * dt:
+        return False
+    change = 0.0
+    for b in range(twist.shape[0]):
+        u, v, w = twist[b, 0] - about.twist[b, 0], twist[b, 1] - about.twist[b, 1], twist[b, 2] - about.twist[b, 2]
+        change = max(change, math.hypot(u, v) + arm[b] * abs(w))
+    return elapsed == np.inf or change > REFRESH_SPEED
 
 
 @borrower

@@ -146,15 +146,19 @@ def phase_of(
     if not touched.any():
         return None
     count = op.matrices.mobility.shape[0]
-    bonded = np.bincount(op.body, minlength=count)[i.members] > 1
     took_part = np.zeros(count, bool)
     took_part[op.body[first[touched]]] = took_part[op.body[second[touched]]] = True
     members, rows = took_part[i.members], took_part[op.body[i.rows]]
     loaded = np.zeros(count, bool)
-    loaded[i.members[members & bonded]] = True
+    pressed = np.bincount(op.body[i.rows], np.abs(force).sum(axis=1), count)[i.members] > 0.0
+    loaded[i.members[members & pressed]] = True
     loaded_rows = loaded[op.body[i.rows]]
     peak = PeakContactLoad(
-        i.rows[loaded_rows], force[loaded_rows], axes[loaded_rows], i.members[members & bonded], spin[members & bonded]
+        i.rows[loaded_rows],
+        force[loaded_rows],
+        axes[loaded_rows],
+        i.members[members & pressed],
+        spin[members & pressed],
     )
     return ContactPhase(
         i.members[members], i.rows[rows], path[members] / dt, after[members], applied[rows], first[touched],
@@ -170,30 +174,26 @@ def trapezoidal_correction(
     In the sub-steps the media are those of the start; with this correction they act by the trapezoidal rule.
     """
     bodies, rows, half_dt = contact.bodies, contact.rows, 0.5 * dt
-    place = np.empty(twist.shape[0], np.int64)
-    place[bodies] = np.arange(bodies.size)
-    body_of = place[end.body[rows]]
-    new, mobility = contact.twist.copy(), end.matrices.mobility[bodies]
+    twist[bodies] = contact.twist
+    active, mobility = np.zeros(twist.shape[0], np.bool_), end.matrices.mobility[bodies]
+    active[bodies] = True
 
     def forces(op: BodyOperators) -> tuple[Floats, Floats]:
-        """Accelerations of the elements by each force, and net forces on the bodies, at the twists ``new``."""
-        accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(new.shape)
-        force = np.empty((rows.size, 3))
-        add_forces(body_of, op.levers[rows], new, forcing_of_rows(rows, op.forcing), accelerations, force, net_force)
-        return accelerations, net_force
+        """Accelerations of the elements by each force, and net forces on the bodies, at ``twist``."""
+        accelerations, net_force = np.zeros((op.body.size, len(FORCES), 2)), np.zeros(twist.shape)
+        add_forces(op.body, op.levers, twist, op.forcing, accelerations, np.empty((op.body.size, 3)), net_force)
+        return accelerations[rows], net_force[bodies]
 
     (old_accelerations, old_force), (accelerations, net_force) = forces(start), forces(end)
     for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
-        jacobian, everyone = np.zeros((*new.shape, 3)), np.ones(bodies.size, np.bool_)
-        assemble_force_and_jacobian(
-            body_of, end.levers[rows], new, forcing_of_rows(rows, end.forcing), everyone, np.zeros(new.shape), jacobian
-        )
-        matrix = np.eye(3) + half_dt * mobility @ jacobian
+        jacobian = np.zeros((*twist.shape, 3))
+        assemble_force_and_jacobian(end.body, end.levers, twist, end.forcing, active, np.zeros(twist.shape), jacobian)
+        matrix = np.eye(3) + half_dt * mobility @ jacobian[bodies]
         change = half_dt * mobility @ (net_force - old_force)[:, :, None]
-        new += np.linalg.solve(matrix, change + (contact.twist - new)[:, :, None])[:, :, 0]
+        twist[bodies] += np.linalg.solve(matrix, change + (contact.twist - twist[bodies])[:, :, None])[:, :, 0]
         accelerations, net_force = forces(end)
-    twist[bodies] = new
-    return twist, contact._replace(twist=new, applied=contact.applied + half_dt * (accelerations - old_accelerations))
+    applied = contact.applied + half_dt * (accelerations - old_accelerations)
+    return twist, contact._replace(twist=twist[bodies], applied=applied)
 
 
 def forcing_of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:

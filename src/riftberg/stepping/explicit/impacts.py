@@ -46,7 +46,8 @@ class Impact(NamedTuple):
     """What the pieces do in a long step in which some touch."""
 
     body: Ints  # Piece of each element
-    change: Floats  # Of the twists at the end of the sub-steps, from their mean on the way; shape (pieces, 3)
+    # From the mean twists on the way to those at the end, as impulses: the pieces have deformed by then; shape (pieces, 3)
+    impulse: Floats
     stress: Floats  # Of the bonds under the largest force, Pa; shape (bonds,), or (0,) where none is tested
 
 
@@ -95,17 +96,16 @@ class RigidImpacts:
         broken, stress = self._break(run, rigid.bodies, contact)
         _add_rigid_motion(el, body, rigid.operators.levers, change)
         change[contact.bodies] = contact.twist - contact.mean
-        return Impact(body, change, stress), broken
+        impulse = (rigid.operators.matrices.inertia @ change[:, :, None])[:, :, 0]
+        return Impact(body, impulse, stress), broken
 
-    def after_substeps(self, run: RunState, impact: Impact | None) -> None:
+    def after_substeps(self, run: RunState, sizes: Sizes, impact: Impact | None) -> None:
         """Give the elements the motion with which their pieces come out of the impacts, where they are now."""
         if impact is None:
             return
-        el, c = run.elements, run.constants
-        bodies = bodies_from_elements(el.lon, el.lat, impact.body, el.mass, c.latlon, c.earth_radius, c.period)
-        levers = np.empty((el.size, 11))
-        fill_levers(bodies, c.latlon, c.earth_radius, levers)
-        _add_rigid_motion(el, impact.body, levers, impact.change)
+        op = rigid_motion(run.elements, impact.body, sizes, run.constants).operators
+        change = (op.matrices.mobility @ impact.impulse[:, :, None])[:, :, 0]
+        _add_rigid_motion(run.elements, impact.body, op.levers, change)
         if impact.stress.size:
             np.maximum(run.bonds.peak_stress, impact.stress, out=run.bonds.peak_stress)
 

@@ -173,7 +173,7 @@ class MultipleStepper(Stateless):
             self._check_converged(report, run)
             broken += report.broken
         if self._impacts is not None:
-            self._impacts.after_substeps(run, impact)
+            self._impacts.after_substeps(run, sizes, impact)
         return broken
 
     @staticmethod
