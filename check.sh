@@ -14,6 +14,8 @@ venv="${RIFTBERG_VENV:-.venv}"
 "$venv/bin/python" -m pip install --quiet --no-deps --constraint constraints.txt veros loguru entrypoints h5netcdf h5py
 "$venv/bin/ruff" format --check src tests benchmarks
 "$venv/bin/ruff" check src tests benchmarks
+# Some two hundred processes begin in the tests: none is to compile the sources anew.
+unset PYTHONDONTWRITEBYTECODE
 # Types are checked beside the tests, which they end where something is wrong with them.
 trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 "$venv/bin/mypy" &

@@ -74,6 +74,8 @@ def _commands(content: str, fork: Any) -> None:
 
 
 def _command(words: list[str]) -> None:
+    if words[0] in ("forecast", "sweep") and "--workers" not in words:
+        words = [*words, "--workers", "1"]  # each process of theirs takes two seconds to begin
     app(words, prog_name="riftberg")
 
 

@@ -128,6 +128,32 @@ def test_commands_exist(page: str, words: list[str]) -> None:
             assert word in options, f"{page}: riftberg {words[0]} {word}"
 
 
+FAILING = {
+    "an error of Python": [("python", "a = 1"), ("python", "assert a == 2")],
+    "a deprecated call": [("python", "import warnings"), ("python", "warnings.warn('old', DeprecationWarning)")],
+    "code that ends": [("python", "raise SystemExit(3)"), ("bash", "true")],
+    "a command": [("bash", "riftberg run nothing.yaml"), ("python", "a = 1")],
+    "a command after others": [("bash", "true\nriftberg run nothing.yaml\ntrue")],
+    "bash": [("bash", "false\ntrue")],
+}
+
+
+@pytest.mark.parametrize("what", FAILING)
+def test_a_page_that_fails_is_noticed(what: str, tmp_path: Path) -> None:
+    with pytest.raises(AssertionError):
+        run_blocks(FAILING[what], tmp_path)
+
+
+def test_blocks_of_a_page_share_what_they_make(tmp_path: Path) -> None:
+    blocks = [
+        ("python", "from pathlib import Path\nn = 3"),
+        ("bash", "printf 'x' > seen\nriftberg --version"),
+        ("python", "assert Path('seen').read_text() == 'x' and n == 3 and __name__ == '__main__'"),
+    ]
+    run_blocks(blocks, tmp_path)
+    assert "riftberg " in (tmp_path / ".said").read_text()
+
+
 def test_readme_runs(tmp_path: Path) -> None:
     run_page(ROOT / "README.md", tmp_path)
 

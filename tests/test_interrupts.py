@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -242,6 +243,17 @@ def test_a_loop_of_runs_ends_with_the_first_interrupt() -> None:
     assert done == []
 
 
+@cache
+def _trees() -> list[ast.Module]:
+    return [ast.parse(path.read_text()) for path in SOURCES.rglob("*.py")]
+
+
+@cache
+def _called() -> frozenset[str]:
+    """Names of all that Python functions of the package call."""
+    return frozenset().union(*map(_calls, _trees()))
+
+
 def _calls(tree: ast.AST) -> set[str]:
     """Names of what Python functions of a module call; what kernels call is compiled code."""
     found: set[str] = set()
@@ -269,16 +281,15 @@ def _named_tuples_returned(tree: ast.AST, named: set[str]) -> set[str]:
 
 def test_no_kernel_that_python_calls_says_that_it_returns_a_named_tuple() -> None:
     """Of all kernels, also of those that no test has compiled in this process."""
-    trees = [ast.parse(path.read_text()) for path in SOURCES.rglob("*.py")]
     named = {
         node.name
-        for tree in trees
+        for tree in _trees()
         for node in ast.walk(tree)
         if isinstance(node, ast.ClassDef) and "NamedTuple" in map(ast.unparse, node.bases)
     }
-    returning = set().union(*(_named_tuples_returned(tree, named) for tree in trees))
+    returning = set().union(*(_named_tuples_returned(tree, named) for tree in _trees()))
     assert returning, "the search itself finds none"
-    assert returning & set().union(*map(_calls, trees)) == set()
+    assert returning & _called() == set()
 
 
 def test_no_kernel_that_python_calls_returns_a_named_tuple() -> None:
@@ -305,8 +316,7 @@ def test_no_kernel_that_python_calls_returns_a_named_tuple() -> None:
         for called in (value, *(call.__globals__["by_fields"] for call in getattr(value, "_calls", {}).values()))
         if any(named(compiled.signature.return_type) for compiled in called.overloads.values())
     }
-    called = set().union(*(_calls(ast.parse(path.read_text())) for path in SOURCES.rglob("*.py")))
-    assert returning & called == set()
+    assert returning & _called() == set()
 
 
 def _loses_the_first() -> None:

@@ -41,10 +41,15 @@ def waited_for(path: Path, process: subprocess.Popen[str]) -> None:
     assert path.exists(), process.communicate()
 
 
-def refused(*words: str) -> None:
-    result = subprocess.run(
-        [sys.executable, "-m", "riftberg", *words], capture_output=True, text=True, timeout=300, check=False
-    )
+def refused(first: subprocess.Popen[str], *words: str) -> None:
+    """Try a second command while the first one lives, but holds its breath: it would compute for as long as this one starts."""
+    first.send_signal(signal.SIGSTOP)
+    try:
+        result = subprocess.run(
+            [sys.executable, "-m", "riftberg", *words], capture_output=True, text=True, timeout=300, check=False
+        )
+    finally:
+        first.send_signal(signal.SIGCONT)
     assert result.returncode == 2, result.stdout + result.stderr
     assert "is writing this file" in result.stderr, result.stderr
 
@@ -68,7 +73,7 @@ def test_a_second_kid_leaves_the_first_alone(tmp_path: Path, times: int) -> None
     with started(*words) as first:
         waited_for(tmp_path / "KID_bonds.nc", first)
         for _ in range(times):
-            refused(*words)
+            refused(first, *words)
         ended(first)
     for name in ("KID.nc", "KID_bonds.nc", "KID_restart.nc", "KID_bonds_restart.nc"):
         with netCDF4.Dataset(tmp_path / name) as file:
@@ -83,8 +88,8 @@ def test_a_second_run_or_one_that_goes_on_leaves_the_first_alone(tmp_path: Path)
     out = tmp_path / "out"
     with started(*words, "-o", str(out), "--keep-days", "5") as first:
         waited_for(out / "kept-2.restart.nc", first)
-        refused(*words, "-o", str(out))
-        refused(*words, "--resume", str(out))
+        refused(first, *words, "-o", str(out))
+        refused(first, *words, "--resume", str(out))
         ended(first)
     with open_run(out) as run:
         assert run.sizes["time"] > 5
@@ -100,7 +105,7 @@ def test_a_second_sweep_leaves_the_first_alone(tmp_path: Path) -> None:
     words = ("sweep", str(tmp_path / "slab.yaml"), "--vary", "ice.density=850,870", "--days", "20000", "--workers", "0")
     with started(*words, "--allow-large", "-q", "--no-map", "-o", str(out)) as first:
         waited_for(out / "sweep.json", first)
-        refused("sweep", "--resume", str(out), "--allow-large", "-q", "--no-map")
+        refused(first, "sweep", "--resume", str(out), "--allow-large", "-q", "--no-map")
         ended(first)
     assert (out / "sweep.nc").exists()
 

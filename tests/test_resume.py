@@ -96,8 +96,11 @@ def differing(one: Model, other: Model) -> list[str]:
     return [name for name in a if a[name] != b[name]]
 
 
-@pytest.mark.parametrize("ocean", [steady, gridded])
-@pytest.mark.parametrize("name", PHYSICS)
+# What the steady ocean adds has little to do with the physics: two schemes are enough for the quick tests.
+IN_THE_STEADY = [pytest.param(n, steady, marks=() if n in ("dem", "verlet") else pytest.mark.slow) for n in PHYSICS]
+
+
+@pytest.mark.parametrize(("name", "ocean"), [*((name, gridded) for name in PHYSICS), *IN_THE_STEADY])
 def test_stopping_after_any_long_step_changes_nothing(tmp_path: Path, name: str, ocean: Callable[[], Forcing]) -> None:
     whole = Model(bergs(), ocean(), PHYSICS[name])
     files = []

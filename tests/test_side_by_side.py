@@ -68,14 +68,20 @@ def one_run(seed: int, path: str, forcing: Forcing | None = None) -> str:
     return digest(path) + digest(f"{path}.more.nc")
 
 
-def in_turn(tmp_path: Path, count: int = 3) -> list[str]:
-    return [one_run(seed, str(tmp_path / f"alone{seed}.nc")) for seed in range(count)]
+@pytest.fixture(scope="module")
+def folder_alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("alone")
 
 
-@pytest.mark.parametrize("threads", [2, 4])
-def test_runs_with_output_in_threads(tmp_path: Path, threads: int) -> None:
+@pytest.fixture(scope="module")
+def alone(folder_alone: Path) -> list[str]:
+    """Digests of three runs, one after the other."""
+    return [one_run(seed, str(folder_alone / f"alone{seed}.nc")) for seed in range(3)]
+
+
+@pytest.mark.parametrize("threads", [4, pytest.param(2, marks=pytest.mark.slow)])
+def test_runs_with_output_in_threads(tmp_path: Path, alone: list[str], threads: int) -> None:
     """Two runs in two threads crashed inside netCDF, every time."""
-    alone = in_turn(tmp_path)
     assert len(set(alone)) == 3
     with ThreadPoolExecutor(threads) as pool:
         together = list(pool.map(one_run, range(3), [str(tmp_path / f"{seed}.nc") for seed in range(3)]))
@@ -83,13 +89,12 @@ def test_runs_with_output_in_threads(tmp_path: Path, threads: int) -> None:
 
 
 @pytest.mark.parametrize("start", ["fork", "spawn"])
-def test_runs_with_output_in_processes(tmp_path: Path, start: str) -> None:
+def test_runs_with_output_in_processes(tmp_path: Path, alone: list[str], start: str) -> None:
     if start not in multiprocessing.get_all_start_methods():
         pytest.skip(f"this system cannot {start}")
-    alone = in_turn(tmp_path, 2)
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context(start)) as pool:
         together = list(pool.map(one_run, range(2), [str(tmp_path / f"{seed}.nc") for seed in range(2)]))
-    assert together == alone
+    assert together == alone[:2]
 
 
 def _reading(path: Path, stop: threading.Event) -> None:
@@ -99,25 +104,26 @@ def _reading(path: Path, stop: threading.Event) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
-def test_a_process_forked_while_another_thread_reads_can_read_too(tmp_path: Path) -> None:
+def test_a_process_forked_while_another_thread_reads_can_read_too(alone: list[str], folder_alone: Path) -> None:
     """It would inherit a lock that nobody gives back."""
-    alone, stop = in_turn(tmp_path, 1), threading.Event()
-    thread = threading.Thread(target=_reading, args=(tmp_path / "alone0.nc", stop))
+    file, stop = folder_alone / "alone0.nc", threading.Event()
+    thread = threading.Thread(target=_reading, args=(file, stop))
     thread.start()
     try:
         for trial in range(3):
             with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as pool:
-                assert pool.submit(digest, tmp_path / "alone0.nc").result(60) in alone[0], trial
+                assert pool.submit(digest, file).result(60) in alone[0], trial
     finally:
         stop.set()
         thread.join()
 
 
-@pytest.mark.parametrize("processes", [False, True], ids=["threads", "processes"])
+@pytest.mark.parametrize(
+    "processes", [pytest.param(False, id="threads"), pytest.param(True, id="processes", marks=pytest.mark.slow)]
+)
 @pytest.mark.filterwarnings("ignore")
-def test_runs_with_output_in_dask_workers(tmp_path: Path, processes: bool) -> None:
+def test_runs_with_output_in_dask_workers(tmp_path: Path, alone: list[str], processes: bool) -> None:
     distributed = pytest.importorskip("distributed")
-    alone = in_turn(tmp_path, 3)
     options = {"n_workers": 2 if processes else 1, "threads_per_worker": 1 if processes else 3}
     with (
         distributed.LocalCluster(processes=processes, dashboard_address=None, **options) as cluster,
@@ -232,15 +238,14 @@ def test_filters_end_with_their_block_whatever_another_library_puts_back(foreign
     assert list(warnings.filters) == before
 
 
-def test_lazy_data_of_the_program_itself_stay_apart_from_runs(tmp_path: Path) -> None:
+def test_lazy_data_of_the_program_itself_stay_apart_from_runs(tmp_path: Path, alone: list[str]) -> None:
     """Datasets that were opened by xarray as they are, with and without dask, are read while runs write."""
     own = field_file(tmp_path / "currents.nc")
     plain, chunked = xr.open_dataset(own), xr.open_dataset(own, chunks={"time": 1})
-    alone = in_turn(tmp_path, 2)
     with ThreadPoolExecutor(4) as pool:
         sums = [pool.submit(lambda ds=ds: float(ds["uo"].isel(time=slice(0, 40)).sum())) for ds in (plain, chunked)]
         runs = [pool.submit(one_run, seed, str(tmp_path / f"{seed}.nc")) for seed in range(2)]
-        assert [run.result() for run in runs] == alone
+        assert [run.result() for run in runs] == alone[:2]
         assert sums[0].result() == pytest.approx(sums[1].result())
     plain.close()
     chunked.close()
@@ -331,7 +336,8 @@ print(find_pairs(x, y, np.zeros(6, np.int64), 1.5, 0, False, 6.4e6, 0.0).partner
 """Compiles the search for pairs for single or double precision: other machine code for another signature."""
 
 
-@pytest.mark.parametrize("kinds", ["01", pytest.param("0101", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", ["01", "0101"])
 def test_first_compile_in_processes_with_one_cache(tmp_path: Path, kinds: str) -> None:
     """Also for different signatures of one kernel, whose entries share an index: nobody may get the other's code."""
     environment = {**os.environ, "RIFTBERG_CACHE": str(tmp_path / "cache")}

@@ -80,7 +80,7 @@ def shattering(threads: int) -> Model:
     return model
 
 
-@pytest.mark.parametrize("threads", [2, 3, 12])
+@pytest.mark.parametrize("threads", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 12))])
 def test_threads_within_a_lattice_change_nothing(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Breaking, wear, contact of broken ends and the sea floor: the same to the last bit, with more threads than blocks too."""
     alone = shattering(1)

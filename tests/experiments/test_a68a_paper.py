@@ -82,7 +82,11 @@ def folder(tmp_path: Path) -> Iterator[Path]:
 
 @pytest.mark.parametrize(
     ("name", "days", "zone", "breaks"),
-    [("a68_synthetic", 14.0, None, 10), ("a68_story", 15.5, ZONE_OF_STORY, 13), ("a68_oras5", 4.25 + LITTLE, None, 13)],
+    [
+        ("a68_oras5", 4.25 + LITTLE, None, 13),
+        pytest.param("a68_synthetic", 14.0, None, 10, marks=pytest.mark.slow),
+        pytest.param("a68_story", 15.5, ZONE_OF_STORY, 13, marks=pytest.mark.slow),
+    ],
 )
 def test_the_paper_from_its_files_is_what_the_reference_gives(
     shared: Path, folder: Path, name: str, days: float, zone: tuple[float, float] | None, breaks: int

@@ -71,7 +71,15 @@ def assert_goes_on(whole: Path, resumed: Path, *, first: float) -> None:
         assert x.tobytes() == y.tobytes(), f"{name} differs"
 
 
-@pytest.mark.parametrize("every", [0.0, 1.0, 2.0, 3.0 * DT / 3600.0], ids=["every step", "1 h", "2 h", "3 steps"])
+@pytest.mark.parametrize(
+    "every",
+    [
+        pytest.param(0.0, id="every step"),
+        pytest.param(1.0, id="1 h", marks=pytest.mark.slow),
+        pytest.param(2.0, id="2 h"),
+        pytest.param(3.0 * DT / 3600.0, id="3 steps", marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("apart", [6, pytest.param(2, marks=pytest.mark.slow)], ids=["few stops", "many stops"])
 def test_every_variable_of_a_resumed_run_is_that_of_the_whole_run(
