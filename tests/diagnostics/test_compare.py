@@ -115,6 +115,13 @@ def test_places_are_west_of_greenwich_or_in_kilometres(tmp_path: Path) -> None:
     assert re.search(r"at x 25.[67]\d* km, y -3.[45]\d* km$", dict(compare([plane]).rows)["break-up 1"][0])
 
 
+def test_means_of_days_without_a_heading_leave_it_out(folder: Path) -> None:
+    """Bug: members of a sweep, whose tracks have no heading, were "3.0 km, nan°" off."""
+    run = read_compared(folder, "one", [fix(folder, 0, WHOLE, north=3000.0)])
+    told = replace(run, days=[replace(run.days[0], azimuth_difference=None)])
+    assert dict(compare([told]).rows)["rms of the days"] == ["3.0 km"]
+
+
 def test_days_without_an_hour_get_one_and_interpolated_ones_are_left_out() -> None:
     noon = Fix("X", datetime(2020, 12, 9), True, -39.0, -55.0)
     found = with_hours([noon, replace(noon, interpolated=True), replace(noon, day_only=False)], 13.5)
