@@ -494,6 +494,13 @@ def test_fesom_without_positions_is_refused(tmp_path: Path) -> None:
     refused(written(tmp_path, bare), "no latitudes and longitudes are given for unod")
 
 
+def test_nodes_beyond_the_poles_are_refused(tmp_path: Path) -> None:
+    """Bug: latitudes were checked on axes and curved grids, not at nodes."""
+    ds = unstructured(("unod", "vnod"), told=True)
+    there = ds["lat"].copy(data=2.0 * ds["lat"].values)
+    refused(written(tmp_path, ds.assign_coords(lat=there)), "that is no latitude")
+
+
 MAPS = {
     "polar stereographic": "EPSG:3031",
     "Lambert": "+proj=lcc +lat_1=-50 +lat_2=-60 +lat_0=-55 +lon_0=-60 +R=6371229",

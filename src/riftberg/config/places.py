@@ -8,24 +8,15 @@ from typing import Final
 POINTS: Final = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 
 
-def latitude(value: float, digits: int) -> str:
-    """Return a latitude (degrees) such as ``55.02 S``."""
-    return f"{abs(value):.{digits}f} {'S' if value < 0.0 else 'N'}"
-
-
-def longitude(value: float, digits: int) -> str:
-    """Return a longitude (degrees, on any turn) such as ``37.56 W``."""
-    value = (value + 180.0) % 360.0 - 180.0
-    return f"{abs(value):.{digits}f} {'W' if value < 0.0 else 'E'}"
-
-
 def place_text(lon: float, lat: float, *, latlon: bool, digits: int = 3) -> str:
-    """Return a place: latitude and longitude in degrees, or x and y of a Cartesian run (m) in that order.
+    """Return a place such as ``55.02 S, 37.56 W``, or x and y of a Cartesian run in that order.
 
-    ``lon``, ``lat``: degrees, or x and y in m.
+    ``lon``, ``lat``: degrees (a longitude on any turn), or x and y in m.
     """
     if latlon:
-        return f"{latitude(lat, digits)}, {longitude(lon, digits)}"
+        lon = (lon + 180.0) % 360.0 - 180.0
+        sides = "S" if lat < 0.0 else "N", "W" if lon < 0.0 else "E"
+        return f"{abs(lat):.{digits}f} {sides[0]}, {abs(lon):.{digits}f} {sides[1]}"
     if max(abs(lon), abs(lat)) < 1e4:
         return f"x {lon:.6g} m, y {lat:.6g} m"
     return f"x {lon / 1e3:.6g} km, y {lat / 1e3:.6g} km"

@@ -16,15 +16,17 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.config.places import area_text, latitude, longitude, place_text
+from riftberg.config.places import area_text, place_text
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.outlines import axis_difference, best_pairs
+from riftberg.diagnostics.score import root_mean_square
 from riftberg.errors import InputError, nearest
 from riftberg.ocean.grid import haversine
 from riftberg.runs.checks import parameters_of, read_summary
@@ -34,9 +36,6 @@ from riftberg.runs.tracks import Position, berg_position, tracks_of
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_json
 from riftberg.system.input_files import value_shown
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -270,12 +269,10 @@ class ComparedRun:
     course: Course
     file: str = ""  # Text of its experiment file
 
-    def rms(self) -> tuple[float, float] | None:
+    def rms(self) -> tuple[float, float | None] | None:
         """Return root mean squares of distance (km) and of the difference of the axes (degrees); None without days."""
-        turns = [d.azimuth_difference for d in self.days if d.azimuth_difference is not None]
-        if not self.days:
-            return None
-        return _rms([d.distance_km for d in self.days]), _rms(turns)
+        distance = root_mean_square(day.distance_km for day in self.days)
+        return None if distance is None else (distance, root_mean_square(day.azimuth_difference for day in self.days))
 
 
 @dataclass(frozen=True)
@@ -471,36 +468,28 @@ def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, st
     rows |= {minute_text(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
     means = run.rms()
     if means is not None:
-        rows["rms of the days"] = f"{means[0]:.1f} km" + ("" if math.isnan(means[1]) else f", {means[1]:.0f}°")
+        rows["rms of the days"] = f"{means[0]:.1f} km" + ("" if means[1] is None else f", {means[1]:.0f}°")
     return rows
 
 
 def _event(event: dict[str, Any], latlon: bool) -> str:
     when = datetime.fromisoformat(event["time"])
     ground = "aground" if event["grounded"] else "afloat"
-    place = f"{latitude(event['lat'], 2)} {longitude(event['lon'], 2)}"
-    if not latlon:
-        place = f"{event['lon'] / 1e3:.1f}, {event['lat'] / 1e3:.1f} km"
+    place = place_text(event["lon"], event["lat"], latlon=latlon, digits=2)
     return f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, at {place}"
 
 
 def _place_of_fix(fix: Fix) -> str:
     turned = "" if math.isnan(fix.azimuth) else f", {fix.azimuth:.0f}°"
-    return f"{latitude(fix.lat, 2)} {longitude(fix.lon, 2)}{turned}"
+    return f"{place_text(fix.lon, fix.lat, latlon=True, digits=2)}{turned}"
 
 
 def _apart(kilometres: float, turned: float | None) -> str:
     return f"{kilometres:.1f} km off" + ("" if turned is None else f", {turned:+.0f}°")
 
 
-def _rms(values: Sequence[float]) -> float:
-    return math.sqrt(sum(v * v for v in values) / len(values)) if values else math.nan
-
-
 def between(one: xr.Dataset, other: xr.Dataset, berg: str | None = None) -> xr.Dataset:
     """Return how far the same berg of two runs is apart, and their break-ups: see ``compare`` of `riftberg.runs.accessor`."""
-    import xarray as xr
-
     courses = [course_of(run, berg) for run in (one, other)]
     by_time = apart(*courses)
     earth = {"latlon": courses[0].latlon, "radius": courses[0].radius}

@@ -198,7 +198,7 @@ class ModelGrid(NamedTuple):
             np.asarray(
                 low + settings.spacing * np.arange(max(1, round((high - low) / settings.spacing)) + 1), np.float64
             )
-            for low, high in (_box(settings.box[0]), settings.box[1])
+            for low, high in settings.box
         )
         hours = (run.end - run.start) / timedelta(hours=1)
         # Round-off must not add an interval beyond the end, for which no file need have records.
@@ -309,7 +309,7 @@ def _check_size(settings: FileForcing, run: Run) -> None:
     """Refuse a model grid of more cells or dates than anybody means, before any of them is made."""
     assert settings.spacing is not None
     files = ", ".join(entry.file for entry in settings.entries)
-    spans = [high - low for low, high in (_box(settings.box[0]), settings.box[1])]
+    spans = [high - low for low, high in settings.box]
     refuse_large(
         math.prod(span / settings.spacing for span in spans), MOST_CELLS, "cells of a model grid", size=BYTES_PER_CELL,
         where=f"forcing.spacing, for {files}", remedy="Give a wider spacing or a smaller box", kind=ForcingError,
@@ -431,12 +431,6 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
     return [ds for ds in given if ds.data_vars]
 
 
-def _box(longitude: tuple[float, float]) -> tuple[float, float]:
-    """West and east with east above west, also across the date line."""
-    west, east = longitude
-    return west, east if east > west else east + 360.0
-
-
 def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
     """Return a dataset around place and time of the run, in parts without records that hold no value."""
     own = step_of(np.asarray(ds["lat"].values, np.float64)) if "lat" in ds.dims else 0.5
@@ -449,7 +443,7 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
         # So much more that a missing record at the edge can be bridged by those beyond it.
         day_means = settings.sea_level == "geostrophic" and "uo" in ds
         ds = window_in_time(ds, (first, last), max(records.gap_limit(ds), 0.5 * SECONDS_PER_DAY * day_means))
-    near = window(ds, _box(settings.box[0]), settings.box[1], margin=margin)
+    near = window(ds, *settings.box, margin=margin)
     for axis in ("lat", "lon", "y", "x"):
         if near.sizes.get(axis, 2) < 2:
             raise ForcingError(

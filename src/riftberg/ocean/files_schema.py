@@ -116,10 +116,11 @@ class FileForcing(Section):
 
     @property
     def box(self) -> tuple[Pair, Pair]:
-        """Longitudes and latitudes of what is needed, once they are chosen."""
+        """Longitudes and latitudes of what is needed, once they are chosen; east is above west, also across the date line."""
         assert self.longitude is not None
         assert self.latitude is not None
-        return self.longitude, self.latitude
+        west, east = self.longitude
+        return (west, east if east > west else east + 360.0), self.latitude
 
     @property
     def entries(self) -> list[NamedFiles]:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.config.places import latitude, longitude
+from riftberg.config.places import place_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import SURFACE, Blend
@@ -311,7 +311,6 @@ def _place(ds: xr.Dataset, row: int, column: int) -> str:
     if not {"lat", "lon"} <= set(ds.coords):
         return f"row {row}, column {column}"
     lat, lon = ds["lat"].values, ds["lon"].values
-    if lat.ndim == 1 and "lat" in ds.dims:
-        return f"{latitude(float(lat[row]), 3)}, {longitude(float(lon[column]), 3)}"
-    where = (row, column) if lat.ndim == 2 else (column,)
-    return f"{latitude(float(lat[where]), 3)}, {longitude(float(lon[where]), 3)}"
+    if lat.ndim == 2:
+        return place_text(lon[row, column], lat[row, column], latlon=True)
+    return place_text(lon[column], lat[row if "lat" in ds.dims else column], latlon=True)
