@@ -64,7 +64,8 @@ class BlockLDL:
 
     def __init__(self, first: Ints, second: Ints, diagonal: Floats, between: Floats) -> None:
         order = minimum_degree(diagonal.shape[0], first, second)
-        self.factors = Factors(order, *_factored(order, first, second, diagonal, between), np.empty((order.size, 3)))
+        start, row, lower, inverse = _factored(order, first, second, diagonal, between)
+        self.factors = Factors(order, start, row, lower, inverse, np.empty((order.size, 3)))
         self._one, self._free = np.ones(order.size), np.ones(3 * order.size)
 
     def solve(self, right: Floats) -> Floats:
