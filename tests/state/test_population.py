@@ -211,3 +211,23 @@ def test_what_a_step_may_change_is_copied_and_the_rest_shared() -> None:
     population.elements.lon[:] = -1.0
     population.restore(saved)
     np.testing.assert_array_equal(population.elements.lon, line(3)[0].lon)
+
+
+@pytest.mark.parametrize("stepped_only", [True, False])
+def test_a_copy_is_made_in_memory_that_is_there_while_the_rows_are_the_same(stepped_only) -> None:
+    population = Population(*line(3))
+    first = population.saved(stepped_only=stepped_only)
+    population.elements.lon[:], population.bonds.damage[:] = 7.0, 0.5
+    again = population.saved(stepped_only=stepped_only, into=first)
+    assert again is first
+    assert (again.elements.lon == 7.0).all()
+    assert (again.bonds.damage == 0.5).all()
+    population.elements.lon[:] = -1.0
+    assert (again.elements.lon == 7.0).all()
+    assert population.saved(stepped_only=not stepped_only, into=first) is not first
+    population.remove(population.elements.body.id[:1])
+    other = population.saved(stepped_only=stepped_only, into=first)
+    assert other is not first
+    assert other.elements.size == 2
+    population.restore(first)
+    assert population.elements.lon.tolist() == [7.0, 7.0, 7.0]

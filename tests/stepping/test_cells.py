@@ -274,6 +274,25 @@ def bent(packing: str, angle: float, across: int, poisson: float = 0.3) -> tuple
     return float(np.linalg.lstsq(columns[near], deflection[near], rcond=None)[0][0]), float(nodal.max() / edge)
 
 
+def test_means_take_triangles_with_a_freed_edge_only_where_there_are_no_others() -> None:
+    """Against sums place by place."""
+    rng = np.random.default_rng(4)
+    place, triangle = np.divmod(np.unique(rng.integers(0, 12 * 20, 60)), 20)
+    near, whole = Neighbourhoods(place, triangle, rng.uniform(1.0, 2.0, place.size)), rng.random(20) < 0.4
+    stress, seen = rng.normal(size=(20, 3)), set()
+    found = mean_stresses(near.but_freed(whole), stress, 13)
+    for k in range(13):
+        of_place = place == k
+        counts = of_place & whole[triangle] if (of_place & whole[triangle]).any() else of_place
+        share = near.share[counts]
+        expected = share @ stress[triangle[counts]] / share.sum() if counts.any() else np.zeros(3)
+        np.testing.assert_allclose(found[k], expected, rtol=1e-13)
+        seen.add(
+            (bool(of_place.any()), bool((of_place & whole[triangle]).any()), int(counts.sum()) < int(of_place.sum()))
+        )
+    assert len(seen) >= 3
+
+
 @pytest.mark.parametrize(("packing", "angle"), LATTICES)
 def test_a_beam_of_eight_cells_sags_as_beam_theory_says(packing, angle) -> None:
     sag, edge = bent(packing, angle, 8)
