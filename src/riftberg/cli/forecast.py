@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from riftberg.ensembles.sweep import Plan
 
-RESULTS = ("forecast.nc", "sweep.json", "forecast.png")
+RESULTS = ("forecast.nc", "sweep.json", "control.nc", "forecast.png")
 """Files that a forecast writes into its folder, beside the folder ``members``."""
 
 
@@ -103,7 +103,7 @@ def forecast(
                     say(f"  {v.told()}")
         with results_folder(store.folder, RESULTS):
             result = run_members(store, "forecast", scheduler, workers, quiet=quiet)
-        files = ["forecast.nc", "sweep.json"]
+        files = list(RESULTS[:-1])
         if not (result["status"] == 0).any():
             message = next((str(text) for text in result["message"].values if text), "")
             raise RunError(f"no member came to its end{': ' if message else ''}{message}")
