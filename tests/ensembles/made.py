@@ -20,14 +20,17 @@ START = datetime(2020, 12, 9)
 
 def outcome(
     number: int, lon: Sequence[float], lat: Sequence[float], *, broken: float | None = None, aground: float = np.nan,
-    area: float = 100e6, piece: float = 30e6, means: dict[str, float] | None = None,
+    area: float = 100e6, piece: float = 30e6, means: dict[str, float] | None = None, shape: tuple[float, float] = (0.0, np.nan),
 ) -> Outcome:  # fmt: skip
-    """Return a member whose berg is at these places from day to day, and from which a piece breaks off after some days."""
+    """Return a member whose berg is at these places from day to day, and from which a piece breaks off after some days.
+
+    ``shape``: azimuth of the long axis, and length over width.
+    """
     table = {name: [0.0] for name in FRAGMENT} | {"number": [1.0], "area": [area], "lon": [lon[0]], "lat": [lat[0]]}
     track, cracks = [], []
     for k, (x, y) in enumerate(zip(lon, lat, strict=True)):
         parted = broken is not None and k >= broken
-        track.append([k * DAY, 1.0, x, y, area - piece if parted else area, 0.0])
+        track.append([k * DAY, 1.0, x, y, area - piece if parted else area, 0.0, shape[0], 0.0, shape[1]])
         if parted:
             track.append([k * DAY, 2.0, x, y + 0.1, piece, 0.0])
     if broken is not None:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from riftberg.ensembles.emulator import Emulator
-from riftberg.ensembles.matching import Matched, Region, Targets, Wave, likeliest, match, posterior
+from riftberg.ensembles.matching import Emulator, Matched, Region, Targets, Wave, likeliest, match, posterior
 from riftberg.ensembles.probability import quantiles
 from riftberg.errors import RunError
 from riftberg.verification.calibrate import is_known

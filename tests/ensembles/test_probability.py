@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 import xarray as xr
 from typer.testing import CliRunner
 
@@ -15,6 +16,7 @@ import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
+from riftberg.ensembles.hazard import approach, ice_limits
 from riftberg.ensembles.member import Outcome
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
 from riftberg.ensembles.vary import varied_of
@@ -102,6 +104,24 @@ def test_presence_holds_each_member_once() -> None:
     dx = float(ds["cell_lon"].diff("cell_lon")[0]) * np.cos(np.deg2rad(56.0)) * 111.2
     dy = float(ds["cell_lat"].diff("cell_lat")[0]) * 111.2
     assert float((ds["presence"].values[:, :, 0] > 0).sum()) * dx * dy == pytest.approx(100.0, rel=0.25)
+
+
+def test_ice_lies_where_a_long_berg_lies() -> None:
+    """Bug: of a berg 150 km long the ends lay beyond the presence and the limits of ice, which took discs of its area."""
+    ds = forecast_of([outcome(k, [-37.0] * 2, [-56.0] * 2, area=400e6, shape=(30.0, 4.0)) for k in range(2)], 1)
+    major, minor = 2.0 * 400.0**0.5 / np.pi**0.5, 0.5 * 400.0**0.5 / np.pi**0.5  # km
+    for along, across, there in ((0.9, 0.0, 1.0), (-0.9, 0.0, 1.0), (1.2, 0.0, 0.0), (0.0, 0.8, 1.0), (0.0, 1.6, 0.0)):
+        azimuth = np.deg2rad(30.0)
+        east = along * major * np.sin(azimuth) + across * minor * np.cos(azimuth)
+        north = along * major * np.cos(azimuth) - across * minor * np.sin(azimuth)
+        lon, lat = -37.0 + east / 111.2 / np.cos(np.deg2rad(56.0)), -56.0 + north / 111.2
+        assert float(ds["presence"].isel(time=0).sel(cell_lon=lon, cell_lat=lat, method="nearest")) == there
+        limit = shapely.Polygon(ice_limits(ds)[0].line)
+        assert limit.contains(shapely.Point(lon, lat)) == (there > 0.0)
+    near_by = approach(
+        ds, "tip", shapely.Point(-37.0 + 1.0 * np.tan(np.deg2rad(30.0)) / np.cos(np.deg2rad(56.0)), -55.0), 1e3
+    )
+    assert near_by.closest / 1e3 == pytest.approx([111.2 / np.cos(np.deg2rad(30.0)) - major] * 2, rel=0.01)
 
 
 def test_the_ellipse_holds_its_share_of_the_members() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg import forecast
-from riftberg.ensembles.starts import SPEED_OF_AGE, read_starts
+from riftberg.ensembles.uncertain import SPEED_OF_AGE, read_starts
 from riftberg.ensembles.vary import Draws, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build

@@ -103,7 +103,8 @@ def test_a_member_that_broke_up_had_reached_its_strength() -> None:
     assert ds["stress_ratio"].values[0] >= 1.0
     assert 0.0 < ds["stress_ratio"].values[1] < 0.1
     assert ds["stress_ratio_so_far"].values[:, -1] == pytest.approx(ds["stress_ratio"].values)
-    assert 0.0 <= ds["azimuth"].values[1, 0, 0] < 180.0
+    assert ds["azimuth"].values[1, 0, 0] == pytest.approx(90.0, abs=0.1)
+    assert ds["elongation"].values[1, 0, 0] == pytest.approx(10.0 / 3.0, rel=1e-3)  # ten by three elements
 
 
 def eddied(speed: float = 0.6, east: float = 0.2, nothing: float = 1.0) -> Model:

@@ -25,8 +25,8 @@ from riftberg.ensembles.sweep import sweep
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.verification.forecast import report, verified
+from riftberg.verification.positions import local, moved
 from riftberg.verification.sightings import outline_of_run, sightings_of
-from riftberg.verification.sphere import local, moved
 from riftberg.verification.tracks import Case, Start, dressed_without
 
 START = datetime(2020, 12, 9, 13)

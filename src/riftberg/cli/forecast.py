@@ -1,4 +1,4 @@
-"""``riftberg forecast``: an ensemble with errors of all that is uncertain, its probabilities and its picture."""
+"""``riftberg forecast``: an ensemble with errors of all that is uncertain; ``product-errors``: how large one of them is."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from riftberg.cli.options import (
     Without,
     Workers,
     make_options,
+    pair,
     positive,
     results_folder,
 )
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
     from riftberg.ensembles.sweep import Plan
 
-RESULTS = ("forecast.nc", "sweep.json", "forecast.png")
+RESULTS = ("forecast.nc", "sweep.json", "control.nc", "forecast.png")
 """Files that a forecast writes into its folder, beside the folder ``members``."""
 
 
@@ -102,7 +103,7 @@ def forecast(
                     say(f"  {v.told()}")
         with results_folder(store.folder, RESULTS):
             result = run_members(store, "forecast", scheduler, workers, quiet=quiet)
-        files = ["forecast.nc", "sweep.json"]
+        files = list(RESULTS[:-1])
         if not (result["status"] == 0).any():
             message = next((str(text) for text in result["message"].values if text), "")
             raise RunError(f"no member came to its end{': ' if message else ''}{message}")
@@ -124,3 +125,19 @@ def first_picture(result: xr.Dataset, path: Path) -> None:
 
         draw_forecast(result, path, notes=notes(result))
         say(f"{path}: a first picture, of {int((result['status'] == 0).sum())} members")
+
+
+@reported
+def product_errors(
+    first: Annotated[Path, typer.Argument(metavar="FIRST", help="File of a product with currents.")],
+    second: Annotated[Path, typer.Argument(metavar="SECOND", help="File of another one, of the same days and area.")],
+    lon: Annotated[str | None, typer.Option("--lon", metavar="WEST,EAST", help="Box.  [default: what both cover]")] = None,
+    lat: Annotated[str | None, typer.Option("--lat", metavar="SOUTH,NORTH", help="Box.")] = None,
+) -> None:  # fmt: skip
+    """Estimate the error of the current by the differences of two products: size, length, time."""
+    from riftberg.ensembles.product_errors import estimated
+
+    found = estimated(first, second, longitude=pair(lon, "--lon"), latitude=pair(lat, "--lat"))
+    typer.echo(f"{found.points} points, {found.records} dates; half of the squared difference, if both err alike:")
+    typer.echo("  " + " ".join(f"--vary '{text}'" for text in found.vary))
+    typer.echo("  A lower bound: errors that both products share are not in their difference.")

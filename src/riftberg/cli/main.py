@@ -34,7 +34,7 @@ SUMMARIES: Final = {
     "bench": "Measure seconds per simulated day, compilation and memory, relative to a reference workload.",
     "plot": "Draw maps at chosen dates with observed outlines, stress and damage of the bonds, and the history of the fragments.",
     "animate": "Write a film of a run.",
-    "replay": "Write one web page that plays the run offline, with scrubbing and zoom.",
+    "replay": "Write one web page that plays the run offline, with scrubbing and zoom; of a forecast with all its members.",
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
     "verify": "Score an ensemble against observations: CRPS, energy score, coverage, ranks, spread, probability of break-up.",
     "verify-tracks": "Score drift models on observed tracks of giant bergs, beside staying put and constant velocity.",
@@ -46,7 +46,7 @@ SUMMARIES: Final = {
 """The commands in the order of the help, with the first lines of their own, so that help need not load them."""
 
 _ELSEWHERE: Final = {
-    "experiments": "run", "doctor": "forcing_files", "fetch": "forcing_files",
+    "experiments": "run", "product-errors": "forecast", "doctor": "forcing_files", "fetch": "forcing_files",
     **dict.fromkeys(("plot", "animate", "replay"), "pictures"),
 }  # fmt: skip
 """Commands that stand in the file of another."""

@@ -294,7 +294,7 @@ def replay(
     ] = 10.0,
     show: Annotated[bool, typer.Option("--show", help="Open the page in the browser.")] = False,
 ) -> None:
-    """Write one web page that plays the run offline, with scrubbing and zoom; of a forecast the control, with all members."""
+    """Write one web page that plays the run offline, with scrubbing and zoom; of a forecast with all its members."""
     from riftberg.runs.run_file import open_run
     from riftberg.viz.replay import write_replay
 

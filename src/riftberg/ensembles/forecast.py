@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Unpack
 
 from riftberg.config.values import check_names, number
 from riftberg.ensembles.distributions import PLANS, POINTS
-from riftberg.ensembles.sweep import MEMBER, Plan, Store, SweepOptions, common_options, draws_of, planned, run_sweep
+from riftberg.ensembles.sweep import MEMBER, Plan, SweepOptions, common_options, draws_of, planned, run_plan
 from riftberg.ensembles.vary import Draws, Varied, varied_of, vary_with_file
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import EXPERIMENTS, Options
-from riftberg.runs.progress import SweepBar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -180,16 +177,8 @@ def forecast(
     """
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
-    if options.get("cells") is not None and output is None:
-        raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     plan = forecast_plan(
         experiment, vary, common_options(days, options), every, draws_of(options), defaults=default_errors,
         cells=options.get("cells"),
     )  # fmt: skip
-    with TemporaryDirectory(prefix="riftberg-forecast-") if output is None else nullcontext(output) as folder:
-        store = Store(Path(folder).absolute(), plan, resume=resume)
-        bar = SweepBar(len(plan.members) + 1) if progress else None
-        return run_sweep(
-            store, scheduler=options.get("scheduler"), workers=options.get("workers"),
-            save_seconds=options.get("save_seconds", 60.0), bar=bar,
-        ).load()  # fmt: skip
+    return run_plan(plan, output, resume, progress, options)

@@ -16,7 +16,7 @@ import shapely
 import xarray as xr
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import counted, effective, near, quantiles, wilson
+from riftberg.ensembles.probability import axes_of, counted, effective, near, quantiles, wilson
 from riftberg.errors import InputError
 from riftberg.plane import ellipse
 from riftberg.state import Floats
@@ -25,7 +25,7 @@ LIMITS: Final = (50, 90, 99)
 """Limits of ice, %."""
 
 CORNERS: Final = 24
-"""Corners of the polygon around the disc that stands for a fragment."""
+"""Corners of the polygon around the ellipse that stands for a fragment."""
 
 HOURS: Final = 1.0
 """Interval at which tracks are read between their positions to find how near ice comes."""
@@ -63,12 +63,22 @@ def _corners(done: xr.Dataset) -> tuple[list[Floats], list[Floats]]:
     """Return the corners of each fragment of each member at each time, shape (fragment, time, corners, 2), and the areas."""
     lon, lat, area = (done[name].values for name in ("lon", "lat", "area"))
     lon = near(lon, float(lon[np.isfinite(lon)][0]))
-    angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-    # The polygon around a disc, not in it: no ice sticks out.
-    radius = np.sqrt(area / np.pi) / math.cos(math.pi / CORNERS) / (DEGREE * EARTH_RADIUS_A68)
-    x = lon[..., None] + (radius / np.cos(lat * DEGREE))[..., None] * np.cos(angle)
-    y = lat[..., None] + radius[..., None] * np.sin(angle)
+    east, north = _around(*axes_of(done))
+    x = lon[..., None] + east / (DEGREE * EARTH_RADIUS_A68 * np.cos(lat * DEGREE))[..., None]
+    y = lat[..., None] + north / (DEGREE * EARTH_RADIUS_A68)
     return list(np.stack([x, y], axis=-1)), list(np.where(np.isfinite(lon), area, np.nan))
+
+
+def _around(major: Floats, minor: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
+    """Return the corners (along a last axis) of the polygons around ellipses, m east and north of their middles.
+
+    Around an ellipse, not in it: no ice sticks out.
+    """
+    angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    outside = 1.0 / math.cos(math.pi / CORNERS)
+    along, across = outside * major[..., None] * np.cos(angle), outside * minor[..., None] * np.sin(angle)
+    sine, cosine = np.sin(azimuth * DEGREE)[..., None], np.cos(azimuth * DEGREE)[..., None]
+    return along * sine + across * cosine, along * cosine - across * sine
 
 
 def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[Floats, float]:
@@ -200,6 +210,7 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     shapely.prepare(flat)
     lead = ds["lead"].values
     fine = np.arange(lead[0], lead[-1] + 0.5 * HOURS, HOURS) if len(lead) > 1 else lead
+    ellipses = axes_of(done)
     arrived, closest = np.full(done.sizes["member"], np.inf), np.full(done.sizes["member"], np.inf)
     for m in range(done.sizes["member"]):
         for p in range(done.sizes["fragment"]):
@@ -211,10 +222,11 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
             track = near(done["lon"].values[m, p][known], float(done["lon"].values[m, p][known][0]))
             lon = np.interp(hours, lead[known], track)
             lat = np.interp(hours, lead[known], done["lat"].values[m, p][known])
-            radius = np.sqrt(np.interp(hours, lead[known], done["area"].values[m, p][known]) / np.pi)
-            away = np.maximum(
-                shapely.distance(flat, shapely.points(laid_flat(np.column_stack([lon, lat])))) - radius, 0.0
-            )
+            axes = (np.interp(hours, lead[known], row[m, p][known], period=period)
+                    for row, period in zip(ellipses, (None, None, 180.0), strict=True))  # fmt: skip
+            middle = laid_flat(np.column_stack([lon, lat]))
+            ice = middle[:, None] + np.stack(_around(*axes), axis=-1)
+            away = shapely.distance(flat, shapely.polygons(ice))
             closest[m] = min(closest[m], float(away.min()))
             close = np.flatnonzero(away <= within)
             if close.size:

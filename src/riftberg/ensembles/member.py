@@ -107,7 +107,8 @@ class Outcome:
     wall_seconds: float = 0.0  # Model time reached, and wall time spent by the attempt that ended it, s
     totals: dict[str, float] = field(default_factory=dict)  # Counts and sizes at the end
     fragments: dict[str, list[float]] = field(default_factory=dict)  # Table of bergs and fragments
-    # Rows of time, number, longitude, latitude, area, 1 where aground, azimuth, and the largest stress over strength so far
+    # Rows of time, number, longitude, latitude, area, 1 where aground, azimuth, the largest stress over strength so far, and
+    # length over width
     track: list[list[float]] = field(default_factory=list)
     # Broken bonds: time (s), middle east and north of the berg's centre at the start (m), length of the crack across it (m)
     cracks: list[list[float]] = field(default_factory=list)
@@ -268,15 +269,16 @@ class Tracks:
         numbers, place = np.unique(e.berg, return_inverse=True)
         here = Shapes(e.lon, e.lat, e.length * e.width, place, numbers.size, latlon=earth.latlon, radius=earth.radius,
                       period=model.constants.period)  # fmt: skip
+        length, width = here.sides(e.length, e.width, (e.length**2 + e.width**2) / 12.0)
         # Without a longer axis there is no azimuth; 0 as any other.
         columns = [np.full(numbers.size, due), numbers, here.lon, here.lat, here.area,
                    here.sum(touching.astype(float)) > 0.0, np.nan_to_num(here.azimuth),
-                   np.full(numbers.size, self.stress_ratio)]  # fmt: skip
+                   np.full(numbers.size, self.stress_ratio), length / width]  # fmt: skip
         self.rows += np.column_stack(columns).tolist()
 
     def kept(self) -> Any:
         """Return all rows as one array, for a saved state."""
-        whole = [self.first_aground, self.stress_ratio, *[0.0] * 6]
+        whole = [self.first_aground, self.stress_ratio, *[0.0] * 7]
         return np.array([*self.rows, whole], dtype=np.float64)
 
     def finish(self, model: BareModel) -> None:

@@ -65,12 +65,21 @@ def counted(ds: xr.Dataset) -> tuple[xr.Dataset, Floats]:
     return done, weight / total if total > 0.0 else weight
 
 
-def tracks_of(done: xr.Dataset, weight: Floats) -> Iterator[tuple[Floats, Floats, Floats, Floats]]:
-    """Give weights, longitudes, latitudes and areas (member, fragment, time) of some members at a time."""
+def parts_of(done: xr.Dataset, weight: Floats) -> Iterator[tuple[Floats, xr.Dataset]]:
+    """Give some members at a time, with their weights."""
     for first in range(0, done.sizes["member"], 100):
-        part = done.isel(member=slice(first, first + 100))
-        x_name, y_name = ("lon", "lat") if "lat" in done else ("x", "y")
-        yield weight[first : first + 100], part[x_name].values, part[y_name].values, part["area"].values
+        yield weight[first : first + 100], done.isel(member=slice(first, first + 100))
+
+
+def axes_of(part: xr.Dataset) -> tuple[Floats, Floats, Floats]:
+    """Return semi-axes (m) and azimuth (degrees) of the ellipses that stand for fragments: of their areas, as long as they are.
+
+    Members of an earlier version have no elongation: discs.
+    """
+    area = part["area"].values
+    ratio = np.nan_to_num(part["elongation"].values, nan=1.0) if "elongation" in part else np.ones(area.shape)
+    azimuth = np.nan_to_num(part["azimuth"].values) if "azimuth" in part else np.zeros(area.shape)
+    return np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi), azimuth
 
 
 def effective(weight: Floats) -> float:
@@ -114,7 +123,8 @@ def with_probabilities(
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
     ds["area_class_upper"] = ("area_class", bounds[1:], {"units": "m2", "long_name": "largest area of the class"})
     share = np.zeros((bounds.size - 1, time.size))
-    for w, _, _, area in tracks_of(done, share_of):
+    for w, part in parts_of(done, share_of):
+        area = part["area"].values
         share += [w @ ((area >= low) & (area < high)).any(axis=1) for low, high in pairwise(bounds)]
     _add(ds, "p_area", ("area_class", "time"), share, number)
     if "lat" in done:
@@ -144,14 +154,17 @@ def near(lon: Any, first: float) -> Any:
 
 
 @kernel
-def add_discs(
-    lon: Any, lat: Any, radius: Any, weight: Floats, x: Floats, y: Floats, cosine: float, presence: Any, passes: Floats
-) -> None:
-    """Add the weight of each member to the cells on which it has ice, by time and ever; fragments are discs (degrees).
+def add_ellipses(
+    place: tuple[Any, Any], axes: tuple[Any, Any, Any], weight: Floats, cells: tuple[Floats, Floats], cosine: float,
+    presence: Any, passes: Floats,
+) -> None:  # fmt: skip
+    """Add the weight of each member to the cells on which it has ice, by time and ever; fragments are ellipses.
 
-    ``lon``, ``lat``, ``radius``: (members, fragments, times); ``presence``: (times, y, x); ``passes``: (y, x). A cell counts
-    where its middle lies in a disc, and where the middle of the disc lies in the cell.
+    ``place``: longitudes and latitudes; ``axes``: semi-axes (degrees of latitude) and azimuth of the longer one (rad), each
+    (members, fragments, times); ``cells``: their middles; ``presence``: (times, y, x); ``passes``: (y, x). A cell counts where
+    its middle lies in an ellipse, and where the middle of the ellipse lies in the cell.
     """
+    (lon, lat), (major, minor, azimuth), (x, y) = place, axes, cells
     members, fragments, times = lon.shape
     dx, dy = x[1] - x[0] if x.size > 1 else 1.0, y[1] - y[0] if y.size > 1 else 1.0
     # Which member and time had ice on the cell last: the fragments of one member hold a cell once.
@@ -159,15 +172,18 @@ def add_discs(
     for m in range(members):
         for k in range(times):
             for p in range(fragments):
-                u, v, r = lon[m, p, k], lat[m, p, k], radius[m, p, k]
+                u, v, r = lon[m, p, k], lat[m, p, k], major[m, p, k]
                 if not np.isfinite(u):
                     continue
                 own_i = min(math.floor((u - x[0]) / dx + 0.5), x.size - 1)
                 own_j = min(math.floor((v - y[0]) / dy + 0.5), y.size - 1)
                 reach_i, reach_j = int(r / cosine / dx) + 1, int(r / dy) + 1
+                sine, cos = math.sin(azimuth[m, p, k]), math.cos(azimuth[m, p, k])
                 for j in range(max(own_j - reach_j, 0), min(own_j + reach_j + 1, y.size)):
                     for i in range(max(own_i - reach_i, 0), min(own_i + reach_i + 1, x.size)):
-                        inside = ((x[i] - u) * cosine) ** 2 + (y[j] - v) ** 2 <= r * r
+                        east, north = (x[i] - u) * cosine, y[j] - v
+                        along, across = east * sine + north * cos, east * cos - north * sine
+                        inside = (along / r) ** 2 + (across / minor[m, p, k]) ** 2 <= 1.0
                         if not inside and not (i == own_i and j == own_j):
                             continue
                         if now[j, i] != m * times + k:
@@ -179,28 +195,31 @@ def add_discs(
 
 
 def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
-    """Add the probability that any ice lies over a cell: fragments as discs of their areas."""
+    """Add the probability that any ice lies over a cell: fragments as ellipses."""
+    degree = DEGREE * EARTH_RADIUS_A68
     first = float(done["lon"].isel(member=0, fragment=0, time=0))
-    west, south, east, north, largest = np.inf, np.inf, -np.inf, -np.inf, 0.0
-    for _, lon, lat, area in tracks_of(done, weight):
-        lon = near(lon, first)
+    west, south, east, north, reach = np.inf, np.inf, -np.inf, -np.inf, 0.0
+    for _, part in parts_of(done, weight):
+        lon, lat = near(part["lon"].values, first), part["lat"].values
         west, east = min(west, np.nanmin(lon)), max(east, np.nanmax(lon))
-        south, north, largest = min(south, np.nanmin(lat)), max(north, np.nanmax(lat)), max(largest, np.nanmax(area))
-    reach = np.sqrt(largest / np.pi) / (DEGREE * EARTH_RADIUS_A68)
+        south, north = min(south, np.nanmin(lat)), max(north, np.nanmax(lat))
+        reach = max(reach, np.nanmax(axes_of(part)[0]))
+    reach /= degree
     cosine = float(np.cos(0.5 * (south + north) * DEGREE))
     west, east, south, north = west - reach / cosine, east + reach / cosine, south - reach, north + reach
     step = max((east - west) * cosine, north - south) / MOST_CELLS
     x = np.arange(west + 0.5 * step / cosine, east, step / cosine)
     y = np.arange(south + 0.5 * step, north, step)
     presence, passes = np.zeros((done.sizes["time"], y.size, x.size)), np.zeros((y.size, x.size))
-    for w, lon, lat, area in tracks_of(done, weight):
-        radius = np.sqrt(area / np.pi) / (DEGREE * EARTH_RADIUS_A68)
-        add_discs(near(lon, first), lat, radius, w, x, y, cosine, presence, passes)
+    for w, part in parts_of(done, weight):
+        major, minor, azimuth = axes_of(part)
+        axes = major / degree, minor / degree, np.radians(azimuth)
+        add_ellipses((near(part["lon"].values, first), part["lat"].values), axes, w, (x, y), cosine, presence, passes)
     ds.coords["cell_lon"] = ("cell_lon", x, {"units": "degrees_east", "standard_name": "longitude"})
     ds.coords["cell_lat"] = ("cell_lat", y, {"units": "degrees_north", "standard_name": "latitude"})
     about = {
         "units": "1",
-        "long_name": "probability that ice lies over the cell then, fragments as discs of their areas",
+        "long_name": "probability that ice lies over the cell then, fragments as ellipses of their areas and axes",
     }
     ds["presence"] = (("cell_lat", "cell_lon", "time"), np.clip(np.moveaxis(presence, 0, 2), 0.0, 1.0), about)
     about = {"units": "1", "long_name": "probability that ice lies over the cell at one of the times"}
@@ -214,9 +233,10 @@ def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     total, count, middle, squares = np.zeros(times), np.zeros(times), np.zeros((2, times)), np.zeros((times, 2, 2))
 
     def places() -> Iterator[tuple[Floats, Floats]]:
-        for w, lon, lat, _ in tracks_of(done, weight):
-            known = np.isfinite(lon[:, 0])
-            place = np.stack([near(lon[:, 0], first), lat[:, 0]])
+        for w, part in parts_of(done, weight):
+            lon, lat = (part[name].isel(fragment=0).values for name in ("lon", "lat"))
+            known = np.isfinite(lon)
+            place = np.stack([near(lon, first), lat])
             yield w[:, None] * known, np.where(known, place, middle[:, None])  # nothing where nobody is
 
     for w, place in places():

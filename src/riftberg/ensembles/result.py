@@ -222,7 +222,7 @@ def _add_tracks(
     latlon: bool,
 ) -> None:  # fmt: skip
     shape = ds.sizes["member"], ds.sizes["fragment"], len(times)
-    lon, lat, area, touching, azimuth = (np.full(shape, np.nan) for _ in range(5))
+    lon, lat, area, touching, azimuth, long = (np.full(shape, np.nan) for _ in range(6))
     stress = np.full((shape[0], shape[2]), np.nan)
     for number, outcome in outcomes.items():
         places = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
@@ -232,7 +232,7 @@ def _add_tracks(
                 at = number, places[fragment], k
                 lon[at], lat[at], area[at] = x, y, size
                 # What an earlier version did not note is missing.
-                touching[at], azimuth[at], stress[number, k] = (*more, *[np.nan] * 3)[:3]
+                touching[at], azimuth[at], stress[number, k], long[at] = (*more, *[np.nan] * 4)[:4]
     dims = ("member", "fragment", "time")
     (x_name, x_about), (y_name, y_about) = _place(latlon).values()
     ds[x_name], ds[y_name] = (dims, lon, x_about), (dims, lat, y_about)
@@ -243,6 +243,11 @@ def _add_tracks(
     )
     ds["aground"] = (dims, touching, {"units": "1", "long_name": "1 where an element of the fragment is aground"})
     ds["azimuth"] = (dims, azimuth, {"units": "degree", "long_name": "long axis, clockwise from north, 0 to 180"})
+    ds["elongation"] = (
+        dims,
+        long,
+        {"units": "1", "long_name": "length over width, of the second moments of the fragment"},
+    )
     about = {"units": "1", "long_name": "largest stress over strength of a bond so far, until the first break-up"}
     ds["stress_ratio_so_far"] = (("member", "time"), stress, about)
 

@@ -153,14 +153,20 @@ def sweep(
     """
     check_names(options, SweepOptions)
     every = None if every_hours is None else number(every_hours, "h", where="every_hours")
-    cells = options.get("cells")
-    plan = planned(experiment, vary, common_options(days, options), every, cells, draws_of(options))
-    if cells is not None and output is None:
+    plan = planned(experiment, vary, common_options(days, options), every, options.get("cells"), draws_of(options))
+    return run_plan(plan, output, resume, progress, options)
+
+
+def run_plan(
+    plan: Plan, output: str | Path | None, resume: bool, progress: bool, options: Mapping[str, Any]
+) -> xr.Dataset:
+    """Run a plan in its folder, or in one that is removed afterwards, and return the result in memory."""
+    if plan.cells is not None and output is None:
         raise InputError("files on cells need a folder", where="cells", remedy="Give output")
     where: dict[str, Any] = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
-    with TemporaryDirectory(prefix="riftberg-sweep-") if output is None else nullcontext(output) as folder:
+    with TemporaryDirectory(prefix="riftberg-") if output is None else nullcontext(output) as folder:
         store = Store(Path(folder).absolute(), plan, resume=resume)
-        bar = SweepBar(len(plan.members)) if progress else None
+        bar = SweepBar(len(store.numbers)) if progress else None
         return run_sweep(store, bar=bar, **where).load()
 
 

@@ -25,8 +25,7 @@ from riftberg.ensembles.distributions import (
     shares,
     with_unit_of_last,
 )
-from riftberg.ensembles.starts import read_starts
-from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain
+from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain, read_starts
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, file_field, file_value, find_field, is_of_file
 from riftberg.system.input_files import check_file, reading, value_shown

@@ -18,7 +18,19 @@ from riftberg.diagnostics.observed import Observations
 from riftberg.ensembles.probability import effective, wilson
 from riftberg.errors import InputError
 from riftberg.state import Floats
-from riftberg.verification.positions import LEAST, Outlines, Point, outline_scores, position_scores, verdict
+from riftberg.verification.positions import (
+    LEAST,
+    Outlines,
+    Point,
+    along_across,
+    carried_on,
+    distance,
+    local,
+    moved,
+    outline_scores,
+    position_scores,
+    verdict,
+)
 from riftberg.verification.scores import LEVELS, fair_brier, liu_weisberg, reliability
 from riftberg.verification.sightings import (
     DAY,
@@ -30,7 +42,6 @@ from riftberg.verification.sightings import (
     start_of,
     times_of,
 )
-from riftberg.verification.sphere import along_across, carried_on, distance, local, moved
 from riftberg.verification.tracks import DAYS_BEFORE, Dressed, Start
 
 

@@ -21,7 +21,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
-from riftberg.verification.sphere import local
+from riftberg.verification.positions import local
 
 DAY: Final = np.timedelta64(1, "D")
 

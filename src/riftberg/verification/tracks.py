@@ -27,9 +27,17 @@ from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
 from riftberg.system.input_files import is_folder, value_shown
-from riftberg.verification.positions import FEWEST, Point, position_scores
+from riftberg.verification.positions import (
+    FEWEST,
+    Point,
+    along_across,
+    carried_on,
+    distance,
+    local,
+    moved,
+    position_scores,
+)
 from riftberg.verification.scores import bootstrap_interval
-from riftberg.verification.sphere import along_across, carried_on, distance, local, moved
 
 LEADS: Final = (1, 3, 5, 7)
 """Lead times, days."""
