@@ -313,7 +313,7 @@ class Parameters(Group):
 
     def _check_contact(self) -> None:
         """Refuse contact by crushing with a scheme or bonds that do not know it."""
-        if self.contact.law != "crushing":
+        if not self.crushing:
             return
         if self.stepping.scheme not in ("quasi_static", "mts"):
             raise ValueError(
@@ -364,6 +364,13 @@ class Parameters(Group):
         return asked == "cells" or (
             asked is None and self.stepping.scheme == "quasi_static" and self.bonds.law == "dem"
         )
+
+    @property
+    def crushing(self) -> bool:
+        """Whether bergs that meet crush each other's faces: the default where fragments are rigid and no spring is given."""
+        c = self.contact
+        rigid = self.stepping.scheme == "quasi_static" and c.spring is None and c.distance == 0.0
+        return c.law == "crushing" or (c.law is None and rigid)
 
     def _check_life(self) -> None:
         melt, footloose = self.melt, self.footloose
@@ -500,7 +507,8 @@ def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
 A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
     grounding=Grounding(coefficient=1e4),
-    contact=Contact(spring=1e-7, distance=4000.0, on_substeps=False, tolerance=1e-4),
+    # The spring is the published one, for runs with other schemes.
+    contact=Contact(law="crushing", spring=1e-7, distance=4000.0, on_substeps=False, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=11e3, shear_strength=100e3),
     stepping=Stepping(scheme="quasi_static", time_step=1800.0, substeps=90),
@@ -514,6 +522,7 @@ The published strength, 18 kPa, is one of bonds. 11 kPa is one of the ice: with 
 A68A_2022_KID = A68A_2022.changed(
     drag={"rotational": False},
     grounding={"implicit": False},
+    contact={"law": "spring"},
     bonds={"objective_damping": False},
     fracture={"normal_strength": 18e3},
     stepping={"scheme": "mts", "skip_first_long_force": True},

@@ -217,8 +217,10 @@ def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("dt", "modulus"), CASES)
-@pytest.mark.parametrize(("strength", "broken", "few"), [("500 Pa", 82, 4), ("300 Pa", 84, 5)])
+@pytest.mark.parametrize(
+    ("strength", "broken", "few", "dt", "modulus"),
+    [("500 Pa", 82, 4, *case) for case in CASES] + [("300 Pa", 80, 5, dt, 5e6) for dt in (450.0, 1800.0, 10800.0)],
+)
 def test_what_shatters_in_a_converging_current_hangs_on_neither_step_nor_modulus(
     strength: str, broken: int, few: int, dt: float, modulus: float
 ) -> None:
