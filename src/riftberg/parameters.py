@@ -507,8 +507,7 @@ def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
 A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
     grounding=Grounding(coefficient=1e4),
-    # The spring is the published one, for runs with other schemes.
-    contact=Contact(law="crushing", spring=1e-7, distance=4000.0, on_substeps=False, tolerance=1e-4),
+    contact=Contact(spring=1e-7, distance=4000.0, on_substeps=False, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=11e3, shear_strength=100e3),
     stepping=Stepping(scheme="quasi_static", time_step=1800.0, substeps=90),
@@ -522,7 +521,6 @@ The published strength, 18 kPa, is one of bonds. 11 kPa is one of the ice: with 
 A68A_2022_KID = A68A_2022.changed(
     drag={"rotational": False},
     grounding={"implicit": False},
-    contact={"law": "spring"},
     bonds={"objective_damping": False},
     fracture={"normal_strength": 18e3},
     stepping={"scheme": "mts", "skip_first_long_force": True},

@@ -130,15 +130,13 @@ class FaceContact:
         faces = faces._replace(
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
-        *result, shortest, dissipated = integrate_faces(
-            lists, whole, bodies.twist[lists.members], faces, pair_state, h, self._law
-        )
-        found = IslandResult(*result)
+        outcome = integrate_faces(lists, whole, bodies.twist[lists.members], faces, pair_state, h, self._law)
+        found = IslandResult(*outcome[:7])
         if not np.isfinite(found.twist).all():
             raise FloatingPointError
         kept = pair_state[:, PHASE] != APART
-        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + dissipated)
-        return phase_of(op, lists, first, second, found, shortest, h)
+        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[8])
+        return phase_of(op, lists, first, second, found, outcome[7], h)
 
     def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
         """Footprints about the centres of their elements, found anew where elements or fragments have changed."""

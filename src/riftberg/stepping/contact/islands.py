@@ -96,10 +96,10 @@ def resolve_contacts(
     if first.size == 0:
         return None
     lists, whole = gather_islands(op, first, second, pair_separations(el, first, second, p), sizes)
-    *result, shortest = integrate_islands(lists, whole, twist[lists.members], dt, plain(pair_law)(p))
-    if not shortest > 0.0:
+    outcome = integrate_islands(lists, whole, twist[lists.members], dt, plain(pair_law)(p))
+    if not outcome[7] > 0.0:
         raise FloatingPointError
-    return phase_of(op, lists, first, second, IslandResult(*result), shortest, dt)
+    return phase_of(op, lists, first, second, IslandResult(*outcome[:7]), outcome[7], dt)
 
 
 def pair_separations(el: Elements, first: Ints, second: Ints, p: KernelParameters) -> Floats:
