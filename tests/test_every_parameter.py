@@ -273,7 +273,7 @@ TRIALS: Final[dict[str, Trial]] = {
     "grounding.start": Trial(
         "refuse", with_(BED, grounding={"start": "settle"}), more=BURIED, refused="8.* m below the sea floor"
     ),
-    "contact.law": Trial("crushing", with_(OPEN, stepping={"scheme": "quasi_static"})),
+    "contact.law": Trial("spring", with_(OPEN, stepping={"scheme": "quasi_static"})),
     "contact.crushing_strength": Trial(1e6, FACES),
     "contact.crushing_depth": Trial(10.0, FACES),
     "contact.unloading_ratio": Trial(4.0, FACES),

@@ -321,7 +321,7 @@ class Parameters(Group):
 
     def _check_contact(self) -> None:
         """Refuse contact by crushing with a scheme or bonds that do not know it."""
-        if self.contact.law != "crushing":
+        if not self.crushing:
             return
         if self.stepping.scheme not in ("quasi_static", "mts"):
             raise ValueError(
@@ -372,6 +372,13 @@ class Parameters(Group):
         return asked == "cells" or (
             asked is None and self.stepping.scheme == "quasi_static" and self.bonds.law == "dem"
         )
+
+    @property
+    def crushing(self) -> bool:
+        """Whether bergs that meet crush each other's faces: the default where fragments are rigid and no spring is given."""
+        c = self.contact
+        rigid = self.stepping.scheme == "quasi_static" and c.spring is None and c.distance == 0.0
+        return c.law == "crushing" or (c.law is None and rigid)
 
     def _check_life(self) -> None:
         melt, footloose = self.melt, self.footloose

@@ -23,7 +23,8 @@ BARE: dict[str, Any] = {"only_interactions": True}
 
 
 def parameters(stepping: dict[str, Any] | None = None, **groups: Any) -> Parameters:
-    """Quasi-static on a plane."""
+    """Quasi-static on a plane, with springs between bergs."""
+    groups["contact"] = {"law": "spring", **groups.get("contact", {})}
     return Parameters(
         **{"earth": {"latlon": False, "period": 0.0}, **groups}, stepping={"scheme": "quasi_static", **(stepping or {})}
     )

@@ -159,6 +159,37 @@ def pressed(latlon: bool) -> Model:
     return model
 
 
+def after_oblique_impact(turn: float, swapped: bool = False) -> np.ndarray:
+    """Velocities and spins of two small bergs after an impact off the centre, in the axes of the scene; ``turn`` in degrees."""
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    shape = {"thickness": 250.0, "radius": 1500.0, "latlon": False}
+    bergs = [
+        Iceberg.rectangle(6e3, 3e3, rotation=turn, velocity=(0.3 * c - 0.1 * s, 0.3 * s + 0.1 * c), **shape),
+        Iceberg.rectangle(
+            3e3, 6e3, rotation=turn + 20.0, placement=(5.9e3 * c - 1e3 * s, 5.9e3 * s + 1e3 * c), **shape
+        ),
+    ]
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"only_interactions": True, "time_step": 1800.0},
+        fracture={"enabled": False},
+    )  # fmt: skip
+    model = Model(Iceberg.join(bergs[::-1] if swapped else bergs), Steady(), parameters)
+    model.advance(steps=2)
+    assert model.contacts.rows
+    el = model.elements
+    rows = [2, 3, 0, 1] if swapped else [0, 1, 2, 3]
+    return np.column_stack([c * el.u + s * el.v, c * el.v - s * el.u, 1e3 * el.spin])[rows]
+
+
+def test_an_impact_hangs_on_neither_the_axes_nor_the_order_of_the_bergs() -> None:
+    """By round-off, and a millionth of the lattice by which the regions of elements are moved."""
+    plain = after_oblique_impact(0.0)
+    assert np.abs(plain[:, 2]).min() > 1e-3  # both turn
+    for turn in (33.0, 90.0, -127.0):
+        np.testing.assert_allclose(after_oblique_impact(turn), plain, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(after_oblique_impact(0.0, swapped=True), plain, rtol=1e-4, atol=1e-6)
+
+
 @pytest.mark.parametrize("latlon", [False, True])
 def test_faces_at_rest_bear_the_load_and_no_more(latlon: bool) -> None:
     """Half of 1e9 N. Where a step found faces deeper than the last one had left them, they bore up to 7e10 N.
@@ -217,8 +248,10 @@ def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("dt", "modulus"), CASES)
-@pytest.mark.parametrize(("strength", "broken", "few"), [("500 Pa", 82, 4), ("300 Pa", 84, 5)])
+@pytest.mark.parametrize(
+    ("strength", "broken", "few", "dt", "modulus"),
+    [("500 Pa", 82, 4, *case) for case in CASES] + [("300 Pa", 80, 5, dt, 5e6) for dt in (450.0, 1800.0, 10800.0)],
+)
 def test_what_shatters_in_a_converging_current_hangs_on_neither_step_nor_modulus(
     strength: str, broken: int, few: int, dt: float, modulus: float
 ) -> None:

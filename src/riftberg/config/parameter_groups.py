@@ -182,10 +182,11 @@ class Grounding(Group):
 class Contact(Group):
     """Repulsion between bergs and between the pieces of a broken berg."""
 
-    law: ContactLaw = quantity(
-        "spring",
+    law: ContactLaw | None = quantity(
+        None,
         "",
-        "spring and damper between centres, or crushing: faces that bear a limited pressure and rub (quasi_static, mts)",
+        "spring and damper between centres, or crushing: faces that bear a limited pressure and rub (quasi_static, mts); "
+        "none means crushing with quasi_static where neither spring nor distance is given, else spring",
         "equations 5.2; crushing: Riftberg",
     )
     crushing_strength: float = quantity(

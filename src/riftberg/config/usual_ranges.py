@@ -251,7 +251,7 @@ LAWS: Final = (
         "ice_modulus", "cell", "start")),
     Law("grounding.law = 'quadratic'", lambda p: p.grounding.law == "quadratic", "grounding", ("quadratic_coefficient",)),
     Law("grounding.law = 'linear'", lambda p: p.grounding.law == "linear", "grounding", ("coefficient",)),
-    Law("contact.law = 'crushing'", lambda p: p.contact.law == "crushing", "contact", (
+    Law("contact.law = 'crushing'", lambda p: p.crushing, "contact", (
         "crushing_strength", "crushing_depth", "unloading_ratio", "friction")),
     Law("bonds.law = 'dem'", lambda p: p.bonds.law == "dem", "bonds", ("poisson", "damping")),
     Law("fracture.criterion = 'averaged'", lambda p: p.fracture.criterion == "averaged", "fracture", ("distance",)),

@@ -21,20 +21,26 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.state import Floats, Ints
-from riftberg.stepping.bodies.dynamics import (
-    BodyMatrices,
-    ElementForcing,
-    add_forces,
-    assemble_force_and_jacobian,
-    element_velocity,
+from riftberg.stepping.contact.impulses import (
+    Island,
+    IslandResult,
+    Islands,
+    allocate_result,
+    approach_bound,
+    element_path,
+    island_part,
+    result_part,
+    spin_lever,
 )
-from riftberg.stepping.contact.impulses import Island, IslandResult, approach_bound, element_path, spin_lever
 from riftberg.stepping.contact.island_step import (
     Linearisation,
     accumulate_floor_impulse,
     accumulate_impulse,
+    allocate_linearisation,
+    evaluate_media,
     is_stale,
     linearised_force,
+    record_loads,
 )
 from riftberg.stepping.contact.overlap import gap, overlap
 from riftberg.stepping.mat3 import solve
@@ -147,43 +153,24 @@ NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, B
 """Columns of ``face``."""
 
 
-# Many arguments: here Python enters the compiled islands, and five lists of islands, what acts on elements and
-# bodies, the faces and the law are arrays of their own. Inside, an `Island` holds those of one.
 @kernel
 def integrate_faces(
-    start: Ints, row_start: Ints, body_of: Ints, first: Ints, second: Ints, pair_start: Ints, levers: Floats,
-    forcing: ElementForcing, matrices: BodyMatrices, twist: Floats, bonded: NDArray[np.bool_], apart: Floats,
-    faces: Faces, pair_state: Floats, dt: float, law: CrushingLaw,
-) -> tuple[NDArray[np.bool_], Floats, Floats, Floats, Floats, Floats, Floats, float, float]:  # fmt: skip
-    """Take all islands through a step of ``dt`` s; see `riftberg.stepping.contact.islands.Islands` for the lists.
+    lists: Islands, whole: Island, twist: Floats, faces: Faces, pair_state: Floats, dt: float, law: CrushingLaw
+) -> tuple[Floats, Floats, NDArray[np.bool_], Floats, Floats, Floats, Floats, float, float]:
+    """Take all islands, ``whole``, through a step of ``dt`` s.
 
-    ``apart``: from the second to the first element of each pair at the start, m; ``pair_state``: one row for each pair,
-    changed in place. Returns what `riftberg.stepping.contact.island_step.integrate_islands` does, and the energy dissipated (J).
+    ``pair_state``: one row for each pair, changed in place. Returns what
+    `riftberg.stepping.contact.island_step.integrate_islands` does, and the energy dissipated (J).
     """
-    touched = np.zeros(first.size, np.bool_)
-    path, after = np.zeros(twist.shape), twist.copy()
-    applied = np.zeros((body_of.size, forcing.media.shape[1] + 1, 2))
-    force, axes, spin = np.zeros((body_of.size, 3)), levers[:, 9:11].copy(), np.zeros(twist.shape[0])
-    shortest, f, none, dissipated, most = dt, forcing, np.zeros(0), 0.0, 0
-    for k in range(faces.ring.size - 1):
-        most = max(most, faces.ring[k + 1] - faces.ring[k])
-    for k in range(start.size - 1):
-        b, e = slice(start[k], start[k + 1]), slice(row_start[k], row_start[k + 1])
-        n = slice(pair_start[k], pair_start[k + 1])
-        of_island = ElementForcing(
-            f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
-            f.spin_drag[e], f.water_spin[e], f.push_x[e], f.push_y[e], f.media_act, f.floor_acts,
-        )  # fmt: skip
-        of_bodies = BodyMatrices(matrices.inertia[b], matrices.mobility[b], matrices.floor_drag[b])
-        island = Island(
-            body_of[e], levers[e], of_island, of_bodies, bonded[b], first[n], second[n], apart[n], none, none
-        )  # fmt: skip
-        result = IslandResult(after[b], path[b], touched[n], applied[e], force[e], axes[e], spin[b])
+    r, shortest, dissipated, most = allocate_result(whole, twist), dt, 0.0, _most_corners(faces)
+    for k in range(lists.start.size - 1):
+        e = slice(lists.row_start[k], lists.row_start[k + 1])
+        island, result = island_part(lists, k, whole), result_part(lists, k, r)
         bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
         work = CrushingWorkspace(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
-            np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, forcing.media.shape[1] + 1, 2)),
+            np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
         )  # fmt: skip
@@ -191,12 +178,20 @@ def integrate_faces(
         for i in range(rows):
             m, a = island.levers[i], island.body_of[i]
             work.arm[a] = max(work.arm[a], math.hypot(m[2], m[5]) + of_rows.reach[i])
-        about = Linearisation(
-            result.twist.copy(), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.zeros((bodies, 3))
-        )
-        shortest = min(shortest, _integrate_island(island, of_rows, pair_state[n], result, about, dt, law, work))
+        of_pairs = pair_state[lists.pair_start[k] : lists.pair_start[k + 1]]
+        about = allocate_linearisation(result.twist)
+        shortest = min(shortest, _integrate_island(island, of_rows, of_pairs, result, about, dt, law, work))
         dissipated += work.dissipated[0]
-    return touched, path, after, applied, force, axes, spin, shortest, dissipated
+    return r.twist, r.path, r.touched, r.applied, r.peak_force, r.peak_axes, r.peak_spin, shortest, dissipated
+
+
+@kernel
+def _most_corners(faces: Faces) -> int:
+    """Largest number of corners of a polygon."""
+    most = 0
+    for k in range(faces.ring.size - 1):
+        most = max(most, faces.ring[k + 1] - faces.ring[k])
+    return most
 
 
 @borrower
@@ -205,7 +200,7 @@ def _integrate_island(
     work: CrushingWorkspace,
 ) -> float:  # fmt: skip
     """Take one island through the step; returns its shortest sub-step, s."""
-    body_of, levers, forcing, twist = island.body_of, island.levers, island.forcing, result.twist
+    twist = result.twist
     left, shortest, elapsed, h = dt, dt, np.inf, np.inf
     _align(island, faces, pair_state, result, work)
     while True:
@@ -214,13 +209,8 @@ def _integrate_island(
             if left <= 0.0:
                 _remember_depths(island, faces, pair_state, result, work)
                 return shortest
-            about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :], elapsed = 0.0, 0.0, 0.0, 0.0
-            for b in range(twist.shape[0]):
-                for i in range(3):
-                    about.twist[b, i] = twist[b, i]
-            assemble_force_and_jacobian(body_of, levers, twist, forcing, work.everyone, about.force, about.jacobian)
-            work.net_force[:, :] = 0.0
-            add_forces(body_of, levers, twist, forcing, work.accelerations, work.force, work.net_force)
+            evaluate_media(island, twist, about, work.everyone, work.accelerations, work.force)
+            elapsed = 0.0
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
         h = _longest_substep(island, faces, pair_state, result, left, h, law, work)
         if left - h < 1e-9 * dt:
@@ -307,9 +297,7 @@ def may_meet(
 
     ``velocity``: of the elements, east, north and spin; shape (elements, 3).
     """
-    near, most = np.ones(first.size, np.bool_), 0
-    for k in range(faces.ring.size - 1):
-        most = max(most, faces.ring[k + 1] - faces.ring[k])
+    near, most = np.ones(first.size, np.bool_), _most_corners(faces)
     one, two = np.empty((most, 2)), np.empty((most, 2))
     for k in range(first.size):
         i, j = first[k], second[k]
@@ -679,7 +667,7 @@ def _record_peak(island: Island, pair_state: Floats, count: int, result: IslandR
     """Record the loads of the bonded bodies that contact presses harder in this sub-step than before in the step."""
     if count == 0:
         return
-    body_of, bonded, forcing, harder = island.body_of, island.bonded, island.forcing, False
+    body_of, bonded, harder = island.body_of, island.bonded, False
     work.size[:] = 0.0
     for f in range(count):
         k = work.active[f]
@@ -700,20 +688,4 @@ def _record_peak(island: Island, pair_state: Floats, count: int, result: IslandR
         work.contact_force[j, 0] += x
         work.contact_force[j, 1] += y
         work.contact_force[j, 2] += pair_state[k, TORQUE_2]
-    for e in range(body_of.size):
-        b = body_of[e]
-        if not (bonded[b] and work.size[b] > work.peak[b]):
-            continue
-        m, q = island.levers[e], work.new[b]
-        floor = forcing.mass[e] * forcing.floor_rate[e]
-        u, v, w = element_velocity(m, q)
-        result.peak_force[e, 0] = work.force[e, 0] + work.contact_force[e, 0] - floor * u
-        result.peak_force[e, 1] = work.force[e, 1] + work.contact_force[e, 1] - floor * v
-        result.peak_force[e, 2] = (
-            work.force[e, 2] + work.contact_force[e, 2] - forcing.inertia[e] * forcing.floor_spin_rate[e] * w
-        )
-        c, s = math.cos(work.middle[b, 2]), math.sin(work.middle[b, 2])
-        result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
-        result.peak_spin[b] = q[2]
-    for b in range(work.size.size):
-        work.peak[b] = max(work.peak[b], work.size[b])
+    record_loads(island, work.size, work.peak, work.new, work.middle, work.force, work.contact_force, result)

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from riftberg.bergs.bonding import Metric, separations
 from riftberg.state import Floats, Ints
 from riftberg.state.numbering import rows_of
-from riftberg.stepping.bodies.dynamics import BodyMatrices, BodyOperators
+from riftberg.stepping.bodies.dynamics import BodyOperators
 from riftberg.stepping.bodies.pose import Bodies, tangent_coordinates
 from riftberg.stepping.contact.broad_phase import candidate_pairs
 from riftberg.stepping.contact.crushing_step import (
@@ -26,7 +25,13 @@ from riftberg.stepping.contact.crushing_step import (
     integrate_faces,
     may_meet,
 )
-from riftberg.stepping.contact.islands import ContactPhase, IslandsOutcome, find_islands, forcing_of_rows, phase_of
+from riftberg.stepping.contact.impulses import IslandResult
+from riftberg.stepping.contact.islands import (
+    ContactPhase,
+    gather_islands,
+    pair_separations,
+    phase_of,
+)
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
@@ -114,35 +119,24 @@ class FaceContact:
         faces = Faces(
             polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
         )  # fmt: skip
-        apart = np.column_stack(
-            separations(
-                Metric(c.latlon, c.earth_radius, c.period), shown.lon_pair[first], shown.lat_pair[first],
-                shown.lon_pair[second], shown.lat_pair[second],
-            )
-        )  # fmt: skip
+        apart = pair_separations(el, first, second, c)
         near = may_meet(first, second, apart, np.column_stack([shown.u_pair, shown.v_pair, el.motion.spin]), faces, h)
         if not near.any():
             return None
-        first, second, apart = first[near], second[near], apart[near]
-        i = find_islands(op.body, count, first, second)
-        first, second, apart = first[i.order], second[i.order], apart[i.order]
-        ids = np.column_stack([el.body.id[first], el.body.id[second]])
-        pair_state = _known_states(before, ids)
-        bonded = np.bincount(op.body, minlength=count)[i.members] > 1
-        of_rows = Faces(
-            faces.begin[i.rows], faces.end[i.rows], faces.ring, corner, faces.reach[i.rows], faces.thickness[i.rows]
+        first, second = first[near], second[near]
+        lists, whole = gather_islands(op, first, second, apart[near], sizes)
+        ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
+        pair_state, rows = _known_states(before, ids), lists.rows
+        faces = faces._replace(
+            begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
-        outcome = integrate_faces(
-            i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows],
-            forcing_of_rows(i.rows, op.forcing), BodyMatrices(*(matrix[i.members] for matrix in op.matrices)),
-            bodies.twist[i.members], bonded, apart, of_rows, pair_state, h, self._law,
-        )  # fmt: skip
-        found = IslandsOutcome(*outcome[:8])
+        outcome = integrate_faces(lists, whole, bodies.twist[lists.members], faces, pair_state, h, self._law)
+        found = IslandResult(*outcome[:7])
         if not np.isfinite(found.twist).all():
             raise FloatingPointError
         kept = pair_state[:, PHASE] != APART
         self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[8])
-        return phase_of(op, i, first, second, found, h)
+        return phase_of(op, lists, first, second, found, outcome[7], h)
 
     def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
         """Footprints about the centres of their elements, found anew where elements or fragments have changed."""

@@ -34,8 +34,22 @@ SWEEP_RTOL: Final = 1e-13
 """Change of the velocities in a sweep, as a part of the largest, at which the sweeps end."""
 
 
+class Islands(NamedTuple):
+    """Bodies that may touch each other, island by island; those of island k from ``start[k]`` to ``start[k + 1]``."""
+
+    members: Ints  # Bodies
+    start: Ints  # Where the islands begin in ``members``
+    rows: Ints  # Elements of the bodies
+    row_start: Ints  # Where the islands begin in ``rows``
+    body_of: Ints  # Place of each element's body in its island; shape (rows,)
+    first: Ints  # Candidate pairs, as places in the rows of their island
+    second: Ints
+    pair_start: Ints  # Where the islands begin among the pairs
+    order: Ints  # Places of the pairs in the list that was given
+
+
 class Island(NamedTuple):
-    """The bodies and candidate pairs of one island at the start of the step; bodies are numbered within it."""
+    """The bodies and candidate pairs of one island, or of all, at the start of the step; bodies are numbered within each."""
 
     body_of: Ints  # Body of each element
     levers: Floats  # See `riftberg.stepping.bodies.pose.fill_levers`; shape (elements, 11)
@@ -50,7 +64,7 @@ class Island(NamedTuple):
 
 
 class IslandResult(NamedTuple):
-    """What the sub-steps change: all arrays are views of those of all islands."""
+    """What the sub-steps change: for one island the arrays are views of those of all."""
 
     twist: Floats  # Now; shape (bodies, 3)
     path: Floats  # Since the start, m, m, rad; shape (bodies, 3)
@@ -83,7 +97,7 @@ class IslandWorkspace(NamedTuple):
     spin_levers: Floats  # How the spins of both bodies move the two elements, m; shape (pairs, 4)
     is_old: NDArray[np.bool_]  # Whether a pair in contact was so a sub-step before; shape (pairs,)
     was_active: NDArray[np.bool_]  # The same for the candidates; shape (pairs,)
-    contact_force: Floats  # On the elements, N; shape (elements, 2)
+    contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)
     increment: Floats  # Of the twists in a kick; shape (bodies, 3)
     peak: Floats  # Largest sum of contact forces so far, N; shape (bodies,)
     accelerations: Floats  # By each force; shape (elements, forces, 2)
@@ -94,6 +108,42 @@ class IslandWorkspace(NamedTuple):
 
 
 @kernel
+def island_part(lists: Islands, k: int, whole: Island) -> Island:
+    """Return island ``k`` of all."""
+    b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
+    n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), whole.forcing, whole.matrices
+    forcing = ElementForcing(
+        f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
+        f.spin_drag[e], f.water_spin[e], f.push_x[e], f.push_y[e], f.media_act, f.floor_acts,
+    )  # fmt: skip
+    return Island(
+        whole.body_of[e], whole.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b], m.floor_drag[b]),
+        whole.bonded[b], whole.first[n], whole.second[n], whole.separation[n], whole.sum_radii[n], whole.pair_mass[n],
+    )  # fmt: skip
+
+
+@kernel
+def allocate_result(whole: Island, twist: Floats) -> IslandResult:
+    """Return the results of all islands at the start of the step."""
+    bodies, rows = twist.shape[0], whole.body_of.size
+    return IslandResult(
+        twist.copy(), np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_),
+        np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), whole.levers[:, 9:11].copy(),
+        np.zeros(bodies),
+    )  # fmt: skip
+
+
+@kernel
+def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
+    """Return the results of island ``k`` of all."""
+    b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
+    n = slice(lists.pair_start[k], lists.pair_start[k + 1])
+    return IslandResult(
+        r.twist[b], r.path[b], r.touched[n], r.applied[e], r.peak_force[e], r.peak_axes[e], r.peak_spin[b]
+    )
+
+
+@kernel
 def allocate_island_workspace(bodies: int, pairs: int, elements: int, forces: int) -> IslandWorkspace:
     """Return a workspace for an island."""
     return IslandWorkspace(
@@ -101,7 +151,7 @@ def allocate_island_workspace(bodies: int, pairs: int, elements: int, forces: in
         np.empty((bodies, 3, 3)), np.empty((bodies, 3, 3)), np.empty(bodies + 1, np.int64), np.empty(bodies, np.int64),
         np.empty(2 * pairs, np.int64), np.empty((2 * pairs, 3, 3)), np.empty(bodies), np.empty(pairs, np.int64),
         np.empty((pairs, 5)), np.empty((pairs, 5)), np.empty((pairs, 4)), np.zeros(pairs, np.bool_),
-        np.zeros(pairs, np.bool_), np.empty((elements, 2)), np.zeros((bodies, 3)), np.zeros(bodies),
+        np.zeros(pairs, np.bool_), np.empty((elements, 3)), np.zeros((bodies, 3)), np.zeros(bodies),
         np.zeros((elements, forces, 2)), np.zeros((elements, 3)), np.zeros((bodies, 3)), np.ones(bodies, np.bool_),
         np.empty((4, 3, 3)),
     )  # fmt: skip

@@ -18,11 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel, stage
-from riftberg.physics.geometry import separation
-from riftberg.state import Floats, Ints
+from riftberg.state import Floats
 from riftberg.stepping.bodies.dynamics import (
-    BodyMatrices,
-    ElementForcing,
     add_forces,
     assemble_force_and_jacobian,
     drag_and_jacobian,
@@ -31,12 +28,16 @@ from riftberg.stepping.bodies.dynamics import (
 from riftberg.stepping.contact.impulses import (
     Island,
     IslandResult,
+    Islands,
     IslandWorkspace,
     allocate_island_workspace,
+    allocate_result,
     find_contacts,
+    island_part,
     lever,
     lever_velocity,
     midpoint_twist,
+    result_part,
     solve_kick,
 )
 from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR
@@ -62,50 +63,25 @@ class Linearisation(NamedTuple):
     twist_integral: Floats  # Integral of the twists over the time since, m, m, rad; shape (bodies, 3)
 
 
-# Many arguments: here Python enters the compiled islands, and five lists of islands, what acts on elements and
-# bodies, the pairs and the law are arrays of their own. Inside, an `Island` holds those of one.
 @kernel
 def integrate_islands(
-    start: Ints, row_start: Ints, body_of: Ints, first: Ints, second: Ints, pair_start: Ints, levers: Floats,
-    forcing: ElementForcing, matrices: BodyMatrices, twist: Floats,
-    bonded: NDArray[np.bool_], x1: Floats, y1: Floats, x2: Floats, y2: Floats, sum_radii: Floats, pair_mass: Floats,
-    dt: float, law: PairLaw,
-) -> tuple[NDArray[np.bool_], Floats, Floats, Floats, Floats, Floats, Floats, float]:  # fmt: skip
-    """Take all islands through a step of ``dt`` s; see `riftberg.stepping.contact.islands.Islands` for the lists.
+    lists: Islands, whole: Island, twist: Floats, dt: float, law: PairLaw
+) -> tuple[Floats, Floats, NDArray[np.bool_], Floats, Floats, Floats, Floats, float]:
+    """Take all islands, ``whole``, through a step of ``dt`` s.
 
-    Returns which pairs touched, paths (m, m, rad) and twists of the bodies, what else `IslandResult` has, and the shortest
-    sub-step (s; not positive where velocities did not converge).
+    Returns what `IslandResult` has, and the shortest sub-step (s; not positive where velocities did not converge).
     """
-    touched, apart = np.zeros(first.size, np.bool_), np.empty((first.size, 2))
-    for k in range(first.size):
-        apart[k, 0], apart[k, 1] = separation(x1[k], y1[k], x2[k], y2[k], law.latlon, law.earth_radius, law.period)
-    path, after = np.zeros(twist.shape), twist.copy()
-    applied = np.zeros((body_of.size, forcing.media.shape[1] + 1, 2))
-    force, axes, spin = np.zeros((body_of.size, 3)), levers[:, 9:11].copy(), np.zeros(twist.shape[0])
-    shortest, f = dt, forcing
-    for k in range(start.size - 1):
-        b, e = slice(start[k], start[k + 1]), slice(row_start[k], row_start[k + 1])
-        n = slice(pair_start[k], pair_start[k + 1])
-        of_island = ElementForcing(
-            f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
-            f.spin_drag[e], f.water_spin[e], f.push_x[e], f.push_y[e], f.media_act, f.floor_acts,
-        )  # fmt: skip
-        of_bodies = BodyMatrices(matrices.inertia[b], matrices.mobility[b], matrices.floor_drag[b])
-        island = Island(
-            body_of[e], levers[e], of_island, of_bodies, bonded[b], first[n], second[n],
-            apart[n], sum_radii[n], pair_mass[n],
-        )  # fmt: skip
-        result = IslandResult(after[b], path[b], touched[n], applied[e], force[e], axes[e], spin[b])
-        bodies = island.bonded.size
-        work = allocate_island_workspace(bodies, island.first.size, island.body_of.size, forcing.media.shape[1] + 1)
-        for i in range(island.body_of.size):
+    r, shortest = allocate_result(whole, twist), dt
+    for k in range(lists.start.size - 1):
+        island, result = island_part(lists, k, whole), result_part(lists, k, r)
+        bodies, rows = island.bonded.size, island.body_of.size
+        work = allocate_island_workspace(bodies, island.first.size, rows, whole.forcing.media.shape[1] + 1)
+        for i in range(rows):
             m, a = island.levers[i], island.body_of[i]
             work.arm[a] = max(work.arm[a], math.hypot(m[2], m[5]))
-        about = Linearisation(
-            result.twist.copy(), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.zeros((bodies, 3))
-        )
+        about = allocate_linearisation(result.twist)
         shortest = min(shortest, _integrate_island(island, result, about, dt, law, work))
-    return touched, path, after, applied, force, axes, spin, shortest
+    return r.twist, r.path, r.touched, r.applied, r.peak_force, r.peak_axes, r.peak_spin, shortest
 
 
 @borrower
@@ -113,18 +89,13 @@ def _integrate_island(
     island: Island, result: IslandResult, about: Linearisation, dt: float, law: PairLaw, work: IslandWorkspace
 ) -> float:
     """Take one island through the step; returns its shortest sub-step (s), -1 where velocities did not converge."""
-    body_of, levers, forcing, twist = island.body_of, island.levers, island.forcing, result.twist
+    twist = result.twist
     left, before, shortest, elapsed = dt, 0.0, dt, np.inf
     while True:
-        if elapsed >= REFRESH_FRACTION * dt or left <= 0.0:
+        if left <= 0.0 or elapsed >= REFRESH_FRACTION * dt:
             accumulate_impulse(island, about, elapsed, result.applied)
-            about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :], elapsed = 0.0, 0.0, 0.0, 0.0
-            for b in range(twist.shape[0]):
-                for i in range(3):
-                    about.twist[b, i] = twist[b, i]
-            assemble_force_and_jacobian(body_of, levers, twist, forcing, work.everyone, about.force, about.jacobian)
-            work.net_force[:, :] = 0.0
-            add_forces(body_of, levers, twist, forcing, work.accelerations, work.force, work.net_force)
+            evaluate_media(island, twist, about, work.everyone, work.accelerations, work.force)
+            elapsed = 0.0
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
         count, max_dt = find_contacts(island, law, twist, result.path, result.touched, work)
         step = 0.0
@@ -152,6 +123,28 @@ def _integrate_island(
         if left < 1e-9 * dt:
             left = 0.0
         before = step
+
+
+@kernel
+def allocate_linearisation(twist: Floats) -> Linearisation:
+    """Return one that nothing has been evaluated for."""
+    bodies = twist.shape[0]
+    return Linearisation(twist.copy(), np.zeros((bodies, 3)), np.zeros((bodies, 3, 3)), np.zeros((bodies, 3)))
+
+
+@borrower
+def evaluate_media(
+    island: Island, twist: Floats, about: Linearisation, everyone: NDArray[np.bool_], accelerations: Floats, force: Floats
+) -> None:  # fmt: skip
+    """Evaluate the media at ``twist``; ``force`` takes what acts on the elements (N, N, N m)."""
+    forcing = island.forcing
+    about.force[:, :], about.jacobian[:, :, :], about.twist_integral[:, :] = 0.0, 0.0, 0.0
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            about.twist[b, i] = twist[b, i]
+    add_forces(island.body_of, island.levers, twist, forcing, accelerations, force, about.force)
+    about.force[:, :] = 0.0
+    assemble_force_and_jacobian(island.body_of, island.levers, twist, forcing, everyone, about.force, about.jacobian)
 
 
 @borrower
@@ -204,7 +197,7 @@ def _record_peak_load(island: Island, count: int, result: IslandResult, work: Is
     """Record the loads of the bonded bodies that contact presses harder in this kick than before in the step."""
     if count == 0:
         return
-    body_of, levers, bonded, twist, forcing = island.body_of, island.levers, island.bonded, result.twist, island.forcing
+    body_of, levers, bonded, twist = island.body_of, island.levers, island.bonded, result.twist
     size, contact_force, active, peak, harder = work.size, work.contact_force, work.active, work.peak, False
     size[:] = 0.0
     contact_force[:, :] = 0.0
@@ -226,17 +219,32 @@ def _record_peak_load(island: Island, count: int, result: IslandResult, work: Is
             harder = harder or (bonded[c] and size[c] > peak[c])
     if not harder:
         return
+    record_loads(island, size, peak, twist, result.path, work.force, contact_force, result)
+
+
+@borrower
+def record_loads(
+    island: Island, size: Floats, peak: Floats, twist: Floats, path: Floats, force: Floats, contact_force: Floats,
+    result: IslandResult,
+) -> None:  # fmt: skip
+    """Record the loads of the bonded bodies on which the forces of contact add up to more, ``size``, than so far, ``peak`` (N).
+
+    ``twist``, ``path``: of the bodies now; ``force``, ``contact_force``: on the elements by media and by contact (N, N, N m).
+    """
+    body_of, forcing = island.body_of, island.forcing
     for e in range(body_of.size):
         b = body_of[e]
-        if not (bonded[b] and size[b] > peak[b]):
+        if not (island.bonded[b] and size[b] > peak[b]):
             continue
-        m, q = levers[e], twist[b]
+        m, q = island.levers[e], twist[b]
         floor = forcing.mass[e] * forcing.floor_rate[e]
         u, v, w = element_velocity(m, q)
-        result.peak_force[e, 0] = work.force[e, 0] + contact_force[e, 0] - floor * u
-        result.peak_force[e, 1] = work.force[e, 1] + contact_force[e, 1] - floor * v
-        result.peak_force[e, 2] = work.force[e, 2] - forcing.inertia[e] * forcing.floor_spin_rate[e] * w
-        c, s = math.cos(result.path[b, 2]), math.sin(result.path[b, 2])
+        result.peak_force[e, 0] = force[e, 0] + contact_force[e, 0] - floor * u
+        result.peak_force[e, 1] = force[e, 1] + contact_force[e, 1] - floor * v
+        result.peak_force[e, 2] = (
+            force[e, 2] + contact_force[e, 2] - forcing.inertia[e] * forcing.floor_spin_rate[e] * w
+        )
+        c, s = math.cos(path[b, 2]), math.sin(path[b, 2])
         result.peak_axes[e, 0], result.peak_axes[e, 1] = m[9] * c - m[10] * s, m[10] * c + m[9] * s
         result.peak_spin[b] = q[2]
     for b in range(size.size):

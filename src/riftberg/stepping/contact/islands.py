@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import plain
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
@@ -23,25 +23,12 @@ from riftberg.stepping.bodies.dynamics import (
     add_forces,
     assemble_force_and_jacobian,
 )
+from riftberg.stepping.contact.impulses import Island, IslandResult, Islands
 from riftberg.stepping.contact.island_step import integrate_islands
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
-
-
-class Islands(NamedTuple):
-    """Bodies that may touch each other, island by island; those of island k from ``start[k]`` to ``start[k + 1]``."""
-
-    members: Ints  # Bodies
-    start: Ints  # Where the islands begin in ``members``
-    rows: Ints  # Elements of the bodies
-    row_start: Ints  # Where the islands begin in ``rows``
-    body_of: Ints  # Place of each element's body in its island; shape (rows,)
-    first: Ints  # Candidate pairs, as places in the rows of their island
-    second: Ints
-    pair_start: Ints  # Where the islands begin among the pairs
-    order: Ints  # Places of the pairs in the list that was given
 
 
 class PeakContactLoad(NamedTuple):
@@ -52,19 +39,6 @@ class PeakContactLoad(NamedTuple):
     axes: Floats  # Cosine and sine of the fragment's axis from local east then; shape (rows, 2)
     bodies: Ints  # The fragments
     spin: Floats  # Theirs then, rad s-1; shape (bodies,)
-
-
-class IslandsOutcome(NamedTuple):
-    """What the sub-steps of all islands left."""
-
-    touched: NDArray[np.bool_]  # Candidate pairs that touched
-    path: Floats  # Of the bodies, m, m, rad
-    twist: Floats
-    applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (elements, forces, 2)
-    force: Floats  # On the elements when contact pressed their body hardest, N, N, N m
-    axes: Floats
-    spin: Floats
-    shortest: float  # s
 
 
 class ContactPhase(NamedTuple):
@@ -121,28 +95,41 @@ def resolve_contacts(
     """
     if first.size == 0:
         return None
+    lists, whole = gather_islands(op, first, second, pair_separations(el, first, second, p), sizes)
+    outcome = integrate_islands(lists, whole, twist[lists.members], dt, plain(pair_law)(p))
+    if not outcome[7] > 0.0:
+        raise FloatingPointError
+    return phase_of(op, lists, first, second, IslandResult(*outcome[:7]), outcome[7], dt)
+
+
+def pair_separations(el: Elements, first: Ints, second: Ints, p: KernelParameters) -> Floats:
+    """Vectors from the second to the first element of each pair, east and north, m; shape (pairs, 2)."""
+    metric, shown = Metric(p.latlon, p.earth_radius, p.period), el.shown
+    one, two = (shown.lon_pair[first], shown.lat_pair[first]), (shown.lon_pair[second], shown.lat_pair[second])
+    return np.column_stack(separations(metric, *one, *two))
+
+
+def gather_islands(op: BodyOperators, first: Ints, second: Ints, apart: Floats, sizes: Sizes) -> tuple[Islands, Island]:
+    """Return the islands of the candidate pairs of elements, and what compiled code needs of all of them."""
     count = op.matrices.mobility.shape[0]
     i = find_islands(op.body, count, first, second)
-    first, second = first[i.order], second[i.order]
-    bonded = np.bincount(op.body, minlength=count)[i.members] > 1
-    shown = el.shown
-    outcome = IslandsOutcome(*integrate_islands(
-        i.start, i.row_start, i.body_of, i.first, i.second, i.pair_start, op.levers[i.rows], forcing_of_rows(i.rows, op.forcing),
-        BodyMatrices(*(matrix[i.members] for matrix in op.matrices)), twist[i.members], bonded,
-        shown.lon_pair[first], shown.lat_pair[first], shown.lon_pair[second], shown.lat_pair[second],
-        sizes.radius[first] + sizes.radius[second], np.minimum(sizes.mass[first], sizes.mass[second]), dt,
-        plain(pair_law)(p),
-    ))  # fmt: skip
-    if not outcome.shortest > 0.0:
-        raise FloatingPointError
-    return phase_of(op, i, first, second, outcome, dt)
+    rows, one, two = i.rows, first[i.order], second[i.order]
+    return i, Island(
+        i.body_of, op.levers[rows], forcing_of_rows(rows, op.forcing), BodyMatrices(*(m[i.members] for m in op.matrices)),
+        np.bincount(op.body, minlength=count)[i.members] > 1, i.first, i.second, apart[i.order],
+        sizes.radius[one] + sizes.radius[two], np.minimum(sizes.mass[one], sizes.mass[two]),
+    )  # fmt: skip
 
 
 def phase_of(
-    op: BodyOperators, i: Islands, first: Ints, second: Ints, outcome: IslandsOutcome, dt: float
+    op: BodyOperators, i: Islands, first: Ints, second: Ints, result: IslandResult, shortest: float, dt: float
 ) -> ContactPhase | None:
-    """Return what the sub-steps of all islands made of the bodies that touched others; None where no pair did."""
-    touched, path, after, applied, force, axes, spin, shortest = outcome
+    """Return what the sub-steps of all islands made of the bodies that touched others; None where no pair did.
+
+    ``first``, ``second``: elements of the candidate pairs, as they were given.
+    """
+    first, second = first[i.order], second[i.order]
+    after, path, touched, applied, force, axes, spin = result
     if not touched.any():
         return None
     count = op.matrices.mobility.shape[0]

@@ -4,7 +4,7 @@ Land is looked for at the end of a step. By then an element may have gone hundre
 shore. Put back alone it would be pulled out of its lattice, or end deep inside the berg behind it, and the springs of ice
 would return that as metres a second: 43 m s-1 for a berg that a current of 0.3 m s-1 carried ashore. So the same correction
 moves all ice that is in the way: nothing is strained, and nothing pushed into another. All of it loses the velocity into the
-land at which its leading element arrived.
+land at which it arrived.
 """
 
 from __future__ import annotations
@@ -121,10 +121,13 @@ def apply_land_constraint(el: Elements, bonds: Bonds, grid: GridArrays, c: Kerne
             part = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
         leader = leading_elements(el, lon, lat, correction, part, c)[part]
         moved = np.flatnonzero((leader >= 0) & (el.static < 0.5))
+        # The mean over all that moves together: what bonds oscillate by is no motion into the land, and would be taken from all
+        # in one direction alone.
+        group, mass = leader[moved], el.mass[moved]
+        of_group = np.bincount(group, mass, el.size)[group]
         for u, v in ((el.u, el.v), (el.u_sync, el.v_sync)):
-            u[moved], v[moved] = stopped_by_land(
-                u[moved], v[moved], u[leader[moved]], v[leader[moved]], correction[leader[moved]]
-            )
+            mean_u, mean_v = (np.bincount(group, mass * w[moved], el.size)[group] / of_group for w in (u, v))
+            u[moved], v[moved] = stopped_by_land(u[moved], v[moved], mean_u, mean_v, correction[group])
         followers = moved[leader[moved] != moved]
         if followers.size == 0:
             return
@@ -134,7 +137,7 @@ def apply_land_constraint(el: Elements, bonds: Bonds, grid: GridArrays, c: Kerne
 def stopped_by_land(
     u: Floats, v: Floats, u_ashore: Floats, v_ashore: Floats, correction: Floats
 ) -> tuple[Floats, Floats]:
-    """Return velocities less the part of that of the element ashore that goes into the land, against its correction."""
+    """Return velocities less the part of that of the ice ashore that goes into the land, against its correction."""
     out = correction / np.hypot(correction[:, :1], correction[:, 1:])
     into = np.minimum(u_ashore * out[:, 0] + v_ashore * out[:, 1], 0.0)
     return u - into * out[:, 0], v - into * out[:, 1]

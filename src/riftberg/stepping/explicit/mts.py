@@ -71,7 +71,7 @@ class MultipleStepper(Stateless):
         self._needs_rank = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
         self._impacts: RigidImpacts | None = None
-        if run.parameters.contact.law == "crushing":
+        if run.parameters.crushing:
             from riftberg.stepping.explicit.impacts import RigidImpacts  # with shapely, for the footprints
 
             self._impacts = RigidImpacts(run)

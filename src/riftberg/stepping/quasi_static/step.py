@@ -152,7 +152,7 @@ class QuasiStaticStepper:
         if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
             self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
-        aground, crushing = model.parameters.grounding.law == "seabed", model.parameters.contact.law == "crushing"
+        aground, crushing = model.parameters.grounding.law == "seabed", model.parameters.crushing
         self._footprints = FootprintBook(model) if aground or crushing else None
         self._seabed = Seabed(model, self._footprints) if aground and self._footprints else None
         self._faces = FaceContact(model, self._footprints) if crushing and self._footprints else None
