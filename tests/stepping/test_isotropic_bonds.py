@@ -326,6 +326,31 @@ def test_the_ledger_knows_their_energy(packing: str) -> None:
     assert np.ptp(held) < 0.04 * np.mean(held)
 
 
+@pytest.mark.parametrize(("scheme", "law"), [("mts", "dem"), ("verlet", "spring")])
+def test_a_cracked_lattice_goes_on_from_a_restart_bit_for_bit(scheme: str, law: str, tmp_path) -> None:
+    """Bug: a diagonal around a corner with a broken side was as long as the way that was left only after a restart."""
+    p = Parameters(
+        bonds={"law": law, "youngs_modulus": E}, fracture={"enabled": False},
+        stepping={"scheme": scheme, "time_step": 5.0},
+    )  # fmt: skip
+    berg, around = (
+        Iceberg.rectangle(4e3, 3e3, thickness=THICKNESS, radius=RADIUS, placement=(-37.0, -56.0)),
+        Steady(current=(0.3, 0.1)),
+    )
+    run = Model(berg, around, p)
+    # Both ways around a corner are not equally long, and one of them breaks under way.
+    run.bonds.rest_length[:] *= 1.0 + 1e-3 * np.random.default_rng(2).random(run.bonds.first.size)
+    run.advance(steps=1)
+    run.bonds.status[crossing(run.bonds, run.elements, float(run.elements.lon.mean()))[:2]] = 1
+    run.advance(steps=1)
+    again = Model.resume(run.save(tmp_path / "cracked.nc"), around)
+    for model in (run, again):
+        model.advance(steps=3)
+    for mine, theirs in ((run.elements, again.elements), (run.bonds, again.bonds)):
+        for name, values in mine.arrays().items():
+            np.testing.assert_array_equal(values, getattr(theirs, name), err_msg=name)
+
+
 @pytest.mark.parametrize(
     ("groups", "says"),
     [

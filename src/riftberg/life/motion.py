@@ -422,7 +422,7 @@ def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | N
         return 0.0
     diagonals = find_diagonals(elements, some, c)
     i, j = np.append(some.first, diagonals.first), np.append(some.second, diagonals.second)
-    rest = np.append(some.rest_length, diagonal_lengths(diagonals.way, some.rest_length))
+    rest = np.append(some.rest_length, diagonal_lengths(diagonals, some))
     parts = stiffness_parts(p, elements, i, np.arange(i.size) >= some.first.size)
     sizes = interaction_sizes(elements, c)
     radius, thickness = sizes.bond_radius, elements.body.thickness

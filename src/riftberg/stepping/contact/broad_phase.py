@@ -101,7 +101,7 @@ class NeighbourSearch:
         if self._springs is None:
             diagonals = find_diagonals(el, bonds, p)
             first, second = np.append(bonds.first, diagonals.first), np.append(bonds.second, diagonals.second)
-            rest = np.append(bonds.rest_length, diagonal_lengths(diagonals.way, bonds.rest_length))
+            rest = np.append(bonds.rest_length, diagonal_lengths(diagonals, bonds))
             status = np.append(bonds.status, np.zeros_like(diagonals.first))
             partners, bond = adjacency(first, second, status, el.size)
             self._springs = partners, rest[bond]

@@ -176,7 +176,7 @@ def substep_matrix(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes
     kernel = p.kernel_values()
     diagonals = find_diagonals(elements, bonds, kernel)
     i, j = np.append(bonds.first[on], diagonals.first), np.append(bonds.second[on], diagonals.second)
-    rest = np.append(bonds.rest_length[on], diagonal_lengths(diagonals.way, bonds.rest_length))
+    rest = np.append(bonds.rest_length[on], diagonal_lengths(diagonals, bonds))
     diagonal = np.arange(i.size) >= on.sum()
     nothing, one = np.zeros(i.size), np.ones(i.size)
     r1, r2 = _radii_when_formed(p, rest, sizes.bond_radius[i], sizes.bond_radius[j])

@@ -364,7 +364,7 @@ def pack_bonds(
         elif b != EMPTY:
             d = diagonal_of(b)
             _begin_diagonal(bond, at)
-            length = diagonal_length(way, d, rest)
+            length = diagonal_length(way, d, rest, bonds.status)
             _fill_constants(bond, at, begin[d], end[d], length, normal, elements, sizes, rank, p)
             # The rows damp whatever moves; more would shorten the sub-step for nothing.
             bond[at + DAMPING] = 0.0

@@ -65,11 +65,14 @@ def holds(way: Ints, d: int, status: Ints) -> bool:
 
 
 @kernel
-def diagonal_length(way: Ints, d: int, rest: Floats) -> float:
+def diagonal_length(way: Ints, d: int, rest: Floats, status: Ints) -> float:
     """Length at rest (m) of diagonal ``d``, by the lengths of the bonds around its corner; not a number where these are not."""
-    return math.hypot(rest[way[d, 0, 0]], rest[way[d, 0, 1]])
+    # By the first way that is left: after a restart it is the first that is found.
+    n = 0 if status[way[d, 0, 0]] == 0 and status[way[d, 0, 1]] == 0 else 1
+    return math.hypot(rest[way[d, n, 0]], rest[way[d, n, 1]])
 
 
-def diagonal_lengths(way: Ints, rest: Floats) -> Floats:
-    """Lengths at rest (m) of all diagonals."""
-    return np.array([diagonal_length(way, d, rest) for d in range(len(way))])
+def diagonal_lengths(diagonals: Diagonals, bonds: Bonds) -> Floats:
+    """Lengths at rest (m) of diagonals."""
+    of_all = range(diagonals.first.size)
+    return np.array([diagonal_length(diagonals.way, d, bonds.rest_length, bonds.status) for d in of_all])
