@@ -47,6 +47,7 @@ SUMMARIES: Final = {
 
 _ELSEWHERE: Final = {
     "experiments": "run", "doctor": "forcing_files", "fetch": "forcing_files",
+    "product-errors": "forcing_files",
     **dict.fromkeys(("plot", "animate", "replay"), "pictures"),
 }  # fmt: skip
 """Commands that stand in the file of another."""
