@@ -74,8 +74,8 @@ def parameters_page() -> str:
         "# Parameters\n",
         "Set one with `riftberg run EXPERIMENT --set group.name=value`, in a YAML file under `parameters:`, or in Python with",
         '`A68A_2022.changed(group={"name": value})`. Values may carry units: `--set fracture.normal_strength="20 kPa"`.',
-        "Impossible values and unknown names are refused; of a value outside its usual range `run` and `doctor` tell, and a",
-        "model in Python (`model.notices`), and the run goes on.\n",
+        "Impossible values and unknown names are refused. A value outside its usual range is reported by `run` and `doctor`,",
+        "and in Python by `model.notices`; the run continues.\n",
         "`A68A_2022` is the physics of the published A68a run (Huth et al. 2022, table S1) with Riftberg's numerics;",
         "`A68A_2022_KID` adds the numerics and quirks of the reference. The columns show their values where they differ from",
         "the default. The A68a experiments and `preset: a68a-2022` take them; `Model(berg, ocean)` and YAML files without a",
@@ -116,7 +116,7 @@ def experiment_page() -> str:
         "# Experiment files\n",
         "Keys of a YAML experiment; see the [how-to](../howto/own-experiment-yaml.md) for a whole one. Quantities may carry",
         "units (`thickness: 200 m`, `time_step: 30 min`); plain numbers are in the unit named here. Unknown keys are refused",
-        "with the line where they stand, and all that is wrong is told at once. Where a list of sections stands, one section",
+        "with the line where they stand, and all errors are reported at once. Where a list of sections stands, one section",
         "may stand alone; for a section that has a `file`, the name of the file (`outline: berg.geojson`).\n",
     ]
     shapes = (

@@ -133,7 +133,7 @@ def story(folder: Path) -> Iterator[Path]:
     from riftberg.diagnostics.why import explain
     from riftberg.experiments import build
     from riftberg.viz.map import draw_map
-    from riftberg.viz.plots import draw_stress, draw_fragments
+    from riftberg.viz.plots import draw_fragments, draw_stress
     from riftberg.viz.why import draw_reasons
 
     model, info = build("a68a")

@@ -34,6 +34,7 @@ from riftberg.stepping.explicit.stability import (
     size_bins,
     with_nonresonant_step,
 )
+from riftberg.stepping.forces.media import OWN
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.outline import measure_outlines
@@ -165,13 +166,16 @@ class BareModel(RunState):
         own = Laws() if laws is None else laws
         required(own, Laws, "Laws(force=..., melt=..., fracture=...)", where="Model, laws")
         own.check(parameters)
+        # Errors of an ensemble may be put around the forcing later; the forces are still called through this.
+        self._force = None if own.force is None else WithForce(forcing, own.forces())
         super().__init__(
-            population, forcing if own.force is None else WithForce(forcing, own.force), parameters,
+            population, self._force or forcing, parameters,
             parameters.kernel_values(), FragmentTree(list(fragments), bergs), start, time, step_number, outlines=outlines,
             laws=own,
         )  # fmt: skip
         self.life = LifeProcess(parameters, own.melt) if lives(parameters) else None
-        self.motion = MotionLedger(parameters)
+        self.motion = MotionLedger(parameters, own.several())
+        self._own: Floats | None = None  # Accelerations by each of several own forces, (elements, forces, 2)
         self.after_step: list[Process] = []
         self.departed: tuple[Elements, Bonds] | None = None
         self.remembered: dict[str, Floats] = {}
@@ -293,6 +297,21 @@ class BareModel(RunState):
             applied = by_identifier(self._stepped, applied, self.elements.body.id)
         return self.elements.body.mass[:, None, None] * applied
 
+    def own_forces(self) -> Floats:
+        """Return the mean forces (N) of each of several laws of one's own over the last long step.
+
+        Returns
+        -------
+        array, shape (elements, forces, 2)
+            East and north, in the order of `Laws.several`; together they are the force ``own`` of `applied_forces`.
+        """
+        own, count = self._own, len(self.laws.several())
+        if own is None:
+            return np.zeros((self.elements.size, count, 2))
+        if not np.array_equal(self._stepped, self.elements.body.id):
+            own = by_identifier(self._stepped, own, self.elements.body.id)
+        return self.elements.body.mass[:, None, None] * own
+
     def step(self) -> None:
         """Advance the state by one long step, and run the processes of `after_step`.
 
@@ -324,10 +343,15 @@ class BareModel(RunState):
         )  # fmt: skip
         try:
             if self.elements.size:
+                if self._force is not None:
+                    self._force.begin_step()
                 self._stepped_from(saved.elements)
                 # The ledgers see the state before the step; contacts need it too, for the speed before bergs touched.
+                applied = self._stepper.applied
+                if self._force is not None and self.laws.several():
+                    self._own = self._force.shared(self.elements.body.mass, applied[:, OWN])
                 self.motion.moved(
-                    saved.elements, saved.bonds, self, self._stepper.applied, self.remembered, self._stepper.crushed
+                    saved.elements, saved.bonds, self, applied, self.remembered, self._stepper.crushed, self._own
                 )
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants

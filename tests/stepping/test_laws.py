@@ -9,6 +9,7 @@ import pytest
 
 from riftberg import Iceberg, Laws, Model, Parameters, Steady
 from riftberg.diagnostics.cut import external_forces
+from riftberg.ensembles.uncertain import with_errors
 from riftberg.errors import InputError, RunError
 from riftberg.stepping.forces.media import FORCES
 from stepping.test_elastic_cells import pulled
@@ -61,6 +62,70 @@ def test_a_resumed_run_with_a_force_of_ones_own_has_the_same_digits(scheme, tmp_
         np.testing.assert_array_equal(getattr(again.elements, name), getattr(whole.elements, name))
     np.testing.assert_array_equal(again.applied_forces(), whole.applied_forces())
     assert np.abs(whole.applied_forces()[:, FORCES.index("own")]).max() > 0.0
+
+
+@pytest.mark.parametrize("scheme", ["quasi_static", "mts", "verlet"])
+def test_several_forces_act_as_their_sum_and_stand_under_their_names(scheme, tmp_path: Path) -> None:
+    def tug(elements, time):
+        return 2e6 * (time < 5400.0), 0.0
+
+    def mooring(elements, time):
+        return -3e5 * elements.motion.u, -3e5 * elements.motion.v - 1e4
+
+    def both(elements, time):
+        return tuple(a + b for a, b in zip(tug(elements, time), mooring(elements, time), strict=True))
+
+    bonds = {"law": "none"} if scheme == "verlet" else {}
+    p = Parameters().changed(stepping={"scheme": scheme}, bonds=bonds, fracture={"enabled": False})
+    sea = Steady(current=(0.2, 0.1))
+    runs = [
+        (model := Model(berg(), sea, p, laws=Laws(force=force)), model.run("3 h", every_hours=1, forces=True))
+        for force in (both, {"tug": tug, "mooring": mooring}, tug)
+    ]
+    (one, whole), (two, parts), (alone, by_tug) = runs
+    for name in ("lon", "u_sync", "force_own_x", "force_own_y"):
+        np.testing.assert_allclose(parts[name], whole[name], rtol=1e-9, atol=1e-9)
+    assert "force_tug_x" not in whole
+    for axis in "xy":
+        together = parts[f"force_tug_{axis}"] + parts[f"force_mooring_{axis}"]
+        np.testing.assert_allclose(together, parts[f"force_own_{axis}"], rtol=1e-5, atol=1.0)
+    # What a force gives that knows no velocity is the same whatever acts beside it.
+    np.testing.assert_allclose(parts["force_tug_x"], by_tug["force_own_x"], rtol=1e-6, atol=0.1)
+    balance = two.motion.balance(two, two.remembered)
+    assert balance.impulse["own"] == pytest.approx(one.motion.balance(one, one.remembered).impulse["own"], rel=1e-9)
+    for k, sum_of in enumerate((*balance.impulse["own"], balance.work["own"])):
+        assert sum(given[k] for given in balance.own.values()) == pytest.approx(sum_of, rel=1e-9)
+    given = alone.motion.balance(alone, alone.remembered).impulse["own"][0]
+    assert balance.own["tug"][0] == pytest.approx(given, rel=1e-6)
+    assert parts["impulse_tug_x"].isel(time=-1).item() == pytest.approx(balance.own["tug"][0])
+    assert parts["work_mooring"].isel(time=-1).item() == pytest.approx(balance.own["mooring"][2])
+    assert parts.attrs["laws"] == "force by tug and mooring"
+    assert "of it tug" in balance.lines()[0]
+
+
+def test_forces_that_cancel_are_not_lost() -> None:
+    def east(elements, time):
+        return 1e6, 0.0
+
+    def west(elements, time):
+        return -1e6, 0.0
+
+    model = with_errors(Model(berg(), Steady(), laws=Laws(force=[east, west])), {"current_error.scale": 1.1})
+    model.step()
+    np.testing.assert_allclose(model.own_forces()[:, :, 0], [[1e6, -1e6]] * model.elements.size, rtol=1e-6)
+
+
+def test_forces_without_names_of_their_own_are_refused() -> None:
+    def tug(elements, time):
+        return 0.0, 0.0
+
+    with pytest.raises(InputError, match="two forces of one name"):
+        Model(berg(), Steady(), laws=Laws(force=[tug, tug]))
+    for name in ("water", "the tug"):
+        with pytest.raises(InputError, match="cannot name a force"):
+            Model(berg(), Steady(), laws=Laws(force={name: tug, "other": tug}))
+    with pytest.raises(InputError, match=r"Laws, mooring: 3\.0 is no function"):
+        Model(berg(), Steady(), laws=Laws(force={"tug": tug, "mooring": 3.0}))
 
 
 def test_a_melt_law_of_ones_own_is_in_the_ledger_and_the_rest_stays() -> None:

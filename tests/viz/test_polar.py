@@ -99,6 +99,20 @@ def test_map_around_positions_holds_them_on_any_branch_and_takes_the_pole_beyond
     assert np.hypot(*(v[0] - v[2] for v in (x, y))) / chart.units_per_km > 50.0
 
 
+@pytest.mark.parametrize(("deepest", "shaded"), [(4500.0, False), (9500.0, True)])
+def test_a_floor_of_one_colour_has_no_scale(deepest: float, shaded: bool) -> None:
+    class Sloping:
+        """A floor from 4000 m down."""
+
+        def depth(self, lon: Any, lat: Any) -> Any:
+            """Return the depth."""
+            return np.linspace(4000.0, deepest, np.size(lon)).reshape(np.shape(lon))
+
+    chart = Map.around(Figure().subplots(), np.array([-38.0, -36.0]), np.array([-57.0, -56.0]))
+    chart.draw_floor(Sloping(), shaded=True)
+    assert chart.shaded == shaded
+
+
 def test_tracks_have_gaps_where_a_berg_lost_a_part() -> None:
     x, y = style.gapped(np.arange(4.0), np.arange(4.0), np.array([9.0, 8.999, 5.0, 5.0]))
     np.testing.assert_array_equal(x, [0.0, 1.0, np.nan, 2.0, 3.0])

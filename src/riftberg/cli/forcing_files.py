@@ -1,4 +1,4 @@
-"""``riftberg doctor``: what forcing files are, and what a run still lacks; ``riftberg fetch`` gets them."""
+"""``riftberg doctor``: what forcing files are, and what a run lacks; ``riftberg fetch`` gets them."""
 
 from __future__ import annotations
 

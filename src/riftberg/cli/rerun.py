@@ -91,7 +91,7 @@ def rerun(
 def _kept_of_member(run: Path) -> tuple[dict[str, str], list[str]]:
     """Return what a sweep keeps of its command, and what is set for one of its members."""
     from riftberg.ensembles.result import values_of
-    from riftberg.experiments.origin import setting
+    from riftberg.experiments.changes import setting
 
     one = opened(run)
     return dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()]

@@ -182,7 +182,7 @@ class RunOptions(NamedTuple):
 
     def origin(self, folder: Path) -> dict[str, str]:
         """Return what a run file in a folder keeps of the command that made it, for ``riftberg rerun``."""
-        from riftberg.experiments.origin import origin
+        from riftberg.experiments.changes import origin
 
         shown = ("--map", "--no-map", "--quiet", "-q", self.experiment)
         words = [word for word in words_without(self.words, *KEPT_APART)[2:] if word not in shown]
@@ -481,7 +481,7 @@ class Session:
 
     def _saved(self, why: str) -> str:
         """Save the state and say how to go on."""
-        from riftberg.experiments.origin import setting
+        from riftberg.experiments.changes import setting
 
         try:
             path = self.model.save(self.folder / f"{why}.restart.nc")

@@ -24,8 +24,7 @@ from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
-from riftberg.experiments.changes import changed
-from riftberg.experiments.origin import origin, settings_of
+from riftberg.experiments.changes import changed, origin, settings_of
 from riftberg.experiments.registry import Options
 from riftberg.parameters import Parameters
 from riftberg.plane import EqualAreaPlane

@@ -1,9 +1,16 @@
-"""Changes of parameters given as text: names looked up, units converted, values checked, mistakes explained."""
+"""Changes of parameters given as text: names looked up, units converted, values checked, mistakes explained; and as text again.
+
+Runs and sweeps keep the command that made them with its changes, so that ``riftberg rerun`` can make them again.
+"""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+import json
+import os
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from pydantic.fields import FieldInfo
@@ -12,6 +19,7 @@ from riftberg.bergs.keys import BergKeys
 from riftberg.config.values import fields_of, given, sections_in
 from riftberg.errors import InputError, nearest, together
 from riftberg.parameters import A68A_2022_KID, Parameters
+from riftberg.runs.layout import COMMAND, FILE, PLACE
 from riftberg.system.input_files import value_shown
 
 Changes = dict[str, dict[str, Any]]
@@ -164,3 +172,37 @@ def reference_numerics(parameters: Parameters) -> Parameters:
         stepping={"scheme": "mts", "skip_first_long_force": True},
         compatibility={name: value for name, value in A68A_2022_KID.compatibility if value},
     )
+
+
+def origin(
+    experiment: str, words: Sequence[str], settings: Sequence[str], data: Path | None, folder: Path
+) -> dict[str, str]:
+    """Return the attributes of a file in a folder: the command, the experiment file if there is one, and where its data are.
+
+    ``words``: options of the command; ``settings``: what is set besides, as ``group.name=value``.
+    """
+    path = Path(experiment)
+    told = [part for setting in settings for part in ("--set", setting)]
+    found = {COMMAND: shlex.join(["riftberg", "run", path.name, *words, *told])}
+    home = data
+    if path.suffix in (".yaml", ".yml"):
+        found[FILE], home = path.read_text("utf-8-sig"), home or path.parent
+    if home is not None:
+        found[PLACE] = os.path.relpath(home.resolve(), folder.resolve())
+    return found
+
+
+def setting(name: str, value: Any) -> str:
+    """Return ``name=value`` as ``--set`` reads it again with the same digits."""
+    if isinstance(value, float):
+        return f"{name}={int(value)}" if value.is_integer() else f"{name}={value!r}"
+    return f"{name}={value if isinstance(value, str) else json.dumps(value)}"
+
+
+def settings_of(changes: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return changes by group and name as ``--set`` takes them; a group without a name is a key of the file by itself."""
+    return [
+        setting(f"{group}.{name}" if name else group, value)
+        for group, values in changes.items()
+        for name, value in values.items()
+    ]

@@ -28,7 +28,7 @@ from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.explicit.stability import stiffness_parts
-from riftberg.stepping.forces.media import CORIOLIS, FORCES, SEA_FLOOR
+from riftberg.stepping.forces.media import CORIOLIS, FORCES, OWN, SEA_FLOOR
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
 
@@ -70,6 +70,8 @@ class MotionBalance(NamedTuple):
     crushed: (
         float  # Plastic work and friction of faces that crush each other, J: a part of what is lost between elements
     )
+    # Momentum (N s, east and north) and work (J) of each of several laws of one's own; together those of "own".
+    own: dict[str, tuple[float, float, float]]
 
     @property
     def momentum_error(self) -> float:
@@ -106,6 +108,8 @@ class MotionBalance(NamedTuple):
             for name, (x, y) in self.impulse.items() if name != "elements" and (x or y)
         ]  # fmt: skip
         work = [f"{_shown(name)} {w:+.3g}" for name, w in self.work.items() if name != "elements" and w]
+        given += [f"of it {name} {x:+.3g}, {y:+.3g}" for name, (x, y, _) in self.own.items()]
+        work += [f"of it {name} {w:+.3g}" for name, (_, _, w) in self.own.items()]
         ends = [f"kinetic {self.kinetic_start:.3g} to {self.kinetic_now:.3g}"]
         if self.dissipated is None:
             between = self.work["elements"]
@@ -233,9 +237,9 @@ def _entries_in_substeps(
     before: Elements, now: Elements, applied: Floats, run: RunState
 ) -> tuple[Floats, Floats, Floats]:
     """Return the stock before and after a step with sub-steps, and what each force gave, shape (forces, 3)."""
-    p, given = run.parameters, np.zeros((len(FORCES), 3))
+    p, given = run.parameters, np.zeros((applied.shape[1], 3))
     # All forces act as kicks at the start of a step, but a floor in the sub-steps.
-    kicks = np.ones(len(FORCES), np.bool_)
+    kicks = np.ones(applied.shape[1], np.bool_)
     kicks[SEA_FLOOR] = not run.constants.ground_on_substeps
     motion, old = now.motion, before.motion
     _add_given(
@@ -246,7 +250,7 @@ def _entries_in_substeps(
 
 def _entries_in_steps(before: Elements, now: Elements, applied: Floats, run: RunState) -> tuple[Floats, Floats, Floats]:
     """Return the stock before and after a single step, and what each force gave, shape (forces, 3)."""
-    entries, kicks = np.zeros((2 + len(FORCES), 3)), np.zeros(len(FORCES), np.bool_)
+    entries, kicks = np.zeros((2 + applied.shape[1], 3)), np.zeros(applied.shape[1], np.bool_)
     dt, room = run.parameters.stepping.time_step, np.empty((4, now.size))
     _add_entries(_ice(now), _moving(before), _moving(now), applied, kicks, dt, room, entries)
     return entries[0], entries[1], entries[2:]
@@ -268,22 +272,28 @@ def _add_entries(
 class MotionLedger:
     """Sums over the steps of a run; its numbers live in one array, which a restart keeps with the model."""
 
-    def __init__(self, parameters: Parameters) -> None:
-        self.parameters = parameters
+    def __init__(self, parameters: Parameters, own: tuple[str, ...] = ()) -> None:
+        self.parameters, self.own = parameters, own  # several laws of one's own have a row each after all others
+        self.rows = BONDS + 1 + len(own)
 
     def moved(
         self, before: Elements, bonds_before: Bonds, run: RunState, applied: Floats,
-        remembered: MutableMapping[str, Floats], crushed: float,
+        remembered: MutableMapping[str, Floats], crushed: float, own: Floats | None = None,
     ) -> None:  # fmt: skip
         """Enter a step of motion.
 
-        ``applied``: mean accelerations, m s-2 (shape (elements, forces, 2)); ``crushed``: as `Stepper.crushed`, J.
+        ``applied``: mean accelerations, m s-2 (shape (elements, forces, 2)); ``own``: those of several laws of one's own in
+        place of the row of all of them; ``crushed``: as `Stepper.crushed`, J.
         """
+        if own is not None:
+            applied = np.concatenate([applied, own], axis=1)
+            applied[:, OWN] = 0.0
         p, now = self.parameters, run.elements
         entries = _entries_in_substeps if p.stepping.scheme == "mts" else _entries_in_steps
         was, stands, forces = entries(before, now, applied, run)
         given = np.zeros((ELEMENTS, 3))
-        given[: len(FORCES)] = forces
+        given[: len(FORCES)] = forces[: len(FORCES)]
+        given[OWN] += forces[len(FORCES) :].sum(axis=0)
         # The Coriolis force stands across the velocity; what it does along the mean of two velocities is the step's error.
         given[TIME_STEP, 2], given[CORIOLIS, 2] = given[CORIOLIS, 2], 0.0
         body = now.body
@@ -296,11 +306,12 @@ class MotionLedger:
         _enter_step(kept, was, stands, given)
         self._cracks(kept, before, bonds_before, run)
         kept[BONDS, 2] = crushed
+        kept[BONDS + 1 :] += forces[len(FORCES) :]
         remembered[KEPT] = kept
 
     def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
         """Enter what another process has done, under one of `GIVERS`."""
-        kept = _known(remembered)
+        kept = self._known(remembered)
         if kept is not None:
             _enter(kept, who, stock(run.elements, self.parameters))
             remembered[KEPT] = kept
@@ -308,10 +319,10 @@ class MotionLedger:
     def _begun(
         self, remembered: MutableMapping[str, Floats], elements: Elements, bonds: Bonds, run: RunState, was: Floats
     ) -> Floats:
-        known = _known(remembered)
+        known = self._known(remembered)
         if known is not None:
             return known
-        kept = np.zeros((BONDS + 1, 3))
+        kept = np.zeros((self.rows, 3))
         kept[START] = kept[NOW] = was
         kept[BONDS, 0] = elastic_energy(elements, bonds, run) or 0.0
         return kept
@@ -335,10 +346,10 @@ class MotionLedger:
     def balance(self, run: RunState, remembered: MutableMapping[str, Floats]) -> MotionBalance:
         """Return the ledger from the start to now."""
         now = stock(run.elements, self.parameters)
-        kept = _known(remembered)
+        kept = self._known(remembered)
         elastic = elastic_energy(run.elements, run.bonds, run)
         if kept is None:
-            kept = np.zeros((BONDS + 1, 3))
+            kept = np.zeros((self.rows, 3))
             kept[START] = kept[NOW] = now
             kept[BONDS, 0] = elastic or 0.0
         _enter(kept, "other", now)
@@ -348,7 +359,21 @@ class MotionLedger:
             {name: (row[0], row[1]) for name, row in zip(GIVERS, rows, strict=False)}, rows[START][2], rows[NOW][2],
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
             None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[BONDS][2],
+            {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[BONDS + 1 :], strict=True)},
         )  # fmt: skip
+
+    def _known(self, remembered: Mapping[str, Floats]) -> Floats | None:
+        """Return a copy of the numbers so far, None where there are none."""
+        if KEPT not in remembered:
+            return None
+        kept = np.asarray(remembered[KEPT])
+        if kept.shape != (self.rows, 3) or kept.dtype.kind not in "fiu":
+            raise InputError(
+                f"a ledger of shape {kept.shape} and type {kept.dtype}", where=f"restart file, extra/{KEPT}",
+                remedy=f"Name a restart file that Riftberg wrote: it has {self.rows} by 3 numbers there. Several forces of "
+                "one's own must be as many as before",
+            )  # fmt: skip
+        return kept.astype(float)  # a copy
 
 
 def _add_loads(given: Floats, before: Elements, now: Elements, run: RunState) -> None:
@@ -369,19 +394,6 @@ def _held_or_pushed(static: Floats, free_y: Floats, load_x: Floats, load_y: Floa
         held = held or static[e] >= 0.5 or free_y[e] < 0.5
         pushed = pushed or load_x[e] != 0.0 or load_y[e] != 0.0
     return held, pushed
-
-
-def _known(remembered: Mapping[str, Floats]) -> Floats | None:
-    """Return a copy of the numbers so far, None where there are none."""
-    if KEPT not in remembered:
-        return None
-    kept = np.asarray(remembered[KEPT])
-    if kept.shape != (BONDS + 1, 3) or kept.dtype.kind not in "fiu":
-        raise InputError(
-            f"a ledger of shape {kept.shape} and type {kept.dtype}", where=f"restart file, extra/{KEPT}",
-            remedy=f"Name a restart file that Riftberg wrote: it has {BONDS + 1} by 3 numbers there",
-        )  # fmt: skip
-    return kept.astype(float)  # a copy
 
 
 @borrower

@@ -20,7 +20,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from riftberg.config.values import finding_text
 from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES, SOURCES
-from riftberg.life.motion import GIVERS
 from riftberg.parameters import Parameters
 from riftberg.runs.layout import CONTACT_VARIABLES, FRAGMENT_VARIABLES, SHAPE, dimensions_of_variables, forcing_text
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements
@@ -387,7 +386,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "rigid_left_id": Bound(("left",), 0, "next_element - 1", once=True),
     "rigid_left_.+": Bound(("left",)),
     "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
-    "motion_ledger": Bound((len(GIVERS) + 3, 3)),
+    "motion_ledger": Bound((None, 3)),  # the ledger itself knows how many rows it has
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
     "front_shapes": Bound((None,), 0, 255),
     "front_bergs": Bound(("outlines",), 0, "fragments"),

@@ -19,6 +19,7 @@ from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.numbering import by_identifier
 from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.laws import Laws
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel
@@ -61,6 +62,38 @@ APPLIED: Final = Derived(
     tuple(force_variables()), lambda model: model.applied_forces().reshape(model.elements.size, -1).T, mean=True
 )
 """Mean force of each medium on each element."""
+
+
+def own_applied(model: BareModel) -> list[Derived]:
+    """Return the mean force of each of several laws of the user on each element."""
+    laws: Laws = getattr(model, "laws", Laws())
+    names = laws.several()
+    variables = tuple(
+        Variable(
+            f"force_{name}_{axis}", "N", f"mean {word} force of {name}, a law of the user, since the record before"
+        )
+        for name in names
+        for axis, word in (("x", "eastward"), ("y", "northward"))
+    )
+    of = lambda model: model.own_forces().reshape(model.elements.size, -1).T  # noqa: E731
+    return [Derived(variables, of, mean=True)] if names else []
+
+
+def _own_totals(names: Sequence[str]) -> Derived:
+    """Return what each of several laws of the user has given since the start."""
+    variables = tuple(
+        Variable(f"{what}_{name}{axis}", unit, f"{said} {name}, a law of the user, since the start")
+        for name in names
+        for what, axis, unit, said in (
+            ("impulse", "_x", "N s", "eastward momentum given by"), ("impulse", "_y", "N s", "northward momentum given by"),
+            ("work", "", "J", "work of"),
+        )
+    )  # fmt: skip
+    return Derived(variables, lambda model: [v for given in _own_balance(model).values() for v in given], "total")
+
+
+def _own_balance(model: BareModel) -> dict[str, tuple[float, float, float]]:
+    return dict(model.motion.balance(model, model.remembered).own)
 
 
 def added(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
@@ -158,6 +191,8 @@ FRAGMENT_MELT: Final = "fragment_melt_water"
 def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
     """Return the ledgers that a model keeps; not all models that may be written keep any."""
     motion: tuple[Derived, ...] = MOTION if getattr(model, "motion", None) is not None else ()
+    if motion and (names := model.laws.several()):
+        motion = (*motion, _own_totals(names))
     if motion and bonds_vibrate(model):
         motion = (*motion, IN_BONDS)
     return motion if getattr(model, "life", None) is None else (*motion, *ICE)

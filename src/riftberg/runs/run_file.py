@@ -42,7 +42,16 @@ from riftberg.config.values import required
 from riftberg.errors import InputError, RunError
 from riftberg.runs.background import add_background
 from riftberg.runs.checks import open_checked
-from riftberg.runs.derived import APPLIED, Means, added, define_ledgers, ledgers_of, values_now, write_fragment_melt
+from riftberg.runs.derived import (
+    APPLIED,
+    Means,
+    added,
+    define_ledgers,
+    ledgers_of,
+    own_applied,
+    values_now,
+    write_fragment_melt,
+)
 from riftberg.runs.layout import (
     BOND_HISTORY,
     BOND_LATEST,
@@ -137,7 +146,7 @@ class RunWriter:
         self.experiment, self.seed = experiment, seed
         self.flush_seconds, self.background = flush_seconds, background
         self.forces, self.goes_on = forces, goes_on
-        self._derived = [*([APPLIED] if forces else []), *added(derived or {})]
+        self._asked = self._derived = [*([APPLIED] if forces else []), *added(derived or {})]
         self.records = 0
         self._made = False
         self._held: list[_Record] = []
@@ -161,6 +170,7 @@ class RunWriter:
         self._layout = Layout()
         self.records, self._held, self._tracks = 0, [], []
         self._attributes = run_attributes(model, experiment=self.experiment, seed=self.seed) | self.origin
+        self._derived = [*self._asked, *(own_applied(model) if self.forces else ())]
         self._means = Means(model, self._derived)
         try:
             if self.goes_on:

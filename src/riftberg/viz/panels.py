@@ -153,7 +153,8 @@ class Map:
         if depth.mask.all() or float(depth.max()) <= min(NO_FLOOR, NO_FLOOR if draft is None else draft):
             return False
         low, high = float(depth.min()), float(depth.max())
-        self.shaded = shaded and low < UNKNOWN_DEPTH
+        # A floor that is all of one colour needs no scale.
+        self.shaded = shaded and low < UNKNOWN_DEPTH and len(set(np.digitize([low, high], DEPTHS))) > 1
         if self.shaded:
             shades = colours.depth_map()
             norm = BoundaryNorm(DEPTHS, shades.N)

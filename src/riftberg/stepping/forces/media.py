@@ -72,6 +72,9 @@ WATER: Final = MEDIA.index("water")
 SEA_FLOOR: Final = MEDIA.index("sea_floor")
 """Row of the one medium that may act in the sub-steps instead of the long step; its drag on the spin always does."""
 
+OWN: Final = MEDIA.index("own")
+"""Row of the forces by laws of the user."""
+
 CORIOLIS: Final = len(MEDIA)
 """Row of the Coriolis force among the applied forces, after the media."""
 
