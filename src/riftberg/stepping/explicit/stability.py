@@ -22,7 +22,7 @@ from riftberg.state.population import cut_out
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.diagonals import find_diagonals
-from riftberg.stepping.lattice.modes import largest_eigenvalue, substep_matrix
+from riftberg.stepping.lattice.modes import SubstepMatrix, largest_eigenvalue
 from riftberg.stepping.lattice.narrow_bergs import spread
 from riftberg.stepping.run_state import RunState
 
@@ -64,7 +64,7 @@ def critical_time_step(p: Parameters, elements: Elements, bonds: Bonds, sizes: S
     """
     if p.bonds.law == "none" or not np.any(bonds.status == 0):
         return math.inf
-    fastest = largest_eigenvalue(substep_matrix(p, elements, bonds, sizes))
+    fastest = largest_eigenvalue(SubstepMatrix(p, elements, bonds, sizes))
     if not math.isfinite(fastest):
         return 0.0
     return 1.0 / fastest if fastest > 0.0 else math.inf
