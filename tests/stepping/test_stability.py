@@ -14,11 +14,11 @@ from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.model import Model
 from riftberg.stepping.explicit.stability import (
+    SubstepMatrix,
     choose_substeps,
     critical_time_step,
     largest_eigenvalue,
     size_bins,
-    substep_matrix,
 )
 from riftberg.stepping.forces.sizes import interaction_sizes
 
@@ -145,11 +145,11 @@ def test_limit_of_one_undamped_bond_is_that_of_its_fastest_oscillation() -> None
 def test_limit_is_that_of_the_whole_matrix() -> None:
     p = _parameters(bonds={"packing": "hexagonal"})
     berg = _berg("hexagonal", _scattered_thickness("hexagonal"))
-    sparse = substep_matrix(p, berg.elements, berg.bonds, interaction_sizes(berg.elements, p.kernel_values()))
-    matrix = sparse.toarray()
+    sparse = SubstepMatrix(p, berg.elements, berg.bonds, interaction_sizes(berg.elements, p.kernel_values()))
+    matrix = np.array([sparse @ one for one in np.eye(sparse.size)])
     assert np.abs(matrix - matrix.T).max() < 1e-12 * np.abs(matrix).max()
     exact = np.linalg.eigvalsh(matrix)[-1]
-    assert exact <= largest_eigenvalue(sparse) <= 1.01 * exact
+    assert exact <= largest_eigenvalue(sparse) <= 1.001 * exact
 
 
 def test_published_run_is_within_the_limit() -> None:
@@ -205,9 +205,9 @@ def test_choice_takes_little_time() -> None:
     sizes = interaction_sizes(berg.elements, p.kernel_values())
     took = []
     for _ in range(5):
-        began = time.perf_counter()
+        began = time.process_time()  # the clock also counts what else the machine does
         critical_time_step(p, berg.elements, berg.bonds, sizes)
-        took.append(time.perf_counter() - began)
+        took.append(time.process_time() - began)
     assert min(took) < 0.05
 
 

@@ -13,13 +13,14 @@ of the symmetric matrix::
     [ 0      S^T / 2 ]
     [ S / 2  C / 2   ]
 
-(mass-weighted), which a few dozen Lanczos steps give.
+(mass-weighted), which a few dozen Lanczos steps give. The matrix is never written down: of a million elements it would take
+gigabytes.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,11 @@ from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
 from riftberg.stepping.lattice.narrow_bergs import spread
 from riftberg.stepping.run_state import RunState
 
-ACCURACY: Final = 0.01
+ACCURACY: Final = 1e-3
 """Relative accuracy of the largest eigenvalue: far less than the margin of ``stepping.safety``."""
+
+MAX_LANCZOS_STEPS: Final = 400
+"""Lanczos steps at most; some 30 to 80 are usual."""
 
 MAX_SUBSTEPS: Final = 1e15
 """Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.system.limits`."""
@@ -75,12 +79,12 @@ def critical_time_step(p: Parameters, elements: Elements, bonds: Bonds, sizes: S
     """Largest stable sub-step in seconds; infinite without bonds.
 
     At most a hundredth below the exact limit of the linearised lattice, never above it: see
-    `substep_matrix`. For one oscillator ``x'' + c x' + w^2 x = 0`` it is
+    `SubstepMatrix`. For one oscillator ``x'' + c x' + w^2 x = 0`` it is
     ``(sqrt(c^2 + 4 w^2) - c) / w^2``, which is 2 / w without damping.
     """
     if p.bonds.law == "none" or not np.any(bonds.status == 0):
         return math.inf
-    fastest = largest_eigenvalue(substep_matrix(p, elements, bonds, sizes))
+    fastest = largest_eigenvalue(SubstepMatrix(p, elements, bonds, sizes))
     if not math.isfinite(fastest):
         return 0.0
     return 1.0 / fastest if fastest > 0.0 else math.inf
@@ -164,79 +168,93 @@ def _spring_damping(p: Parameters, stiffness: Floats) -> tuple[Floats, Floats]:
     return full, full / 4.0 if c.tangential_critical_damping else c.tangential_damping * one
 
 
-def substep_matrix(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> Any:
-    """Return the sparse matrix whose largest eigenvalue is the inverse of the longest stable sub-step (s-1).
+class SubstepMatrix:
+    """The matrix whose largest eigenvalue is the inverse of the longest stable sub-step (s-1), as the product with a vector.
 
-    The intact bonds are linearised about the present positions, without strain.
+    The intact bonds are linearised about the present positions, without strain. A vector holds the three strains of all bonds
+    (extension, slip, bend), then the mass-weighted velocities (u, v, spin) of all elements.
     """
-    # SciPy's sparse matrices take a third of a second to import, which runs with a given number of sub-steps do not need.
-    from scipy.sparse import bmat, csr_matrix, diags
 
-    on, count = bonds.status == 0, elements.mass.size
-    kernel = p.kernel_values()
-    diagonals = find_diagonals(elements, bonds, kernel)
-    i, j = np.append(bonds.first[on], diagonals.first), np.append(bonds.second[on], diagonals.second)
-    rest = np.append(bonds.rest_length[on], diagonal_lengths(diagonals, bonds))
-    diagonal = np.arange(i.size) >= on.sum()
-    nothing, one = np.zeros(i.size), np.ones(i.size)
-    r1, r2 = _radii_when_formed(p, rest, sizes.bond_radius[i], sizes.bond_radius[j])
-    nx, ny = _directions(p, elements, i, j)
-    if p.bonds.law == "dem":
-        normal, shear, bending = _dem_stiffness(
-            p, (r1, r2), elements.thickness, stiffness_parts(p, elements, i, diagonal), i, j
-        )
-        damper = np.where(diagonal, 0.0, _dem_damping(p, sizes, i, j))
-        damp_slip, damp_tangent = (damper, nothing) if p.bonds.objective_damping else (nothing, damper)
-        damp_normal = damp_spin = damper
-    else:
-        least = np.minimum(sizes.bond_mass[i], sizes.bond_mass[j])
-        stiffness = _spring_stiffness(p, r1 + r2)
-        normal, shear, bending = stiffness * least, nothing, nothing
-        radial, tangential = _spring_damping(p, stiffness)
-        damp_normal, damp_slip, damp_tangent, damp_spin = radial * least, nothing, tangential * least, nothing
+    def __init__(self, p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> None:
+        on, kernel = bonds.status == 0, p.kernel_values()
+        diagonals = find_diagonals(elements, bonds, kernel)
+        i, j = np.append(bonds.first[on], diagonals.first), np.append(bonds.second[on], diagonals.second)
+        rest = np.append(bonds.rest_length[on], diagonal_lengths(diagonals, bonds))
+        diagonal = np.arange(i.size) >= on.sum()
+        nothing = np.zeros(i.size)
+        r1, r2 = _radii_when_formed(p, rest, sizes.bond_radius[i], sizes.bond_radius[j])
+        if p.bonds.law == "dem":
+            parts = stiffness_parts(p, elements, i, diagonal)
+            stiffness = _dem_stiffness(p, (r1, r2), elements.thickness, parts, i, j)
+            damper = np.where(diagonal, 0.0, _dem_damping(p, sizes, i, j))
+            slip, tangent = (damper, nothing) if p.bonds.objective_damping else (nothing, damper)
+            self._damping = damper, slip, tangent, damper
+        else:
+            least = np.minimum(sizes.bond_mass[i], sizes.bond_mass[j])
+            spring = _spring_stiffness(p, r1 + r2)
+            stiffness = spring * least, nothing, nothing
+            radial, tangential = _spring_damping(p, spring)
+            self._damping = radial * least, nothing, tangential * least, nothing
+        moves = np.where(elements.static < 0.5, 1.0, 0.0)
+        weight = moves / np.sqrt(sizes.bond_mass)
+        self._weight = np.stack([weight, weight, moves / (np.sqrt(0.5 * sizes.bond_mass) * sizes.bond_radius)])
+        self._i, self._j, self._r1, self._r2, self._count = i, j, r1, r2, elements.size
+        self._nx, self._ny = _directions(p, elements, i, j)
+        self._root = tuple(np.sqrt(k) for k in stiffness)
+        self.size = 3 * (i.size + elements.size)
 
-    moves = np.where(elements.static < 0.5, 1.0, 0.0)
-    weight = moves / np.sqrt(sizes.bond_mass)
-    spin_weight = moves / (np.sqrt(0.5 * sizes.bond_mass) * sizes.bond_radius)
-    columns = np.stack([i, i + count, i + 2 * count, j, j + count, j + 2 * count], axis=1)
+    def __matmul__(self, vector: Floats) -> Floats:
+        """Return the product with a vector."""
+        i, j, nx, ny, r1, r2 = self._i, self._j, self._nx, self._ny, self._r1, self._r2
+        strain, (u, v, spin) = vector[: 3 * i.size].reshape(3, -1), vector[3 * i.size :].reshape(3, -1) * self._weight
+        du, dv = u[i] - u[j], v[i] - v[j]
+        tangent = ny * du - nx * dv
+        rates = nx * du + ny * dv, tangent + r1 * spin[i] + r2 * spin[j], spin[i] - spin[j]
+        (normal, shear, bend), (c_normal, c_slip, c_tangent, c_spin) = self._root, self._damping
+        out = np.empty(self.size)
+        for row, root, rate in zip(out[: 3 * i.size].reshape(3, -1), self._root, rates, strict=True):
+            row[:] = 0.5 * root * rate
+        # The transposed product: what the strains and their rates do to the elements at both ends.
+        along = normal * strain[0] + c_normal * rates[0]
+        slip = shear * strain[1] + c_slip * rates[1]
+        turning = bend * strain[2] + c_spin * rates[2]
+        across = slip + c_tangent * tangent
+        forces = out[3 * i.size :].reshape(3, -1)
+        fx, fy = nx * along + ny * across, ny * along - nx * across
+        for row, one, other in zip(forces, (fx, fy, r1 * slip + turning), (-fx, -fy, r2 * slip - turning), strict=True):
+            row[:] = np.bincount(i, one, self._count) + np.bincount(j, other, self._count)
+        forces *= 0.5 * self._weight
+        return out
 
-    def strain(*coefficients: Floats) -> Any:
-        """Operator from mass-weighted velocities (u, v, spin of all elements) to a rate of strain of all bonds."""
-        matrix = csr_matrix(
-            (np.stack(coefficients, axis=1).ravel(), columns.ravel(), np.arange(0, columns.size + 1, 6)),
-            shape=(i.size, 3 * count),
-        )
-        return matrix @ diags(np.concatenate([weight, weight, spin_weight]))
 
-    along = strain(nx, ny, nothing, -nx, -ny, nothing)
-    tangent = strain(ny, -nx, nothing, -ny, nx, nothing)
-    slip = strain(ny, -nx, r1, -ny, nx, r2)
-    bend = strain(nothing, nothing, one, nothing, nothing, -one)
-    springs = bmat([[diags(np.sqrt(k)) @ b] for k, b in ((normal, along), (shear, slip), (bending, bend))])
-    dampers = ((damp_normal, along), (damp_slip, slip), (damp_tangent, tangent), (damp_spin, bend))
-    damping = sum(b.T @ diags(c) @ b for c, b in dampers)
-    return bmat([[None, 0.5 * springs], [0.5 * springs.T, 0.5 * damping]]).tocsr()
-
-
-def largest_eigenvalue(matrix: Any) -> float:
+def largest_eigenvalue(matrix: SubstepMatrix) -> float:
     """Return an upper estimate of the largest eigenvalue (s-1) of a symmetric matrix; not a number where it overflows.
 
-    The residual of the Ritz vector is added to the Ritz value, so that the estimate errs to the safe side by at most some
-    `ACCURACY`; no estimate is above the largest sum over a row.
+    By Lanczos' method, of which the largest eigenvalue needs no more than the last two vectors. The residual of the Ritz vector
+    is added to the Ritz value, so that the estimate errs to the safe side by at most `ACCURACY`.
     """
-    from scipy.sparse.linalg import ArpackNoConvergence, eigsh
-
-    bound = float(abs(matrix).sum(axis=1).max())
-    if not 0.0 < bound < np.inf:
-        return 0.0 if bound == 0.0 else np.nan
-    scaled = matrix / bound  # of the order of 1, so that no square overflows
-    start = np.random.default_rng(1).standard_normal(matrix.shape[0])  # fixed: the same lattice, the same sub-step
-    try:
-        (value,), vector = eigsh(scaled, k=1, which="LA", tol=ACCURACY, v0=start)
-    except ArpackNoConvergence:
-        return bound
-    residual = float(np.linalg.norm(scaled @ vector[:, 0] - value * vector[:, 0]))
-    return bound * min(float(value) + residual, 1.0)
+    vector = np.random.default_rng(1).standard_normal(matrix.size)  # fixed: the same lattice, the same sub-step
+    vector /= np.linalg.norm(vector)
+    before, beta, value, residual = vector, 0.0, 0.0, 0.0
+    diagonal: list[float] = []
+    beside: list[float] = []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for n in range(1, MAX_LANCZOS_STEPS + 1):
+            new = matrix @ vector
+            diagonal.append(float(new @ vector))
+            new -= diagonal[-1] * vector + beta * before
+            beta = float(np.linalg.norm(new))
+            if not np.isfinite(beta):
+                return np.nan
+            ended = beta <= 1e-10 * max(map(abs, diagonal))  # nothing is left that the vectors so far do not span
+            if ended or n % 5 == 0:
+                values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(beside, -1))  # reads the lower half
+                value, residual = float(values[-1]), beta * abs(float(vectors[-1, -1]))
+            if ended or (n % 5 == 0 and residual <= ACCURACY * value):
+                break
+            beside.append(beta)
+            before, vector = vector, new / beta
+    return value + residual
 
 
 def choose_substeps(p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> int:
