@@ -66,7 +66,7 @@ TUPLES = """\
 import sys
 from typing import NamedTuple
 import numpy as np
-from riftberg.compiled.kernels import borrower, kernel
+from riftberg.compiled.kernels import borrower
 
 class Place(NamedTuple):
     x: np.ndarray
@@ -81,7 +81,7 @@ class Body(NamedTuple):
     place: Place
     mass: float
 
-@kernel
+@borrower
 def first(place: Place) -> float:
     return place.x[0] + 10.0 * place.y[0]
 
