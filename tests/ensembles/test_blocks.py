@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import resource
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +16,12 @@ import xarray as xr
 
 from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
 from riftberg.ensembles import sweep as module
-from riftberg.ensembles.forecast import forecast_plan
+from riftberg.ensembles.forecast import forecast, forecast_plan
 from riftberg.ensembles.sweep import CONTROL, Store
 from riftberg.ensembles.vary import Draws
 from riftberg.experiments.registry import Options
 from riftberg.runs import progress
+from riftberg.runs.run_file import open_run
 
 from .made import outcome
 
@@ -77,6 +81,26 @@ def test_a_first_result_is_shown_while_others_run(tmp_path: Path, monkeypatch: p
     result = module.run_sweep(store, workers=0)
     assert seen == [(1, 0.0), (3, 0.0)]  # the control is one of the runs that are done
     assert result["status"].values.tolist() == [0] * 6
+
+
+def test_a_forecast_that_is_stopped_in_its_control_has_the_whole_run_afterwards(tmp_path: Path) -> None:
+    def halting() -> Model:
+        model = drifting()
+
+        def halt(now: Any) -> None:
+            if now.step_number == 5 and not (tmp_path / "halted").exists():
+                (tmp_path / "halted").touch()
+                os.kill(os.getpid(), signal.SIGINT)
+
+        model.after_step.append(halt)
+        return model
+
+    given: dict[str, Any] = {"days": "6 h", "every_hours": 1, "members": 2, "workers": 0, "output": tmp_path / "f"}
+    with pytest.raises(KeyboardInterrupt):
+        forecast(halting, **given)
+    assert forecast(halting, **given, resume=True)["status"].values.tolist() == [0, 0]
+    with open_run(tmp_path / "f" / "control.nc") as run:
+        assert run.sizes["time"] == 7
 
 
 def test_progress_says_how_long_it_takes(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

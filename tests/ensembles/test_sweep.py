@@ -143,10 +143,13 @@ def test_a_member_goes_on_from_the_state_that_it_saved(tmp_path: Path) -> None:
     whole = run_member(job)
     model = build_member(job)
     from riftberg.ensembles.member import Keeper, Tracks
+    from riftberg.ensembles.member import _gone_on as going_on
 
     track = Tracks(job.every)
     model.advance(steps=5, recorders=[track, Keeper(job, track)])
     assert job.state_file.exists()
+    # Bug: tracks had grown by two columns, each state counted as damaged, and every member began anew, with the same digits.
+    assert going_on(job, build_member(job)).time == pytest.approx(model.time)
     again = run_member(job)
     assert (again.track, again.fragments, again.totals) == (whole.track, whole.fragments, whole.totals)
     assert not job.state_file.exists()

@@ -250,7 +250,8 @@ class Tracks:
         # The last row holds what is known of the whole run.
         self.rows = rows[:-1]
         if rows:
-            self.first_aground, self.stress_ratio = rows[-1][0], rows[-1][1]
+            self.first_aground = rows[-1][0] if rows[-1][0] >= 0.0 else np.nan
+            self.stress_ratio = rows[-1][1]
         self.record(model)
 
     def record(self, model: BareModel) -> None:
@@ -277,8 +278,8 @@ class Tracks:
         self.rows += np.column_stack(columns).tolist()
 
     def kept(self) -> Any:
-        """Return all rows as one array, for a saved state."""
-        whole = [self.first_aground, self.stress_ratio, *[0.0] * 7]
+        """Return all rows as one array of finite numbers, for a saved state; -1 for a berg that has not been aground."""
+        whole = [float(np.nan_to_num(self.first_aground, nan=-1.0)), self.stress_ratio, *[0.0] * 7]
         return np.array([*self.rows, whole], dtype=np.float64)
 
     def finish(self, model: BareModel) -> None:
