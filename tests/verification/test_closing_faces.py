@@ -209,3 +209,30 @@ def test_a_pressed_crack_goes_on_from_a_restart_bit_for_bit(tmp_path) -> None:
     gaping.advance(steps=7)
     stretch = [model.bonds.bond_length - 2.0 * RADIUS for model in (run, gaping)]
     assert abs(stretch[0] + stretch[1]).max() > 0.2 * abs(stretch[1]).max()
+
+
+def uneven(packing: str, angle: float, *, depth: float) -> Plate:
+    """The bar with ice of 200 m in its western half and of 300 m in its eastern one."""
+    plate = bar(packing, angle, depth=depth)
+    plate.el.thickness[plate.x > 0.21 * SPACING] = 300.0
+    plate.now = plate._factored()
+    return plate
+
+
+@pytest.mark.parametrize(("packing", "angle"), QUICK)
+def test_a_bar_of_uneven_thickness_stretches_as_in_theory_and_its_crack_closes(packing, angle) -> None:
+    """A bar of section A(x) under the force N(x) stores the integral of N^2 / (2 E A)."""
+    even, whole, cracked = (
+        bar(packing, angle, depth=0.0), uneven(packing, angle, depth=0.0), uneven(packing, angle, depth=0.5)
+    )  # fmt: skip
+    of_whole = energy(whole, pulled(even, 1.0))[0]
+    x = np.linspace(-0.5, 0.5, 2001) * LENGTH
+    square = np.cos(np.pi * x / LENGTH) ** 2
+    theory = float((square * np.where(x < 0.21 * SPACING, 1.0, THICKNESS / 300.0)).sum() / square.sum())
+    assert of_whole / energy(even, pulled(even, 1.0))[0] == pytest.approx(theory, rel=0.02)
+    pressed, closed = energy(cracked, pulled(even, -1.0))
+    assert pressed / of_whole == pytest.approx(1.045, abs=0.045)
+    assert (closed > 0).all()
+    apart, opened = energy(cracked, pulled(even, 1.0))
+    assert apart / of_whole > 2.0
+    assert not opened.any()
