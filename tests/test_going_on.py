@@ -133,7 +133,8 @@ def test_a_lost_run_goes_on_without_a_gap(
     assert_same_files(wholes[name], tmp_path / "part")
     with xr.open_dataset(wholes[name] / "run.nc") as run:
         steps = (run.fragment_birth_time.values[1:] - run.time.values[0]) / np.timedelta64(30, "m")
-        assert np.floor(steps).tolist() == ([] if name == "melts" else [25, 33])
+        # Later ones are of ice that pieces crush where they touch.
+        assert np.floor(steps).tolist()[:2] == ([] if name == "melts" else [25, 33])
 
 
 @pytest.mark.parametrize("damage", ["cut", "garbage", "of another run"])

@@ -21,7 +21,7 @@ from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 STEPS = 7
 SPRING = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 WEAK = {"normal_strength": 10e3, "shear_strength": 10e3}
-WEAKER = {"normal_strength": 4e3, "shear_strength": 4e3}
+WEAKER = {"normal_strength": 3e3, "shear_strength": 3e3}
 STRONG = {"normal_strength": 12e3, "shear_strength": 12e3}
 WEAK_AFTER = {"normal_strength": 6e3, "shear_strength": 6e3}
 WEAR = {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}

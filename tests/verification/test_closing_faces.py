@@ -71,7 +71,7 @@ def test_a_cracked_beam_bends_to_one_side_as_if_it_were_whole(packing, angle) ->
     assert not opened.any()
     # Faces that have closed bear pressure: as much as the same ice without a crack, less where the rim is open.
     stress = cracked.under(*pulled(cracked, -1.0)).triangle_stress
-    row = cracked.now.cells.faces.row
+    row = cracked.now.cells.faces.tables.row
     assert (stress[row, 0] < 0.0).all()
 
 
@@ -109,10 +109,10 @@ def test_open_faces_gape_and_closed_ones_press(seed, packing) -> None:
     faces, moved = cells.faces, cells.displacements(moment.displacement)
     way = faces.closed(moved)
     assert 0 < (way > 0).sum() < way.size
-    values = np.einsum("tna,ta->tn", faces.signs[np.arange(way.size), way], moved.reshape(-1)[faces.at])
+    values = np.einsum("tna,ta->tn", faces.tables.signs[np.arange(way.size), way], moved.reshape(-1)[faces.at])
     size = abs(moved[faces.at // 3, faces.at % 3]).max()
     for n in range(2):
-        assert values[faces.number > n, n].min() >= -1e-9 * size
+        assert values[faces.tables.number > n, n].min() >= -1e-9 * size
     # Stiffness as it is pressed, on these displacements, gives the loads.
     force = np.zeros((cells.topology.nodes, 3))
     force[: plate.el.size] = moment.load
@@ -173,10 +173,10 @@ def test_a_closed_face_is_the_constrained_minimum_of_the_triangle() -> None:
     strain = 0.5 * (gradient + gradient.T)
     c = 2.0 / (1 - 0.09) * np.array([[1, 0.3, 0], [0.3, 1, 0], [0, 0, 0.35]])
     stress = c @ [strain[0, 0], strain[1, 1], 2 * strain[0, 1]]
-    np.testing.assert_allclose(faces._stress[0, 3] @ move, stress, rtol=1e-11)
+    np.testing.assert_allclose(faces.tables.stress[0, 3] @ move, stress, rtol=1e-11)
     # The pressure is what the energy grows by with the gap.
     for way, n in ((1, 0), (2, 1)):
-        pressure = faces.signs[0, way, n] @ move / give[n, n]
+        pressure = faces.tables.signs[0, way, n] @ move / give[n, n]
         assert pressure == pytest.approx(-gap[n + 1] / give[n, n], rel=1e-12)
 
 
@@ -184,7 +184,7 @@ def test_no_faces_no_work() -> None:
     plate = bar("square", 0.0, depth=0.0)
     faces = plate.now.cells.faces
     assert isinstance(faces, ClosingFaces)
-    assert faces.row.size == 0
+    assert faces.tables.row.size == 0
 
 
 def test_a_pressed_crack_goes_on_from_a_restart_bit_for_bit(tmp_path) -> None:

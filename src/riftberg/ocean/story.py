@@ -221,6 +221,7 @@ def ocean_at(n: StoryNumbers, time: float, spin: float) -> _Instant:
     )
 
 
+# One call for all three moments, with the fields of the elements apart: they are written in place.
 @borrower
 def _fill(
     lon: Floats, lat: Floats, uo: Floats, vo: Floats, slope_x: Floats, slope_y: Floats, vorticity: Floats,

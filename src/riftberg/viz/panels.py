@@ -154,8 +154,9 @@ class Map:
             return False
         low, high = float(depth.min()), float(depth.max())
         # A floor that is all of one colour needs no scale.
-        self.shaded = shaded and low < UNKNOWN_DEPTH and len(set(np.digitize([low, high], DEPTHS))) > 1
-        if self.shaded:
+        coloured = shaded and low < UNKNOWN_DEPTH
+        self.shaded = coloured and len(set(np.digitize([low, high], DEPTHS))) > 1
+        if coloured:  # also where it is all of one colour: maps side by side have the same sea
             shades = colours.depth_map()
             norm = BoundaryNorm(DEPTHS, shades.N)
             self.ax.contourf(x, y, depth, levels=DEPTHS, cmap=shades, norm=norm, zorder=0.5, antialiased=True)

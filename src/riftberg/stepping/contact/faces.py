@@ -33,7 +33,7 @@ from riftberg.stepping.contact.islands import (
     phase_of,
 )
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
+from riftberg.stepping.lattice.footprints import FootprintBook, Footprints, body_footprint
 from riftberg.stepping.run_state import RunState
 
 
@@ -70,6 +70,7 @@ class FaceContact:
         self._footprints = footprints
         self._polygons: _Polygons | None = None
         self._key: list[bytes] = []
+        self._reach: tuple[Footprints | None, Floats] = (None, np.zeros(0))  # of the footprints as they were made, m
         self.pairs = NO_FACE_PAIRS
 
     def state_dict(self) -> dict[str, Any]:
@@ -81,6 +82,21 @@ class FaceContact:
         if all(name in saved for name in FACE_PAIR_NAMES):
             pair, state, dissipated = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
             self.pairs = FacePairs(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
+
+    def part(self) -> None:
+        """Forget all pairs: nobody may touch."""
+        self.pairs = self.pairs._replace(pair=NO_FACE_PAIRS.pair, state=NO_FACE_PAIRS.state)
+
+    def reach(self, model: RunState) -> Floats:
+        """Distance (m) of the farthest corner of each element's footprint from its centre."""
+        footprints, body = self._footprints.follow(model), model.elements.body
+        if footprints is not self._reach[0]:
+            of = np.repeat(footprints.owner, np.diff(footprints.start))
+            farthest, away = np.zeros(footprints.element.size), footprints.corner - footprints.centre[of]
+            np.maximum.at(farthest, of, np.hypot(away[:, 0], away[:, 1]))
+            self._reach = footprints, farthest
+        rows = rows_of(footprints.element, body.id)[0]
+        return np.asarray(self._reach[1][rows] * np.sqrt(body.length * body.width / footprints.size[rows]))
 
     def force(self, model: RunState) -> Floats:
         """Force and torque (N, N, N m) of the faces on the elements at the end of the last sub-step; shape (elements, 3)."""
@@ -101,7 +117,7 @@ class FaceContact:
         them: an element alone has no neighbours that show it.
         """
         el, c, before = model.elements, model.constants, self.pairs
-        self.pairs = before._replace(pair=NO_FACE_PAIRS.pair, state=NO_FACE_PAIRS.state)
+        self.part()
         polygons = self._faces_of(model, bodies)
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:

@@ -40,7 +40,7 @@ from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
 from riftberg.stepping.lattice.narrow_bergs import spread
 from riftberg.stepping.run_state import RunState
 
-ACCURACY: Final = 1e-3
+ACCURACY: Final = 0.01
 """Relative accuracy of the largest eigenvalue: far less than the margin of ``stepping.safety``."""
 
 MAX_LANCZOS_STEPS: Final = 400

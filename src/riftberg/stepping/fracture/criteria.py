@@ -159,6 +159,8 @@ def criterion_for(
     """
     if own is not None:
         return OwnRatios(own)
+    if not intact.size:
+        return BondStress()  # nothing is left to break
     match fracture.criterion or ("bond" if cells is None else "ice"):
         case "bond" if cells is None:
             return BondStress()

@@ -266,14 +266,15 @@ class QuasiStaticStepper:
     def _step_population(self, model: RunState, unknown: NDArray[np.bool_] | None) -> bool:
         """Take a step in which most bergs are lone ones, which go by themselves; returns whether it is one."""
         bodies, bonds, c = self._bodies, model.bonds, model.constants
-        # A force of one's own may look at all elements, and laws with a memory hold them by row.
-        if self._footprints is not None or model.laws.force is not None:
+        # A force of one's own may look at all elements, and a bed of sediment holds them by row.
+        if self._seabed is not None or model.laws.force is not None:
             return False
         if bodies is None:
             bodies = first_bodies(model.elements, bonds, c)
             unknown = np.ones(bodies.pose.shape[0], np.bool_)
         sizes = self._sizes or interaction_sizes(model.elements, c)
-        found = find_lone_bergs(model, bodies, sizes)
+        reach = sizes.radius if self._faces is None else np.maximum(sizes.radius, self._faces.reach(model))
+        found = find_lone_bergs(model, bodies, sizes._replace(radius=reach))
         if found is None:
             return False
         (lone, quiet), self._lattice, self._state = found, None, None
@@ -283,6 +284,8 @@ class QuasiStaticStepper:
         company = ~quiet
         company[done.rows] = False
         parts, touched, cracked = [(done.rows, done.bodies)], [], False
+        if self._faces is not None and not company.any():
+            self._faces.part()
         for among in (quiet, company):
             if not among.any():
                 continue
@@ -292,6 +295,7 @@ class QuasiStaticStepper:
             step = TimeStep(
                 group, theirs, unknown=None if unknown is None else unknown[numbers], cells=(self._cells, topology),
                 cracks=(self._tips, int(bonds.crack.max(initial=0))),
+                laws=LawsWithMemory(None, self._faces) if among is company else None,  # faces meet in company alone
             )  # fmt: skip
             step.run()
             put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
