@@ -248,15 +248,13 @@ def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("strength", "broken", "few", "dt", "modulus"),
-    [("500 Pa", 82, 4, *case) for case in CASES] + [("300 Pa", 80, 5, dt, 5e6) for dt in (450.0, 1800.0, 10800.0)],
-)
-def test_what_shatters_in_a_converging_current_hangs_on_neither_step_nor_modulus(
-    strength: str, broken: int, few: int, dt: float, modulus: float
+@pytest.mark.parametrize("dt", [450.0, 1800.0, 10800.0])
+@pytest.mark.parametrize(("strength", "broken", "few"), [("500 Pa", 76, 4), ("300 Pa", 80, 5)])
+def test_what_shatters_in_a_converging_current_does_not_depend_on_the_step(
+    strength: str, broken: int, few: int, dt: float
 ) -> None:
-    """10 to 60 s each, five minutes in all."""
-    assert abs(broken_in_converging_current(strength, dt, modulus) - broken) <= few
+    """10 to 20 s each. With stiffer ice the count scatters by a sixth: see the limits on the page."""
+    assert abs(broken_in_converging_current(strength, dt, 5e6) - broken) <= few
 
 
 def in_mts(speed: float, dt: float, modulus: float, *, aside: float = 0.0, strength: float = 0.0) -> Model:
