@@ -35,6 +35,7 @@ from riftberg.stepping.bodies.dynamics import (
 )
 from riftberg.stepping.bodies.pose import Bodies, move_poses, place_elements
 from riftberg.stepping.contact.broad_phase import candidate_pairs
+from riftberg.stepping.contact.faces import FaceContact
 from riftberg.stepping.contact.land import land_corrections
 from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR, ForcedElements
 from riftberg.stepping.forces.sizes import Sizes
@@ -46,7 +47,9 @@ FEWEST = 2000
 """Lone bergs from which on they go by themselves: with fewer it costs as much to copy the others out and back."""
 
 
-def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes) -> tuple[Ints, Booleans] | None:
+def find_lone_bergs(
+    model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceContact | None = None
+) -> tuple[Ints, Booleans] | None:
     """Return the rows of lone bergs, and which other elements belong to fragments that nobody may touch in a time step.
 
     None where they are too few, or fewer than the others.
@@ -57,6 +60,8 @@ def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes) -> tuple[Ints
     if np.count_nonzero(alone) < least:
         return None
     alone &= (el.body.static < 0.5) & (el.body.free_y >= 0.5)
+    if faces is not None:  # corners reach farther than the circles of springs
+        sizes = sizes._replace(radius=np.maximum(sizes.radius, faces.reach(model)))
     meets = np.zeros(bodies.pose.shape[0], np.bool_)
     for rows in candidate_pairs(el, body, sizes, model.parameters.stepping.time_step, model.constants):
         meets[body[rows]] = True

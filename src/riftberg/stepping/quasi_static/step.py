@@ -273,8 +273,7 @@ class QuasiStaticStepper:
             bodies = first_bodies(model.elements, bonds, c)
             unknown = np.ones(bodies.pose.shape[0], np.bool_)
         sizes = self._sizes or interaction_sizes(model.elements, c)
-        reach = sizes.radius if self._faces is None else np.maximum(sizes.radius, self._faces.reach(model))
-        found = find_lone_bergs(model, bodies, sizes._replace(radius=reach))
+        found = find_lone_bergs(model, bodies, sizes, self._faces)
         if found is None:
             return False
         (lone, quiet), self._lattice, self._state = found, None, None
