@@ -38,8 +38,6 @@ SOUTH, NORTH = -78.0, -45.0
 ASPECT = 1.5
 STEP = 10800.0
 GIANTS = 20
-SPRING = 1e-4
-"""Stiffness of contact, s-2: two bergs of 60 m would need 65,536 sub-steps as stiff as ice, and the giant beside them too."""
 
 
 def coast(lon: np.ndarray) -> np.ndarray:
@@ -182,7 +180,7 @@ def begun(forcing: OceanForcing, bergs: int, restart: Path | None) -> Model:
     if restart is not None:
         return Model.resume(restart, forcing)
     parameters = Parameters(
-        stepping={"time_step": STEP}, rolling={"enabled": True}, contact={"spring": SPRING},
+        stepping={"time_step": STEP}, rolling={"enabled": True},
         melt={"enabled": True, "base": "three_equation", "bits_fraction": 0.3},
     )  # fmt: skip
     return Model(population(forcing.ocean_grid, bergs), forcing, parameters)

@@ -23,6 +23,9 @@ SPRING = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": Fa
 WEAK = {"normal_strength": 10e3, "shear_strength": 10e3}
 WEAKER = {"normal_strength": 3e3, "shear_strength": 3e3}
 STRONG = {"normal_strength": 12e3, "shear_strength": 12e3}
+# Faces that crush each other break more than springs, and pieces that grind on each other take short sub-steps.
+STRONGER = {"normal_strength": 20e3, "shear_strength": 20e3}
+STRONGEST = {"normal_strength": 30e3, "shear_strength": 30e3}
 WEAK_AFTER = {"normal_strength": 6e3, "shear_strength": 6e3}
 WEAR = {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}
 
@@ -36,8 +39,8 @@ PHYSICS: dict[str, Parameters] = {
     "dem, damage, fracture after the step": EXPLICIT.changed(
         fracture={**WEAK_AFTER, "on_substeps": False}, damage=WEAR
     ),
-    "quasi-static": A68A_2022.changed(fracture=WEAK, stepping={"scheme": "quasi_static"}),
-    "quasi-static, damage": A68A_2022.changed(fracture=STRONG, damage=WEAR, stepping={"scheme": "quasi_static"}),
+    "quasi-static": A68A_2022.changed(fracture=STRONGER, stepping={"scheme": "quasi_static"}),
+    "quasi-static, damage": A68A_2022.changed(fracture=STRONGEST, damage=WEAR, stepping={"scheme": "quasi_static"}),
     "spring": A68A_2022.changed(**SPRING, stepping={"substeps": None}),
     "spring, implicit sub-steps": A68A_2022.changed(
         **SPRING, stepping={"explicit_substeps": False, "time_step": 600.0, "substeps": 60}

@@ -36,6 +36,7 @@ from riftberg.config.parameter_groups import (
     Stepping,
     quantity,
 )
+from riftberg.config.usual_ranges import PUBLISHED_SPRINGS
 from riftberg.config.values import unit_of
 from riftberg.errors import GONE
 
@@ -98,7 +99,7 @@ class KernelParameters(NamedTuple):
     modulus: float
     contact_spring: float
     contact_stiffest: float
-    contact_distance: Annotated[float, "contact.distance"]
+    contact_distance: float
     contact_on_substeps: bool
     critical_damping: Annotated[bool, "contact.critical_damping"]
     tangential_critical_damping: Annotated[bool, "contact.tangential_critical_damping"]
@@ -320,13 +321,18 @@ class Parameters(Group):
             raise ValueError("grounding.law = 'seabed' has neither ramp_height nor torque: they are of the linear law")
 
     def _check_contact(self) -> None:
-        """Refuse contact by crushing with a scheme or bonds that do not know it."""
+        """Refuse a law of contact with a scheme or bonds that do not know it."""
+        if self.contact.law == "spring" and self.stepping.scheme == "quasi_static":
+            raise ValueError(
+                "contact.law = 'spring' needs stepping.scheme = 'mts', 'verlet' or 'runge_kutta': with 'quasi_static' bergs that "
+                "meet crush each other's faces, the law 'crushing'"
+            )
         if not self.crushing:
             return
         if self.stepping.scheme not in ("quasi_static", "mts"):
             raise ValueError(
                 f"contact.law = 'crushing' needs stepping.scheme = 'quasi_static' or 'mts', not {self.stepping.scheme!r}; the "
-                "law 'spring' acts in all schemes"
+                "law 'spring' acts in all explicit schemes"
             )
         if self.bonds.law == "spring":
             raise ValueError("contact.law = 'crushing' needs rigid pieces: set bonds.law = 'dem' (or 'none')")
@@ -375,10 +381,13 @@ class Parameters(Group):
 
     @property
     def crushing(self) -> bool:
-        """Whether bergs that meet crush each other's faces: the default where fragments are rigid and no spring is given."""
-        c = self.contact
-        rigid = self.stepping.scheme == "quasi_static" and c.spring is None and c.distance == 0.0
-        return c.law == "crushing" or (c.law is None and rigid)
+        """Whether bergs that meet crush each other's faces: always where fragments are rigid, else by choice."""
+        return self.stepping.scheme == "quasi_static" or self.contact.law == "crushing"
+
+    @property
+    def contact_distance(self) -> float:
+        """Distance of centres (m) within which any two elements touch: that of springs; faces meet where they are."""
+        return 0.0 if self.crushing else self.contact.distance
 
     def _check_life(self) -> None:
         melt, footloose = self.melt, self.footloose
@@ -451,9 +460,7 @@ class Parameters(Group):
         hexagonal = p.bonds.packing == "hexagonal"
         multiple = p.stepping.scheme in ("mts", "quasi_static")
         law = p.grounding.law
-        # The quasi-static scheme divides its step as the springs of contact need it.
-        explicit = p.stepping.explicit_substeps
-        fast_contact = p.stepping.scheme == "quasi_static" or (multiple and p.contact.on_substeps and explicit)
+        fast_contact = p.crushing or (multiple and p.contact.on_substeps and p.stepping.explicit_substeps)
         return KernelParameters(
             **{name: read(self) for name, read in _AS_THEY_STAND.items()},
             multiple_steps=multiple,
@@ -470,6 +477,7 @@ class Parameters(Group):
             modulus=p.bonds.youngs_modulus / p.ice.density,
             contact_spring=FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
             # What a long step can resolve, where contact between bergs acts in it.
+            contact_distance=p.contact_distance,
             contact_stiffest=math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
             contact_on_substeps=fast_contact,
             dem=p.bonds.law == "dem",
@@ -515,7 +523,7 @@ def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
 A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
     grounding=Grounding(coefficient=1e4),
-    contact=Contact(spring=1e-7, distance=4000.0, on_substeps=False, tolerance=1e-4),
+    contact=Contact(**PUBLISHED_SPRINGS, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=11e3, shear_strength=100e3),
     stepping=Stepping(scheme="quasi_static", time_step=1800.0, substeps=90),

@@ -21,8 +21,10 @@ from riftberg.state import new_elements
 PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
 SCHEMES: dict[str, dict[str, Any]] = {
     "quasi_static": {"stepping": {"scheme": "quasi_static", "time_step": 1800.0}},
-    "crushing": {"stepping": {"scheme": "quasi_static", "time_step": 1800.0}, "contact": {"law": "crushing"}},
     "mts": {"stepping": {"scheme": "mts", "time_step": 1800.0}, "bonds": {"youngs_modulus": 1e6}},
+    "mts, crushing": {
+        "stepping": {"scheme": "mts", "time_step": 1800.0}, "bonds": {"youngs_modulus": 1e6}, "contact": {"law": "crushing"},
+    },
     "verlet": {"stepping": {"scheme": "verlet", "time_step": 20.0}, "bonds": {"law": "spring", "spring": 1e-4}},
     "runge_kutta": {"stepping": {"scheme": "runge_kutta", "time_step": 20.0}, "bonds": {"law": "spring", "spring": 1e-4}},
 }  # fmt: skip

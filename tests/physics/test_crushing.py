@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from riftberg.physics import geometry
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
-from riftberg.stepping.contact import overlap as narrow
-from riftberg.stepping.contact.overlap import gap
+from riftberg.physics.geometry import gap
 from twins import crushing as twin
 
 
 def overlap(one: np.ndarray, two: np.ndarray) -> tuple[float, ...]:
-    return narrow.overlap(one, two, np.empty((2, 2 * (len(one) + len(two)), 3)))
+    return geometry.overlap(one, two, np.empty((2, 2 * (len(one) + len(two)), 3)))
 
 
 def polygon(random: np.random.Generator, corners: int, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:

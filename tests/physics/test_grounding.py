@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from physics.agreement import SEEDS, assert_same, between, quick
-from riftberg.physics import grounding
+from riftberg.physics import seabed as grounding
 from twins import grounding as twin
 
 depth = between(0, 1000)

@@ -15,8 +15,8 @@ from riftberg.parameters import Parameters
 from riftberg.stepping.bodies.dynamics import ElementForcing, assemble_force_and_jacobian
 from riftberg.stepping.bodies.pose import mean_displacement, subtract_mean
 from riftberg.stepping.contact.broad_phase import contact_cells
-from riftberg.stepping.contact.impulses import element_path, lever_velocity
-from riftberg.stepping.contact.island_step import accumulate_floor_impulse, accumulate_impulse
+from riftberg.stepping.contact.island_media import accumulate_floor_impulse, accumulate_impulse
+from riftberg.stepping.contact.islands import element_path
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, MEDIA, SEA_FLOOR, Medium
 from riftberg.stepping.fragments.connectivity import bridge_moments, find_bridges
 
@@ -34,11 +34,6 @@ def test_elements_go_round_with_their_body() -> None:
     c, s = math.cos(turn), math.sin(turn)
     gone = np.array([c * place[0] - s * place[1], s * place[0] + c * place[1]]) - place + path[:2]
     np.testing.assert_allclose(element_path(levers(place[None])[0], path, c, s), gone, rtol=1e-12)
-
-
-def test_velocity_of_an_element_is_that_of_its_levers() -> None:
-    matrix, twist = np.random.default_rng(1).normal(size=(2, 3)), np.array([0.3, -0.2, 1e-4])
-    np.testing.assert_allclose(lever_velocity(tuple(matrix.ravel()), twist), matrix @ twist, rtol=1e-12)
 
 
 def forcing(count: int, **changes: Any) -> ElementForcing:

@@ -59,17 +59,19 @@ def state_of(model: Model) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize(
     "options",
     [{}, MELT, {"grounding": {"coefficient": 1e3, "torque": True}},
-     {"grounding": {"law": "quadratic", "quadratic_coefficient": 5.0}}, {"contact": {"law": "crushing"}}],
-    ids=["afloat", "melting", "aground", "ploughing", "crushing"],
+     {"grounding": {"law": "quadratic", "quadratic_coefficient": 5.0}}],
+    ids=["afloat", "melting", "aground", "ploughing"],
 )  # fmt: skip
 def test_lone_bergs_go_as_in_the_general_step(
     earth: dict[str, Any], options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ocean = Steady(**OCEAN, depth=60.0 if "grounding" in options else 1000.0)
-    case = {**earth, "contact": {"spring": 1e-4}, **options}
+    case = {**earth, **options}
     own, plain = (model_of(population(not earth), ocean, **case) for _ in range(2))
     own.advance(steps=4)
-    found = general.find_lone_bergs(own, own._stepper._bodies, interaction_sizes(own.elements, own.constants))
+    found = general.find_lone_bergs(
+        own, own._stepper._bodies, interaction_sizes(own.elements, own.constants), own._stepper._faces
+    )
     assert found is not None
     assert found[0].tolist() == list(range(8))
     monkeypatch.setattr(general, "find_lone_bergs", lambda *model: None)

@@ -15,6 +15,7 @@ import pytest
 from riftberg import Iceberg, Model, Parameters
 from riftberg.errors import InputError
 from riftberg.ocean.analytic import Steady
+from riftberg.parameters import A68A_2022
 from riftberg.stepping.contact.crushing_step import FORCE
 
 LONG = 50  # Elements of the first berg
@@ -29,7 +30,7 @@ def meeting(
     place = {"placement": (16e3 + gap, 0.0), **(second or {})}
     two = Iceberg.rectangle(12e3, 12e3, thickness=250.0, radius=1000.0, latlon=False, **place)
     parameters = Parameters(
-        earth={"latlon": False, "period": 0.0}, contact={"law": "crushing", **contact},
+        earth={"latlon": False, "period": 0.0}, contact=contact,
         stepping={"scheme": "quasi_static", "time_step": dt, "only_interactions": True},
         bonds={"youngs_modulus": modulus}, fracture={"enabled": False},
     )  # fmt: skip
@@ -151,7 +152,7 @@ def pressed(latlon: bool) -> Model:
     place, gap = ((-40.0, -60.0), 10.004e3 / (0.5 * 111_194.9)) if latlon else ((0.0, 0.0), 10.004e3)
     bergs = [Iceberg.rectangle(10e3, 10e3, placement=(place[0] + n * gap, place[1]), **shape) for n in range(2)]
     parameters = Parameters(
-        earth={"latlon": latlon, **({} if latlon else {"period": 0.0})}, contact={"law": "crushing"},
+        earth={"latlon": latlon, **({} if latlon else {"period": 0.0})},
         stepping={"scheme": "quasi_static", "time_step": 1800.0, "only_interactions": True}, fracture={"enabled": False},
     )  # fmt: skip
     model = Model(Iceberg.join(bergs), Steady(), parameters)
@@ -227,7 +228,7 @@ def broken_in_converging_current(strength: str, dt: float, modulus: float) -> in
         for place, turn in (((-16e3, -3e3), 10.0), ((12e3, 8e3), 70.0), ((6e3, -16e3), -30.0))
     ]
     p = Parameters(
-        earth={"latlon": False, "period": 0.0}, contact={"law": "crushing"}, stepping={"time_step": dt},
+        earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt},
         bonds={"youngs_modulus": modulus}, fracture={"normal_strength": strength},
     )  # fmt: skip
     model = Model(Iceberg.join(bergs), Converging(), p)
@@ -327,8 +328,25 @@ def test_a_restart_within_an_impact_in_mts_goes_on_bit_for_bit(tmp_path: Path) -
     assert again._stepper.crushed == model._stepper.crushed > 0.0
 
 
-def test_schemes_without_it_refuse_it_by_name() -> None:
+def test_schemes_without_a_law_of_contact_refuse_it_by_name() -> None:
     with pytest.raises(
         (InputError, ValueError), match=r"contact.law = 'crushing' needs stepping.scheme = 'quasi_static' or 'mts'"
     ):
         Parameters(contact={"law": "crushing"}, bonds={"law": "none"}, stepping={"scheme": "verlet"})
+    with pytest.raises(
+        (InputError, ValueError),
+        match=r"contact.law = 'spring' needs stepping.scheme = 'mts', 'verlet' or 'runge_kutta'",
+    ):
+        Parameters(contact={"law": "spring"})
+
+
+def test_springs_of_contact_change_nothing_in_the_default_scheme() -> None:
+    """Bug: a spring that was given made contact of springs, without a word; beside the law of crushing it did nothing."""
+    plain = meeting((0.3, 0.0), 5.0, 600.0)
+    given = meeting((0.3, 0.0), 5.0, 600.0, spring=1e-7, distance=4000.0)
+    for model in (plain, given):
+        model.advance(steps=1)
+    assert speeds(given) == speeds(plain)
+    assert [text for text in given.notices if "contact.spring = 1e-07 has no effect" in text]
+    preset = Model(Iceberg.rectangle(6e3, 6e3, thickness=200.0), Steady(), A68A_2022)
+    assert not [text for text in preset.notices if "no effect" in text]

@@ -113,10 +113,7 @@ def test_rotation_stretches_the_lattice_as_theory_says(agrees) -> None:
 
 
 def test_fragments_in_contact_keep_their_momentum(agrees) -> None:
-    p = quasi(
-        stepping={"only_interactions": True, "time_step": 1800.0}, contact={"spring": 1e-7, "distance": 0.0},
-        drag={"rotational": False},
-    )  # fmt: skip
+    p = quasi(stepping={"only_interactions": True, "time_step": 1800.0}, drag={"rotational": False})
     x = np.concatenate([np.arange(4) * 3000.0, 14_000.0 + np.arange(3) * 3000.0])
     y = np.concatenate([np.zeros(4), np.full(3, 1000.0)])
     u = np.where(x < 13_000.0, 0.4, -0.1)
@@ -238,7 +235,7 @@ def pulled(strength: float, **groups: Any) -> Model:
     """A notched plate pulled apart along x by loads that outgrow its strength at the notch."""
     p = quasi(
         fracture={"enabled": True, "normal_strength": strength, "shear_strength": 1e9},
-        stepping={"only_interactions": True, "time_step": 1800.0}, contact={"spring": 0.0}, **groups,
+        stepping={"only_interactions": True, "time_step": 1800.0}, **groups,
     )  # fmt: skip
     model = lattice(p, 10, 6)
     el, b = model.elements, model.bonds

@@ -185,8 +185,8 @@ class Contact(Group):
     law: ContactLaw | None = quantity(
         None,
         "",
-        "spring and damper between centres, or crushing: faces that bear a limited pressure and rub (quasi_static, mts); "
-        "none means crushing with quasi_static where neither spring nor distance is given, else spring",
+        "crushing: faces that bear a limited pressure and rub (always in quasi_static; mts on request), or spring: spring and "
+        "damper between centres (mts, verlet, runge_kutta). none means crushing with quasi_static, else spring",
         "equations 5.2; crushing: Riftberg",
     )
     crushing_strength: float = quantity(

@@ -253,6 +253,11 @@ LAWS: Final = (
     Law("grounding.law = 'linear'", lambda p: p.grounding.law == "linear", "grounding", ("coefficient",)),
     Law("contact.law = 'crushing'", lambda p: p.crushing, "contact", (
         "crushing_strength", "crushing_depth", "unloading_ratio", "friction")),
+    Law("contact.law = 'spring', of the schemes mts, verlet and runge_kutta", lambda p: not p.crushing, "contact", (
+        "spring", "distance", "on_substeps")),
+    Law("a scheme other than quasi_static", lambda p: p.stepping.scheme != "quasi_static", "contact", (
+        "critical_damping", "tangential_critical_damping", "radial_damping", "tangential_damping", "iterate", "tolerance",
+        "max_iterations")),
     Law("bonds.law = 'dem'", lambda p: p.bonds.law == "dem", "bonds", ("poisson", "damping")),
     Law("fracture.criterion = 'averaged'", lambda p: p.fracture.criterion == "averaged", "fracture", ("distance",)),
     Law("fracture.criterion = 'toughness'", lambda p: p.fracture.criterion == "toughness", "fracture", ("toughness",)),
@@ -267,15 +272,22 @@ LAWS: Final = (
 """Parameters that other laws leave unread."""
 
 
+PUBLISHED_SPRINGS: Final[dict[str, Any]] = {"spring": 1e-7, "distance": 4000.0, "on_substeps": False}
+"""Contact of the published A68a run (equations 10.5), which its preset has for the schemes with springs."""
+
+
 def without_effect(parameters: Any) -> dict[str, str]:
     """Return what is set otherwise than by default although nothing reads it, a sentence for each name.
 
-    Runs with the numerics of the reference are left out: a namelist gives values for laws that it switches off.
+    Runs with the numerics of the reference are left out: a namelist gives values for laws that it switches off. So are the
+    springs of the preset, which no user has given.
     """
     default = type(parameters)()
     if parameters.compatibility != default.compatibility:
         return {}
     said = {}
+    if all(getattr(parameters.contact, name) == value for name, value in PUBLISHED_SPRINGS.items()):
+        default = default.changed(contact=PUBLISHED_SPRINGS)
     for law in LAWS:
         if not law.acts(parameters):
             group, usual = getattr(parameters, law.group), getattr(default, law.group)

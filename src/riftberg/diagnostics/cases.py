@@ -217,6 +217,6 @@ def approach(run: xr.Dataset) -> Approach:
     middle = np.hypot(dx.mean(axis=(1, 2)), dy.mean(axis=(1, 2)))
     seconds = scene.seconds - scene.seconds[0]
     radius = math.sqrt(float(scene.area[0]) / (2.0 * math.sqrt(3.0)))  # of the circle inscribed in a hexagon
-    reach = max(2.0 * radius, scene.parameters.contact.distance)
+    reach = max(2.0 * radius, scene.parameters.contact_distance)
     closing: Floats = -np.gradient(middle, seconds) if len(seconds) > 1 else np.zeros(1)
     return Approach(seconds, np.hypot(dx, dy).min(axis=(1, 2)), closing, reach)

@@ -494,7 +494,7 @@ def let_children_go(elements: Elements, p: Parameters, grid: Grid | None) -> Non
     body, place, earth = elements.body, elements.place, p.earth
     hexagonal, bonded = p.bonds.packing == "hexagonal", p.bonds.law != "none"
     radius = np.array([radius_of(area, hexagonal, bonded) for area in (body.length * body.width).tolist()])
-    reach = max(2.0 * float(radius.max()), p.contact.distance)
+    reach = max(2.0 * float(radius.max()), p.contact_distance)
     near = find_pairs(place.lon, place.lat, body.berg, reach, ANY, earth.latlon, earth.radius, earth.period)
     cells = contact_cells(p, grid)
     if cells is not None:
@@ -512,4 +512,4 @@ def _touch(elements: Elements, one: int, other: int, radius: Floats, p: Paramete
     x, y = separation(
         place.lon[one], place.lat[one], place.lon[other], place.lat[other], earth.latlon, earth.radius, earth.period
     )
-    return bool(np.hypot(x, y) < max(radius[one] + radius[other], p.contact.distance))
+    return bool(np.hypot(x, y) < max(radius[one] + radius[other], p.contact_distance))

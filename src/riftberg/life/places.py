@@ -33,7 +33,7 @@ class FreePlaces:
 
     def __init__(self, elements: Elements, p: Parameters) -> None:
         self._earth = p.earth
-        self.distance = 0.0 if p.crushing else p.contact.distance  # within which any two touch, m
+        self.distance = p.contact_distance
         self._lon, self._lat = elements.lon.copy(), elements.lat.copy()
         self._reach = corner_reach(elements.length, elements.width)
 

@@ -1,7 +1,8 @@
-"""Pressure and friction of a bed of sediment under a keel, integrated exactly over polygons.
+"""The sea floor under a keel: its drag (equations 4.1, 6.4; paper, methods), or pressure and friction of a bed of sediment.
 
-Where the keel overlaps the floor by d, the bed presses back with ``p = min(k_v <d>, q_u)``: elastic up to its bearing strength.
-Per unit of area it holds ``min(mu p, alpha s_u)`` against sliding: Coulomb's friction, or the shear strength of clay.
+Where the keel overlaps a bed of sediment by d, this presses back with ``p = min(k_v <d>, q_u)``: elastic up to its bearing
+strength. Per unit of area it holds ``min(mu p, alpha s_u)`` against sliding: Coulomb's friction, or the shear strength of clay.
+Both are integrated exactly over polygons.
 """
 
 from __future__ import annotations
@@ -28,17 +29,49 @@ CORNER_STRESS = 3.0 * 0.786 / 2.0
 
 
 @kernel
-def yield_depth(stiffness: float, strength: float) -> float:
-    """Overlap (m) from which the bed yields: ``q_u / k_v``.
+def grounded_fraction(depth: float, draft: float, ramp_height: float) -> float:
+    """How far an element is aground, 0 to 1: ``clip(1 - (depth - draft) / h_g, 0, 1)``, or a step if h_g = 0.
 
     Parameters
     ----------
-    stiffness : float
-        ``k_v``, Pa m-1.
-    strength : float
-        Bearing strength ``q_u``, Pa.
+    depth, draft : float
+        Depth of water and of the keel, m.
+    ramp_height : float
+        Clearance over which the drag sets in, m.
     """
-    return strength / stiffness
+    if ramp_height > 0.0:
+        return min(max(1.0 - (depth - draft) / ramp_height, 0.0), 1.0)
+    return 1.0 if draft > depth else 0.0
+
+
+@kernel
+def grounding_rate(coefficient: float, area: float, mass: float, fraction: float) -> float:
+    """Rate (s-1) at which the sea floor slows an element: ``c_g A chi / m``. Linear in velocity."""
+    return coefficient * area * fraction / mass
+
+
+@kernel
+def quadratic_grounding(coefficient: float, area: float, mass: float, excess: float) -> float:
+    """Coefficient (m-1) of the quadratic grounding drag: ``k_g A (D - d) / m``, so that the force is ``-k_g A (D - d) |u| u``.
+
+    A keel that is pressed into the floor by more of its draft ploughs more of it aside, as a dense fluid.
+
+    Parameters
+    ----------
+    coefficient : float
+        ``k_g``, kg m-4.
+    area, mass : float
+        Base (m2) and mass (kg) of the element.
+    excess : float
+        Draft in excess of the depth of water, ``D - d``, m; nothing acts where it is not positive.
+    """
+    return coefficient * area * max(excess, 0.0) / mass
+
+
+@kernel
+def grounding_spin_rate(coefficient: float, radius: float, mass: float, fraction: float) -> float:
+    """Rate (s-1) at which the sea floor slows rotation in the reference: ``c_g chi pi R^2 / m`` (equations 6.4, 3c)."""
+    return coefficient * fraction * math.pi * radius * radius / mass
 
 
 @kernel

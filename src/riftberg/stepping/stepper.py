@@ -16,6 +16,7 @@ from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.numbering import enter_cells
+from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.land import apply_land_constraint
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
@@ -83,8 +84,13 @@ def publish_positions(el: Elements) -> None:
     np.copyto(el.lat_pair, el.lat, where=moving)
 
 
-def apply_boundaries(run: RunState, cells: tuple[Ints, Ints] | None = None) -> None:
-    """Find the cells after a move from ``cells``, stop bergs at land, wrap longitudes (equations 8)."""
+def apply_boundaries(
+    run: RunState, cells: tuple[Ints, Ints] | None = None, touched: tuple[Ints, Ints] = NO_PAIRS
+) -> None:
+    """Find the cells after a move from ``cells``, stop bergs at land, wrap longitudes (equations 8).
+
+    ``touched``: elements whose faces have met in the step.
+    """
     el, grid = run.elements, run.forcing.grid
     if grid is not None:
         if run.parameters.compatibility.elements_stopped_alone:
@@ -92,7 +98,7 @@ def apply_boundaries(run: RunState, cells: tuple[Ints, Ints] | None = None) -> N
             settle_elements(el, grid.arrays, run.constants)
             enter_cells(el, columns, rows)
         else:
-            apply_land_constraint(el, run.bonds, grid.arrays, run.constants)
+            apply_land_constraint(el, run.bonds, grid.arrays, run.constants, touched)
         if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)

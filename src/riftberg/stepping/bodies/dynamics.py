@@ -28,10 +28,8 @@ from riftberg.compiled.kernels import kernel
 from riftberg.constants import EARTH_ROTATION
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
-from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints, Shown
 from riftberg.state import Motion as ElementMotion
-from riftberg.state.neighbours import PairList
 from riftberg.stepping.forces.media import (
     CORIOLIS,
     LINEAR,
@@ -52,7 +50,6 @@ from riftberg.stepping.forces.media import (
     find_surroundings,
     grounded_part,
 )
-from riftberg.stepping.forces.pair_law import COLLISION, PairLaw, pair_terms
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.mat3 import multiply, solve, times
 
@@ -96,22 +93,11 @@ class ElementForcing(NamedTuple):
     floor_acts: bool  # Whether the sea floor does
 
 
-class ContactPairs(NamedTuple):
-    """Pairs of elements of different fragments in contact."""
-
-    first: Ints  # shape (pairs,)
-    second: Ints  # shape (pairs,)
-    spring: Floats  # Force of the spring on the first of each pair, east and north, N; shape (pairs, 2)
-    damping: Floats  # xx, xy and yy of the damping, kg s-1; shape (pairs, 3)
-
-
 class ForceTerms(NamedTuple):
-    """The forces at the velocities of one moment, without the linear drag of the sea floor."""
+    """The forces at the velocities of one moment, without contact and the linear drag of the sea floor."""
 
-    accelerations: (
-        Floats  # By each of `riftberg.stepping.forces.media.FORCES`, without contact, m s-2; (elements, forces, 2)
-    )
-    net_force: Floats  # On the fragments, with contact, N, N, N m; shape (fragments, 3)
+    accelerations: Floats  # By each of `riftberg.stepping.forces.media.FORCES`, m s-2; shape (elements, forces, 2)
+    net_force: Floats  # On the fragments, N, N, N m; shape (fragments, 3)
 
 
 class BodyMatrices(NamedTuple):
@@ -128,7 +114,6 @@ class BodyOperators(NamedTuple):
     body: Ints  # Fragment of each element; shape (elements,)
     levers: Floats  # See `riftberg.stepping.bodies.pose.fill_levers`; shape (elements, 11)
     forcing: ElementForcing
-    contacts: ContactPairs
     matrices: BodyMatrices
 
 
@@ -174,41 +159,6 @@ def evaluate_forcing(
         floor_spin_rate[e] = media[e, SEA_FLOOR, SPIN_LINEAR]
         if forcing.media_act:
             forcing.spin_drag[e] = media[e, WATER, SPIN_QUADRATIC]
-
-
-def find_contact_pairs(el: Elements, partners: PairList, sizes: Sizes, law: PairLaw) -> ContactPairs:
-    """Find the pairs of different fragments that touch: the law of contact between bergs, as a force on each pair."""
-    if partners.partner.size == 0:
-        return ContactPairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
-    return ContactPairs(*_find_contact_pairs(el, partners, sizes, law))
-
-
-@kernel
-def _find_contact_pairs(
-    el: Elements, partners: PairList, sizes: Sizes, law: PairLaw
-) -> tuple[Ints, Ints, Floats, Floats]:
-    """Return the fields of `ContactPairs` (no named tuple: see `riftberg.compiled.kernels`)."""
-    size = partners.partner.size // 2 + 1
-    first, second = np.empty(size, np.int64), np.empty(size, np.int64)
-    spring, damping = np.empty((size, 2)), np.empty((size, 3))
-    lon, lat, us, vs = el.shown.lon_pair, el.shown.lat_pair, el.shown.u_pair, el.shown.v_pair
-    count = 0
-    for i in range(partners.start.size - 1):
-        for n in range(partners.start[i], partners.start[i + 1]):
-            j = partners.partner[n]
-            if j <= i:
-                continue
-            rx, ry = separation(lon[i], lat[i], lon[j], lat[j], law.latlon, law.earth_radius, law.period)
-            du, dv = us[j] - us[i], vs[j] - vs[i]
-            sum_radii, pair_mass = sizes.radius[i] + sizes.radius[j], min(sizes.mass[i], sizes.mass[j])
-            ix, iy, p11, p12, p22 = pair_terms(COLLISION, rx, ry, sum_radii, pair_mass, du, dv, du, dv, law)
-            if ix == 0.0 and iy == 0.0 and p11 == 0.0 and p22 == 0.0:
-                continue
-            first[count], second[count] = i, j
-            spring[count, 0], spring[count, 1] = ix, iy
-            damping[count, 0], damping[count, 1], damping[count, 2] = p11, p12, p22
-            count += 1
-    return first[:count], second[:count], spring[:count], damping[:count]
 
 
 @kernel
@@ -298,6 +248,36 @@ def accumulate_forces(
 
 
 @kernel
+def acceleration_by_media(
+    forcing: ElementForcing, e: int, u: float, v: float, part: float, applied: Floats
+) -> tuple[float, float, float, float, float, float]:
+    """Acceleration (m s-2) of an element by Coriolis force and media, without the linear drag of the sea floor.
+
+    Then come minus its derivatives xx, xy and yy (s-1), and the Coriolis parameter, which enters beside xy with both signs.
+    ``part`` of each acceleration is added to ``applied`` (elements, forces, 2), if it is not 0.
+    """
+    media, ax, ay, xx, xy, yy, f = forcing.media, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if forcing.media_act:
+        f = forcing.coriolis[e]
+        ax, ay = f * v, -f * u
+        if part != 0.0:
+            applied[e, CORIOLIS, 0] += part * ax
+            applied[e, CORIOLIS, 1] += part * ay
+    for k in range(len(MEDIA)):
+        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            dx, dy, dxx, dxy, dyy = drag_and_jacobian(media[e, k], u, v)
+            ax += dx
+            ay += dy
+            xx += dxx
+            xy += dxy
+            yy += dyy
+            if part != 0.0:
+                applied[e, k, 0] += part * dx
+                applied[e, k, 1] += part * dy
+    return ax, ay, xx, xy, yy, f
+
+
+@kernel
 def spin_torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float]:
     """Torque (N m) of the water on an element that spins, and minus its derivative."""
     spin = w - forcing.water_spin[e]
@@ -317,23 +297,14 @@ def add_forces(
 ) -> None:
     """Find the forces on all elements but those of contact and the linear drag of the sea floor.
 
-    ``accelerations`` (elements, forces, 2) takes those by each force (m s-2), ``force`` (elements, 3) the force and the
-    torque about the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
+    Those by each force (m s-2) are added to ``accelerations`` (elements, forces, 2); ``force`` (elements, 3) takes the force and
+    the torque about the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
     """
-    media, mass = forcing.media, forcing.mass
+    mass = forcing.mass
     for e in range(body.size):
         b, m = body[e], levers[e]
         u, v, w = element_velocity(m, twist[b])
-        ax = ay = 0.0
-        if forcing.media_act:
-            ax, ay = forcing.coriolis[e] * v, -forcing.coriolis[e] * u
-            accelerations[e, CORIOLIS, 0], accelerations[e, CORIOLIS, 1] = ax, ay
-        for k in range(len(MEDIA)):
-            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-                dx, dy, _, _, _ = drag_and_jacobian(media[e, k], u, v)
-                accelerations[e, k, 0], accelerations[e, k, 1] = dx, dy
-                ax += dx
-                ay += dy
+        ax, ay, _, _, _, _ = acceleration_by_media(forcing, e, u, v, 1.0, accelerations)
         fx, fy, torque = (
             mass[e] * ax + forcing.push_x[e],
             mass[e] * ay + forcing.push_y[e],
@@ -387,25 +358,14 @@ def assemble_force_and_jacobian(
     The loop over the entries of both products is written out, and all is read before anything is written: the compiler
     cannot know that the arrays do not overlap, and would read the levers again for each number.
     """
-    media, mass = forcing.media, forcing.mass
+    mass = forcing.mass
     for e in range(body.size):
         b, m, q = body[e], levers[e], twist[body[e]]
         if not active[b]:
             continue
         m0, m1, m2, m3, m4, m5, m6, m7, m8 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
         u, v = m0 * q[0] + m1 * q[1] + m2 * q[2], m3 * q[0] + m4 * q[1] + m5 * q[2]
-        ax = ay = jxx = jxy = jyy = f = 0.0
-        if forcing.media_act:
-            f = forcing.coriolis[e]
-            ax, ay = f * v, -f * u
-        for k in range(len(MEDIA)):
-            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-                dx, dy, dxx, dxy, dyy = drag_and_jacobian(media[e, k], u, v)
-                ax += dx
-                ay += dy
-                jxx += dxx
-                jxy += dxy
-                jyy += dyy
+        ax, ay, jxx, jxy, jyy, f = acceleration_by_media(forcing, e, u, v, 0.0, forcing.media)
         torque, turning = spin_torque(forcing, e, m6 * q[0] + m7 * q[1] + m8 * q[2])
         fx, fy, weight = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e], mass[e]
         t, s = net_force[b], jacobian[b]
@@ -421,28 +381,6 @@ def assemble_force_and_jacobian(
         s[0, 0], s[0, 1], s[0, 2] = s[0, 0] + s00, s[0, 1] + s01, s[0, 2] + s02
         s[1, 0], s[1, 1], s[1, 2] = s[1, 0] + s10, s[1, 1] + s11, s[1, 2] + s12
         s[2, 0], s[2, 1], s[2, 2] = s[2, 0] + s20, s[2, 1] + s21, s[2, 2] + s22
-
-
-@kernel
-def add_contact_forces(
-    body: Ints, levers: Floats, twist: Floats, contacts: ContactPairs, force: Floats, net_force: Floats
-) -> None:
-    """Add the forces of contact between fragments at these velocities, in place."""
-    for k in range(contacts.first.size):
-        i, j = contacts.first[k], contacts.second[k]
-        p, q, m, n = twist[body[i]], twist[body[j]], levers[i], levers[j]
-        du = n[0] * q[0] + n[1] * q[1] + n[2] * q[2] - (m[0] * p[0] + m[1] * p[1] + m[2] * p[2])
-        dv = n[3] * q[0] + n[4] * q[1] + n[5] * q[2] - (m[3] * p[0] + m[4] * p[1] + m[5] * p[2])
-        c = contacts.damping[k]
-        fx = contacts.spring[k, 0] + c[0] * du + c[1] * dv
-        fy = contacts.spring[k, 1] + c[1] * du + c[2] * dv
-        force[i, 0] += fx
-        force[i, 1] += fy
-        force[j, 0] -= fx
-        force[j, 1] -= fy
-        for a in range(3):
-            net_force[body[i], a] += m[a] * fx + m[3 + a] * fy
-            net_force[body[j], a] -= n[a] * fx + n[3 + a] * fy
 
 
 class BodyWorkspace(NamedTuple):

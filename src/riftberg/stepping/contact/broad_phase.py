@@ -127,10 +127,6 @@ class NeighbourSearch:
         # The largest distance at which two elements can be in contact.
         return self.find(el, max(2.0 * float(sizes.radius.max()), c.contact_distance), OTHER_BERG, c, cells)
 
-    def candidate_pairs(self, el: Elements, sizes: Sizes, dt: float, c: KernelParameters) -> tuple[Ints, Ints]:
-        """Pairs of elements of different bergs, each once, that may come into contact during a step of ``dt`` s."""
-        return candidate_pairs(el, el.berg, sizes, dt, c)
-
     def same_berg(
         self, el: Elements, bonds: Bonds, reach: float, c: KernelParameters, cells: CellSearch | None = None
     ) -> PairList:

@@ -2,9 +2,9 @@
 
     M (V1 - V0) = h (G(V) - sum J^T F(V1))
 
-with the media G as in `riftberg.stepping.contact.island_step`, and the forces F of the faces at the depth that the new velocities
-lead to. Normals, lever arms and overlaps are those of the predicted middle, at one common point for both bodies, so momentum and
-angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
+with the media G as in `riftberg.stepping.contact.island_media`, and the forces F of the faces at the depth that the new
+velocities lead to. Normals, lever arms and overlaps are those of the predicted middle, at one common point for both bodies, so
+momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
 
 Free bodies go as far as most of their gap. An impact takes some 75 sub-steps, whatever the length of the time step. At rest a
 sub-step takes up to a minute, and the depth follows the new velocity alone (backward Euler).
@@ -20,8 +20,19 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
+from riftberg.physics.geometry import gap, overlap
 from riftberg.state import Floats, Ints
-from riftberg.stepping.contact.impulses import (
+from riftberg.stepping.contact.island_media import (
+    Linearisation,
+    accumulate_floor_impulse,
+    accumulate_impulse,
+    allocate_linearisation,
+    evaluate_media,
+    is_stale,
+    linearised_force,
+    record_loads,
+)
+from riftberg.stepping.contact.islands import (
     Island,
     IslandResult,
     Islands,
@@ -32,17 +43,6 @@ from riftberg.stepping.contact.impulses import (
     result_part,
     spin_lever,
 )
-from riftberg.stepping.contact.island_step import (
-    Linearisation,
-    accumulate_floor_impulse,
-    accumulate_impulse,
-    allocate_linearisation,
-    evaluate_media,
-    is_stale,
-    linearised_force,
-    record_loads,
-)
-from riftberg.stepping.contact.overlap import gap, overlap
 from riftberg.stepping.mat3 import solve
 
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, SEEN = range(13)
@@ -107,7 +107,7 @@ class Faces(NamedTuple):
 
 
 class CrushingWorkspace(NamedTuple):
-    """Workspace of the sub-steps of one island; see `IslandWorkspace` for what both have."""
+    """Workspace of the sub-steps of one island."""
 
     acceleration: Floats  # shape (bodies, 3)
     arm: Floats  # shape (bodies,)
@@ -124,14 +124,13 @@ class CrushingWorkspace(NamedTuple):
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
     # closing speed (m s-1) and force across (N) before
     face: Floats  # shape (pairs, 25)
-    accelerations: Floats
     force: Floats
     net_force: Floats
     contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)
     everyone: NDArray[np.bool_]
     one: Floats  # Corners of a polygon in its place, m
     two: Floats
-    cut: Floats  # Corners of what is left of one within the other; see `riftberg.stepping.contact.overlap.overlap`
+    cut: Floats  # Corners of what is left of one within the other; see `riftberg.physics.geometry.overlap`
     scratch: Floats  # shape (4, 3, 3)
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
 
@@ -159,8 +158,8 @@ def integrate_faces(
 ) -> tuple[Floats, Floats, NDArray[np.bool_], Floats, Floats, Floats, Floats, float, float]:
     """Take all islands, ``whole``, through a step of ``dt`` s.
 
-    ``pair_state``: one row for each pair, changed in place. Returns what
-    `riftberg.stepping.contact.island_step.integrate_islands` does, and the energy dissipated (J).
+    ``pair_state``: one row for each pair, changed in place. Returns what `IslandResult` has, the shortest sub-step (s) and the
+    energy dissipated (J).
     """
     r, shortest, dissipated, most = allocate_result(whole, twist), dt, 0.0, _most_corners(faces)
     for k in range(lists.start.size - 1):
@@ -170,7 +169,7 @@ def integrate_faces(
         work = CrushingWorkspace(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
-            np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
+            np.empty(pairs, np.int64), np.empty((pairs, 25)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
         )  # fmt: skip
@@ -209,7 +208,7 @@ def _integrate_island(
             if left <= 0.0:
                 _remember_depths(island, faces, pair_state, result, work)
                 return shortest
-            evaluate_media(island, twist, about, work.everyone, work.accelerations, work.force)
+            evaluate_media(island, twist, about, work.everyone, work.force)
             elapsed = 0.0
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
         h = _longest_substep(island, faces, pair_state, result, left, h, law, work)

@@ -25,9 +25,9 @@ from riftberg.stepping.contact.crushing_step import (
     integrate_faces,
     may_meet,
 )
-from riftberg.stepping.contact.impulses import IslandResult
 from riftberg.stepping.contact.islands import (
     ContactPhase,
+    IslandResult,
     gather_islands,
     pair_separations,
     phase_of,
@@ -140,7 +140,7 @@ class FaceContact:
         if not near.any():
             return None
         first, second = first[near], second[near]
-        lists, whole = gather_islands(op, first, second, apart[near], sizes)
+        lists, whole = gather_islands(op, first, second, apart[near])
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
         pair_state, rows = _known_states(before, ids), lists.rows
         faces = faces._replace(

@@ -1,19 +1,21 @@
-"""Fragments in contact within a quasi-static step: only they take sub-steps, island by island.
+"""Fragments that may touch within a step: the islands that they form, and what contact made of each.
 
 Bodies that may touch each other in a step, directly or by way of others, form an island, and each island goes through the
-step by itself (`riftberg.stepping.contact.island_step`). Bodies that touch nothing on the way keep the result of the whole
-step, as if alone. The others get their twist from the sub-steps, corrected here for the forces of the media at
+step by itself, in sub-steps (`riftberg.stepping.contact.crushing_step`). Bodies that touch nothing on the way keep the result of
+the whole step, as if alone. The others get their twist from the sub-steps, corrected here for the forces of the media at
 the end of the step.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.compiled.kernels import plain
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.parameters import KernelParameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.bodies.dynamics import (
@@ -23,12 +25,47 @@ from riftberg.stepping.bodies.dynamics import (
     add_forces,
     assemble_force_and_jacobian,
 )
-from riftberg.stepping.contact.impulses import Island, IslandResult, Islands
-from riftberg.stepping.contact.island_step import integrate_islands
 from riftberg.stepping.forces.media import FORCES
-from riftberg.stepping.forces.pair_law import pair_law
-from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
+
+
+class Islands(NamedTuple):
+    """Bodies that may touch each other, island by island; those of island k from ``start[k]`` to ``start[k + 1]``."""
+
+    members: Ints  # Bodies
+    start: Ints  # Where the islands begin in ``members``
+    rows: Ints  # Elements of the bodies
+    row_start: Ints  # Where the islands begin in ``rows``
+    body_of: Ints  # Place of each element's body in its island; shape (rows,)
+    first: Ints  # Candidate pairs, as places in the rows of their island
+    second: Ints
+    pair_start: Ints  # Where the islands begin among the pairs
+    order: Ints  # Places of the pairs in the list that was given
+
+
+class Island(NamedTuple):
+    """The bodies and candidate pairs of one island, or of all, at the start of the step; bodies are numbered within each."""
+
+    body_of: Ints  # Body of each element
+    levers: Floats  # See `riftberg.stepping.bodies.pose.fill_levers`; shape (elements, 11)
+    forcing: ElementForcing  # On the elements
+    matrices: BodyMatrices  # Of the bodies
+    bonded: NDArray[np.bool_]  # Whether a body has more than one element; shape (bodies,)
+    first: Ints  # Elements of the candidate pairs
+    second: Ints
+    separation: Floats  # From the second to the first element at the start, east and north, m; shape (pairs, 2)
+
+
+class IslandResult(NamedTuple):
+    """What the sub-steps change: for one island the arrays are views of those of all."""
+
+    twist: Floats  # Now; shape (bodies, 3)
+    path: Floats  # Since the start, m, m, rad; shape (bodies, 3)
+    touched: NDArray[np.bool_]  # Candidate pairs that touched; shape (pairs,)
+    applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (elements, forces, 2)
+    peak_force: Floats  # On the elements when contact pressed their body hardest, N, N, N m; shape (elements, 3)
+    peak_axes: Floats  # Cosine and sine of the axis of their fragment then; shape (elements, 2)
+    peak_spin: Floats  # Of the bodies then, rad s-1; shape (bodies,)
 
 
 class PeakContactLoad(NamedTuple):
@@ -79,29 +116,6 @@ def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
     )  # fmt: skip
 
 
-def resolve_contacts(
-    el: Elements,
-    op: BodyOperators,
-    twist: Floats,
-    first: Ints,
-    second: Ints,
-    dt: float,
-    sizes: Sizes,
-    p: KernelParameters,
-) -> ContactPhase | None:
-    """Take the bodies of the candidate pairs through ``dt`` s of sub-steps; None where no pair touched.
-
-    ``twist``: at the start (bodies, 3).
-    """
-    if first.size == 0:
-        return None
-    lists, whole = gather_islands(op, first, second, pair_separations(el, first, second, p), sizes)
-    outcome = integrate_islands(lists, whole, twist[lists.members], dt, plain(pair_law)(p))
-    if not outcome[7] > 0.0:
-        raise FloatingPointError
-    return phase_of(op, lists, first, second, IslandResult(*outcome[:7]), outcome[7], dt)
-
-
 def pair_separations(el: Elements, first: Ints, second: Ints, p: KernelParameters) -> Floats:
     """Vectors from the second to the first element of each pair, east and north, m; shape (pairs, 2)."""
     metric, shown = Metric(p.latlon, p.earth_radius, p.period), el.shown
@@ -109,15 +123,14 @@ def pair_separations(el: Elements, first: Ints, second: Ints, p: KernelParameter
     return np.column_stack(separations(metric, *one, *two))
 
 
-def gather_islands(op: BodyOperators, first: Ints, second: Ints, apart: Floats, sizes: Sizes) -> tuple[Islands, Island]:
+def gather_islands(op: BodyOperators, first: Ints, second: Ints, apart: Floats) -> tuple[Islands, Island]:
     """Return the islands of the candidate pairs of elements, and what compiled code needs of all of them."""
     count = op.matrices.mobility.shape[0]
     i = find_islands(op.body, count, first, second)
-    rows, one, two = i.rows, first[i.order], second[i.order]
+    rows = i.rows
     return i, Island(
         i.body_of, op.levers[rows], forcing_of_rows(rows, op.forcing), BodyMatrices(*(m[i.members] for m in op.matrices)),
         np.bincount(op.body, minlength=count)[i.members] > 1, i.first, i.second, apart[i.order],
-        sizes.radius[one] + sizes.radius[two], np.minimum(sizes.mass[one], sizes.mass[two]),
     )  # fmt: skip
 
 
@@ -195,3 +208,66 @@ def scatter_peak_load(peak: PeakContactLoad, elements: int, bodies: int) -> tupl
     force, axes, spin = np.zeros((elements, 3)), np.zeros((elements, 2)), np.zeros(bodies)
     force[peak.rows], axes[peak.rows], spin[peak.bodies] = peak.force, peak.axes, peak.spin
     return force, axes, spin
+
+
+@kernel
+def island_part(lists: Islands, k: int, whole: Island) -> Island:
+    """Return island ``k`` of all."""
+    b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
+    n, f, m = slice(lists.pair_start[k], lists.pair_start[k + 1]), whole.forcing, whole.matrices
+    forcing = ElementForcing(
+        f.media[e], f.coriolis[e], f.mass[e], f.inertia[e], f.floor_rate[e], f.floor_spin_rate[e], f.aground[e],
+        f.spin_drag[e], f.water_spin[e], f.push_x[e], f.push_y[e], f.media_act, f.floor_acts,
+    )  # fmt: skip
+    return Island(
+        whole.body_of[e], whole.levers[e], forcing, BodyMatrices(m.inertia[b], m.mobility[b], m.floor_drag[b]),
+        whole.bonded[b], whole.first[n], whole.second[n], whole.separation[n],
+    )  # fmt: skip
+
+
+@kernel
+def allocate_result(whole: Island, twist: Floats) -> IslandResult:
+    """Return the results of all islands at the start of the step."""
+    bodies, rows = twist.shape[0], whole.body_of.size
+    return IslandResult(
+        twist.copy(), np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_),
+        np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), whole.levers[:, 9:11].copy(),
+        np.zeros(bodies),
+    )  # fmt: skip
+
+
+@kernel
+def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
+    """Return the results of island ``k`` of all."""
+    b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
+    n = slice(lists.pair_start[k], lists.pair_start[k + 1])
+    return IslandResult(
+        r.twist[b], r.path[b], r.touched[n], r.applied[e], r.peak_force[e], r.peak_axes[e], r.peak_spin[b]
+    )
+
+
+@kernel
+def spin_lever(m: Floats, c: float, s: float) -> tuple[float, float]:
+    """How the spin moves an element now, m; ``m`` are its levers at the start, cosine and sine those of the turn since."""
+    return m[2] * c - m[5] * s, m[5] * c + m[2] * s
+
+
+@kernel
+def element_path(m: Floats, path: Floats, c: float, s: float) -> tuple[float, float]:
+    """Path (m) of an element whose body has gone ``path`` since the levers ``m`` were found and turned by cosine and sine."""
+    return (
+        m[0] * path[0] + m[1] * path[1] + m[2] * s + m[5] * (c - 1.0),
+        m[3] * path[0] + m[4] * path[1] + m[5] * s - m[2] * (c - 1.0),
+    )
+
+
+@borrower
+def approach_bound(twist: Floats, arm: Floats) -> float:
+    """Upper bound of the speed (m s-1) at which two elements could approach each other; or of their accelerations."""
+    most = u = v = 0.0
+    for b in range(twist.shape[0]):
+        u += twist[b, 0] / twist.shape[0]
+        v += twist[b, 1] / twist.shape[0]
+    for b in range(twist.shape[0]):
+        most = max(most, math.hypot(twist[b, 0] - u, twist[b, 1] - v) + arm[b] * abs(twist[b, 2]))
+    return 2.02 * most  # both together, and 1 % more: distances on the sphere are not quite those of the plane

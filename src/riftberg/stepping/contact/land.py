@@ -18,7 +18,7 @@ from riftberg.ocean.cells import settle_elements
 from riftberg.plane import unit_vectors
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import near_pairs
-from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD
+from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, NO_PAIRS
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 
@@ -53,17 +53,21 @@ def land_corrections(el: Elements, lon: Floats, lat: Floats, c: KernelParameters
 
 
 def leading_elements(
-    el: Elements, lon: Floats, lat: Floats, correction: Floats, part: Ints, c: KernelParameters
-) -> Ints:
+    el: Elements, lon: Floats, lat: Floats, correction: Floats, part: Ints, c: KernelParameters,
+    touched: tuple[Ints, Ints] = NO_PAIRS,
+) -> Ints:  # fmt: skip
     """Return for each part of the ice the element whose correction it shares; -1 for parts that stay.
 
     It is the largest correction of the elements of a part. Parts that this would push into each other, or farther into each
-    other, move together.
+    other, move together. ``touched``: elements whose faces have met in the step, where corners reach beyond the circles.
     """
     distance = np.hypot(correction[:, 0], correction[:, 1])
     count = int(part.max()) + 1
     leader = _largest_correction(distance, part, count)
     first, second, reach = _pairs_in_the_way(el, lon, lat, part, float(distance.max()), c)
+    met = (el.static[touched[0]] < 0.5) & (el.static[touched[1]] < 0.5)
+    first, second = np.append(first, touched[0][met]), np.append(second, touched[1][met])
+    reach = np.append(reach, np.full(np.count_nonzero(met), np.inf))
     if first.size == 0:
         return leader
     dx, dy = separations(metric_of(c), lon[first], lat[first], lon[second], lat[second])
@@ -108,8 +112,13 @@ def _pairs_in_the_way(
     return first, second, np.maximum(radius[first] + radius[second], c.contact_distance)
 
 
-def apply_land_constraint(el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParameters) -> None:
-    """Find the cells of all elements at the end of a step; where land stops one, its berg is stopped and put back with it."""
+def apply_land_constraint(
+    el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParameters, touched: tuple[Ints, Ints] = NO_PAIRS
+) -> None:
+    """Find the cells of all elements at the end of a step; where land stops one, its berg is stopped and put back with it.
+
+    ``touched``: as in `leading_elements`.
+    """
     part = None
     for _ in range(MAX_PASSES):
         lon, lat = el.lon.copy(), el.lat.copy()
@@ -119,7 +128,7 @@ def apply_land_constraint(el: Elements, bonds: Bonds, grid: GridArrays, c: Kerne
             return
         if part is None:
             part = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
-        leader = leading_elements(el, lon, lat, correction, part, c)[part]
+        leader = leading_elements(el, lon, lat, correction, part, c, touched)[part]
         moved = np.flatnonzero((leader >= 0) & (el.static < 0.5))
         # The mean over all that moves together: what bonds oscillate by is no motion into the land, and would be taken from all
         # in one direction alone.

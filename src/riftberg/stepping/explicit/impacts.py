@@ -21,7 +21,6 @@ from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.bodies.dynamics import (
     BodyMatrices,
     BodyOperators,
-    ContactPairs,
     add_inertia_and_floor_drag,
     allocate_forcing,
 )
@@ -138,8 +137,7 @@ def rigid_motion(el: Elements, body: Ints, sizes: Sizes, c: KernelParameters) ->
     momentum += (forcing.inertia * el.spin)[:, None] * levers[:, 6:9]
     sums = np.array([np.bincount(body, momentum[:, k], count) for k in range(3)]).T
     twist = np.ascontiguousarray((matrices.mobility @ sums[:, :, None])[:, :, 0])
-    nobody = ContactPairs(*NO_PAIRS, np.zeros((0, 2)), np.zeros((0, 3)))
-    return RigidMotion(bodies._replace(twist=twist), BodyOperators(body, levers, forcing, nobody, matrices))
+    return RigidMotion(bodies._replace(twist=twist), BodyOperators(body, levers, forcing, matrices))
 
 
 def _add_rigid_motion(el: Elements, body: Ints, levers: Floats, change: Floats) -> None:

@@ -16,6 +16,7 @@ from riftberg.state.numbering import listed
 from riftberg.stepping.contact.broad_phase import (
     NO_PAIRS,
     NeighbourSearch,
+    candidate_pairs,
     concatenate_pairs,
     contact_cells,
     contact_groups,
@@ -102,7 +103,7 @@ class MultipleStepper(Stateless):
 
         # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
         by_springs = c.contact_on_substeps and self._impacts is None
-        candidates = self._near.candidate_pairs(el, sizes, dt, c) if by_springs else NO_PAIRS
+        candidates = candidate_pairs(el, el.berg, sizes, dt, c) if by_springs else NO_PAIRS
         islands, general = find_islands(run, sizes, *candidates)
         candidates = candidates[0][general], candidates[1][general]
         subcycled = np.zeros(el.size)
@@ -141,7 +142,7 @@ class MultipleStepper(Stateless):
         )
 
         # Positions have moved: land, cells, then the forcing of the next step, then fragments.
-        apply_boundaries(run)
+        apply_boundaries(run, touched=NO_PAIRS if self._impacts is None else self._impacts.touched)
         run.time += dt
         self.sample_forcing(run)
         if broken > 0:

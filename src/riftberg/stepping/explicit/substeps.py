@@ -16,7 +16,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import fast_cos_latitude
-from riftberg.physics.grounding import grounding_spin_rate
+from riftberg.physics.seabed import grounding_spin_rate
 from riftberg.state import Bonds, Elements, Floats
 from riftberg.stepping.explicit.breaking import ContactPairs, allocate_pairs
 from riftberg.stepping.explicit.tiles import BondTiles, allocate_tiles

@@ -28,6 +28,7 @@ from riftberg.physics.seabed import (
     bending_length,
     bending_stress,
     cut,
+    friction_depth,
     line_stiffness,
     point_stiffness,
     pressed,
@@ -373,9 +374,7 @@ def press(
     ``thickness``: of its elements, m; ``first``, ``second``: intact bonds between them; ``rise``: where the search begins.
     """
     top = bed.strength / bed.stiffness
-    grip = top
-    if bed.shear_strength > 0.0 and bed.friction > 0.0:
-        grip = min(top, bed.shear_strength / (bed.friction * bed.stiffness))
+    grip = friction_depth(bed.stiffness, bed.strength, bed.friction, bed.shear_strength)
     count, (xc, yc) = patches.owner.size, hull.centre.tolist()
     cut_up = _Columns(patches.start, patches.corner, np.arange(count), np.full(count, -1))
     q, u, springs = rise.copy(), np.zeros(0), np.zeros(0)

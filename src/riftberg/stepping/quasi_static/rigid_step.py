@@ -18,11 +18,9 @@ from riftberg.stepping.bodies.dynamics import (
     BodyOperators,
     BodyWorkspace,
     Booleans,
-    ContactPairs,
     ElementForcing,
     ForceTerms,
     accumulate_forces,
-    add_contact_forces,
     add_forces,
     add_inertia_and_floor_drag,
     allocate_forcing,
@@ -84,7 +82,7 @@ def predict(
 
 
 def assemble_operators(
-    el: Elements, sizes: Sizes, bodies: Bodies, contacts: ContactPairs, p: KernelParameters, work: BodyWorkspace
+    el: Elements, sizes: Sizes, bodies: Bodies, p: KernelParameters, work: BodyWorkspace
 ) -> BodyOperators:
     """Find what moves the fragments, from the environment that the elements carry; no supports yet."""
     count = bodies.pose.shape[0]
@@ -97,7 +95,7 @@ def assemble_operators(
         np.empty((1, 0, 0)),
     )
     _assemble_operators(seen, sizes, p, bodies, acts, nothing, levers, forcing, matrices, work)
-    return BodyOperators(bodies.body, levers, forcing, contacts, matrices)
+    return BodyOperators(bodies.body, levers, forcing, matrices)
 
 
 @borrower
@@ -129,8 +127,6 @@ def correct(
         work.active[:] = True
         iterations = half_kick_newton(op, middle, twist, half_dt, work)
     add_forces(body, levers, twist, forcing, terms.accelerations, force, terms.net_force)
-    if op.contacts.first.size > 0:
-        add_contact_forces(body, levers, twist, op.contacts, force, terms.net_force)
     scatter_velocities(body, levers, twist, forcing, force, motion, shown)
     for b in range(twist.shape[0]):
         angular = 0.0

@@ -22,13 +22,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import plain
 from riftberg.errors import RunError
 from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
 from riftberg.physics.fracture import stress_ratio
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.neighbours import OTHER_BERG, PairList, find_pairs, no_pairs
 from riftberg.state.population import put_back
 from riftberg.stepping.bodies.dynamics import (
     BodyOperators,
@@ -36,7 +34,6 @@ from riftberg.stepping.bodies.dynamics import (
     ForceTerms,
     allocate_body_workspace,
     check_converged,
-    find_contact_pairs,
     half_kick_newton,
     longest_trial_step,
 )
@@ -47,18 +44,16 @@ from riftberg.stepping.bodies.pose import (
     split_bodies,
     tangent_coordinates,
 )
-from riftberg.stepping.contact.broad_phase import NEWBORN_CHILD, NO_PAIRS, candidate_pairs, concatenate_pairs, with_both
+from riftberg.stepping.contact.broad_phase import NO_PAIRS, concatenate_pairs
 from riftberg.stepping.contact.faces import NO_FACE_PAIRS, FaceContact, FacePairs
 from riftberg.stepping.contact.islands import (
     ContactPhase,
     PeakContactLoad,
-    resolve_contacts,
     scatter_peak_load,
     trapezoidal_correction,
 )
 from riftberg.stepping.contact.land import corrected_poses, land_corrections, leading_elements, stopped_by_land
 from riftberg.stepping.forces.media import FORCES
-from riftberg.stepping.forces.pair_law import pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fracture.crack_tips import (
     NO_TIPS,
@@ -152,10 +147,10 @@ class QuasiStaticStepper:
         if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
             self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
-        aground, crushing = model.parameters.grounding.law == "seabed", model.parameters.crushing
-        self._footprints = FootprintBook(model) if aground or crushing else None
-        self._seabed = Seabed(model, self._footprints) if aground and self._footprints else None
-        self._faces = FaceContact(model, self._footprints) if crushing and self._footprints else None
+        self._footprints = FootprintBook(model)
+        self._faces = FaceContact(model, self._footprints)
+        aground = model.parameters.grounding.law == "seabed"
+        self._seabed = Seabed(model, self._footprints) if aground else None
         self._lattice: FactoredLattice | None = None
         self._state: BodyState | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
@@ -165,16 +160,9 @@ class QuasiStaticStepper:
         self._touched = NO_PAIRS
         self._snapshot: StepSnapshot | None = None
         # All of that at the start of the last step, with its time, for a model that takes a failed step back.
-        self._last_start: tuple[
-            float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, FacePairs
-        ] = (
-            math.nan,
-            None,
-            None,
-            None,
-            NO_TIPS,
-            NO_FACE_PAIRS,
-        )
+        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, FacePairs] = (
+            math.nan, None, None, None, NO_TIPS, NO_FACE_PAIRS,
+        )  # fmt: skip
 
     @property
     def applied(self) -> Floats:
@@ -189,7 +177,7 @@ class QuasiStaticStepper:
     @property
     def crushed(self) -> float:
         """See `riftberg.stepping.stepper.Stepper.crushed`."""
-        return 0.0 if self._faces is None else float(self._faces.pairs.dissipated[0])
+        return float(self._faces.pairs.dissipated[0])
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
@@ -197,7 +185,7 @@ class QuasiStaticStepper:
         before = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
         tips = dict(zip(TIP_NAMES, self._tips, strict=True)) if self._tips.crack.size else {}
         cells = {} if self._cells is None else cells_to_arrays(self._cells)
-        laws = [law.state_dict() for law in (self._footprints, self._seabed, self._faces) if law is not None]
+        laws = [law.state_dict() for law in (self._footprints, self._seabed, self._faces) if law]
         return {**bodies, **before, **cells, **tips, **{name: array for law in laws for name, array in law.items()}}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
@@ -227,14 +215,14 @@ class QuasiStaticStepper:
         """Advance by one time step."""
         if self._last_start[0] == model.time:  # the model has taken the last step back
             (_, self._bodies, self._snapshot, self._cells, self._tips, pairs), self._state = self._last_start, None
-            if self._faces is not None:
-                self._faces.pairs = pairs
+            self._faces.pairs = pairs
             if self._seabed is not None:
                 self._seabed.back_to_start()
         if self._seabed is not None:
             self._seabed.begin_step()
-        pairs = NO_FACE_PAIRS if self._faces is None else self._faces.pairs
-        self._last_start = model.time, self._bodies, self._snapshot, self._cells, self._tips, pairs
+        self._last_start = (
+            model.time, self._bodies, self._snapshot, self._cells, self._tips, self._faces.pairs
+        )  # fmt: skip
         unknown = self._sync(model)
         if self._step_population(model, unknown):
             return
@@ -283,7 +271,7 @@ class QuasiStaticStepper:
         company = ~quiet
         company[done.rows] = False
         parts, touched, cracked = [(done.rows, done.bodies)], [], False
-        if self._faces is not None and not company.any():
+        if not company.any():
             self._faces.part()
         for among in (quiet, company):
             if not among.any():
@@ -358,7 +346,7 @@ N_CONNECTIVITY = 5
 
 
 class LawsWithMemory(NamedTuple):
-    """Laws that keep something from one step to the next, where they are chosen."""
+    """Laws that keep something from one step to the next: a bed of sediment if it is chosen, faces where fragments may meet."""
 
     seabed: Seabed | None = None
     faces: FaceContact | None = None
@@ -368,14 +356,16 @@ class Ashore(NamedTuple):
     """Fragments that land has put back."""
 
     bodies: Ints
-    leading: Ints  # Their elements that went farthest over land
+    leading: Ints  # The elements that went farthest over land, theirs or of a fragment that they push
+    own: NDArray[np.bool_]  # Whether it is theirs
     correction: Floats  # Of these, m east and north; shape (fragments, 2)
 
 
 def _stop_at_land(twist: Floats, levers: Floats, ashore: list[Ashore]) -> None:
-    """Take from fragments the velocity into the land that stops their leading elements."""
-    for bodies, leading, correction in ashore:
+    """Take from fragments the velocity into the land that stops their leading elements, or those that they push."""
+    for bodies, leading, own, correction in ashore:
         m, q = levers[leading], twist[bodies]
+        q[:, 2] *= own  # of a fragment that pushes the motion of its centre counts
         u, v = np.sum(m[:, 0:3] * q, axis=1), np.sum(m[:, 3:6] * q, axis=1)
         du, dv = stopped_by_land(0.0 * u, 0.0 * v, u, v, correction)
         # From the axes of the element to those of the centre: the inverse of a rotation.
@@ -412,7 +402,6 @@ class TimeStep:
         self.applied = np.zeros((self.el.size, len(FORCES), 2))  # mean accelerations so far, by their part of the step
         self.touched: list[tuple[Ints, Ints]] = []  # elements of the pairs in contact so far
         self._max_dt = self.dt  # longest trial step for the rest of the time step
-        self._none = no_pairs(self.el.mass.size)
         fresh = bodies is None or unknown is not None
         if bodies is None:
             bodies = first_bodies(self.el, self.bonds, self.c)
@@ -521,7 +510,7 @@ class TimeStep:
             self._propagate_crack()  # from the most critical bond, if any: where contact presses has shifted a little
             # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
             # The factor only trades steps against trials: each step is located to the same tolerance.
-            return next_dt if self.faces is None else min(next_dt, max(8.0 * trial.h, shortest))
+            return min(next_dt, max(8.0 * trial.h, shortest))
 
         if self._overload(self._end(trial)) <= 0.0:
             self._accept(start, trial)
@@ -573,7 +562,6 @@ class TimeStep:
             end_op.matrices, start.terms, end.terms, start.bodies.twist, end.bodies.twist, 0.5 * trial.h, part, middle,
             drag_twist, self.applied, work,
         )  # fmt: skip
-        self.touched.append((end.operators.contacts.first, end.operators.contacts.second))
         if contact is not None:
             # In contact the impulses of all forces were summed over the sub-steps instead.
             self.applied[contact.rows] = before + contact.applied / self.dt
@@ -608,7 +596,7 @@ class TimeStep:
             h, c.latlon, c.earth_radius, c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation,
             contact_bodies, contact_mean, work,
         )  # fmt: skip
-        new, ashore = self._constrained_by_land(new)
+        new, ashore = self._constrained_by_land(new, NO_PAIRS if contact is None else (contact.first, contact.second))
 
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         self.model.forcing.sample(el, start.time + h)
@@ -657,21 +645,21 @@ class TimeStep:
 
     def _resolve_contacts(self, start: BodyState, h: float) -> ContactPhase | None:
         """Take the fragments that may touch each other within ``h`` s through sub-steps."""
-        bodies, c = start.bodies, self.c
-        if bodies.pose.shape[0] < 2 or not c.interactions:
+        bodies = start.bodies
+        if self.faces is None or bodies.pose.shape[0] < 2 or not self.c.interactions:
             return None
         try:
-            if self.faces is not None:
-                return self.faces.resolve(self.model, bodies, start.operators, h, self.sizes)
-            first, second = candidate_pairs(self.el, bodies.body, self.sizes, h, c)
-            return resolve_contacts(self.el, start.operators, bodies.twist, first, second, h, self.sizes, c)
+            return self.faces.resolve(self.model, bodies, start.operators, h, self.sizes)
         except FloatingPointError:
             raise RunError(
                 f"the velocities of bergs in contact did not converge at {self.model.date:%Y-%m-%d %H:%M}"
             ) from None
 
-    def _constrained_by_land(self, bodies: Bodies) -> tuple[Bodies, list[Ashore]]:
-        """Find the cells of the elements; where land stops one, its fragment is put back, with those in its way."""
+    def _constrained_by_land(self, bodies: Bodies, touched: tuple[Ints, Ints]) -> tuple[Bodies, list[Ashore]]:
+        """Find the cells of the elements; where land stops one, its fragment is put back, with those in its way.
+
+        ``touched``: elements whose faces have met on the way.
+        """
         el, c, grid, ashore = self.el, self.c, self.model.forcing.grid, []
         for n in range(5):  # a correction may lead onto other land
             if grid is None:
@@ -686,10 +674,11 @@ class TimeStep:
             correction = land_corrections(el, lon, lat, c)
             if not correction.any():
                 break
-            leading = leading_elements(el, lon, lat, correction, bodies.body, c)
+            leading = leading_elements(el, lon, lat, correction, bodies.body, c, touched)
             bodies = bodies._replace(pose=corrected_poses(bodies.pose, el, lon, lat, leading, c))
             stopped = np.flatnonzero(leading >= 0)
-            ashore.append(Ashore(stopped, leading[stopped], correction[leading[stopped]]))
+            own = bodies.body[leading[stopped]] == stopped
+            ashore.append(Ashore(stopped, leading[stopped], own, correction[leading[stopped]]))
         self._publish_positions(bodies)
         return bodies, ashore
 
@@ -706,23 +695,12 @@ class TimeStep:
     def _operators(self, bodies: Bodies) -> BodyOperators:
         """Find what moves the fragments, from the environment that the elements carry."""
         el, c = self.el, self.c
-        contacts = find_contact_pairs(el, self._partners(bodies), self.sizes, plain(pair_law)(c))
-        op = assemble_operators(el, self.sizes, bodies, contacts, c, self._workspace(bodies))
+        op = assemble_operators(el, self.sizes, bodies, c, self._workspace(bodies))
         for b, inside in self._supported(bodies):
             # Fragments with supports move only as these allow: Z (Z^T M Z)^-1 Z^T in place of M^-1.
             z = self.lattice.supports.rigid_modes(inside, self.lattice.xy)
             op.matrices.mobility[b] = z @ np.linalg.solve(z.T @ op.matrices.inertia[b] @ z, z.T) if z.size else 0.0
         return op
-
-    def _partners(self, bodies: Bodies) -> PairList:
-        """Elements of other fragments within reach of contact."""
-        el, c = self.el, self.c
-        if self.faces is not None or not c.interactions or bodies.pose.shape[0] < 2:
-            return self._none
-        reach = max(2.0 * float(self.sizes.radius.max()), c.contact_distance)
-        pairs = find_pairs(el.lon_pair, el.lat_pair, bodies.body, reach, OTHER_BERG, c.latlon, c.earth_radius, c.period)
-        newborn = el.life.fl_k == NEWBORN_CHILD
-        return with_both(pairs, ~newborn) if newborn.any() else pairs
 
     def _supported(self, bodies: Bodies) -> list[tuple[int, Ints]]:
         """Fragments with supports, and their elements."""
