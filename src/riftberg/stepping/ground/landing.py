@@ -136,8 +136,6 @@ class Seabed:
         self._footprints = footprints
         self._fragments: dict[int, Fragment] = {}
         self._key: list[bytes] = []
-        self._start_gouges: dict[int, Floats] = {}
-        self._saved_gouges: dict[int, Floats] = {}
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
@@ -188,22 +186,6 @@ class Seabed:
                 np.flatnonzero(whole),
             )
         return self._fragments[b]
-
-    def begin_step(self) -> None:
-        """Remember the gouges for a model that takes a failed step back."""
-        self._start_gouges = self.floor.checkpoint()
-
-    def back_to_start(self) -> None:
-        """Return to the gouges at the start of the last step."""
-        self.floor.rollback(self._start_gouges)
-
-    def checkpoint(self) -> None:
-        """Remember the gouges."""
-        self._saved_gouges = self.floor.checkpoint()
-
-    def rollback(self) -> None:
-        """Return to the gouges that were remembered."""
-        self.floor.rollback(self._saved_gouges)
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: ContactPhase | None

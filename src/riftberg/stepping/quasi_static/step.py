@@ -151,6 +151,7 @@ class QuasiStaticStepper:
         self._faces = FaceContact(model, self._footprints)
         aground = model.parameters.grounding.law == "seabed"
         self._seabed = Seabed(model, self._footprints) if aground else None
+        self._laws = LawsWithMemory(self._seabed, self._faces)
         self._lattice: FactoredLattice | None = None
         self._state: BodyState | None = None
         self._applied = np.zeros((0, len(FORCES), 2))
@@ -160,8 +161,8 @@ class QuasiStaticStepper:
         self._touched = NO_PAIRS
         self._snapshot: StepSnapshot | None = None
         # All of that at the start of the last step, with its time, for a model that takes a failed step back.
-        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, FacePairs] = (
-            math.nan, None, None, None, NO_TIPS, NO_FACE_PAIRS,
+        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, Memory] = (
+            math.nan, None, None, None, NO_TIPS, (None, None),
         )  # fmt: skip
 
     @property
@@ -214,14 +215,10 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
         if self._last_start[0] == model.time:  # the model has taken the last step back
-            (_, self._bodies, self._snapshot, self._cells, self._tips, pairs), self._state = self._last_start, None
-            self._faces.pairs = pairs
-            if self._seabed is not None:
-                self._seabed.back_to_start()
-        if self._seabed is not None:
-            self._seabed.begin_step()
+            (_, self._bodies, self._snapshot, self._cells, self._tips, memory), self._state = self._last_start, None
+            self._laws.rollback(memory)
         self._last_start = (
-            model.time, self._bodies, self._snapshot, self._cells, self._tips, self._faces.pairs
+            model.time, self._bodies, self._snapshot, self._cells, self._tips, self._laws.checkpoint()
         )  # fmt: skip
         unknown = self._sync(model)
         if self._step_population(model, unknown):
@@ -236,7 +233,7 @@ class QuasiStaticStepper:
             unknown,
             (self._cells, self._cell_topology),
             (self._tips, 0),
-            LawsWithMemory(self._seabed, self._faces),
+            self._laws,
         )
         self._lattice = self._state = None  # a step that fails leaves them half changed
         step.run()
@@ -345,11 +342,30 @@ N_CONNECTIVITY = 5
 """How many of them are about connectivity: which elements there are, how they are bonded and supported."""
 
 
+Memory = tuple[dict[int, Floats] | None, FacePairs | None]
+"""Gouges of the sea floor, and faces that press each other."""
+
+
 class LawsWithMemory(NamedTuple):
     """Laws that keep something from one step to the next: a bed of sediment if it is chosen, faces where fragments may meet."""
 
     seabed: Seabed | None = None
     faces: FaceContact | None = None
+
+    def checkpoint(self) -> Memory:
+        """Return what a step changes of them."""
+        return (
+            None if self.seabed is None else self.seabed.floor.checkpoint(),
+            None if self.faces is None else self.faces.pairs,
+        )
+
+    def rollback(self, before: Memory) -> None:
+        """Return to what `checkpoint` gave."""
+        gouges, pairs = before
+        if self.seabed is not None and gouges is not None:
+            self.seabed.floor.rollback(gouges)
+        if self.faces is not None and pairs is not None:
+            self.faces.pairs = pairs
 
 
 class Ashore(NamedTuple):
@@ -395,7 +411,8 @@ class TimeStep:
     ) -> None:  # fmt: skip
         # Tips, and the highest number of a crack, which may be one in ice that is not here.
         tips, self._last_crack = self._first_tips, _ = cracks
-        (self.cells, self.topology), (self.seabed, self.faces) = cells, laws or LawsWithMemory()
+        (self.cells, self.topology), self.laws = cells, laws or LawsWithMemory()
+        self.seabed, self.faces = self.laws
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.sizes, self.work = sizes or interaction_sizes(self.el, self.c), work
         self.start, self.dt, self.cracked = model.time, model.parameters.stepping.time_step, False
@@ -530,9 +547,7 @@ class TimeStep:
 
     def _checkpoint(self) -> list[np.ndarray]:
         """Copy what a trial step changes in the model and the next trial needs as it was; all else is found anew."""
-        if self.seabed is not None:
-            self.seabed.checkpoint()
-        self._face_pairs = None if self.faces is None else self.faces.pairs
+        self._remembered = self.laws.checkpoint()
         return [array.copy() for array in self._changed_by_trials()]
 
     def _changed_by_trials(self) -> tuple[np.ndarray, ...]:
@@ -544,10 +559,7 @@ class TimeStep:
         """Return to the start of a trial step."""
         for array, values in zip(self._changed_by_trials(), checkpoint, strict=True):
             array[:] = values
-        if self.seabed is not None:
-            self.seabed.rollback()
-        if self.faces is not None and self._face_pairs is not None:
-            self.faces.pairs = self._face_pairs
+        self.laws.rollback(self._remembered)
 
     def _accept(self, start: BodyState, trial: Trial, cracks: bool = False) -> None:
         """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
