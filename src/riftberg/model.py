@@ -16,7 +16,7 @@ import numpy as np
 from riftberg.bergs.bonding import Metric, count_bonds, refuse_overlap
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.report import card, portrait
-from riftberg.config.places import place_text
+from riftberg.config.units import place_text
 from riftberg.config.usual_ranges import unusual
 from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError

@@ -9,7 +9,7 @@ import numpy as np
 
 from riftberg.bergs.bonded import BondedBerg
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.config.places import place_text
+from riftberg.config.units import place_text
 from riftberg.constants import DEGREE
 from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats

@@ -118,7 +118,7 @@ def _experiment(
     azimuth: float, thickness: float, file: Path,
 ) -> tuple[str, list[tuple[float, float]]]:  # fmt: skip
     """Return the text of the file, and the outline that goes beside it where the berg is an ellipse."""
-    from riftberg.config.places import place_text
+    from riftberg.config.units import place_text
 
     fix, ring = known.fix, []
     place = place_text(fix.lon, fix.lat, latlon=True)

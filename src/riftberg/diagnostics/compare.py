@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.config.places import area_text, place_text
+from riftberg.config.units import area_text, place_text
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.outlines import axis_difference, best_pairs

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.config.places import area_text, place_text
+from riftberg.config.units import area_text, place_text
 from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, members_at_birth
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.summary import melt_lines

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.config.places import duration_text
+from riftberg.config.units import duration_text
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, fill_values
 from riftberg.ocean.product_records import as_block

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from riftberg.config.places import box_text, duration_text, place_text
+from riftberg.config.units import box_text, duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values

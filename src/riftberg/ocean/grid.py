@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.config.places import box_text, place_text
+from riftberg.config.units import box_text, place_text
 from riftberg.constants import EARTH_RADIUS_A68, STRESS_INVERSION_DRAG
 from riftberg.errors import BergError, InputError
 from riftberg.ocean.cells import CORNER_FIELDS, FIELD_DEFAULTS, ZERO_OUTSIDE, Fields, GridArrays, locate_points

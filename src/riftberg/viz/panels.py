@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
-from riftberg.config.places import area_text
+from riftberg.config.units import area_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing

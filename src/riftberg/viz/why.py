@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.config.places import area_text
+from riftberg.config.units import area_text
 from riftberg.diagnostics.cut import FORCES, Breakup, FirstBond
 from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.why import Reasons

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.config.places import duration_text
+from riftberg.config.units import duration_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
