@@ -19,9 +19,9 @@ import numpy as np
 import shapely
 
 from riftberg.bergs.bonding import Metric, separations
+from riftberg.bergs.bonding import pieces as connected
 from riftberg.bergs.lattice import Booleans, Lattice, Region, lattice_points
 from riftberg.bergs.raster import Raster, unbroken, unprojected
-from riftberg.bergs.strength import pieces as connected
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.parameters import Packing

@@ -15,7 +15,7 @@ from riftberg.constants import LATENT_HEAT
 from riftberg.errors import InputError
 from riftberg.life.melt import MeltStep, scaled_mass
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.numbering import summed
+from riftberg.state.population import summed
 
 PROCESSES: Final = ("base", "sides", "waves", "bergy_bits", "footloose_bits", "footloose_bergy_bits")
 """Ways in which ice becomes melt water. Waves: without what became bits; footloose bits: all melt of theirs."""
