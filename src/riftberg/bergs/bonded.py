@@ -1,4 +1,4 @@
-"""A berg as it lies there: elements and bonds, what can be done to its bonds, several as one start, and what it says of itself."""
+"""A berg as it lies there: elements and bonds, what can be done to them, several as one start, and what it says of itself."""
 
 from __future__ import annotations
 

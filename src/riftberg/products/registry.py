@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError, nearest
-from riftberg.products import cf, experiment, models, oceans, winds
+from riftberg.products import cf, models, oceans, winds
 from riftberg.products.dates import settled
 from riftberg.products.fields import NAMING
 from riftberg.products.levels import uppermost
@@ -48,8 +48,8 @@ PRODUCTS: tuple[Product, ...] = (
     oceans.OSISAF,
     oceans.GEBCO,
     oceans.SRTM15,
-    experiment.PRODUCT,
-    experiment.KEEL_MEAN,
+    models.A68A,
+    models.A68A_KEEL_MEAN,
     models.ROMS,
     models.NEMO,
     models.FVCOM,
