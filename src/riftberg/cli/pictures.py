@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from riftberg.diagnostics.observed import Observations
-    from riftberg.viz.polar import Projection
+    from riftberg.viz.panels import Projection
     from riftberg.viz.replay import Members
 
 
@@ -160,7 +160,7 @@ def plot(
 
 def known(name: str) -> Projection:
     """Return a projection by its name."""
-    from riftberg.viz.polar import PROJECTIONS
+    from riftberg.viz.panels import PROJECTIONS
 
     for projection in PROJECTIONS:
         if name == projection:

@@ -14,11 +14,10 @@ import xarray as xr
 from riftberg.errors import ForcingError, nearest
 from riftberg.products import cf, models, oceans, winds
 from riftberg.products.dates import settled
-from riftberg.products.fields import NAMING
 from riftberg.products.levels import uppermost
 from riftberg.products.product import Heading, Product, noted
 from riftberg.products.quantities import QUANTITIES
-from riftberg.products.reading import COORDINATES, canonical_parts, is_zarr, open_raw, read
+from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
 from riftberg.system.input_files import is_address
