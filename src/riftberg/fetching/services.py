@@ -2,8 +2,8 @@
 
 The services' own clients are used where they are installed and logged in: earthaccess for OSCAR, copernicusmarine for
 GLORYS12 and DUACS, cdsapi for ERA5. NCEP/NCAR R1 wind comes from NOAA PSL and GEBCO's sea floor from an ERDDAP by plain
-HTTPS, without either. Whether a client will find a login is looked up in the places where that client itself looks, and a login is
-looked at only for being there: the clients would ask at the terminal, or fail late and in words of their own.
+HTTPS, without either. A login is looked up where the client itself looks, and only for being there: the clients would ask
+at the terminal, or fail late and in words of their own.
 """
 
 from __future__ import annotations
