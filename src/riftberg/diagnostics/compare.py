@@ -489,7 +489,7 @@ def _apart(kilometres: float, turned: float | None) -> str:
 
 
 def between(one: xr.Dataset, other: xr.Dataset, berg: str | None = None) -> xr.Dataset:
-    """Return how far the same berg of two runs is apart, and their break-ups: see ``compare`` of `riftberg.runs.tracks`."""
+    """Return how far the same berg of two runs is apart, and their break-ups: see ``compare`` of `riftberg.runs.accessor`."""
     courses = [course_of(run, berg) for run in (one, other)]
     by_time = apart(*courses)
     earth = {"latlon": courses[0].latlon, "radius": courses[0].radius}

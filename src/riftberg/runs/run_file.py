@@ -460,14 +460,14 @@ def open_run(path: str | Path) -> xr.Dataset:
     -------
     xarray.Dataset
         With dimensions ``trajectory`` (elements), ``time``, ``bond`` and ``fragment``; ``run.riftberg`` has its bergs,
-        fragments and elements (`riftberg.runs.tracks.RunAccessor`).
+        fragments and elements (`riftberg.runs.accessor.RunAccessor`).
 
     Raises
     ------
     InputError
         If it is no run file, or a damaged one: see `riftberg.runs.checks`.
     """
-    import riftberg.runs.tracks  # noqa: F401  (run.riftberg)
+    import riftberg.runs.accessor  # noqa: F401  (run.riftberg)
 
     required(path, (str, Path), "the path of a run.nc, or of its folder", where="open_run")
     path = Path(path)
@@ -477,7 +477,7 @@ def open_run(path: str | Path) -> xr.Dataset:
 
 def open_own(file: Path) -> xr.Dataset:
     """Open a run file that this process has just written: what it holds need not be checked again."""
-    import riftberg.runs.tracks  # noqa: F401  (run.riftberg)
+    import riftberg.runs.accessor  # noqa: F401  (run.riftberg)
 
     return open_checked(file, own=True)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from riftberg.config.units import area_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
-from riftberg.runs.background import KeptWater, StoredWater
+from riftberg.plane import ConformalPlane
+from riftberg.runs.background import KeptWater, StoredWater, water_of
 from riftberg.runs.scene import Box, Scene, filled_forward
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.coast import UNKNOWN_DEPTH, draw_coast, draw_place
-from riftberg.viz.style import is_short, moment_text
+from riftberg.viz.style import degree_label, is_short, moment_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,17 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.patches import Patch
     from matplotlib.quiver import Quiver
-
-    from riftberg.plane import ConformalPlane
-from typing import TYPE_CHECKING, Literal
-
-from riftberg.plane import ConformalPlane
-from riftberg.runs.background import water_of
-from riftberg.viz.style import degree_label
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
 
     from riftberg.runs.scene import Box
 

@@ -14,13 +14,12 @@ import xarray as xr
 from riftberg.config.units import area_text
 from riftberg.config.values import required
 from riftberg.errors import InputError
-from riftberg.viz import style
+from riftberg.state import Floats
+from riftberg.viz import colours, style
 from riftberg.viz.panels import Map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-from riftberg.state import Floats
-from riftberg.viz import colours
 
 Array = np.ndarray[Any, Any]
 
