@@ -225,8 +225,17 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
             where="Iceberg.join",
             remedy="Give a list of one Iceberg or more, or a dict of names and bergs",
         )
-    _check_alike(parts)
+    for what, unit in (("latlon", ""), ("earth_radius", " m"), ("density", " kg m-3")):
+        values = {getattr(berg, what) for berg in parts}
+        if len(values) > 1:
+            one, other = sorted(values)[:2]
+            raise BergError(
+                f"bergs with {what} {one}{unit} and {other}{unit}", where="Iceberg.join",
+                remedy="All bergs of a run have the same",
+            )  # fmt: skip
     named = _named(parts, names)
+    called = [name for name, _ in named]
+    shown = ", ".join(called) if len(called) <= 6 else f"{', '.join(called[:5])} and {len(called) - 5} more"
     first = parts[0]
     whole = replace(
         first,
@@ -235,7 +244,7 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
         # Elements know their sides; the packing of the whole says how many bonds one may have.
         packing="hexagonal" if any(berg.packing == "hexagonal" for berg in parts) else "square",
         radius=float(np.average([berg.radius for berg in parts], weights=[berg.elements.size for berg in parts])),
-        report={"source": f"{len(named)} bergs: {_listed([name for name, _ in named])}"},
+        report={"source": f"{len(named)} bergs: {shown}"},
         bergs=tuple(named),
         outlines=tuple(outline for berg in parts for outline in berg.outlines),
     )
@@ -245,18 +254,6 @@ def join(bergs: Sequence[B] | Mapping[str, B], names: Sequence[str] | None = Non
     asked = [berg.report.get("outline_area") for berg in parts]
     # What the lattices lose is reported of all together, where each was made from a shape.
     return whole if None in asked else whole._reported({**whole.report, "outline_area": sum(asked)})
-
-
-def _check_alike(bergs: Sequence[BondedBerg]) -> None:
-    """Refuse bergs that cannot be in one run."""
-    for what, unit in (("latlon", ""), ("earth_radius", " m"), ("density", " kg m-3")):
-        values = {getattr(berg, what) for berg in bergs}
-        if len(values) > 1:
-            one, other = sorted(values)[:2]
-            raise BergError(
-                f"bergs with {what} {one}{unit} and {other}{unit}", where="Iceberg.join",
-                remedy="All bergs of a run have the same",
-            )  # fmt: skip
 
 
 def _named(bergs: Sequence[BondedBerg], names: Sequence[str] | None) -> list[tuple[str, int]]:
@@ -299,10 +296,6 @@ def _joined_bonds(bergs: Sequence[BondedBerg]) -> Bonds:
     return Bonds(**whole)
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])} and {len(names) - 5} more"
-
-
 def describe(berg: BondedBerg) -> str:
     """Return one line per property of a berg: size, place, bonds, initial strain."""
     e, b = berg.elements, berg.bonds
@@ -312,7 +305,11 @@ def describe(berg: BondedBerg) -> str:
         lines.append(f"  feature: {berg.report['feature']}")
     lines += _each(berg)
     lines.append(f"  elements: {len(e.id)} {_kinds(berg)}, radius {_radii(berg)} m")
-    lines.append(_plan_area(berg))
+    area = f"  area: {berg.area / 1e6:.6g} km2"
+    if "outline_area" in berg.report:
+        outline, error = berg.report["outline_area"], berg.report["area_error"]
+        area += f" (outline {outline / 1e6:.6g} km2, error {100 * error:+.2f} %)"
+    lines.append(area)
     lines.append(f"  mass: {berg.mass / 1e12:.6g} Gt")
     draft = draft_of(e.thickness, berg.density)
     lines.append(
@@ -376,14 +373,6 @@ def _radii(berg: BondedBerg) -> str:
     radius = np.sqrt(e.length * e.width / np.where(e.sides == 6, 2.0 * np.sqrt(3.0), 4.0))
     low, high = f"{radius.min():.4g}", f"{radius.max():.4g}"
     return low if low == high else f"{low} to {high}"
-
-
-def _plan_area(berg: BondedBerg) -> str:
-    text = f"  area: {berg.area / 1e6:.6g} km2"
-    if "outline_area" in berg.report:
-        outline, error = berg.report["outline_area"], berg.report["area_error"]
-        text += f" (outline {outline / 1e6:.6g} km2, error {100 * error:+.2f} %)"
-    return text
 
 
 def lost_in_lattice(berg: BondedBerg) -> tuple[str, bool]:

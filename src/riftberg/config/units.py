@@ -103,28 +103,23 @@ def _exact(text: str) -> tuple[float | Fraction, Powers]:
         match = _FACTOR.match(piece)
         name = "" if match is None else _WORDS.get(match[1], match[1])
         if match is None or name not in _UNITS:
-            raise ValueError(_unknown(piece if match is None else match[1]))
-        power = sign * _power(match[2] or "1", piece)
+            unknown = piece if match is None else match[1]
+            close = difflib.get_close_matches(unknown, [*_UNITS, *_WORDS], n=1)
+            meant = f" (did you mean {close[0]!r}?)" if close else ""
+            raise ValueError(
+                f"{_brief(unknown)} is not a unit that Riftberg knows{meant}; it knows {', '.join(_UNITS)}"
+            )
+        # A power is 2, -1, 0.5, or 1:2 for a half.
+        over, _, under = (stated := match[2] or "1").partition(":")
+        if len(stated) > 6 or (under and int(under) == 0) or abs(power := Fraction(over) / int(under or 1)) > 9:
+            raise ValueError(f"{piece[:40]!r} is no power of a unit")
+        power *= sign
         unit = _UNITS[name]
         size = _NO_DECIMAL.get(name) or Fraction(str(unit.factor))
         factor *= size ** int(power) if power.denominator == 1 else float(size) ** float(power)
         for base, exponent in unit.powers.items():
             powers[base] = powers.get(base, Fraction(0)) + exponent * power
     return factor, {base: power for base, power in powers.items() if power}
-
-
-def _unknown(piece: str) -> str:
-    close = difflib.get_close_matches(piece, [*_UNITS, *_WORDS], n=1)
-    meant = f" (did you mean {close[0]!r}?)" if close else ""
-    return f"{_brief(piece)} is not a unit that Riftberg knows{meant}; it knows {', '.join(_UNITS)}"
-
-
-def _power(text: str, piece: str) -> Fraction:
-    """Read a power of a unit: ``2``, ``-1``, ``0.5``, or ``1:2`` for a half."""
-    over, _, under = text.partition(":")
-    if len(text) > 6 or (under and int(under) == 0) or abs(power := Fraction(over) / int(under or 1)) > 9:
-        raise ValueError(f"{piece[:40]!r} is no power of a unit")
-    return power
 
 
 def to_unit(text: str, unit: str) -> float:

@@ -346,7 +346,11 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
             what, remedy, meant = _unknown(place, inner, section)
             known += meant
         elif field is not None and finding["type"].startswith("union_tag"):
-            what, remedy = _unknown_kind(finding, field)
+            choices = (fields_of(one)["kind"].annotation for one in sections_in(field.annotation))
+            kinds = [kind for choice in choices for kind in get_args(choice)]
+            value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
+            what = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
+            remedy = f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"
             place = (*place, "kind")
         if any(other[: len(place)] == place or place[: len(other)] == other for other in known):
             continue
@@ -391,13 +395,6 @@ def _unknown(place: Place, section: Any, outer: Any) -> tuple[str, str, list[Pla
     holder = str(place[-2]) if len(place) > 1 else section.__name__
     meant = [(*place[:-1], name) for name in names if repr(name) in hint]
     return what, f"{hint}{has.format(holder)}{', '.join(names)}", meant
-
-
-def _unknown_kind(finding: Any, field: FieldInfo) -> tuple[str, str]:
-    kinds = [kind for one in sections_in(field.annotation) for kind in get_args(fields_of(one)["kind"].annotation)]
-    value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
-    what = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
-    return what, f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"
 
 
 def explained(

@@ -79,10 +79,14 @@ def find_date(
     small = {str(key).lower(): value for key, value in properties.items()}
     for key in DATE_KEYS:
         if small.get(key) not in (None, ""):
-            return _with_clock(
-                *parse_date(_text_of_value(small[key]), where=f"{where}, {key}"),
-                _text_of_value(small.get(_clock(key), "")),
-            )
+            when, day_only = parse_date(_text_of_value(small[key]), where=f"{where}, {key}")
+            # The time of day may stand beside the date: acq_time beside acq_date.
+            beside = _text_of_value(small.get(key.replace("date", "time"), ""))
+            clock = re.fullmatch(r"(\d\d?):(\d\d)(?::(\d\d))?(?: ?UTC| ?Z)?", beside, re.IGNORECASE)
+            if not (day_only and clock):
+                return when, day_only
+            hour, minute, second = (int(part or 0) for part in clock.groups())
+            return when + timedelta(hours=hour, minutes=minute, seconds=second), False
     for text in (*(str(small[key]) for key in NAME_KEYS if small.get(key)), *names):
         dated = date_in_text(text)
         if dated is not None:
@@ -96,19 +100,6 @@ def find_date(
         remedy=f"Looked for an attribute {', '.join(DATE_KEYS)} ({has}), and for one date such as 2020-12-17 in its "
         "name and in the name of the file. Add one there, or give --date",
     )
-
-
-def _clock(key: str) -> str:
-    """Return the attribute that may hold the time of day beside a date: ``acq_time`` beside ``acq_date``."""
-    return key.replace("date", "time")
-
-
-def _with_clock(when: datetime, day_only: bool, clock: str) -> tuple[datetime, bool]:
-    match = re.fullmatch(r"(\d\d?):(\d\d)(?::(\d\d))?(?: ?UTC| ?Z)?", clock, re.IGNORECASE)
-    if not (day_only and match):
-        return when, day_only
-    hour, minute, second = (int(part or 0) for part in match.groups())
-    return when + timedelta(hours=hour, minutes=minute, seconds=second), False
 
 
 def _text_of_value(value: Any) -> str:

@@ -194,7 +194,11 @@ def _number_of_row(row: Mapping[str, str], column: str, path: Path, number: int)
 
 
 def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
-    sensors = _sensor_columns(rows[0])
+    columns = ("_1", "_2", "_3"), ("_lat", "_lon", "_observed")  # latitude, longitude and flag of a sensor
+    sensors = [
+        (sensor + lat, sensor + lon, sensor + flag)
+        for sensor in SENSORS for lat, lon, flag in columns if {sensor + lat, sensor + lon} <= rows[0].keys()
+    ]  # fmt: skip
     plain = None if sensors else _plain_columns(path, rows[0])
     name = next((n for n in NAMES if n in rows[0]), "")
     azimuth = next((c for c in rows[0] if "azimuth" in c), "")
@@ -221,16 +225,6 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
             row.get(name) or path.stem.upper(), when, day_only, lon, lat,
             _number_of_row(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated,
         )  # fmt: skip
-
-
-def _sensor_columns(row: Mapping[str, str]) -> list[tuple[str, str, str]]:
-    """Return columns of latitude, longitude and flag of the sensors in a table."""
-    columns = []
-    for sensor in SENSORS:
-        for lat, lon, flag in (("_1", "_2", "_3"), ("_lat", "_lon", "_observed")):
-            if sensor + lat in row and sensor + lon in row:
-                columns.append((sensor + lat, sensor + lon, sensor + flag))
-    return columns
 
 
 def _best_sensor(

@@ -285,7 +285,8 @@ def grid_of(
             with open_lazily(path, decode_times=False) as opened:
                 if not set(wanted[:2]) <= set(opened.variables):
                     continue
-                shared = [name for name in _SAME if _comparable(ds, opened, name)]
+                both = [name for name in _SAME if name in ds.variables and name in opened.variables]
+                shared = [name for name in both if 0 < ds[name].ndim == opened[name].ndim]
                 if not fits(opened) or not all(_alike(ds[name], opened[name]) for name in shared):
                     others.append(path.name)
                     continue
@@ -311,10 +312,6 @@ def grid_of(
         raise ForcingError(f"{len(fitting)} different grids beside it fit: {names}", where=where, remedy=remedy)
     by = "named in the file" if stated else "of the same sea floor or mask" if proven else "of the same size"
     return first.assign_attrs(told=f"positions are those of the grid file {next(iter(fitting))}, {by}")
-
-
-def _comparable(ds: xr.Dataset, grid: xr.Dataset, name: str) -> bool:
-    return name in ds.variables and name in grid.variables and 0 < ds[name].ndim == grid[name].ndim
 
 
 def _alike(a: xr.DataArray, b: xr.DataArray) -> bool:
@@ -353,19 +350,14 @@ def _is_a68a(heading: Heading) -> bool:
     )
 
 
-def _has_positions(ds: xr.Dataset) -> bool:
-    """Tell whether other variables give the latitudes and longitudes of the dimensions ``lat`` and ``lon``."""
-    roles = {role_of(name, variable) for name, variable in ds.variables.items() if {"lat", "lon"} & set(variable.dims)}
-    return {"lat", "lon"} <= roles
-
-
 def _positioned(ds: xr.Dataset) -> xr.Dataset:
     """Give the file its latitudes and longitudes, those of cell centres where the field lives there."""
     centred = bool(_AT_CENTRES & set(map(str, ds.data_vars)))
     if {"actual_lon", "actual_lat"} <= set(ds.variables) and centred:
         lon, lat = ds["actual_lon"].values, ds["actual_lat"].values
         return ds.drop_vars(["actual_lon", "actual_lat"]).assign_coords(lon=("lon", lon), lat=("lat", lat))
-    if {"lon", "lat"} <= set(ds.variables) or _has_positions(ds):
+    along = {role_of(name, variable) for name, variable in ds.variables.items() if {"lat", "lon"} & set(variable.dims)}
+    if {"lon", "lat"} <= set(ds.variables) or {"lat", "lon"} <= along:  # its own, or those of other variables
         return ds
     where = str(ds.encoding.get("source", ""))
     size = ds.sizes["lat"], ds.sizes["lon"]

@@ -199,7 +199,9 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
     """Return what `read` does of a dataset that is open already, decoded or not."""
     for repair in REPAIRS:
         raw = repair(raw, path)
-    raw = _with_named_coordinates(raw, product.names)
+    # Coordinates that the user names say what they are.
+    named = {product.names[key]: said for key, said in COORDINATES.items() if product.names.get(key) in raw.variables}
+    raw = _with_attributes(raw, {name: {**raw[name].attrs, **said} for name, said in named.items()}) if named else raw
     decoded = _decoded(product.mend(raw))
     if product.member is not None:
         decoded = of_member(decoded, product.member)
@@ -255,12 +257,6 @@ def _decoded(raw: xr.Dataset) -> xr.Dataset:
             return _with_attributes(decode(_with_attributes(raw, bare)), kept)
 
 
-def _with_named_coordinates(raw: xr.Dataset, names: Mapping[str, str]) -> xr.Dataset:
-    """Return a file that says of each coordinate a user names what it is."""
-    said = {names[key]: attrs for key, attrs in COORDINATES.items() if names.get(key) in raw.variables}
-    return _with_attributes(raw, {name: {**raw[name].attrs, **attrs} for name, attrs in said.items()}) if said else raw
-
-
 def _decodes(name: Hashable, variable: xr.Variable) -> bool:
     try:
         xr.decode_cf(xr.Dataset({name: variable}), decode_timedelta=False)
@@ -300,7 +296,12 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     for quantity, name, remark in chosen:
         field, remarks = _canonical(ds, product, quantity, name, where)
         means = declared_mean(ds, name) if "time" in field.dims and MEAN_OF not in field.coords else ""
-        key = _key(field)
+        # What tells grids and dates apart; levels are left out, fields with and without them go together.
+        axes = (name for name in ("time", "lat", "lon", "y", "x") if name in field.coords)
+        along = [field[name] for name in axes if set(field[name].dims) <= set(field.dims)]
+        key: tuple[object, ...] = (
+            field.attrs.get("crs_wkt", ""), *((axis.name, axis.dims, axis.values.tobytes()) for axis in along)
+        )  # fmt: skip
         # Fields of one grid whose levels differ cannot share a dataset.
         depth = field["depth"].values.tobytes() if "depth" in field.dims else b""
         if depth and levels.setdefault(key, depth) != depth:
@@ -468,12 +469,3 @@ def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> t
         if value != 0:
             member_remarks.append(f"{name} is member {value} ({other}) of an ensemble")
     return field, member_remarks
-
-
-def _key(field: xr.DataArray) -> tuple[object, ...]:
-    """Return what tells grids and dates apart; levels are left out, fields with and without them go together."""
-    axes: list[Any] = [field.attrs.get("crs_wkt", "")]
-    for name in ("time", "lat", "lon", "y", "x"):
-        if name in field.coords and set(field[name].dims) <= set(field.dims):
-            axes.append((name, field[name].dims, field[name].values.tobytes()))
-    return tuple(axes)

@@ -247,20 +247,15 @@ def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = 
         if name not in held:
             remedy = f"{nearest(name, held)}There are {', '.join(held)}"
             raise ForcingError(f"there is no variable {name!r}", where="names", remedy=remedy)
-    parts = [
-        _settled(part, product)
-        for number, ds in enumerate(datasets, 1)
-        for product in [_with_names(ds, {key: name for key, name in asked.items() if name in ds.variables})]
-        for part in canonical_parts(ds.copy(), product, _name_of(ds, number))
-    ]
+    parts = []
+    for number, ds in enumerate(datasets, 1):
+        product = _with_names(ds, {key: name for key, name in asked.items() if name in ds.variables})
+        # What messages and titles call it: its file, its title, or its number.
+        title = ds.attrs.get("title")
+        titled = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
+        called = str(ds.encoding.get("source") or titled or f"dataset {number}")
+        parts += [_settled(part, product) for part in canonical_parts(ds.copy(), product, called)]
     return together(_merged(parts))
-
-
-def _name_of(ds: xr.Dataset, number: int) -> str:
-    """Return what messages and titles call a dataset that is open already: its file, its title, or its number."""
-    title = ds.attrs.get("title")
-    named = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
-    return str(ds.encoding.get("source") or named or f"dataset {number}")
 
 
 def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:
