@@ -52,8 +52,7 @@ def new(
 ) -> None:
     """Write an experiment file for a named berg: place, size, products to fetch."""
     from riftberg.bergs.outline import check_outline, read_features, select_outline
-    from riftberg.config.values import number
-    from riftberg.diagnostics.dates import parse_date
+    from riftberg.config.values import number, parse_date
     from riftberg.experiments.yaml_file import read_file
     from riftberg.fetching.positions import known_at, read_berg
 

@@ -107,7 +107,7 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) ->
     """
     import numpy as np
 
-    from riftberg.diagnostics.dates import parse_date
+    from riftberg.config.values import parse_date
 
     start = run["time"].values[0]
     hour = start - start.astype("datetime64[D]")

@@ -199,6 +199,11 @@ def area_text(area: float, *, squared: str = "2") -> str:
     return f"{km2:.2g} km{squared}" if km2 >= 0.01 or area <= 0.0 else f"{area:.3g} m{squared}"
 
 
+def minute_text(text: str) -> str:
+    """Return an ISO date and time to the minute, as it stands in tables and titles."""
+    return text.replace("T", " ")[:16]
+
+
 def duration_text(days: float) -> str:
     """Return a length of time (days) in the unit that suits it: ``17 days``, ``8.33 h``, ``10 s``."""
     seconds = 86_400.0 * days

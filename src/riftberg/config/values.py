@@ -461,6 +461,23 @@ def moment(value: Any, *, where: str) -> datetime:
         raise InputError(str(error), where=where, remedy=DATE_REMEDY) from error
 
 
+def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
+    """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD; tell whether it is a day alone."""
+    day_only = True
+    try:
+        if text.isdigit() and len(text) == 7:
+            when = datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1)
+        elif text.isdigit() and len(text) == 8:
+            when = datetime.strptime(text, "%Y%m%d")
+        else:
+            text = text.replace("/", "-") if re.match(r"\d{4}/\d\d/\d\d", text) else text
+            when, day_only = in_utc(datetime.fromisoformat(text.replace("Z", "+00:00"))), len(text) <= 10
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"{text!r} is not a date", where=where, remedy="Use 2020-12-17 or 2020-12-17T13:00") from error
+    nanoseconds(when, where=where)  # it must be comparable with the dates of a run, which are kept so
+    return when, day_only
+
+
 FIRST_YEAR: Final = 1678
 LAST_YEAR: Final = 2261
 """Whole years that dates to the nanosecond, as xarray keeps them, can hold; numpy turns others into years of these."""

@@ -22,8 +22,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.config.units import area_text, place_text
-from riftberg.diagnostics.dates import minute_text
+from riftberg.config.units import area_text, minute_text, place_text
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.outlines import axis_difference, best_pairs
 from riftberg.diagnostics.score import root_mean_square

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from riftberg.bergs.outline import DATE_KEYS, rows_of_csv
-from riftberg.diagnostics.dates import parse_date
+from riftberg.config.values import parse_date
 from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError
 from riftberg.state import Floats
