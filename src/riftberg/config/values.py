@@ -467,6 +467,9 @@ def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
     try:
         if text.isdigit() and len(text) == 7:
             when = datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1)
+            if when.year != int(text[:4]):
+                what = f"{text!r}: {text[:4]} has no day {int(text[4:])}"
+                raise InputError(what, where=where, remedy="Write the year and its day, such as 2020352")
         elif text.isdigit() and len(text) == 8:
             when = datetime.strptime(text, "%Y%m%d")
         else:
