@@ -346,8 +346,8 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
             what, remedy, meant = _unknown(place, inner, section)
             known += meant
         elif field is not None and finding["type"].startswith("union_tag"):
-            choices = (fields_of(one)["kind"].annotation for one in sections_in(field.annotation))
-            kinds = [kind for choice in choices for kind in get_args(choice)]
+            sections = sections_in(field.annotation)
+            kinds = [kind for one in sections for kind in get_args(fields_of(one)["kind"].annotation)]
             value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
             what = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
             remedy = f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"

@@ -206,7 +206,9 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
         for sensor in SENSORS for lat, lon, flag in columns if {sensor + lat, sensor + lon} <= rows[0].keys()
     ]  # fmt: skip
     plain = None if sensors else _plain_columns(path, rows[0])
-    listed = next((pair for pair in _SIZES if set(pair) <= rows[0].keys()), None)
+    listed = next(
+        (pair for pair in _SIZES if set(pair) <= rows[0].keys()), ("", "")
+    )  # a column of no name reads as NaN
     name = next((n for n in NAMES if n in rows[0]), "")
     azimuth = next((c for c in rows[0] if "azimuth" in c), "")
     for number, row in enumerate(rows):
@@ -228,10 +230,11 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
             raise InputError(
                 f"an area of {area / 1e6:g} km2", where=where, remedy="Leave it empty where it is not known"
             )
+        length, width = (_number_of_row(row, column, path, number) for column in listed)
         yield Fix(
             row.get(name) or path.stem.upper(), when, day_only, lon, lat,
             _number_of_row(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated, sensor,
-            _axes_of(*(_number_of_row(row, column, path, number) for column in listed), where) if listed else None,
+            _axes_of(length, width, where),
         )  # fmt: skip
 
 
