@@ -128,7 +128,7 @@ def apart(one: Course, other: Course) -> dict[str, NDArray[Any]]:
         raise InputError(f"the runs have no date in common: {spans}", where="compare", remedy="Give runs that overlap")
     (x1, y1, turn1, area1), (x2, y2, turn2, area2) = one.at(shared), other.at(shared)
     distance = haversine(x1, y1, x2, y2, one.radius) if one.latlon else np.hypot(x2 - x1, y2 - y1)
-    rotation = (turn2 - turn1 + 90.0) % 180.0 - 90.0
+    rotation = axis_difference(turn2, turn1)
     found = {"distance": np.asarray(distance), "rotation": rotation, "area_first": area1, "area_second": area2}
     return {"time": shared, **found}
 

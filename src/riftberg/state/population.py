@@ -55,17 +55,14 @@ class Population:
     def rows(self, ids: Any) -> Ints:
         """Return the rows of elements."""
         wanted = np.atleast_1d(np.asarray(ids, np.int64))
-        order = np.argsort(self._elements.body.id, kind="stable")
-        known = self._elements.body.id[order]
-        place = np.minimum(np.searchsorted(known, wanted), max(known.size - 1, 0))
-        missing = known[place] != wanted if known.size else np.ones(wanted.size, bool)
-        if missing.any():
+        row, known = rows_of(self._elements.body.id, wanted)
+        if not known.all():
             raise InputError(
-                f"no element has the identifier {wanted[missing][0]}",
+                f"no element has the identifier {wanted[~known][0]}",
                 where="population",
                 remedy="Take identifiers from elements.id; those of removed elements are not used again",
             )
-        return np.asarray(order[place], np.int64)
+        return row
 
     def append(self, elements: Elements, bonds: Bonds | None = None, *, ids: Ints | None = None) -> Ints:
         """Add elements and bonds between them."""
