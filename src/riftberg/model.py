@@ -13,10 +13,10 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
+from riftberg.bergs.bonded import card, portrait
 from riftberg.bergs.bonding import Metric, count_bonds, refuse_overlap
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.report import card, portrait
-from riftberg.config.places import place_text
+from riftberg.config.units import place_text
 from riftberg.config.usual_ranges import unusual
 from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
@@ -25,8 +25,7 @@ from riftberg.life.process import LifeProcess, check_water, lives
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
-from riftberg.state.numbering import by_identifier, changed_rows
-from riftberg.state.population import Population, Saved, cut_out
+from riftberg.state.population import Population, Saved, by_identifier, changed_rows, cut_out
 from riftberg.stepping.explicit.stability import (
     assign_substeps,
     check_long_step,

@@ -8,9 +8,9 @@ import warnings
 import numpy as np
 import pytest
 
+from riftberg.bergs.bonded import principal_axes
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.raster import check_on_globe, read_raster
-from riftberg.bergs.report import principal_axes
 from riftberg.errors import BergError, RiftbergError
 
 rasterio = pytest.importorskip("rasterio")

@@ -8,8 +8,8 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from riftberg.bergs.bonding import pieces, scatter
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.bergs.strength import pieces, scatter
 from riftberg.errors import BergError
 
 

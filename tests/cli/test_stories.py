@@ -15,7 +15,7 @@ from fakes import SIDE, BendingModel, FakeModel
 from riftberg.cli.main import app
 from riftberg.cli.run import short_summary
 from riftberg.compiled import kernels
-from riftberg.config.places import area_text, duration_text, place_text
+from riftberg.config.units import area_text, duration_text, place_text
 from riftberg.diagnostics.cases import Approach, BeamCase, approach
 from riftberg.experiments import EXPERIMENTS, Info
 from riftberg.experiments.cases import CANTILEVER, CANTILEVER_STORY

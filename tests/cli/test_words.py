@@ -12,7 +12,7 @@ from numba.core import event
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.cli.run import ledger_lines, short_summary
-from riftberg.config.places import box_text, drift_text
+from riftberg.config.units import box_text, drift_text
 from riftberg.diagnostics.summary import summarize
 from riftberg.runs.progress import ProgressRecorder, Stopwatch
 

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from riftberg.diagnostics.dates import date_in_text, parse_date
+from riftberg.config.values import parse_date
 from riftberg.diagnostics.observed import KINDS, read_observed
+from riftberg.diagnostics.outlines import date_in_text
 from riftberg.errors import InputError
 
 shapely = pytest.importorskip("shapely")

@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 from riftberg import Parameters
 from riftberg.bergs.keys import FieldOfBergs, LatticeRows, Rectangle
 from riftberg.cli.main import app
-from riftberg.config.values import fields_of, given, moment
-from riftberg.diagnostics.dates import parse_date
+from riftberg.config.values import fields_of, given, moment, parse_date
 from riftberg.errors import InputError
 from riftberg.experiments import build
 from riftberg.experiments.changes import parse_settings

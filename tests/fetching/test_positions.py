@@ -12,10 +12,10 @@ import pytest
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
+from riftberg.diagnostics.observed import known_at, read_berg, read_observed
 from riftberg.errors import InputError
 from riftberg.experiments.yaml_file import build_berg, read_file
-from riftberg.fetching import positions
-from riftberg.fetching.positions import known_at, read_berg
+from riftberg.fetching import fetch
 
 TABLE = """date,ascat_1,ascat_2,ascat_3,nic_1,nic_2,nic_3,size_1,size_2
 2021001,-60.0,-50.0,1,0,0,0,0,0
@@ -44,18 +44,28 @@ def call(*arguments: str) -> Any:
 
 def test_a_row_gives_the_best_sensor_that_saw_the_berg_and_keeps_the_flag(folder: Path) -> None:
     first, second, third, *_ = read_berg("X1", folder)
-    assert (first.sensor, first.seen, first.lon, first.lat, first.axes) == ("ascat", True, -50.0, -60.0, None)
-    assert (second.sensor, second.seen, second.lat) == ("nic", True, -60.4)  # that of the scatterometer is interpolated
+    assert (first.sensor, not first.interpolated, first.lon, first.lat, first.axes) == (
+        "ascat",
+        True,
+        -50.0,
+        -60.0,
+        None,
+    )
+    assert (second.sensor, not second.interpolated, second.lat) == (
+        "nic",
+        True,
+        -60.4,
+    )  # that of the scatterometer is interpolated
     assert second.axes == (40 * 1852.0, 20 * 1852.0)
-    assert (third.sensor, third.seen) == ("ascat", False)
+    assert (third.sensor, third.interpolated) == ("ascat", True)
     (one,) = read_berg("x2", folder)
-    assert (one.date, one.lon, one.lat, one.axes) == (datetime(2021, 1, 10), 40.25, -65.5, (37040.0, 18520.0))
+    assert (one.when, one.lon, one.lat, one.axes) == (datetime(2021, 1, 10), 40.25, -65.5, (37040.0, 18520.0))
 
 
 def test_a_date_without_a_fix_or_a_size_is_answered_with_the_nearest(folder: Path) -> None:
     rows = read_berg("X1", folder)
     known = known_at("X1", rows, datetime(2021, 1, 4))
-    assert (known.fix.date, known.size.date) == (datetime(2021, 1, 2),) * 2
+    assert (known.fix.when, known.size.when) == (datetime(2021, 1, 2),) * 2
     # Before it became smaller: the last size before the date counts.
     assert known_at("X1", rows, datetime(2021, 2, 8)).size.axes[0] == 40 * 1852.0
     with pytest.raises(
@@ -72,14 +82,9 @@ def test_a_date_without_a_fix_or_a_size_is_answered_with_the_nearest(folder: Pat
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("x1", "date,lat,lon\n2021001,-60,-50\n", "columns date, lat, lon, which are not those of the BYU database"),
-        ("x1", "date,nic_1,nic_2\n2021-01-01,-60,-50\n", "'2021-01-01' is no date of the form YYYYDDD"),
-        ("x1", "date,nic_1,nic_2\n2021001,-60,fifty\n", "'fifty' is no number"),
-        (
-            "list",
-            "iceberg,date,lat,lon\nx1,2021-01-01,-60,-50\n",
-            "lacks the columns length.*of the US National Ice Center",
-        ),
+        ("x1", "date,north,east\n2021001,-60,-50\n", "no columns of latitude and longitude"),
+        ("x1", "date,nic_1,nic_2\n2021001,-60,fifty\n", "'fifty' is not a number"),
+        ("list", "iceberg,lat,lon\nx1,-60,-50\n", "no column of dates"),
         ("x11", "date,nic_1,nic_2\n2021001,-60,-50\n", "no berg 'X1' in 1 tables.*Did you mean 'x11'"),
     ],
 )
@@ -105,10 +110,11 @@ def test_tables_with_other_columns_are_refused_by_name(name: str, text: str, wor
     ],
 )
 def test_rows_that_no_berg_can_have_are_refused_by_line(row: str, words: str, tmp_path: Path) -> None:
-    """Bug: all but the first were taken as they stood, day 400 as February of the next year."""
+    """Bug: all but the first were taken as they stood, day 400 as February of the next year; so were they by ``score``."""
     (tmp_path / "x1.csv").write_text("\n".join([*TABLE.splitlines()[:2], row]))
-    with pytest.raises(InputError, match=re.escape(words)):
-        read_berg("x1", tmp_path)
+    for read in (lambda: read_berg("x1", tmp_path), lambda: read_observed(tmp_path / "x1.csv")):
+        with pytest.raises(InputError, match=re.escape(words)):
+            read()
 
 
 @pytest.mark.parametrize(
@@ -155,7 +161,7 @@ def test_fetched_tables_are_unpacked_into_one_folder(tmp_path: Path, monkeypatch
             archive.writestr("../../outside.csv", TABLE)
         return folder / name
 
-    monkeypatch.setattr(positions, "fetch_one", fetched)
+    monkeypatch.setattr(fetch, "fetch_one", fetched)
     result = call("fetch", "byu", "-o", str(tmp_path / "byu"), "-q")
     assert result.exit_code == 0, result.output
     assert "2 tables" in result.output

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from riftberg.state.numbering import numbered
+from riftberg.state.population import numbered
 
 
 @pytest.mark.parametrize("values", [[], [3, 3, 1], [0], [-1, 5, 5], [10**9, 2], [7, 0, 7, 2]])

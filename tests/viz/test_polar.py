@@ -22,8 +22,7 @@ from riftberg.runs.scene import Box
 from riftberg.viz import colours, style
 from riftberg.viz.coast import SIZE, coast_on
 from riftberg.viz.map import draw_map, draw_tracks
-from riftberg.viz.panels import Map
-from riftberg.viz.polar import PolarScene, PolarWater, on_a_map
+from riftberg.viz.panels import Map, PolarScene, PolarWater, on_a_map
 
 SOUTH = ConformalPlane(-40.0, -90.0, 6.37e6)
 

@@ -12,12 +12,13 @@ import shapely.affinity
 
 from riftberg.bergs import fields
 from riftberg.bergs import outline as outlines
-from riftberg.bergs.bonded import BondedBerg, join, seed_of
+from riftberg.bergs.bonded import BondedBerg, card, describe, join, one_line, portrait, seed_of
 from riftberg.bergs.bonding import (
     BondRule,
     Metric,
     form_bonds,
     make_elements,
+    number_pieces,
     refuse_overlap,
     thickness_at,
     within_pieces,
@@ -48,8 +49,6 @@ from riftberg.bergs.regions import (
     relax,
     turned,
 )
-from riftberg.bergs.report import card, describe, one_line, portrait
-from riftberg.bergs.strength import number_pieces
 from riftberg.config.values import flag, given, number, numbers
 from riftberg.errors import BergError, placed_in
 from riftberg.plane import EqualAreaPlane

@@ -116,7 +116,16 @@ def fill(
     """
     if not radius > 0 or not math.isfinite(radius):
         raise BergError(f"radius is {radius} m", remedy="Give a positive radius in metres, for example 1500")
-    _check_size(region, radius, packing)
+    # Elements, or places in their box, that are too many are refused before any is made.
+    x0, y0, x1, y1 = region.bounds
+    size = element_area(radius, packing)
+    if not (math.isfinite(region.area) and size > 0.0 and math.isfinite((x1 - x0) * (y1 - y0))):
+        raise BergError(
+            f"an area of {region.area:g} m2 for elements of {size:g} m2",
+            remedy="Give a finite outline and a radius in metres, for example 1500",
+        )
+    check_elements(region.area / size, kind=BergError)
+    check_elements((x1 - x0) * (y1 - y0) / size / _SPARSE, kind=BergError)
     parts = [k / OFFSETS_TRIED for k in range(OFFSETS_TRIED)]
     tried = [(a, b) for a in parts for b in parts] if offset is None else [offset]
     fits: list[tuple[float, int]] = []
@@ -211,19 +220,6 @@ def _with_area_of(
 
 _SPARSE = 50
 """How many times as many places as elements may be looked at: a region may fill little of its box."""
-
-
-def _check_size(region: Region, radius: float, packing: Packing) -> None:
-    """Refuse a region whose elements, or whose box of places, are too many, before any is made."""
-    x0, y0, x1, y1 = region.bounds
-    size = element_area(radius, packing)
-    if not (math.isfinite(region.area) and size > 0.0 and math.isfinite((x1 - x0) * (y1 - y0))):
-        raise BergError(
-            f"an area of {region.area:g} m2 for elements of {size:g} m2",
-            remedy="Give a finite outline and a radius in metres, for example 1500",
-        )
-    check_elements(region.area / size, kind=BergError)
-    check_elements((x1 - x0) * (y1 - y0) / size / _SPARSE, kind=BergError)
 
 
 def _misfit(lattice: Lattice, region: Region, radius: float, packing: Packing) -> float:

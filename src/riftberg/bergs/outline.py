@@ -305,7 +305,8 @@ def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
             f"the outline spans {tall:.3g} degrees of latitude, from {points[:, 1].min():g} to {points[:, 1].max():g}",
             where=where, remedy="No berg is that long: look for a missing sign, or swapped longitude and latitude",
         )  # fmt: skip
-    for ring in _ring_coordinates(geometry):
+    areas = getattr(geometry, "geoms", [geometry])
+    for ring in (np.asarray(ring.coords) for area in areas for ring in (area.exterior, *area.interiors)):
         if abs(np.diff(ring[:, 0])).max() > 180:
             raise BergError(
                 "the outline jumps by more than 180 degrees of longitude",
@@ -323,12 +324,6 @@ def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
         areas = [p for p in getattr(mended, "geoms", [mended]) if p.geom_type in ("Polygon", "MultiPolygon")]
         geometry = shapely.unary_union(areas)
     return geometry
-
-
-def _ring_coordinates(geometry: Any) -> Iterator[Any]:
-    for area in getattr(geometry, "geoms", [geometry]):
-        for ring in (area.exterior, *area.interiors):
-            yield np.asarray(ring.coords)
 
 
 def line_strings(source: Any, crs: str | None = None) -> list[Any]:

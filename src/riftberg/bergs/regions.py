@@ -19,9 +19,9 @@ import numpy as np
 import shapely
 
 from riftberg.bergs.bonding import Metric, separations
+from riftberg.bergs.bonding import pieces as connected
 from riftberg.bergs.lattice import Booleans, Lattice, Region, lattice_points
 from riftberg.bergs.raster import Raster, unbroken, unprojected
-from riftberg.bergs.strength import pieces as connected
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
@@ -244,9 +244,16 @@ def mask_region(
     west, east = (lon - 0.5 * width)[there].min(), (lon + 0.5 * width)[there].max()
     south, north = (lat - 0.5 * height[:, None])[there].min(), (lat + 0.5 * height[:, None])[there].max()
     plane = plane_at((west, south, east, north), centroid)
-    edges_x, edges_y = plane.forward(*_edge(west, south, east, north))
+    part = np.linspace(0.0, 1.0, 33)
+    along, up = west + part * (east - west), south + part * (north - south)
+    edges_x, edges_y = plane.forward(
+        np.concatenate([along, along, np.full(33, west), np.full(33, east)]),
+        np.concatenate([np.full(33, south), np.full(33, north), up, up]),
+    )
     bounds = (float(edges_x.min()), float(edges_y.min()), float(edges_x.max()), float(edges_y.max()))
-    area = float((mask.values * cell).sum()) * _square_degree(plane, centroid)
+    # The area (m2) of one square degree at the equator, from the plane's own scale along the meridian.
+    x, y = plane.forward(np.full(2, centroid[0]), np.array([centroid[1] - 1e-3, centroid[1] + 1e-3]))
+    area = float((mask.values * cell).sum()) * float((np.hypot(x[1] - x[0], y[1] - y[0]) / 2e-3) ** 2)
 
     def inside(x: Floats, y: Floats) -> Booleans:
         ice_there: Booleans = np.nan_to_num(mask.sample(*plane.inverse(x, y))) > ice.level
@@ -261,21 +268,6 @@ def mask_region(
     x, y = plane.forward(lon[there], lat[there])
     middle = (float(np.average(x, weights=cell[there])), float(np.average(y, weights=cell[there])))
     return Region(bounds, area, middle, inside, piece, int(np.nanmax(numbers))), plane, centroid
-
-
-def _edge(west: float, south: float, east: float, north: float) -> tuple[Floats, Floats]:
-    """Return points along the edge of a longitude-latitude box."""
-    part = np.linspace(0.0, 1.0, 33)
-    lon, lat = west + part * (east - west), south + part * (north - south)
-    all_lon = np.concatenate([lon, lon, np.full(33, west), np.full(33, east)])
-    return all_lon, np.concatenate([np.full(33, south), np.full(33, north), lat, lat])
-
-
-def _square_degree(plane: FillingPlane, centroid: tuple[float, float]) -> float:
-    """Area (m2) of one square degree at the equator, from the plane's own scale along the meridian."""
-    lat = np.array([centroid[1] - 1e-3, centroid[1] + 1e-3])
-    x, y = plane.forward(np.full(2, centroid[0]), lat)
-    return float((np.hypot(x[1] - x[0], y[1] - y[0]) / 2e-3) ** 2)
 
 
 def makeberg_lattice(

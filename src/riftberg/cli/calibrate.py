@@ -84,7 +84,7 @@ def calibrate(
     large: AllowMore = False,
 ) -> None:  # fmt: skip
     """Find inputs that agree with observed positions, headings and break-up, and say how well they are known."""
-    from riftberg.diagnostics.dates import parse_date
+    from riftberg.config.values import parse_date
     from riftberg.diagnostics.observed import read_observed
     from riftberg.runs.progress import SweepBar
     from riftberg.system.atomic_files import write_text

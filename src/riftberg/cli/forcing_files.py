@@ -244,7 +244,7 @@ def fetch(
         with results_folder(folder):
             paths = fetch_a68a(folder, hourly=() if small else HOURLY, progress=not quiet)
     elif what in POSITIONS:
-        from riftberg.fetching.positions import SOURCES, fetch_positions
+        from riftberg.fetching.fetch import SOURCES, fetch_positions
 
         with results_folder(folder):
             paths = fetch_positions(what, folder, progress=not quiet)

@@ -14,7 +14,7 @@ from riftberg.cli.terminal import reported
 from riftberg.errors import InputError
 
 if TYPE_CHECKING:
-    from riftberg.fetching.positions import Known
+    from riftberg.diagnostics.observed import Known
 
 SPEED: Final = 60.0
 """Way of the fastest bergs, km a day: the box of the products holds the berg however it drifts."""
@@ -52,10 +52,9 @@ def new(
 ) -> None:
     """Write an experiment file for a named berg: place, size, products to fetch."""
     from riftberg.bergs.outline import check_outline, read_features, select_outline
-    from riftberg.config.values import number
-    from riftberg.diagnostics.dates import parse_date
+    from riftberg.config.values import number, parse_date
+    from riftberg.diagnostics.observed import known_at, read_berg
     from riftberg.experiments.yaml_file import read_file
-    from riftberg.fetching.positions import known_at, read_berg
 
     positive(days, "--days", "days", most=400.0)
     start = parse_date(date, where="--date")[0]
@@ -94,7 +93,7 @@ def new(
 def _axes_given(size: str) -> tuple[float, float]:
     """Return the axes (m) of ``--size``, the longer one first."""
     from riftberg.config.values import number
-    from riftberg.fetching.positions import LONGEST
+    from riftberg.diagnostics.observed import LONGEST
 
     remedy = "For example --size '60 km,30 km'"
     parts = size.split(",")
@@ -118,11 +117,11 @@ def _experiment(
     azimuth: float, thickness: float, file: Path,
 ) -> tuple[str, list[tuple[float, float]]]:  # fmt: skip
     """Return the text of the file, and the outline that goes beside it where the berg is an ellipse."""
-    from riftberg.config.places import place_text
+    from riftberg.config.units import place_text
 
     fix, ring = known.fix, []
     place = place_text(fix.lon, fix.lat, latlon=True)
-    notes = [f"{berg} at {place}, seen by {fix.sensor} on {fix.date:%Y-%m-%d}."]
+    notes = [f"{berg} at {place}, seen by {fix.sensor} on {fix.when:%Y-%m-%d}."]
     lines = [f"  name: {berg}", f"  thickness: {thickness:g} m"]
     if outline is not None:
         lines.append(f"  outline: {outline.resolve()}")
@@ -131,7 +130,7 @@ def _experiment(
         assert axes is not None
         long_axis, short_axis = max(axes), min(axes)
         listed = known.size is not None and known.size.axes == axes
-        source = f"listed by NIC on {known.size.date:%Y-%m-%d}" if listed and known.size else "given"
+        source = f"listed by NIC on {known.size.when:%Y-%m-%d}" if listed and known.size else "given"
         notes.append(
             f"Axes of {long_axis / 1e3:.0f} km and {short_axis / 1e3:.0f} km, {source}, as {'an' if shape == 'ellipse' else 'a'} "
             f"{shape}; long axis towards {azimuth:g} degrees and thickness of {thickness:g} m are not observed: change them."

@@ -147,7 +147,7 @@ def dates(text: str | None, where: str = "--time") -> tuple[str, str] | None:
     """Read two dates with a comma between them."""
     if text is None:
         return None
-    from riftberg.diagnostics.dates import parse_date
+    from riftberg.config.values import parse_date
 
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != 2:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from riftberg.diagnostics.observed import Observations
-    from riftberg.viz.polar import Projection
+    from riftberg.viz.panels import Projection
     from riftberg.viz.replay import Members
 
 
@@ -107,7 +107,7 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) ->
     """
     import numpy as np
 
-    from riftberg.diagnostics.dates import parse_date
+    from riftberg.config.values import parse_date
 
     start = run["time"].values[0]
     hour = start - start.astype("datetime64[D]")
@@ -160,7 +160,7 @@ def plot(
 
 def known(name: str) -> Projection:
     """Return a projection by its name."""
-    from riftberg.viz.polar import PROJECTIONS
+    from riftberg.viz.panels import PROJECTIONS
 
     for projection in PROJECTIONS:
         if name == projection:

@@ -547,7 +547,7 @@ def berg_line(model: Model) -> str:
     """Return size and place of the berg of a model in one line: swapped coordinates show there before the run."""
     import numpy as np
 
-    from riftberg.config.places import area_text, place_text
+    from riftberg.config.units import area_text, place_text
     from riftberg.stepping.fragments.tree import centroid
 
     e = model.elements
@@ -566,7 +566,7 @@ def berg_line(model: Model) -> str:
 
 def short_summary(summary: dict[str, Any], reported: Sequence[str] = ()) -> list[str]:
     """Return a summary in a few lines; ``reported`` is what a test case reports of itself instead of fragments."""
-    from riftberg.config.places import duration_text
+    from riftberg.config.units import duration_text
 
     title = summary["experiment"] or "run"
     end = summary["end"].replace("T", " ")[:16]
@@ -594,7 +594,7 @@ def ledger_lines(summary: dict[str, Any]) -> list[str]:
 
 def _berg_lines(summary: dict[str, Any]) -> list[str]:
     """Return what became of each berg, in a sentence; nothing where there are many, or where a summary does not say."""
-    from riftberg.config.places import drift_text, place_text
+    from riftberg.config.units import drift_text, place_text
 
     bergs, latlon = summary.get("bergs", []), summary["numerics"]["earth"]["latlon"]
     if not bergs or len(bergs) > MOST_BERGS or any("drift_east_km" not in berg for berg in bergs):
@@ -623,7 +623,7 @@ def _speed(summary: dict[str, Any]) -> str:
 
 
 def _breakup_line(event: dict[str, Any], latlon: bool) -> str:
-    from riftberg.config.places import area_text
+    from riftberg.config.units import area_text
 
     whom = f"{event['parent_name']} " if event.get("parent_name") else ""
     bonds = f"{event['bonds']} bond{'s' if event['bonds'] != 1 else ''}"
@@ -641,7 +641,7 @@ def _collision_line(event: dict[str, Any], latlon: bool) -> str:
 
 def _event_place(event: dict[str, Any], latlon: bool) -> str:
     """Return where an event was."""
-    from riftberg.config.places import place_text
+    from riftberg.config.units import place_text
 
     return place_text(event["lon"], event["lat"], latlon=latlon)
 

@@ -115,7 +115,7 @@ MOST_SHOWN = 500
 
 def table_of(result: Score) -> Table:
     """Return the table of a score."""
-    from riftberg.diagnostics.dates import minute_text
+    from riftberg.config.units import minute_text
 
     days = table(
         f"Run against {result.observed}",

@@ -30,7 +30,7 @@ from riftberg.cli.options import (
     results_folder,
 )
 from riftberg.cli.terminal import announce_compilation, reported, say
-from riftberg.config.places import duration_text
+from riftberg.config.units import duration_text
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 

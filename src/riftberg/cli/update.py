@@ -54,7 +54,7 @@ def update(
     import numpy as np
 
     from riftberg.cli.sweep import resumed
-    from riftberg.diagnostics.dates import parse_date
+    from riftberg.config.values import parse_date
     from riftberg.diagnostics.observed import read_observed
     from riftberg.ensembles.probability import told
     from riftberg.ensembles.result import open_sweep

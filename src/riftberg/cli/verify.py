@@ -90,7 +90,7 @@ def verify(
 
 
 def _dates(texts: list[str] | None, option: str, count: int) -> list[datetime | None]:
-    from riftberg.diagnostics.dates import parse_date
+    from riftberg.config.values import parse_date
 
     if texts is None:
         return [None] * count

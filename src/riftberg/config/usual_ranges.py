@@ -144,8 +144,10 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
         if bad.size:
             value = bad[np.argmax(np.abs(bad))]
             unit = "" if unit == "1" else f" {unit}"
+            kind, _, key = name.partition(".")  # the name as the user wrote it
+            label = f"forcing, {kind}: {'depth' if key in _DEPTHS else key}" if kind[0].isupper() else name
             said[name] = (
-                f"{_label(name)} = {value:g}{unit} is unusual: from {low:g} to {high:g}{unit} would be usual ({usual.source})"
+                f"{label} = {value:g}{unit} is unusual: from {low:g} to {high:g}{unit} would be usual ({usual.source})"
             )
     step = parameters.stepping.time_step
     for what, seconds, most in _changes(forcing):
@@ -175,12 +177,6 @@ def of_records(hours: float, days: float, parameters: Any) -> list[str]:
 
 _DEPTHS: Final = ("water", "plain", "middle")
 """What the classes of forcing call the depth that they are given."""
-
-
-def _label(name: str) -> str:
-    """Return a name as the user wrote it."""
-    kind, _, key = name.partition(".")
-    return f"forcing, {kind}: {'depth' if key in _DEPTHS else key}" if kind[0].isupper() else name
 
 
 def _of_parameters(parameters: Any) -> Iterator[tuple[str, Any, str]]:

@@ -346,7 +346,11 @@ def findings(error: ValidationError, section: Any, *, metres: bool = False) -> l
             what, remedy, meant = _unknown(place, inner, section)
             known += meant
         elif field is not None and finding["type"].startswith("union_tag"):
-            what, remedy = _unknown_kind(finding, field)
+            sections = sections_in(field.annotation)
+            kinds = [kind for one in sections for kind in get_args(fields_of(one)["kind"].annotation)]
+            value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
+            what = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
+            remedy = f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"
             place = (*place, "kind")
         if any(other[: len(place)] == place or place[: len(other)] == other for other in known):
             continue
@@ -391,13 +395,6 @@ def _unknown(place: Place, section: Any, outer: Any) -> tuple[str, str, list[Pla
     holder = str(place[-2]) if len(place) > 1 else section.__name__
     meant = [(*place[:-1], name) for name in names if repr(name) in hint]
     return what, f"{hint}{has.format(holder)}{', '.join(names)}", meant
-
-
-def _unknown_kind(finding: Any, field: FieldInfo) -> tuple[str, str]:
-    kinds = [kind for one in sections_in(field.annotation) for kind in get_args(fields_of(one)["kind"].annotation)]
-    value = finding["input"].get("kind") if isinstance(finding["input"], dict) else None
-    what = f"kind = {value_shown(value)} is not known" if value else "the kind of forcing is missing"
-    return what, f"{nearest(str(value), kinds)}Use kind: {', '.join(kinds)}"
 
 
 def explained(
@@ -462,6 +459,26 @@ def moment(value: Any, *, where: str) -> datetime:
         return in_utc(plain)
     except ValueError as error:
         raise InputError(str(error), where=where, remedy=DATE_REMEDY) from error
+
+
+def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
+    """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD; tell whether it is a day alone."""
+    day_only = True
+    try:
+        if text.isdigit() and len(text) == 7:
+            when = datetime(int(text[:4]), 1, 1) + timedelta(days=int(text[4:]) - 1)
+            if when.year != int(text[:4]):
+                what = f"{text!r}: {text[:4]} has no day {int(text[4:])}"
+                raise InputError(what, where=where, remedy="Write the year and its day, such as 2020352")
+        elif text.isdigit() and len(text) == 8:
+            when = datetime.strptime(text, "%Y%m%d")
+        else:
+            text = text.replace("/", "-") if re.match(r"\d{4}/\d\d/\d\d", text) else text
+            when, day_only = in_utc(datetime.fromisoformat(text.replace("Z", "+00:00"))), len(text) <= 10
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"{text!r} is not a date", where=where, remedy="Use 2020-12-17 or 2020-12-17T13:00") from error
+    nanoseconds(when, where=where)  # it must be comparable with the dates of a run, which are kept so
+    return when, day_only
 
 
 FIRST_YEAR: Final = 1678

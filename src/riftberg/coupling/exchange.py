@@ -25,6 +25,7 @@ from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import FORCES
 
 
@@ -467,8 +468,7 @@ class Exchange:
         assert self._seen is not None
         el, p = self.model.elements, self.model.parameters
         # Melt may have removed elements since their shares were found: rows are matched by identifier.
-        order = np.argsort(self._seen.ids)
-        rows = order[np.searchsorted(self._seen.ids, el.body.id, sorter=order)]
+        rows, _ = rows_of(self._seen.ids, el.body.id)
         shares, scaling = self._seen.shares.taken(rows), el.life.mass_scaling
         mass, plan = scaled_mass(el.life, el.body.mass), el.body.length * el.body.width * scaling
         on_floor = self._on_floor(el)

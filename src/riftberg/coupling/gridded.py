@@ -29,7 +29,7 @@ from riftberg.model import BareModel
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.numbering import summed
+from riftberg.state.population import summed
 from riftberg.system.netcdf_lock import write_dataset
 from riftberg.version import __version__
 

@@ -207,7 +207,13 @@ class IceShelf:
         part = replace(height, values=(height.values > 0.0).astype(float))
         if mask is not None:
             part = replace(_raster(mask, mask_variable, date), crs=height.crs)
-            _check_alike(height, part)
+            if height.values.shape != part.values.shape or not (
+                np.allclose(height.lon, part.lon) and np.allclose(height.lat, part.lat)
+            ):
+                raise InputError(
+                    f"another grid than that of the thickness ({height.name})", where=part.name,
+                    remedy="Bring mask and thickness to the same cells",
+                )  # fmt: skip
         height, part = _cut(height, part)
         return cls.of(_cells(height, earth_radius), part.values, height.values, density)
 
@@ -368,17 +374,6 @@ def _raster(source: Any, variable: str | None, date: str | None) -> Raster:
             remedy="Give a file, a DataArray or a Dataset; or arrays on a grid to IceShelf.of",
         )  # fmt: skip
     return source if isinstance(source, Raster) else read_raster(source, variable, date=date)
-
-
-def _check_alike(height: Raster, part: Raster) -> None:
-    if height.values.shape != part.values.shape or not (
-        np.allclose(height.lon, part.lon) and np.allclose(height.lat, part.lat)
-    ):
-        raise InputError(
-            f"another grid than that of the thickness ({height.name})",
-            where=part.name,
-            remedy="Bring mask and thickness to the same cells",
-        )
 
 
 def _cut(height: Raster, part: Raster) -> tuple[Raster, Raster]:

@@ -22,7 +22,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from riftberg.config.places import duration_text
+from riftberg.config.units import duration_text
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 

@@ -22,8 +22,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.config.places import area_text, place_text
-from riftberg.diagnostics.dates import minute_text
+from riftberg.config.units import area_text, minute_text, place_text
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.outlines import axis_difference, best_pairs
 from riftberg.diagnostics.score import root_mean_square
@@ -129,7 +128,7 @@ def apart(one: Course, other: Course) -> dict[str, NDArray[Any]]:
         raise InputError(f"the runs have no date in common: {spans}", where="compare", remedy="Give runs that overlap")
     (x1, y1, turn1, area1), (x2, y2, turn2, area2) = one.at(shared), other.at(shared)
     distance = haversine(x1, y1, x2, y2, one.radius) if one.latlon else np.hypot(x2 - x1, y2 - y1)
-    rotation = (turn2 - turn1 + 90.0) % 180.0 - 90.0
+    rotation = axis_difference(turn2, turn1)
     found = {"distance": np.asarray(distance), "rotation": rotation, "area_first": area1, "area_second": area2}
     return {"time": shared, **found}
 

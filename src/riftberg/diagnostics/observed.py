@@ -1,12 +1,12 @@
-"""What was observed of a berg: outlines from images, or positions from tracks; columns are known by their names.
+"""What was observed of a berg: outlines from images, or positions and sizes from tracks; columns are known by their names.
 
 Outlines come as GeoJSON (polygons with a property ``date``), as CSV with one vertex per row (``date``, ``vertex``,
 ``lat``, ``lon``, optionally ``berg``), as KML or shapefile, or as gridded masks in NetCDF. Positions come as CSV: the
 tracks of BYU and NIC (``<sensor>_1`` latitude, ``<sensor>_2`` longitude, ``<sensor>_3`` 1 where observed, date as
 YYYYDDD; or ``<sensor>_lat``, ``<sensor>_lon``, ``<sensor>_observed``), or any table with ``lat`` and ``lon`` or
 ``centroid_lat`` and ``centroid_lon``, such as the weekly ones of the US National Ice Center (``Iceberg``, ``Latitude``,
-``Longitude``, ``Last Update``). Commas, semicolons or tabs separate the columns. Their order does not matter, and those
-not known are left alone.
+``Longitude``, ``Last Update``). Both list axes in nautical miles. Commas, semicolons or tabs separate the columns. Their
+order does not matter, and those not known are left alone.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
 from riftberg.bergs.outline import DATE_KEYS, rows_of_csv
-from riftberg.diagnostics.dates import parse_date
+from riftberg.config.values import parse_date
 from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
-from riftberg.errors import InputError
+from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, reading, value_shown
 
@@ -42,6 +42,7 @@ _UPDATED: Final = ("last update", "last_update")
 
 _DATES: Final = (*DATE_KEYS, "day", *_UPDATED)
 _VERTEX: Final = ("vertex", "vertex_index", "point", "order")
+_SIZES: Final = (("size_1", "size_2"), ("length (nm)", "width (nm)"))
 _PLAIN: Final = (("centroid_lat", "centroid_lon"), *product(("lat", "latitude"), ("lon", "longitude", "long")))
 
 
@@ -57,6 +58,8 @@ class Fix:
     azimuth: float = math.nan  # Long axis, degrees clockwise from north, 0 to 180; NaN where not given
     area: float = math.nan  # m2; NaN where not given
     interpolated: bool = False  # The table says that nobody saw the berg that day
+    sensor: str = ""  # What saw it
+    axes: tuple[float, float] | None = None  # m; of NIC
 
 
 @dataclass(frozen=True)
@@ -170,9 +173,12 @@ def _by_number(corners: list[Corner], where: str) -> list[tuple[float, float]]:
 
 def _date_of_text(text: str, column: str, where: str) -> tuple[datetime, bool]:
     """Read a date; only in a column of the US National Ice Center is ``12/10/2020`` known to be the tenth of December."""
-    if column in _UPDATED and (match := re.fullmatch(r"(\d\d?)/(\d\d?)/(\d{4})", text)):
-        text = f"{match[3]}-{match[1]:0>2}-{match[2]:0>2}"
-    return parse_date(text, where=where)
+    if column not in _UPDATED or not re.fullmatch(r"\d\d?/\d\d?/\d{4}", text):
+        return parse_date(text, where=where)
+    try:
+        return datetime.strptime(text, "%m/%d/%Y"), True
+    except ValueError as error:
+        raise InputError(f"{text!r} is no date of the form month/day/year", where=where) from error
 
 
 def _plain_columns(path: Path, row: Mapping[str, str]) -> tuple[str, str]:
@@ -194,18 +200,25 @@ def _number_of_row(row: Mapping[str, str], column: str, path: Path, number: int)
 
 
 def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
-    sensors = _sensor_columns(rows[0])
+    columns = ("_1", "_2", "_3"), ("_lat", "_lon", "_observed")  # latitude, longitude and flag of a sensor
+    sensors = [
+        (sensor + lat, sensor + lon, sensor + flag)
+        for sensor in SENSORS for lat, lon, flag in columns if {sensor + lat, sensor + lon} <= rows[0].keys()
+    ]  # fmt: skip
     plain = None if sensors else _plain_columns(path, rows[0])
+    listed = next(
+        (pair for pair in _SIZES if set(pair) <= rows[0].keys()), ("", "")
+    )  # a column of no name reads as NaN
     name = next((n for n in NAMES if n in rows[0]), "")
     azimuth = next((c for c in rows[0] if "azimuth" in c), "")
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
         when, day_only = _date_of_text(row.get(date, ""), date, where)
-        lat, lon, interpolated = (
-            (_number_of_row(row, plain[0], path, number), _number_of_row(row, plain[1], path, number), False)
-            if plain
-            else _best_sensor(row, sensors, path, number)
-        )
+        if plain:
+            lat, lon = (_number_of_row(row, column, path, number) for column in plain)
+            interpolated, sensor = False, "nic" if date in _UPDATED else path.name
+        else:
+            lat, lon, interpolated, sensor = _best_sensor(row, sensors, path, number)
         if not (math.isfinite(lat) and math.isfinite(lon)):
             continue
         if abs(lat) > 90.0 or abs(lon) > 540.0:
@@ -217,33 +230,113 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
             raise InputError(
                 f"an area of {area / 1e6:g} km2", where=where, remedy="Leave it empty where it is not known"
             )
+        length, width = (_number_of_row(row, column, path, number) for column in listed)
         yield Fix(
             row.get(name) or path.stem.upper(), when, day_only, lon, lat,
-            _number_of_row(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated,
+            _number_of_row(row, azimuth, path, number) % 180.0 if azimuth else math.nan, area, interpolated, sensor,
+            _axes_of(length, width, where),
         )  # fmt: skip
-
-
-def _sensor_columns(row: Mapping[str, str]) -> list[tuple[str, str, str]]:
-    """Return columns of latitude, longitude and flag of the sensors in a table."""
-    columns = []
-    for sensor in SENSORS:
-        for lat, lon, flag in (("_1", "_2", "_3"), ("_lat", "_lon", "_observed")):
-            if sensor + lat in row and sensor + lon in row:
-                columns.append((sensor + lat, sensor + lon, sensor + flag))
-    return columns
 
 
 def _best_sensor(
     row: Mapping[str, str], sensors: list[tuple[str, str, str]], path: Path, number: int
-) -> tuple[float, float, bool]:
-    """Return the position of the first sensor that saw the berg, else the first interpolated one."""
-    second = math.nan, math.nan, True
+) -> tuple[float, float, bool, str]:
+    """Return the position of the first sensor that saw the berg, else the first interpolated one, and the sensor."""
+    second = math.nan, math.nan, True, ""
     for lat_name, lon_name, flag in sensors:
         lat, lon = _number_of_row(row, lat_name, path, number), _number_of_row(row, lon_name, path, number)
         if not (math.isfinite(lat) and math.isfinite(lon)) or (lat == 0.0 and lon == 0.0):
             continue  # 0, 0 stands for no data in these tables
         if row.get(flag, "1") in ("1", "1.0", ""):
-            return lat, lon, False
+            return lat, lon, False, lat_name.partition("_")[0]
         if not math.isfinite(second[0]):
-            second = lat, lon, True
+            second = lat, lon, True, lat_name.partition("_")[0]
     return second
+
+
+NAUTICAL_MILE: Final = 1852.0  # m
+
+LONGEST: Final = 500e3
+"""Axis (m) that no berg has: the longest ever listed, B15, had 295 km."""
+
+
+def _axes_of(length: float, width: float, where: str) -> tuple[float, float] | None:
+    """Return the axes in m of those that are listed in nautical miles; None where none are."""
+    if not min(length, width) > 0.0:
+        return None
+    if max(length, width) * NAUTICAL_MILE > LONGEST:
+        raise InputError(
+            f"axes of {length:g} and {width:g} nautical miles: no berg is that large", where=where,
+            remedy="Give them in nautical miles",
+        )  # fmt: skip
+    return length * NAUTICAL_MILE, width * NAUTICAL_MILE
+
+
+def read_berg(berg: str, folder: str | Path) -> list[Fix]:
+    """Return what a folder of tables knows of a berg: in a table of its own (BYU), or in the rows with its name."""
+    folder, name = Path(folder), berg.strip().lower()
+    own = folder / f"{name}.csv"
+    if own.is_file():
+        return read_observed(own).fixes
+    tables = sorted(folder.glob("*.csv")) + sorted(folder.glob("DownloadCurrent*"))
+    named = []  # with a column of names
+    for path in tables:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            if "iceberg" in file.readline().lower():
+                named.append(path)
+    found = [fix for path in named for fix in read_observed(path).fixes if fix.name.lower() == name]
+    if not found:
+        known = sorted({path.stem for path in tables if path not in named})
+        raise InputError(
+            f"no berg {berg!r} in {len(tables)} tables" if tables else "no tables of bergs",
+            where=str(folder),
+            remedy=f"{nearest(name, known)}'riftberg fetch byu' or 'riftberg fetch usnic' gets tables",
+        )
+    return sorted(found, key=lambda fix: fix.when)
+
+
+FIX_WITHIN: Final = timedelta(days=3)
+SIZE_WITHIN: Final = timedelta(days=60)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a berg at a date."""
+
+    fix: Fix
+    size: Fix | None  # With its axes
+
+
+def known_at(berg: str, fixes: list[Fix], date: datetime, *, sized: bool = True) -> Known:
+    """Return the fix and, if ``sized``, the size nearest to a date, or say which the nearest are."""
+    seen, sizes = [s for s in fixes if not s.interpolated], [s for s in fixes if s.axes is not None]
+    if not seen:
+        raise InputError(
+            f"no position of {berg} was seen; all are interpolated", where=f"new {berg}", remedy="Name another berg"
+        )
+    fix = min(seen, key=lambda s: abs(s.when - date))
+    if abs(fix.when - date) > FIX_WITHIN:
+        near = [max((s for s in seen if s.when <= date), key=lambda s: s.when, default=None),
+                min((s for s in seen if s.when > date), key=lambda s: s.when, default=None)]  # fmt: skip
+        said = " and ".join(f"{s.when:%Y-%m-%d}" for s in near if s)
+        raise InputError(
+            f"{berg} was not seen within {FIX_WITHIN.days} days of {date:%Y-%m-%d}",
+            where="--date",
+            remedy=f"The nearest dates are {said}",
+        )
+    # What breaks off later makes a berg smaller: the last size before the date counts, then the next one.
+    size = min(
+        sizes, key=lambda s: (not timedelta(0) <= date - s.when <= SIZE_WITHIN, abs(s.when - date)), default=None
+    )
+    if sized and (size is None or abs(size.when - date) > SIZE_WITHIN):
+        when = "none is listed at all" if size is None else f"the nearest is of {size.when:%Y-%m-%d}: {_axes(size)}"
+        raise InputError(
+            f"no size of {berg} within {SIZE_WITHIN.days} days of {date:%Y-%m-%d}; {when}", where="--date",
+            remedy="Give --size 'LENGTH,WIDTH', such as --size '60 km,30 km', or --outline FILE",
+        )  # fmt: skip
+    return Known(fix, size)
+
+
+def _axes(fix: Fix) -> str:
+    assert fix.axes is not None
+    return f"{fix.axes[0] / 1e3:.0f} km x {fix.axes[1] / 1e3:.0f} km"

@@ -1,4 +1,4 @@
-"""Observed outlines from drawings and grids: KML and shapefiles, gridded masks, tables of corners in NetCDF; and their overlap.
+"""Observed outlines from drawings and grids (KML, shapefiles, masks, tables of corners in NetCDF), their dates, their overlap.
 
 Drawings are read by the readers that also make bergs (`riftberg.bergs.outline`), masks by that of
 `riftberg.bergs.raster`. Only outer rings count: a pool of water within the berg belongs to it. Lines (rifts) and points
@@ -8,9 +8,10 @@ are left alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -22,9 +23,9 @@ from shapely import Polygon, make_valid
 from shapely.affinity import translate
 from shapely.validation import explain_validity
 
-from riftberg.bergs.outline import TALLEST, Feature, polygons_joined, read_features
+from riftberg.bergs.outline import DATE_KEYS, TALLEST, Feature, polygons_joined, read_features
 from riftberg.bergs.raster import Raster, read_raster
-from riftberg.diagnostics.dates import date_in_text, find_date
+from riftberg.config.values import parse_date
 from riftberg.errors import BergError, InputError
 from riftberg.plane import ConformalPlane
 from riftberg.runs.tracks import principal_azimuth
@@ -390,3 +391,75 @@ def without_twins(pieces: list[tuple[str, BaseGeometry]]) -> list[tuple[str, Bas
         if not any(intersection_over_union(piece, other) > TWINS for _, other in kept):
             kept.append((name, piece))
     return kept
+
+
+NAME_KEYS: Final = ("berg", "iceberg", "name", "label", "variable", "outline", "id", "folder", "description")
+"""Attributes in whose text a date may stand, such as ``A68A 2020-12-17``."""
+
+_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_NUMBERS: Final = re.compile(
+    r"(?<!\d)((?:19|20)\d\d)([-_./]?)(0[1-9]|1[0-2])\2(0[1-9]|[12]\d|3[01])"
+    r"(?:T(\d\d):?(\d\d)(?::?(\d\d))?Z?|[ _](\d\d):(\d\d)(?::(\d\d))?)?(?!\d)",
+    re.IGNORECASE,
+)
+_WORDS: Final = re.compile(
+    rf"(?<!\d)(\d?\d)[-_. ]?({'|'.join(_MONTHS)})[a-z]*[-_., ]*((?:19|20)\d\d)(?!\d)", re.IGNORECASE
+)
+
+
+def date_in_text(text: str) -> tuple[datetime, bool] | None:
+    """Find the date in a name, such as ``a68a_2020-12-17``, ``S1A_EW_20201217T081533`` or ``17 Dec 2020``."""
+    dates: set[tuple[datetime, bool]] = set()
+    for match in _NUMBERS.finditer(text):
+        year, _, month, day, *clock = match.groups()
+        hour, minute, second = clock[:3] if clock[0] else clock[3:]
+        dates |= _moment(year, month, day, hour, minute, second)
+    for match in _WORDS.finditer(text):
+        dates |= _moment(match[3], str(_MONTHS.index(match[2].lower()) + 1), match[1], None, None, None)
+    return dates.pop() if len(dates) == 1 else None
+
+
+def _moment(*parts: str | None) -> set[tuple[datetime, bool]]:
+    """Return a moment as a set of one; an impossible one gives an empty set."""
+    year, month, day, hour, minute, second = (int(part or 0) for part in parts)
+    try:
+        return {(datetime(year, month, day, hour, minute, second), parts[3] is None)}
+    except ValueError:
+        return set()
+
+
+def find_date(
+    properties: Mapping[str, Any], names: Iterable[str], *, where: str, stated: str | None = None
+) -> tuple[datetime, bool]:
+    """Find the date of an outline: in its attributes, in its names, in the name of its file."""
+    small = {str(key).lower(): value for key, value in properties.items()}
+    for key in DATE_KEYS:
+        if small.get(key) not in (None, ""):
+            when, day_only = parse_date(_text_of_value(small[key]), where=f"{where}, {key}")
+            # The time of day may stand beside the date: acq_time beside acq_date.
+            beside = _text_of_value(small.get(key.replace("date", "time"), ""))
+            clock = re.fullmatch(r"(\d\d?):(\d\d)(?::(\d\d))?(?: ?UTC| ?Z)?", beside, re.IGNORECASE)
+            if not (day_only and clock):
+                return when, day_only
+            hour, minute, second = (int(part or 0) for part in clock.groups())
+            return when + timedelta(hours=hour, minutes=minute, seconds=second), False
+    for text in (*(str(small[key]) for key in NAME_KEYS if small.get(key)), *names):
+        dated = date_in_text(text)
+        if dated is not None:
+            return dated
+    if stated:
+        return parse_date(stated, where="--date")
+    has = f"it has {', '.join(map(str, properties))}" if properties else "it has none"
+    raise InputError(
+        "no date",
+        where=where,
+        remedy=f"Looked for an attribute {', '.join(DATE_KEYS)} ({has}), and for one date such as 2020-12-17 in its "
+        "name and in the name of the file. Add one there, or give --date",
+    )
+
+
+def _text_of_value(value: Any) -> str:
+    """Return a value of a table as text; numbers without the point that tables give them."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return str(value).strip()

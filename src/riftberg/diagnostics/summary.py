@@ -45,7 +45,7 @@ import numpy as np
 
 from riftberg import constants
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.config.places import area_text
+from riftberg.config.units import area_text
 from riftberg.life.ledger import PROCESSES, melt_of
 from riftberg.runs.layout import called, forcing_text
 from riftberg.runs.progress import Stopwatch

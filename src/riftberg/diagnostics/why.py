@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.config.places import area_text, place_text
+from riftberg.config.units import area_text, minute_text, place_text
 from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, members_at_birth
-from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.runs.scene import SMALL, Scene
 from riftberg.system.atomic_files import write_json

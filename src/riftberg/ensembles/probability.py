@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.compiled.kernels import kernel
-from riftberg.config.places import duration_text, place_text
+from riftberg.config.units import duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.state import Floats
 

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from riftberg.bergs.outline import rows_of_csv
-from riftberg.config.values import Section, key
-from riftberg.diagnostics.dates import parse_date
+from riftberg.config.values import Section, key, parse_date
 from riftberg.errors import InputError
 from riftberg.experiments.start import started
 from riftberg.ocean.errors import Errors, FieldError, UncertainForcing

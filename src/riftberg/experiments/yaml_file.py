@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, get_args
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from riftberg.bergs.bonded import lost_in_lattice
 from riftberg.bergs.keys import FieldOfBergs
-from riftberg.bergs.report import lost_in_lattice
 from riftberg.config.values import Place, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest
 from riftberg.experiments.changes import changed_document, reference_numerics

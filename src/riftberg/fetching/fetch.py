@@ -1,19 +1,21 @@
-"""Fetching of the inputs of the A68a paper from the public repository of its experiment; no login is needed.
+"""Fetching of what needs no login: inputs of the A68a paper from its public repository, databases of named Antarctic bergs.
 
 `fetch_product` (of `riftberg.fetching.services`) fetches original products from the services that hold them.
 """
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import netCDF4
 import numpy as np
 import xarray as xr
 
-from riftberg.errors import ForcingError
+from riftberg.errors import ForcingError, InputError
 from riftberg.fetching.download import Progress, Resuming, fetch_one, is_pointer, made, progressing
 from riftberg.fetching.services import fetch_product
 from riftberg.system.atomic_files import only_writer, refusal
@@ -230,3 +232,55 @@ def _check_range(data: xr.DataArray, limit: float, path: Path, remedy: str) -> N
     if not (-limit <= lowest <= highest <= limit) or lowest == highest:
         fault = f"{data.name} runs from {lowest:g} to {highest:g}; within +-{limit:g} and not constant is right"
         raise ForcingError(fault, where=str(path), remedy=remedy)
+
+
+# Positions of named Antarctic bergs.
+
+LARGEST_ZIP: Final = 200e6
+"""Bytes that a database may have when it is unpacked: a thousand tables have 40 MB."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where positions come from."""
+
+    title: str
+    base: str  # Address
+    name: str  # File below it
+    tried: str  # What of it has been read here
+
+
+SOURCES: Final = {
+    "byu": Source(
+        "BYU/NIC consolidated database (Budge and Long 2018)", "https://www.scp.byu.edu/data/iceberg/",
+        "consolidated_database_v8.0.zip", "version 5 was read; version 8, which is fetched, was not tried",
+    ),
+    "usnic": Source(
+        "US National Ice Center, current week", "https://usicecenter.gov/File/", "DownloadCurrent?pId=134", "not tried"
+    ),
+}  # fmt: skip
+"""Sources by the name that ``riftberg fetch`` takes."""
+
+
+def fetch_positions(what: str, folder: str | Path, *, progress: Progress | bool = True) -> list[Path]:
+    """Fetch a database of positions; returns its tables."""
+    source, folder = SOURCES[what], made(Path(folder))
+    with progressing(progress) as show:
+        path = fetch_one(source.name, None, folder, source.base, Resuming(show), renew=True)
+    return unpacked(path, folder) if zipfile.is_zipfile(path) else [path]
+
+
+def unpacked(path: Path, folder: Path) -> list[Path]:
+    """Unpack the tables of a database, all into one folder."""
+    tables = []
+    with zipfile.ZipFile(path) as archive:
+        members = [m for m in archive.infolist() if not m.is_dir() and m.filename.lower().endswith(".csv")]
+        if not members or sum(m.file_size for m in members) > LARGEST_ZIP:
+            raise InputError(
+                "not a database of bergs: no tables, or far too many bytes", where=str(path), remedy="Fetch it again"
+            )
+        for member in members:
+            target = folder / Path(member.filename).name.lower()
+            target.write_bytes(archive.read(member))
+            tables.append(target)
+    return tables

@@ -309,18 +309,6 @@ def place_note(driver: NamelistGroup, case: Path, grid: Grid) -> list[str]:
     return [f"{', '.join(bare)}: no positions in the file; rows and columns are taken in the order of {GRID_FILE}"]
 
 
-def _check_dates(files: Sequence[HourlyFile], start: int) -> None:
-    """Compare the dates that the files give the first record of a run, where they give some."""
-    dated = [(file, dates[start - 1]) for file in files if (dates := file.dates())]
-    for file, date in dated[1:]:
-        if date != dated[0][1]:
-            raise ForcingError(
-                f"its record {start} is of {date}, that of {dated[0][0].path.name} of {dated[0][1]}",
-                where=f"{file.path}, variable time",
-                remedy="KID takes the same record of all files as the same hour: let them begin together",
-            )
-
-
 def hourly_records(
     files: Sequence[HourlyFile], assemble: Assembler, start: int
 ) -> tuple[Fields | Callable[[int], Fields], Floats | None]:
@@ -377,7 +365,14 @@ def a68_records(
     for file in files:
         file.check_units()
         file.check(start - 1, last - 1)
-    _check_dates(files, start)
+    dated = [(file, dates[start - 1]) for file in files if (dates := file.dates())]
+    for file, date in dated[1:]:
+        if date != dated[0][1]:
+            raise ForcingError(
+                f"its record {start} is of {date}, that of {dated[0][0].path.name} of {dated[0][1]}",
+                where=f"{file.path}, variable time",
+                remedy="KID takes the same record of all files as the same hour: let them begin together",
+            )
     still = grid.fields(
         ui=driver.number("ibui"), vi=driver.number("ibvi"), sst=driver.number("sst"), depth=UNKNOWN_DEPTH
     )

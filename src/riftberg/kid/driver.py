@@ -1,26 +1,47 @@
-"""KID's stand-alone driver: grid, forcing, length and calendar of its runs.
+"""KID's drivers: grid, forcing, length and calendar of its stand-alone runs, and the cases that exchange with an ocean.
 
-Source: equations 3.1 and 10.1 to 10.5; files 7.2 and 8.9.
+The small driver of group ``drv_nml`` hands over fields by formulas: see `ocean_fields`. Melt, rolling and footloose calving act
+by KID's own rules, there as in runs without an ocean. Source: equations 3.1 and 10.1 to 10.5; files 1, 2, 5, 7.2 and 8.9;
+quirks T5 to T13, T44 to T46.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from riftberg.errors import NamelistError
+from riftberg.bergs.bonding import Metric
+from riftberg.coupling.fields import OceanForcing
+from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
+from riftberg.errors import InputError, NamelistError
 from riftberg.kid.a68 import LIMITS, STRESS, a68_grid, a68_records
 from riftberg.kid.namelist import LATE_START, Clock, KidNamelist, NamelistGroup
-from riftberg.kid.parameters import namelist_period, time_step
+from riftberg.kid.parameters import check_distances, namelist_period, time_step, to_parameters
+from riftberg.kid.restart import CALVING_FILE, IdentifierCounter, as_iceberg, read_restart, read_stores, write_stores
+from riftberg.kid.trajectories import resample_environment
+from riftberg.life.calving import FluxCalving, Stores, check_flux
+from riftberg.life.footloose import ReferenceDraws
+from riftberg.life.melt import life_values
+from riftberg.life.process import LifeModel
+from riftberg.model import Recorder, finish_all
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
-from riftberg.state import Floats
+from riftberg.parameters import Parameters
+from riftberg.physics.floating import roll
+from riftberg.runs.model import Model
+from riftberg.state import Bonds, Elements, Floats, new_elements
+from riftberg.system.atomic_files import replacing
 from riftberg.system.limits import MEANT, MOST_STEPS, extreme_allowed, refuse_large
+from riftberg.system.netcdf_lock import open_netcdf
+from riftberg.system.process import held
 
 OCEAN_DEPTH: Final = 1000.0
 """Depth of the driver's ocean, m."""
@@ -202,3 +223,264 @@ def check_medium(driver: NamelistGroup, icebergs: NamelistGroup) -> None:
             raise driver.error(
                 f"{name} = {driver.number(name):g} cannot be", f"Give a number from 0 to {most:g}, {MEANT}"
             )
+
+
+def without_idle_life(p: Parameters, elements: Elements, bonds: Bonds, passive: bool) -> Parameters:
+    """Return the parameters, with melt and rolling off where they cannot change anything in the whole run.
+
+    So it is with rates of zero, no bits to melt and no element that would roll, now or once its bonds have broken, and with
+    bergs that do not decay while nothing is returned to an ocean.
+    """
+    if p.footloose.enabled:
+        return p
+    off = p.changed(melt={"enabled": False}, rolling={"enabled": False})
+    if p.compatibility.keep_shape:
+        return off if passive else p
+    bits = p.melt.bits_fraction > 0.0 and (elements.life.mass_of_bits > 0.0).any()
+    if not p.compatibility.zero_rates or bits:
+        return p
+    count = np.bincount(np.concatenate([bonds.first, bonds.second]), minlength=elements.size)
+    free = (elements.static < 0.5) & ((count == 0) | p.fracture.enabled)
+    return p if p.rolling.enabled and (free & _would_roll(elements, p)).any() else off
+
+
+def _would_roll(elements: Elements, p: Parameters) -> NDArray[np.bool_]:
+    """Whether elements without bonds would roll at once."""
+    values, body = life_values(p), elements.body
+    shapes = zip(body.thickness.tolist(), body.width.tolist(), body.length.tolist(), strict=True)
+    rolled = [
+        roll(t, w, q, values.rolling_scheme, values.tip, values.rho_ice, values.rolls_on)[0] != t for t, w, q in shapes
+    ]
+    return np.asarray(rolled, np.bool_)
+
+
+def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path, ranks: tuple[int, int]) -> None:
+    """Give the life of a model KID's rules: its environment, dates, identifiers and random numbers."""
+    life, grid = model.life, model.forcing.grid
+    if life is None or grid is None:
+        return
+    first = clock.date(0.0)
+    seed = first.year, first.month, first.day, first.hour, first.minute, int(first.second)
+    life.draws = ReferenceDraws(seed, group.flag("fl_init_child_xy_by_pe"))
+    life.ranks = ranks
+    life.names = IdentifierCounter.beside(restarts, grid, model.elements.id).take
+    single = model.parameters.stepping.scheme != "mts"
+
+    def born(m: LifeModel) -> tuple[int, float]:
+        date = clock.date((m.step_number - 1) * clock.dt)
+        return date.year, date.year_day()
+
+    def look(m: LifeModel) -> None:
+        if single:
+            resample_environment(m, (m.step_number - 1) * clock.dt, group)
+
+    life.born, life.look_around = born, look
+
+
+RESTART: Final = "icebergs.res.nc"
+
+LAND: Final = (7, slice(4, 7))
+"""Column and rows of the land, counted from 1."""
+
+CALVES: Final = (5, slice(3, 9))
+"""Column and rows that land ice calves into, counted from 1."""
+
+OCEAN: Final = {
+    "calving": ("kg m-2 s-1", "kg m-2 s-1, as returned (melt water added)"),
+    "calving_hflx": ("W m-2", "W m-2, as returned"),
+    "mass_berg": ("kg m-2", "kg m-2"),
+    "ustar_berg": ("m s-1", "m s-1"),
+    "area_berg": ("1", "1"),
+    "incr_mass": ("kg m-2", "kg m-2, from icebergs_incr_mass"),
+}
+"""Fields of ``ocean.nc`` with units and comment."""
+
+
+def _clock(namelist: KidNamelist) -> Clock:
+    """Return length and calendar."""
+    driver = namelist.driver
+    steps = driver.whole("nsteps")
+    refuse_large(
+        steps, MOST_STEPS, "long steps", where=driver.where, remedy="Give a smaller nsteps", kind=NamelistError
+    )
+    if steps < 1:
+        raise driver.error(f"nsteps = {steps}", "Give a positive number")
+    return Clock(time_step(namelist), steps, 0.0)
+
+
+def _grid(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
+    """Return the grid: square cells in metres, closed unless ``Lx`` spans them."""
+    ni, nj, spacing = driver.whole("ni"), driver.whole("nj"), driver.number("gridres")
+    if icebergs.flag("grid_is_latlon"):
+        raise icebergs.error("grid_is_latlon = T, but the grid of drv_nml is in metres", "Set grid_is_latlon = .false.")
+    if ni < 2 or nj < 2 or spacing <= 0.0:
+        raise driver.error(f"ni = {ni}, nj = {nj}, gridres = {spacing} make no grid", "Give at least 2 x 2 cells")
+    refuse_large(
+        ni * nj, MOST_CELLS, "grid cells", size=1000.0, where=driver.where, remedy="Give smaller ni and nj",
+        kind=NamelistError,
+    )  # fmt: skip
+    mask = np.ones((nj, ni))
+    if driver.number("land") > 0.0:
+        mask[_cells(LAND)] = 0.0
+    x, y = np.meshgrid(spacing * np.arange(1, ni + 1), driver.number("lat0") + spacing * np.arange(1, nj + 1))
+    period = namelist_period(icebergs)
+    grid = Grid.from_corners(x, y, latlon=False, regular=True, period=max(period, 0.0), mask=mask)
+    grid.arrays.dx[:], grid.arrays.dy[:], grid.arrays.area[:] = spacing, spacing, spacing**2
+    grid.arrays = grid.arrays._replace(regular=icebergs.flag("grid_is_regular"))
+    grid.bergs_on_land = True
+    return grid
+
+
+def _cells(place: tuple[int, slice]) -> tuple[slice, slice]:
+    """Rows and columns of an array over the domain."""
+    column, rows = place
+    return slice(rows.start - 1, rows.stop - 1), slice(column - 1, column)
+
+
+def ocean_fields(driver: NamelistGroup, icebergs: NamelistGroup, grid: Grid) -> Fields:
+    """Return what the driver hands over in each step, with the global column i and row j counted from 1.
+
+    Sea level 0.01 i, sea-ice concentration 0.1 cn0 i, temperature sst0 + 0.1 i - 0.05 j + sstk, salinity
+    sss0 - 0.2 i + 0.1 j, depth 100 + 20 i; currents, sea ice and wind are uniform.
+    """
+    g = grid.arrays
+    # One ring around the domain, as the driver has it.
+    i, j = np.meshgrid(np.arange(g.ni + 2.0), np.arange(g.nj + 2.0))
+    inner = np.s_[1:-1, 1:-1]
+    tau = np.array([[driver.number("ua0")]]), np.array([[driver.number("va0")]])
+    ua, va = tau if icebergs.flag("tau_is_velocity") else wind_from_stress(*tau)
+    sst = driver.number("sst0") + 0.1 * i - 0.05 * j + driver.number("sstk")
+    fields = grid.fields(
+        uo=driver.number("uo0"), vo=driver.number("vo0"), ui=driver.number("ui0"), vi=driver.number("vi0"),
+        ua=float(ua[0, 0]), va=float(va[0, 0]), ssh=0.01 * i, ice_fraction=0.1 * driver.number("cn0") * i,
+        ice_thickness=driver.number("hi0"), sst=sst[inner],
+        sss=(driver.number("sss0") - 0.2 * i + 0.1 * j)[inner], depth=(100.0 + 20.0 * i)[inner],
+    )  # fmt: skip
+    return fields._replace(sst=celsius(fields.sst, g.mask))
+
+
+def land_ice(driver: NamelistGroup, grid: Grid, step: int) -> tuple[Floats, Floats]:
+    """Return flux of ice (kg m-2 s-1) and heat (W m-2) of a step, counted from 1."""
+    g = grid.arrays
+    flux, heat = np.zeros((g.nj, g.ni)), np.zeros((g.nj, g.ni))
+    rows, columns = _cells(CALVES)
+    j = np.arange(1, g.nj + 1)[rows, None]
+    flux[rows, columns] = driver.number("calv0") * (1.0 + 0.1 * j + 0.02 * step)
+    heat[rows, columns] = -driver.number("calvh0") * (1.0 + 0.05 * j)
+    return flux, heat
+
+
+class CoupledRun:
+    """A case with an ocean, read and checked, ready to run; nothing is written."""
+
+    def __init__(self, folder: Path, namelist: KidNamelist, ranks: tuple[int, int]) -> None:
+        group, driver = namelist.icebergs, namelist.driver
+        parameters = to_parameters(namelist)
+        if group.flag("iceberg_bonds_on"):
+            raise group.error(
+                "iceberg_bonds_on = T with drv_nml", "Set iceberg_bonds_on = .false.: this driver has no bonds"
+            )
+        clock, grid = _clock(namelist), _grid(driver, group)
+        restarts = folder / group.text("restart_input_dir")
+        elements = _bergs(restarts / RESTART, grid, group)
+        earth = parameters.earth
+        if elements.size > 1:
+            check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
+        check_medium(driver, group)
+        first = ocean_fields(driver, group, grid)
+        forcing = OceanForcing(grid, first, rules=field_rules(group), source="KID's driver with an ocean")
+        for flux in (land_ice(driver, grid, 1), land_ice(driver, grid, clock.steps)):
+            check_flux(*flux, np.ones_like(flux[0]), driver.where)
+        model = Model(as_iceberg(elements, None, parameters, restarts), forcing, parameters, datetime(1, 1, 1))
+        attach_life(model, group, clock, restarts, ranks)
+        stores = read_stores(restarts / CALVING_FILE, grid, len(parameters.calving.south.mass))
+        calving = FluxCalving(parameters, grid)
+        random = Stores.random(calving.south, calving.north, grid, by_column=not group.flag("make_calving_reproduce"))
+        calving.stores = random if stores is None else stores
+        counter = getattr(getattr(model.life, "names", None), "__self__", None)
+        if counter is not None:
+            # Births by calving and by the footloose mechanism draw from one counter in each cell.
+            np.maximum(counter.counts, calving.stores.counter, out=counter.counts)
+            calving.stores.counter = counter.counts
+        self.namelist, self.parameters, self.clock, self.grid, self.model = namelist, parameters, clock, grid, model
+        self.exchange = ReferenceExchange(model, calving, _return_rules(group))
+        self.returned: list[Returned] = []
+        self.notes = (
+            [] if stores is not None else ["stores of land ice filled at random, as KID does without calving.res.nc"]
+        )
+
+    def advance(self, recorders: Sequence[Recorder]) -> None:
+        """Take all steps, calling the recorders; Ctrl-C takes effect between two steps."""
+        with held() as hold:
+            started: list[Recorder] = []
+            failed: BaseException | None = None
+            try:
+                for recorder in recorders:
+                    recorder.start(self.model)
+                    started.append(recorder)
+                while self.model.step_number < self.clock.steps and not hold.requested:
+                    self._step()
+                    for recorder in recorders:
+                        recorder.record(self.model)
+            except BaseException as error:
+                failed = error
+                raise
+            finally:
+                finish_all(started, self.model, failed)
+            hold.check()
+
+    def _step(self) -> None:
+        driver, group = self.namelist.driver, self.namelist.icebergs
+        done = self.model.step_number
+        date = self.clock.date(done * self.clock.dt)
+        flux = land_ice(driver, self.grid, done + 1)
+        fields = ocean_fields(driver, group, self.grid)
+        self.returned.append(self.exchange.step(fields, *flux, (date.year, date.year_day())))
+
+    def write(self, ocean: Path, stores: Path) -> None:
+        """Write what the ocean got so far, in the layout of the reference's ``ocean.nc``, and the stores of land ice."""
+        if self.returned:
+            _write_ocean(ocean, self.returned)
+        write_stores(stores, self.exchange.calving.stores)
+
+
+def _bergs(path: Path, grid: Grid, group: NamelistGroup) -> Elements:
+    if path.is_file():
+        return read_restart(path, grid)
+    if group.flag("require_restart"):
+        raise InputError("no such file", where=str(path), remedy="Put it there, or set require_restart = .false.")
+    return new_elements(0)
+
+
+def _return_rules(group: NamelistGroup) -> ReturnRules:
+    """Return how a namelist wants bergs spread and returned."""
+    cutoff = group.number("melt_cutoff")
+    nine = NineCellRules(
+        hexagonal=group.flag("hexagonal_icebergs"),
+        one_cell_wide=group.flag("use_old_spreading"),
+        orientation=group.number("initial_orientation"),
+        turned_by_bonds=False,  # bergs have no bonds here
+        grounding_fraction=max(group.number("grounding_fraction"), 0.0),
+    )
+    return ReturnRules(
+        nine=nine,
+        weight=group.flag("add_weight_to_ocean"),
+        fields=group.flag("pass_fields_to_ocean_model"),
+        passive=group.flag("passive_mode"),
+        melt_by_mass=group.flag("find_melt_using_spread_mass"),
+        least_gap=cutoff if group.flag("apply_thickness_cutoff_to_gridded_melt") else -1.0,
+    )
+
+
+def _write_ocean(path: Path, steps: list[Returned]) -> None:
+    """Write what each step returned."""
+    shape = steps[0].calving.shape
+    with replacing(path, to_disk=True) as part, open_netcdf(part, "w") as dataset:
+        for name, size in (("step", len(steps)), ("j", shape[0]), ("i", shape[1])):
+            dataset.createDimension(name, size)
+        for name, (units, comment) in OCEAN.items():
+            variable = dataset.createVariable(name, "f8", ("step", "j", "i"), zlib=True)
+            variable.setncatts({"units": units, "comment": comment})
+            variable[...] = np.stack([getattr(step, name) for step in steps])
+        for name in ("stock_water", "stock_heat"):
+            dataset.createVariable(name, "f8", ("step",))[...] = [getattr(step, name) for step in steps]

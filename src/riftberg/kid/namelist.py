@@ -25,7 +25,6 @@ from riftberg.kid.entries import (
     REFUSED,
     REPORTED,
     TEXT,
-    Entry,
     Value,
     convert,
     find_entry,
@@ -176,16 +175,12 @@ def _group_report(group: NamelistGroup, coupled: bool) -> Iterator[str]:
                 known = replace(entry, note="") if coupled else replace(entry, treatment=REPORTED)
             if known.treatment == HONOURED and (lack := lacking(entry.name, group.values)):
                 known = replace(entry, treatment=REPORTED, note=lack)
-            yield _entry_report(group, known)
-
-
-def _entry_report(group: NamelistGroup, entry: Entry) -> str:
-    value = group.values[entry.name]
-    state = {REPORTED: "no effect here", REFUSED: "accepted" if value == entry.accepted else "refused"}
-    origin = "" if entry.name in group.given else " (default)"
-    note = "" if entry.treatment == REFUSED and value == entry.accepted else entry.note
-    head = f"{entry.name} = {value!r}{origin}: {state.get(entry.treatment, 'honoured')}"
-    return f"{head}: {note}" if note else head
+            value = group.values[known.name]
+            accepted = known.treatment == REFUSED and value == known.accepted
+            state = {REPORTED: "no effect here", REFUSED: "accepted" if accepted else "refused"}
+            origin = "" if known.name in group.given else " (default)"
+            note = f": {known.note}" if known.note and not accepted else ""
+            yield f"{known.name} = {value!r}{origin}: {state.get(known.treatment, 'honoured')}{note}"
 
 
 def read_namelist(path: Path) -> KidNamelist:
@@ -292,12 +287,8 @@ def quote_texts(group: str, body: str) -> str:
     if not names:
         return body
     pattern = re.compile(rf"(?i)(?<![\w'\"])({names})(\s*=\s*)([^\s'\",!][^\s,!'\"]*)")
-    return "\n".join(_quote_line(line, pattern) for line in body.split("\n"))
-
-
-def _quote_line(line: str, pattern: re.Pattern[str]) -> str:
-    code = line[: _comment_start(line)]
-    return pattern.sub(lambda m: f"{m[1]}{m[2]}'{m[3]}'", code) + line[len(code) :]
+    lines = ((line, _comment_start(line)) for line in body.split("\n"))
+    return "\n".join(pattern.sub(lambda m: f"{m[1]}{m[2]}'{m[3]}'", line[:end]) + line[end:] for line, end in lines)
 
 
 def _comment_start(line: str) -> int:

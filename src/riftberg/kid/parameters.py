@@ -119,17 +119,6 @@ def is_plain_kid(group: NamelistGroup) -> bool:
     return not (group.flag("mts") or far or contact_stiffness(group) != group.number("spring_coef"))
 
 
-def _check_criterion(group: NamelistGroup, inline: bool) -> None:
-    criterion = group.text("fracture_criterion")
-    if criterion.lower() == "stress":
-        return
-    cause = "break_bonds_on_sub_steps = .true." if inline else "positive frac_thres_n or frac_thres_t"
-    raise group.error(
-        f"fracture_criterion = '{criterion}' with {cause}",
-        "Set fracture_criterion = 'stress', or switch fracture off",
-    )
-
-
 def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     """Parameters by group, entry by entry; melt, rolling, footloose and calving follow in `_groups_of_life`."""
     flag, number, dem, mts = group.flag, group.number, uses_dem(group), group.flag("mts")
@@ -138,8 +127,12 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     inline = flag("break_bonds_on_sub_steps")
     normal, shear = (number(name) * number("frac_thres_scaling") for name in ("frac_thres_n", "frac_thres_t"))
     fracture = dem and (inline or normal > 0 or shear > 0)
-    if fracture:
-        _check_criterion(group, inline)
+    if fracture and (criterion := group.text("fracture_criterion")).lower() != "stress":
+        cause = "break_bonds_on_sub_steps = .true." if inline else "positive frac_thres_n or frac_thres_t"
+        raise group.error(
+            f"fracture_criterion = '{criterion}' with {cause}",
+            "Set fracture_criterion = 'stress', or switch fracture off",
+        )
     if not inline:
         normal, shear = (value if value > 0 else NEVER for value in (normal, shear))
     plain = is_plain_kid(group)

@@ -33,6 +33,7 @@ from riftberg.life.calving import Stores
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters, element_radius
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
+from riftberg.state.population import rows_of
 from riftberg.state.variables import GONE
 from riftberg.system.atomic_files import replacing
 from riftberg.system.limits import MEANT, extreme_allowed
@@ -418,12 +419,9 @@ def _rows(dataset: netCDF4.Dataset, path: Path, elements: Elements, end: str, si
     counters = whole_column(dataset, path, f"{end}_id_cnt", size)
     cells = whole_column(dataset, path, f"{end}_id_ij", size)
     ids = join_id(counters, cells)
-    order = np.argsort(elements.id)
-    place = np.clip(np.searchsorted(elements.id[order], ids), 0, len(order) - 1)
-    rows: Ints = order[place]
-    lost = elements.id[rows] != ids
-    if lost.any():
-        k = int(np.argmax(lost))
+    rows, known = rows_of(elements.id, ids)
+    if not known.all():
+        k = int(np.argmin(known))
         raise BergError(
             f"bond {k + 1} names element id_cnt = {counters[k]}, id_ij = {cells[k]}, which the iceberg restart lacks",
             where=f"{path}, variable {end}_id_cnt",

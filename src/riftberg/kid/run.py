@@ -13,8 +13,7 @@ import numpy as np
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
 from riftberg.kid.a68 import place_note
-from riftberg.kid.coupled import CoupledRun, attach_life, without_idle_life
-from riftberg.kid.driver import build_clock, build_grid, driver_forcing
+from riftberg.kid.driver import CoupledRun, attach_life, build_clock, build_grid, driver_forcing, without_idle_life
 from riftberg.kid.namelist import Clock, KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import (
     check_both_sides,

@@ -20,7 +20,7 @@ from riftberg.model import BareModel
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Floats
-from riftberg.state.numbering import by_identifier
+from riftberg.state.population import by_identifier
 from riftberg.state.variables import GONE
 
 KM2: Final = 1e6

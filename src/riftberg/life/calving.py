@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.config.parameter_groups import Calving, ClassTable
 from riftberg.errors import InputError
-from riftberg.life.footloose import FmsStream
-from riftberg.life.places import FreePlaces, corner_reach
+from riftberg.life.footloose import FmsStream, FreePlaces, corner_reach
 from riftberg.ocean.cells import position_in_cell
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters

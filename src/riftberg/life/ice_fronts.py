@@ -23,7 +23,7 @@ from scipy.spatial import Voronoi
 from riftberg.errors import InputError
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.numbering import numbered, rows_of
+from riftberg.state.population import numbered, rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.lattice.elastic_cells import ice_on_plane, laid_flat, lattices
 

@@ -15,7 +15,7 @@ from riftberg.constants import LATENT_HEAT
 from riftberg.errors import InputError
 from riftberg.life.melt import MeltStep, scaled_mass
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.numbering import summed
+from riftberg.state.population import by_identifier, summed
 
 PROCESSES: Final = ("base", "sides", "waves", "bergy_bits", "footloose_bits", "footloose_bergy_bits")
 """Ways in which ice becomes melt water. Waves: without what became bits; footloose bits: all melt of theirs."""
@@ -169,12 +169,7 @@ def add_melt(remembered: MutableMapping[str, Floats], fragment: Ints, water: Flo
 def melt_of(remembered: Mapping[str, Floats], numbers: Ints) -> Floats:
     """Return the melt water (kg) of some fragments, shape (fragments, processes)."""
     table = _table(remembered)
-    out = np.zeros((len(numbers), len(PROCESSES)))
-    if len(table) and len(numbers):
-        place = np.minimum(np.searchsorted(table[:, 0], numbers), len(table) - 1)
-        known = table[place, 0] == numbers
-        out[known] = table[place[known], 1:]
-    return out
+    return by_identifier(table[:, 0].astype(np.int64), table[:, 1:], numbers)
 
 
 def _table(remembered: Mapping[str, Floats]) -> Floats:

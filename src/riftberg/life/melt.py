@@ -26,7 +26,7 @@ from riftberg.physics.melting import (
 )
 from riftberg.physics.momentum import coriolis_parameter
 from riftberg.state import Elements, Floats, Ints, Life, Place
-from riftberg.state.numbering import numbered
+from riftberg.state.population import numbered
 
 EXPOSED, BERG, SHELF, MIXED = range(4)
 """Modes of melt, in the order of `riftberg.config.parameter_groups.MeltMode`."""

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from riftberg.config.places import duration_text
+from riftberg.config.units import duration_text
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, fill_values
 from riftberg.ocean.product_records import as_block
@@ -131,11 +131,6 @@ def _opened_entries(entries: Sequence[tuple[str, Choice]], report: Report) -> li
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
         return [ds for parts in usable for ds in joined(parts)]
-
-
-def _shown(name: str) -> str:
-    """Return the name of a file; of a pattern its folder too, which is what may be wrong."""
-    return str(Path(*Path(name).parts[-3:])) if any(sign in name for sign in "*?[") else Path(name).name
 
 
 def _other_kind(name: str) -> str:
@@ -421,7 +416,10 @@ def _conclude(report: Report, needed: Sequence[str], wished: Sequence[str]) -> N
             report.assumed.append(f"{ASSUMED[name]}, for n{text}")
     # A stray file beside a complete set is mentioned, but does not stop the run.
     if report.missing:
-        report.advice += [f"{_shown(name)}: {reason}" for name, reason in report.unreadable.items()]
+        for name, reason in report.unreadable.items():
+            # Of a pattern the folder too, which is what may be wrong.
+            parts = Path(name).parts[-3:] if any(sign in name for sign in "*?[") else (Path(name).name,)
+            report.advice.append(f"{Path(*parts)}: {reason}")
     report.advice += report.clashes
     for finding in report.data:
         wanted = [item for item in finding.fields if item.name in (*needed, *wished)]

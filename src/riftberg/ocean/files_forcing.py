@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from riftberg.config.places import box_text, duration_text, place_text
+from riftberg.config.units import box_text, duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
 from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
@@ -22,13 +22,12 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import Block, ProductRecords, check_not_empty, records_at_once
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
-from riftberg.products.fields import members_in
 from riftberg.products.levels import uppermost
 from riftberg.products.mesh import AxesMesh, Located, NodeMesh
 from riftberg.products.place import step_of
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
-from riftberg.products.reading import open_raw
+from riftberg.products.reading import members_in, open_raw
 from riftberg.products.registry import Choice, open_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.products.window import extent_text, utc, window, window_in_time

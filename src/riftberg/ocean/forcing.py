@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from riftberg.config.places import POINTS
+from riftberg.config.units import POINTS
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import shortened

@@ -27,7 +27,7 @@ from pydantic import ConfigDict, Field, ValidationError, ValidationInfo, field_v
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs
 
-from riftberg.config.places import place_text
+from riftberg.config.units import place_text
 from riftberg.config.values import (
     ICE_UNITS,
     PLACE,

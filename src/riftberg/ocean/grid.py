@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.config.places import box_text, place_text
+from riftberg.config.units import box_text, place_text
 from riftberg.constants import EARTH_RADIUS_A68, STRESS_INVERSION_DRAG
 from riftberg.errors import BergError, InputError
 from riftberg.ocean.cells import CORNER_FIELDS, FIELD_DEFAULTS, ZERO_OUTSIDE, Fields, GridArrays, locate_points
@@ -328,14 +328,6 @@ def haversine(
     return np.asarray(2.0 * radius * np.arctan2(np.sqrt(a), np.sqrt(np.maximum(1.0 - a, 0.0))))
 
 
-def _sphere_edge(lon1: Floats, lat1: Floats, lon2: Floats, lat2: Floats) -> Floats:
-    """Integral of sin(lat) dlon along an edge that is straight in longitude and latitude, rad."""
-    turn = np.radians((lon2 - lon1 + 180.0) % 360.0 - 180.0)
-    half = np.radians(0.5 * (lat2 - lat1))
-    # sin(lat) averaged over an edge from lat1 to lat2; sinc keeps edges along a parallel, 0 / 0, exact.
-    return np.asarray(turn * np.sin(np.radians(0.5 * (lat1 + lat2))) * np.sinc(half / np.pi))
-
-
 def cell_areas(lon: Floats, lat: Floats, radius: float, latlon: bool) -> Floats:
     """Return areas (m2) of the cells between corners of shape (n + 1, m + 1); shape (n, m).
 
@@ -348,7 +340,10 @@ def cell_areas(lon: Floats, lat: Floats, radius: float, latlon: bool) -> Floats:
         x1, x2 = corners[0][k], corners[0][(k + 1) % 4]
         y1, y2 = corners[1][k], corners[1][(k + 1) % 4]
         if latlon:
-            total += _sphere_edge(x1, y1, x2, y2)
+            # The integral of sin(lat) dlon along an edge that is straight in longitude and latitude; its mean over an edge
+            # from y1 to y2 by sinc, which keeps edges along a parallel, 0 / 0, exact.
+            turn, half = np.radians((x2 - x1 + 180.0) % 360.0 - 180.0), np.radians(0.5 * (y2 - y1))
+            total += turn * np.sin(np.radians(0.5 * (y1 + y2))) * np.sinc(half / np.pi)
         else:
             # About the first corner, so that large coordinates cost no digits.
             total += 0.5 * ((x1 - corners[0][0]) * (y2 - corners[1][0]) - (x2 - corners[0][0]) * (y1 - corners[1][0]))

@@ -31,7 +31,7 @@ from riftberg.ocean.cells import (
 from riftberg.ocean.forcing import DescribedForcing, SharedLock
 from riftberg.ocean.grid import ZERO_ON_LAND, Grid, first_gap, usable
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.numbering import listed
+from riftberg.state.population import listed
 
 DepthRule = Literal["cell", "biquadratic", "zone"]
 TimeRule = Literal["linear", "previous"]

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel, plain
-from riftberg.config.places import place_text
+from riftberg.config.units import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid

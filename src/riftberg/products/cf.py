@@ -198,7 +198,9 @@ def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
         if by_name:
             return sorted(by_name, key=lambda name: _rank(quantity, name))
     for said in row.on_levels:
-        by_name = [name for name in held if standard_name(ds.variables[name]) == said and _has_levels(ds, name)]
+        by_name = [name for name in held if standard_name(ds.variables[name]) == said and name not in ds.dims]
+        # Only where something says at which depths it holds.
+        by_name = [name for name in by_name if any(role == "level" for _, role, _ in coordinates_of(ds, name))]
         by_name = [name for name in by_name if not statistic(ds.variables[name], quantity)]
         if len(by_name) == 1:  # one of several would be a guess; that none is taken is told
             return by_name
@@ -206,11 +208,6 @@ def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
     usual = [name for name in usual if name != "elevation" or ds.variables[name].ndim > 1]
     usual = [name for name in usual if quantity != "ssh" or not above_ellipsoid(ds.variables[name])]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
-
-
-def _has_levels(ds: xr.Dataset, name: str) -> bool:
-    """Tell whether something says at which depths a field holds."""
-    return name not in ds.dims and any(role == "level" for _, role, _ in coordinates_of(ds, name))
 
 
 def by_standard_name(ds: xr.Dataset, quantity: str) -> str:
@@ -281,7 +278,9 @@ def unread(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> l
             continue
         words = (standard_name(variable) or f"{name} {variable.attrs.get('long_name', '')}").lower().replace(" ", "_")
         if not _ASIDE.search(words):
-            said.setdefault(_family(name, words, taken), []).append(_shown(variable, name))
+            said.setdefault(_family(name, words, taken), []).append(
+                f"{name} ({stated})" if (stated := standard_name(variable)) else name
+            )
     said.pop("", None)
     return [f"no {family} is taken from this file; not read: {', '.join(held[:4])}" for family, held in said.items()]
 
@@ -293,11 +292,6 @@ def _family(name: str, words: str, taken: set[str]) -> str:
         if (usual or speaks.search(words)) and not taken & set(quantities):
             return family
     return ""
-
-
-def _shown(variable: xr.Variable, name: str) -> str:
-    said = standard_name(variable)
-    return f"{name} ({said})" if said else name
 
 
 def statistic(variable: xr.Variable | xr.DataArray, quantity: str) -> str:

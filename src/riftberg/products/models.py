@@ -1,20 +1,31 @@
-"""Output of ocean and weather models on grids of their own: ROMS and CROCO, NEMO, FVCOM, FESOM, WRF.
+"""Models on grids of their own (ROMS and CROCO, NEMO, FVCOM, FESOM, WRF), and the forcing files of the A68a experiment.
 
 Checked against real files of ROMS (Nordic-4km), CROCO (Benguela), NEMO (ORCA025, U and V on their own points) and FVCOM
 (LEOFS); FESOM and WRF follow their documentation. Components along the grid are turned with the angle of the file, or
 with the directions of the grid's own positions; levels that follow the sea floor become depths.
+
+Forcing files of the A68a experiment (Huth et al. 2022) have a 1/8 degree grid and the fields uo, vo | SSH | ua, va |
+taux, tauy | elevation. Checked against the real monthly files (ORAS5, JRA-55, GEBCO). The hourly files come in two forms: with
+``lon``, ``lat`` and ``time``, or bare. Bare files get their positions from the grid file ``*_grid.nc`` beside them, read as
+the model's driver reads it (its positions are the north-east corners of cells, where currents and winds live; sea level lives
+half a cell to the south-west), and their hours from the month in their name (record 1 = first of the month, 00:00). A single
+record without time means a field constant in time.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
+from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.product import Heading, Product, Source, noted
+from riftberg.products.cf import USUAL_NAMES, role_of
+from riftberg.products.oceans import depth_from_elevation
+from riftberg.products.product import Evidence, Heading, Product, Source, noted
 from riftberg.system.input_files import is_address
 from riftberg.system.netcdf_lock import open_lazily
 
@@ -274,7 +285,8 @@ def grid_of(
             with open_lazily(path, decode_times=False) as opened:
                 if not set(wanted[:2]) <= set(opened.variables):
                     continue
-                shared = [name for name in _SAME if _comparable(ds, opened, name)]
+                both = [name for name in _SAME if name in ds.variables and name in opened.variables]
+                shared = [name for name in both if 0 < ds[name].ndim == opened[name].ndim]
                 if not fits(opened) or not all(_alike(ds[name], opened[name]) for name in shared):
                     others.append(path.name)
                     continue
@@ -302,9 +314,149 @@ def grid_of(
     return first.assign_attrs(told=f"positions are those of the grid file {next(iter(fitting))}, {by}")
 
 
-def _comparable(ds: xr.Dataset, grid: xr.Dataset, name: str) -> bool:
-    return name in ds.variables and name in grid.variables and 0 < ds[name].ndim == grid[name].ndim
-
-
 def _alike(a: xr.DataArray, b: xr.DataArray) -> bool:
     return a.shape == b.shape and bool(np.allclose(a.values, b.values, rtol=1e-3, atol=1e-3, equal_nan=True))
+
+
+_A68A_FIELDS = {"uo", "vo", "SSH", "ssh_bgrid", "ua", "va", "taux", "tauy", "elevation"}
+_AT_CENTRES = {"SSH", "elevation"}
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+
+_A68A_FILES = re.compile(rf"a68_experiment|({'|'.join(_MONTHS)})\d{{4}}_hourly", re.IGNORECASE)
+"""Names of the files of the experiment."""
+
+_A68A_GRID = {"lat": 152, "lon": 232}
+"""Its grid."""
+
+
+def _has_a68a_name(heading: Heading) -> bool:
+    return _A68A_FILES.search(Path(heading.source).name) is not None
+
+
+def _is_a68a(heading: Heading) -> bool:
+    """Tell the bare style: fields named as in the model, no units; by its name or grid, for others have no units too."""
+    if not _has_a68a_name(heading) and {name: heading.sizes.get(name) for name in _A68A_GRID} != _A68A_GRID:
+        return False
+    held = _A68A_FIELDS & heading.names
+    bare = held and all(
+        "units" not in heading.variables[name] and "Unit" not in heading.variables[name] for name in held
+    )
+    alone = not (USUAL_NAMES - _A68A_FIELDS) & heading.names  # a file of others has fields that these never have
+    return (
+        bool(bare)
+        and alone
+        and {"lat", "lon"} <= set(heading.sizes)
+        and not str(heading.attributes.get("title", "")).startswith("The GEBCO")
+    )
+
+
+def _positioned(ds: xr.Dataset) -> xr.Dataset:
+    """Give the file its latitudes and longitudes, those of cell centres where the field lives there."""
+    centred = bool(_AT_CENTRES & set(map(str, ds.data_vars)))
+    if {"actual_lon", "actual_lat"} <= set(ds.variables) and centred:
+        lon, lat = ds["actual_lon"].values, ds["actual_lat"].values
+        return ds.drop_vars(["actual_lon", "actual_lat"]).assign_coords(lon=("lon", lon), lat=("lat", lat))
+    along = {role_of(name, variable) for name, variable in ds.variables.items() if {"lat", "lon"} & set(variable.dims)}
+    if {"lon", "lat"} <= set(ds.variables) or {"lat", "lon"} <= along:  # its own, or those of other variables
+        return ds
+    where = str(ds.encoding.get("source", ""))
+    size = ds.sizes["lat"], ds.sizes["lon"]
+    wanted = ("longitude", "latitude")
+    grid = grid_of(ds, ("*_grid.nc",), wanted, lambda other: other["latitude"].shape == size) if where else None
+    if grid is None and not _has_a68a_name(Heading.of(ds)):
+        return ds  # not a file of the experiment: what it lacks is said in general words
+    if grid is None:
+        raise ForcingError(
+            "has no positions", where=where, remedy="Put the experiment's grid file *_grid.nc in the same folder"
+        )
+    lon, lat = grid["longitude"].values[0], grid["latitude"].values[:, 0]
+    shift = 0.5 * (lon[1] - lon[0]) if centred else 0.0
+    ds = noted(ds, told=grid.attrs["told"])
+    return ds.assign_coords(lon=("lon", lon - shift), lat=("lat", lat - shift))
+
+
+def _dated(ds: xr.Dataset) -> xr.Dataset:
+    """Date the hourly records of a bare file by the month in its name; drop the time of a single undated record."""
+    if "time" not in ds.dims or "since" in str(ds.variables.get("time", xr.Variable((), 0)).attrs.get("units", "")):
+        return ds
+    if ds.sizes["time"] == 1:
+        return ds.isel(time=0, drop=True)
+    where = str(ds.encoding.get("source", ""))
+    named = re.search(rf"({'|'.join(_MONTHS)})(\d{{4}}).*hourly", Path(where).name, re.IGNORECASE)
+    if named is None:
+        remedy = "Write time units on it, or keep the original name with month and HOURLY (dec2020_HOURLY)"
+        raise ForcingError("has records without dates", where=where, remedy=remedy)
+    units = f"hours since {named[2]}-{1 + _MONTHS.index(named[1].lower()):02d}-01 00:00:00"
+    hours = np.arange(ds.sizes["time"])
+    return ds.assign_coords(time=("time", hours, {"units": units, "calendar": "standard"}))
+
+
+def _mend_a68a(ds: xr.Dataset) -> xr.Dataset:
+    """Give the file the positions and dates that it leaves out."""
+    return _dated(_positioned(ds))
+
+
+def _without_zeros(ds: xr.Dataset) -> xr.Dataset:
+    """Turn the zeros that stand for land into NaN: both currents exactly zero in an unpacked field.
+
+    Packed files are left alone: there a zero may be slack water rounded to the packing step.
+    """
+    if {"uo", "vo"} <= set(ds.data_vars) and "scale_factor" not in ds["uo"].encoding:
+        wet = (ds["uo"] != 0.0) | (ds["vo"] != 0.0)
+        return ds.assign({name: ds[name].where(wet) for name in ("uo", "vo")})
+    return ds
+
+
+def _finish_a68a(ds: xr.Dataset) -> xr.Dataset:
+    return depth_from_elevation(_without_zeros(ds))
+
+
+def _a68a_sources(east: str, north: str) -> tuple[Source, ...]:
+    return (
+        Source("uo", (east,), "m s-1"),
+        Source("vo", (north,), "m s-1"),
+        Source("ssh", ("SSH", "ssh_bgrid"), "m"),
+        Source("ua", ("ua",), "m s-1"),
+        Source("va", ("va",), "m s-1"),
+        Source("taux", ("taux",), "Pa"),
+        Source("tauy", ("tauy",), "Pa"),
+        Source("depth_below_surface", ("elevation",), "m"),
+    )
+
+
+_A68A_NOTES = (
+    "units are not in the files: m s-1, m and Pa are taken, as the experiment does",
+    "currents of exactly zero in unpacked files are land",
+    "sea level and depth live at cell centres, currents and winds at cell corners",
+    "bare hourly files have no positions: those of the grid file are taken as corners, as the experiment's driver does",
+)
+_HUTH = "Huth, Adcroft, Sergienko and Khan 2022, Sci. Adv. 8, eabq6974, doi:10.1126/sciadv.abq6974"
+
+_A68A_VARIANTS: tuple[tuple[str, Evidence], ...] = (("hourly files", "documentation"),)
+
+A68A = Product(
+    name="a68a",
+    title="Forcing files of the A68a experiment of Huth et al. (2022)",
+    citation=_HUTH,
+    evidence="sample",
+    matches=_is_a68a,
+    sources=_a68a_sources("uo", "vo"),
+    mend=_mend_a68a,
+    finish=_finish_a68a,
+    longest_step=31 * SECONDS_PER_DAY,
+    notes=_A68A_NOTES,
+    variants=_A68A_VARIANTS,
+)
+A68A_KEEL_MEAN = Product(
+    name="a68a-keel-mean",
+    title="Forcing files of the A68a experiment, currents averaged from the surface to 200 m",
+    citation=_HUTH,
+    evidence="sample",
+    matches=lambda heading: False,
+    sources=_a68a_sources("uo_mean_over_berg_depth", "vo_mean_over_berg_depth"),
+    mend=_mend_a68a,
+    finish=_finish_a68a,
+    longest_step=31 * SECONDS_PER_DAY,
+    variants=_A68A_VARIANTS,
+    notes=(*_A68A_NOTES, "uo, vo are means from the surface to 200 m"),
+)

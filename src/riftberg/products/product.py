@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
+from riftberg.errors import ForcingError
+
 Step = Callable[[xr.Dataset], xr.Dataset]
 Evidence = Literal["sample", "layout", "documentation"]
 EVIDENCE: dict[Evidence, str] = {
@@ -127,8 +129,6 @@ def stamped_at_noon(ds: xr.Dataset) -> xr.Dataset:
 
 def without_single(ds: xr.Dataset, *names: str, what: str = "") -> xr.Dataset:
     """Drop dimensions of length one and their coordinates; longer ones are an error that says which file is wanted."""
-    from riftberg.errors import ForcingError
-
     for name in names:
         if name in ds.dims:
             if ds.sizes[name] != 1:

@@ -12,13 +12,12 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError, nearest
-from riftberg.products import cf, experiment, models, oceans, winds
+from riftberg.products import cf, models, oceans, winds
 from riftberg.products.dates import settled
-from riftberg.products.fields import NAMING
 from riftberg.products.levels import uppermost
 from riftberg.products.product import Heading, Product, noted
 from riftberg.products.quantities import QUANTITIES
-from riftberg.products.reading import COORDINATES, canonical_parts, is_zarr, open_raw, read
+from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import together
 from riftberg.system.input_files import is_address
@@ -48,8 +47,8 @@ PRODUCTS: tuple[Product, ...] = (
     oceans.OSISAF,
     oceans.GEBCO,
     oceans.SRTM15,
-    experiment.PRODUCT,
-    experiment.KEEL_MEAN,
+    models.A68A,
+    models.A68A_KEEL_MEAN,
     models.ROMS,
     models.NEMO,
     models.FVCOM,
@@ -248,20 +247,15 @@ def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = 
         if name not in held:
             remedy = f"{nearest(name, held)}There are {', '.join(held)}"
             raise ForcingError(f"there is no variable {name!r}", where="names", remedy=remedy)
-    parts = [
-        _settled(part, product)
-        for number, ds in enumerate(datasets, 1)
-        for product in [_with_names(ds, {key: name for key, name in asked.items() if name in ds.variables})]
-        for part in canonical_parts(ds.copy(), product, _name_of(ds, number))
-    ]
+    parts = []
+    for number, ds in enumerate(datasets, 1):
+        product = _with_names(ds, {key: name for key, name in asked.items() if name in ds.variables})
+        # What messages and titles call it: its file, its title, or its number.
+        title = ds.attrs.get("title")
+        titled = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
+        called = str(ds.encoding.get("source") or titled or f"dataset {number}")
+        parts += [_settled(part, product) for part in canonical_parts(ds.copy(), product, called)]
     return together(_merged(parts))
-
-
-def _name_of(ds: xr.Dataset, number: int) -> str:
-    """Return what messages and titles call a dataset that is open already: its file, its title, or its number."""
-    title = ds.attrs.get("title")
-    named = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
-    return str(ds.encoding.get("source") or named or f"dataset {number}")
 
 
 def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:

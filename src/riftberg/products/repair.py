@@ -83,7 +83,9 @@ def _limits(field: xr.DataArray) -> tuple[float, float] | None:
         return None
     low, high = (float(limit) for limit in both)
     stored = np.dtype(field.encoding.get("dtype", field.dtype)).kind
-    if stored in "iu" and _whole(field):
+    limits = [field.attrs[key] for key in ("valid_range", "valid_min", "valid_max") if key in field.attrs]
+    # Limits that are whole numbers, as the packed values are, are meant of these.
+    if stored in "iu" and all(np.asarray(limit).dtype.kind in "iu" for limit in limits):
         ends = [
             limit * float(field.encoding.get("scale_factor", 1.0)) + float(field.encoding.get("add_offset", 0.0))
             for limit in (low, high)
@@ -96,12 +98,6 @@ def _limits(field: xr.DataArray) -> tuple[float, float] | None:
     # Limits in single precision, or packed, do not survive decoding to the last digit.
     slack = 1e-5 * max(abs(limit) for limit in (low, high) if np.isfinite(limit))
     return (low - slack, high + slack) if low < high else None
-
-
-def _whole(field: xr.DataArray) -> bool:
-    """Tell whether the limits of a field are whole numbers, as its packed values are."""
-    given = [np.asarray(field.attrs[key]) for key in ("valid_range", "valid_min", "valid_max") if key in field.attrs]
-    return all(limits.dtype.kind in "iu" for limits in given)
 
 
 # Dates that a file writes as text, turned into numbers that xarray decodes; and units of time in plain spelling.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from riftberg.config.places import box_text
+from riftberg.config.units import box_text
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors

@@ -79,7 +79,7 @@ NCEP_R2 = Product(
 # JRA-55 (GRIB converted by NCL) and JRA55-do (input4MIPs) 10 m wind.
 #
 # Written from documentation only: no original file was to be had (the JRA-55 fields of the A68a experiment are another
-# layout, see `riftberg.products.experiment`).
+# layout, see `riftberg.products.models`).
 
 
 _JRA55_EAST = ("UGRD_GDS4_HTGL", "UGRD_GDS0_HTGL", "uas", "uas_10m")

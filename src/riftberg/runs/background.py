@@ -61,7 +61,9 @@ def add_background(run: netCDF4.Dataset, model: BareModel) -> None:
     # A track that crosses the seam must not make a box around the whole Earth.
     x = on_one_branch(filled_forward(x), np.isfinite(y), zonal_period(model.parameters))
     axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
-    times = _times(seconds)
+    length = float(seconds[-1] - seconds[0])
+    count = min(MOST_TIMES, max(1, round(length / INTERVAL))) + 1
+    times = np.linspace(seconds[0], seconds[-1], count if length > 0.0 else 1)
     try:
         currents = [model.forcing.currents(*np.meshgrid(*axes), float(t)) for t in times]
         depth = model.forcing.depth(*np.meshgrid(*fine))
@@ -101,12 +103,6 @@ def _axes(x: Floats, y: Floats, latlon: bool, points: int) -> tuple[Floats, Floa
     step = max(north - south, (east - west) / stretch) / (points - 1)
     count = [max(2, round(length / step) + 1) for length in ((east - west) / stretch, north - south)]
     return np.linspace(west, east, count[0]), np.linspace(south, north, count[1])
-
-
-def _times(seconds: Floats) -> Floats:
-    length = float(seconds[-1] - seconds[0])
-    count = min(MOST_TIMES, max(1, round(length / INTERVAL))) + 1
-    return np.linspace(seconds[0], seconds[-1], count if length > 0.0 else 1)
 
 
 def _write(

@@ -516,7 +516,7 @@ def check_fragment_rows(rows: Sequence[Any], path: Path, place: str) -> None:
                 isinstance(value, str) if kind == "str"
                 else isinstance(value, bool) if kind == "bool"
                 else isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**31 if kind == "int"
-                else _is_number(value)
+                else isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST
             )  # fmt: skip
             if not good:
                 raise _damaged(f"{name} of row {k + 1} is {value_shown(value)}", path, place)
@@ -580,16 +580,15 @@ def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:
             f"{theirs.mass.size} and {theirs.mass.sum() / 1e12:.4g} Gt",
             where=where, remedy=remedy,
         )  # fmt: skip
-    before, now = (_first_line(text) for text in (state.forcing, forcing_text(fresh.forcing)))
+    before, now = (
+        next((line.strip() for line in text.splitlines() if line.strip()), "")
+        for text in (state.forcing, forcing_text(fresh.forcing))
+    )
     if before != now:
         raise InputError(
             f"a run in another ocean ({value_shown(before)}) than that of {named} ({value_shown(now)})",
             where=where, remedy=remedy,
         )  # fmt: skip
-
-
-def _first_line(text: str) -> str:
-    return next((line.strip() for line in text.splitlines() if line.strip()), "")
 
 
 # --- summaries ---------------------------------------------------------------------------------------------------------
@@ -657,7 +656,3 @@ def read_summary(path: Path) -> dict[str, Any]:
     for event in summary["breakups"]:
         read_start(event["time"], path)
     return {"seconds_per_day": None, **summary}
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST

@@ -17,7 +17,7 @@ from riftberg.life.melt import mass_in_bits
 from riftberg.life.motion import GIVERS, bonds_vibrate
 from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
-from riftberg.state.numbering import by_identifier
+from riftberg.state.population import by_identifier
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.laws import Laws
 

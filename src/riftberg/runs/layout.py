@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
+from riftberg.state.population import rows_of
 from riftberg.state.variables import GONE, LARGEST, LARGEST_WHOLE
 from riftberg.stepping.laws import Laws
 from riftberg.version import __version__
@@ -183,10 +184,7 @@ def _rows_of(ids: Ints, rows: Ints) -> Ints:
     """Return the rows in which identifiers stand; one behind the last where they do not."""
     if np.array_equal(ids, rows):
         return np.arange(rows.size)
-    order = np.argsort(rows, kind="stable")
-    place = np.searchsorted(rows[order], ids)
-    row = np.append(order, rows.size)[np.minimum(place, rows.size)]
-    there = np.append(rows, -1)[row] == ids
+    row, there = rows_of(rows, ids)
     return np.where(there, row, rows.size).astype(np.int64)
 
 

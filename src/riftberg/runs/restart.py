@@ -99,8 +99,13 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
         file.createVariable("step_number", "i8", ())[...] = model.step_number
         _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
         _write_table(file, "bond", BOND_VARIABLES, model.bonds)
-        _write_fragments(file, fragment_rows(model))
-        _write_collisions(file, model)
+        # JSON keeps 64-bit floats exactly (shortest repr) and says "null" for a fragment without parent.
+        file.setncattr("fragments_json", json.dumps(fragment_rows(model), default=_plain))
+        bergs = getattr(getattr(model, "fragments", None), "bergs", ())
+        file.setncattr("bergs_json", json.dumps([list(berg) for berg in bergs]))
+        # Pairs that are in contact since they parted from each other: no collisions of their own.
+        quiet = [[*pair, time] for pair, time in getattr(getattr(model, "contacts", None), "suppressed", {}).items()]
+        file.setncattr("contacts_json", json.dumps({"rows": contact_rows(model), "quiet": quiet}, default=_plain))
         _write_extra(file, extra or {})
     _LOG.info("state of %s saved in %s", f"{model.date:%Y-%m-%d %H:%M}", path)
     return path
@@ -172,20 +177,6 @@ def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable],
         stored = file.createVariable(f"{dim}_{v.name}", v.dtype, (dim,), fill_value=False)
         stored.setncatts({"units": v.units, "long_name": v.long_name})
         stored[:] = getattr(arrays, v.name)
-
-
-def _write_fragments(file: netCDF4.Dataset, rows: list[dict[str, Any]]) -> None:
-    # JSON keeps 64-bit floats exactly (shortest repr) and says "null" for a fragment without parent.
-    file.setncattr("fragments_json", json.dumps(rows, default=_plain))
-
-
-def _write_collisions(file: netCDF4.Dataset, model: BareModel) -> None:
-    """Write the names of the bergs, and which of them met."""
-    bergs = getattr(getattr(model, "fragments", None), "bergs", ())
-    file.setncattr("bergs_json", json.dumps([list(berg) for berg in bergs]))
-    # Pairs that are in contact since they parted from each other: no collisions of their own.
-    quiet = [[*pair, time] for pair, time in getattr(getattr(model, "contacts", None), "suppressed", {}).items()]
-    file.setncattr("contacts_json", json.dumps({"rows": contact_rows(model), "quiet": quiet}, default=_plain))
 
 
 def _plain(value: Any) -> Any:

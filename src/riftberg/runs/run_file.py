@@ -271,7 +271,10 @@ class RunWriter:
         elif self.goes_on:
             raise InputError("the restart file does not know its last record", where=str(self.path), remedy=_ANEW)
         else:
-            self._peak, self._next = _peak_so_far(model), self._due_from(model.time)
+            # Where nothing was recorded before, the largest stress known is that of the last long step.
+            bonds = model.bonds
+            self._peak = np.maximum(bonds.normal_stress, bonds.peak_stress if model.step_number else -np.inf)
+            self._next = self._due_from(model.time)
         self._peak_ids = model.bonds.id.copy()
         self._remember(model)
         due = model.time >= self._next - _ROUND
@@ -415,12 +418,6 @@ def _first_seen(values: NDArray[Any]) -> NDArray[Any]:
         return values
     first: NDArray[Any] = values[np.arange(len(values)), np.argmax(np.isfinite(values), axis=1)]
     return first
-
-
-def _peak_so_far(model: BareModel) -> Floats:
-    """Return what is known of the largest stress where nothing was recorded before: that of the last long step."""
-    stress: Floats = model.bonds.normal_stress.copy()
-    return stress if model.step_number == 0 else np.maximum(stress, model.bonds.peak_stress)
 
 
 class _Record:

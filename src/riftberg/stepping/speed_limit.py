@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from riftberg.compiled.kernels import kernel
-from riftberg.config.places import place_text
+from riftberg.config.units import place_text
 from riftberg.errors import InputError, RunError, SpeedError
 from riftberg.parameters import Parameters
 from riftberg.state import Elements, Environment, Floats

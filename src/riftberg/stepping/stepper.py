@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.numbering import enter_cells
+from riftberg.state.population import enter_cells
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.land import apply_land_constraint
 from riftberg.stepping.forces.sizes import interaction_sizes

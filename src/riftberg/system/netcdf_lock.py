@@ -60,7 +60,8 @@ class NetcdfLock:
             return False
         # Ours before theirs, always: two threads that took them in different orders would wait for each other.
         if self._depth == 0:
-            self._theirs = _lock_of_xarray()
+            # None as long as nobody has loaded xarray.
+            self._theirs = getattr(sys.modules.get("xarray.backends.netCDF4_"), "NETCDF4_PYTHON_LOCK", None)
             if self._theirs is not None and not self._theirs.acquire(blocking):
                 self._ours.release()
                 return False
@@ -86,11 +87,6 @@ class NetcdfLock:
 
     def __reduce__(self) -> tuple[Callable[[], NetcdfLock], tuple[()]]:
         return _the_lock, ()
-
-
-def _lock_of_xarray() -> Any:
-    """Return xarray's lock, None as long as nobody has loaded xarray."""
-    return getattr(sys.modules.get("xarray.backends.netCDF4_"), "NETCDF4_PYTHON_LOCK", None)
 
 
 NETCDF: Final = NetcdfLock()

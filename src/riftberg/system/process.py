@@ -181,7 +181,9 @@ class Hold:
         """Take over the signals; a program that ignores them (``nohup``), or handles them itself, goes on doing so."""
         for number in SIGNALS:
             handler = signal.getsignal(number)
-            if handler in (signal.SIG_DFL, signal.default_int_handler) or _insists(handler):
+            if handler in (signal.SIG_DFL, signal.default_int_handler) or isinstance(
+                getattr(handler, "__self__", None), _Insistence
+            ):
                 self._before[number] = handler
                 signal.signal(number, self._note)
 
@@ -240,10 +242,6 @@ class _Insistence:
         self._ended.set()
         with self._sending:
             pass
-
-
-def _insists(handler: Any) -> bool:
-    return isinstance(getattr(handler, "__self__", None), _Insistence)
 
 
 @contextmanager

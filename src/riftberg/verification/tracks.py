@@ -21,7 +21,7 @@ from typing import Any, Final
 import numpy as np
 
 from riftberg.bergs.outline import rows_of_csv
-from riftberg.diagnostics.dates import parse_date
+from riftberg.config.values import parse_date
 from riftberg.diagnostics.observed import SENSORS
 from riftberg.errors import InputError
 from riftberg.state import Floats

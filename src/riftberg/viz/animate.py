@@ -29,16 +29,17 @@ from riftberg.system.atomic_files import replacing
 from riftberg.viz import colours, style
 from riftberg.viz.panels import (
     Panel,
+    Projection,
     Water,
     arrow_key,
     fragment_colours,
     fragment_patches,
+    on_a_map,
     speed_bar,
     speed_scale,
     widened,
 )
 from riftberg.viz.plots import figure_title
-from riftberg.viz.polar import Projection, on_a_map
 from riftberg.viz.style import moment_text, new_figure
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.config.places import place_text
+from riftberg.config.units import place_text
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.scene import Box
 from riftberg.state import Floats

@@ -17,6 +17,7 @@ from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import (
     Panel,
+    Projection,
     Water,
     arrow_key,
     common_boxes,
@@ -27,12 +28,12 @@ from riftberg.viz.panels import (
     melt_bar,
     melts,
     nearest_record,
+    on_a_map,
     speed_bar,
     speed_scale,
     thickness_lost,
     widened,
 )
-from riftberg.viz.polar import Projection, on_a_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,6 +18,7 @@ from riftberg.viz import colours, style
 from riftberg.viz.panels import (
     NO_FLOOR,
     Panel,
+    Projection,
     Water,
     arrow_key,
     common_boxes,
@@ -27,12 +28,12 @@ from riftberg.viz.panels import (
     melt_bar,
     melts,
     nearest_record,
+    on_a_map,
     speed_bar,
     speed_scale,
     thickness_lost,
     widened,
 )
-from riftberg.viz.polar import Projection, on_a_map
 from riftberg.viz.style import date_axis, day_text, is_short, moment_texts, new_figure
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from riftberg.diagnostics.score import Match, Score
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.colours import MODEL, OBSERVED, PAIRING
-from riftberg.viz.panels import KnownDepth, Map
-from riftberg.viz.polar import PolarWater
+from riftberg.viz.panels import KnownDepth, Map, PolarWater
 from riftberg.viz.style import date_axis, day_text, new_figure, plain_axes
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import xarray as xr
 
-from riftberg.config.places import area_text
+from riftberg.config.units import area_text
 from riftberg.config.values import required
 from riftberg.errors import InputError
 from riftberg.viz import style

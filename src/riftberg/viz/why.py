@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.config.places import area_text
+from riftberg.config.units import area_text, minute_text
 from riftberg.diagnostics.cut import FORCES, Breakup, FirstBond
-from riftberg.diagnostics.dates import minute_text
 from riftberg.diagnostics.why import Reasons
 from riftberg.viz import colours, style
 from riftberg.viz.style import new_figure, save_figure

@@ -19,7 +19,7 @@ from riftberg.parameters import KernelParameters, Parameters
 from riftberg.physics.geometry import separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency, find_pairs, near_pairs, no_pairs
-from riftberg.state.numbering import numbered
+from riftberg.state.population import numbered
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from riftberg.state import Floats, Ints
-from riftberg.state.numbering import rows_of
+from riftberg.state.population import rows_of
 from riftberg.stepping.bodies.dynamics import BodyOperators
 from riftberg.stepping.bodies.pose import Bodies, tangent_coordinates
 from riftberg.stepping.contact.broad_phase import candidate_pairs

@@ -19,7 +19,7 @@ from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
-from riftberg.state.numbering import numbered
+from riftberg.state.population import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
 from riftberg.stepping.contact.broad_phase import contact_substeps
 from riftberg.stepping.explicit.breaking import Touch, add_contact

@@ -12,7 +12,7 @@ from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import SAME_BERG, no_pairs
-from riftberg.state.numbering import listed
+from riftberg.state.population import listed
 from riftberg.stepping.contact.broad_phase import (
     NO_PAIRS,
     NeighbourSearch,

@@ -26,14 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.config.places import duration_text
+from riftberg.config.units import duration_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import beam_parts, isotropic_parts
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.numbering import numbered
-from riftberg.state.population import cut_out
+from riftberg.state.population import cut_out, numbered
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals

@@ -19,7 +19,7 @@ import numpy as np
 from riftberg.parameters import KernelParameters
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.numbering import rows_of
+from riftberg.state.population import rows_of
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness
 from riftberg.stepping.lattice.cells import Booleans
 

@@ -17,7 +17,7 @@ from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.physics.averaging import principal
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.numbering import rows_of
+from riftberg.state.population import rows_of
 from riftberg.stepping.fragments.connectivity import Bridges, bridge_moments, find_bridges
 from riftberg.stepping.lattice.block_ldl import BlockLDL, Factors, solve_factored
 from riftberg.stepping.lattice.cells import Booleans, freed_edges

@@ -22,7 +22,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import nearest_image
 from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.numbering import rows_of
+from riftberg.state.population import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.cells import (

@@ -15,7 +15,7 @@ import shapely
 
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.numbering import rows_of
+from riftberg.state.population import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes, sides_of
 from riftberg.stepping.lattice.cells import outline_of_cells
 from riftberg.stepping.lattice.elastic_cells import laid_flat, lattices

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.state.numbering import rows_of
+from riftberg.state.population import rows_of
 from riftberg.stepping.bodies.pose import Bodies, bodies_from_elements, place_elements, split_bodies
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
