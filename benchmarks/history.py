@@ -2,9 +2,11 @@
 
     python benchmarks/history.py HEAD~50 HEAD~100
     python benchmarks/history.py --every 100 --number 5
+    python benchmarks/history.py --rounds 1 --folder F HEAD~50    first, to compile; with --rounds 3 to measure
 
 Each commit is checked out beside this one and measured by a process of its own with a kernel cache of its own. A round
-times every commit once; the least of all rounds counts, since other work on a machine only ever adds to it.
+times every commit once; the least of all rounds counts, since other work on a machine only ever adds to it. The table of
+docs/explanation/checks.md is one such run.
 """
 
 from __future__ import annotations
@@ -51,25 +53,23 @@ def measured(source: Path, cache: Path) -> dict[str, float] | None:
     return json.loads(run.stdout.splitlines()[-1]) if run.returncode == 0 else None
 
 
-def history(commits: list[str], rounds: int) -> list[dict[str, Any]]:
-    """Measure commits and this checkout in turns; the least of each figure."""
+def history(commits: list[str], rounds: int, folder: Path) -> list[dict[str, Any]]:
+    """Measure commits and this checkout in turns; the least of each figure. Checkouts and machine code stand in a folder."""
     rows: dict[str, dict[str, Any]] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        sources = {"this checkout": ROOT / "src"}
-        for commit in commits:
-            where = Path(folder) / commit
-            where.mkdir()
-            archive = subprocess.run(
-                ["git", "-C", str(ROOT), "archive", commit, "src"], capture_output=True, check=True
-            )
-            subprocess.run(["tar", "-x", "-C", str(where)], input=archive.stdout, check=True)
-            sources[commit] = where / "src"
-        for _ in range(rounds):
-            for name, source in sources.items():
-                figures = measured(source, Path(folder) / f"cache {name}")
-                row = rows.setdefault(name, {"commit": name})
-                for key, value in (figures or {}).items():
-                    row[key] = min(value, row.get(key, value))
+    sources = {"this checkout": ROOT / "src"}
+    for commit in commits:
+        where = folder / commit
+        where.mkdir(parents=True, exist_ok=True)
+        archive = subprocess.run(["git", "-C", str(ROOT), "archive", commit, "src"], capture_output=True, check=True)
+        subprocess.run(["tar", "-x", "-C", str(where)], input=archive.stdout, check=True)
+        sources[commit] = where / "src"
+    for _ in range(rounds):
+        for name, source in sources.items():
+            figures = measured(source, folder / f"cache {name}")
+            row = rows.setdefault(name, {"commit": name})
+            for key, value in (figures or {}).items():
+                row[key] = min(value, row.get(key, value))
+            print(row, file=sys.stderr, flush=True)
     return list(rows.values())
 
 
@@ -93,10 +93,12 @@ def main() -> int:
     parser.add_argument("--every", type=int, default=100, help="commits between those measured, if none is named")
     parser.add_argument("--number", type=int, default=5, help="how many are measured, if none is named")
     parser.add_argument("--rounds", type=int, default=3, help="times that each is measured")
+    parser.add_argument("--folder", type=Path, help="where checkouts and machine code are kept; else they are removed")
     options = parser.parse_args()
     named = options.commits or [f"HEAD~{options.every * k}" for k in range(1, options.number + 1)]
     commits = [git("rev-parse", "--short", name) for name in named]
-    print(markdown(history(commits, options.rounds)))
+    with tempfile.TemporaryDirectory() as passing:
+        print(markdown(history(commits, options.rounds, options.folder or Path(passing))))
     return 0
 
 

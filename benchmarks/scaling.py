@@ -2,7 +2,7 @@
 
     python benchmarks/scaling.py                 the table, as Markdown
     python benchmarks/scaling.py --json          the raw measurements
-    python benchmarks/scaling.py --sizes 500 2000
+    python benchmarks/scaling.py --sizes 500 2000 --scheme quasi_static
 
 Predicted is 25 ns for each element and sub-step: 11 microseconds for 440 elements, measured for gather, law and sum alone
 while the layout of the bonds was designed. It knows nothing of the long step, nor of caches.
@@ -26,9 +26,19 @@ LONG_STEP = 1800.0
 """Long step of these runs, s."""
 
 
-def measure(size: int) -> dict[str, Any]:
+def measure(size: int, scheme: str) -> dict[str, Any]:
     """Time a rectangular berg of ``size`` elements in fresh processes; the fastest run counts."""
-    command = [sys.executable, "-m", "riftberg.cli.main", "bench", "--scaling", f"{size}..{size}", "--json"]
+    command = [
+        sys.executable,
+        "-m",
+        "riftberg.cli.main",
+        "bench",
+        "--scaling",
+        f"{size}..{size}",
+        "--json",
+        "--set",
+        f"stepping.scheme={scheme}",
+    ]
     runs = [subprocess.run(command, capture_output=True, text=True, check=True) for _ in range(REPEATS)]
     row: dict[str, Any] = min(
         (json.loads(run.stdout)[0] for run in runs), key=lambda row: float(row["seconds_per_day"])
@@ -58,10 +68,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--json", action="store_true", help="print the raw measurements")
     parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="numbers of elements")
+    parser.add_argument("--scheme", default="mts", help="scheme of the runs")
     options = parser.parse_args()
     rows = []
     for size in options.sizes:
-        rows.append(measure(size))
+        rows.append(measure(size, options.scheme))
         print(f"{size} elements: {rows[-1]['seconds_per_day']:.3g} s per day", file=sys.stderr, flush=True)
     print(json.dumps(rows, indent=1) if options.json else markdown(rows))
     return 0

@@ -15,6 +15,7 @@ from riftberg.cli.main import SUMMARIES, app, function_of
 from riftberg.state.neighbours import find_pairs
 
 KERNELS = """\
+import gc
 import sys
 import numpy as np
 from riftberg.compiled.kernels import borrower, kernel
@@ -30,7 +31,11 @@ def all_doubled(values):
         total += doubled(value)
     return total
 
-print(all_doubled(np.ones(3)), len(doubled.overloads), len(doubled.part.overloads), "numba.np.arraymath" in sys.modules)
+searches = []
+gc.callbacks.append(lambda phase, info: searches.append(phase))
+result = all_doubled(np.ones(3))
+few = len(searches) < 40 and gc.isenabled()
+print(result, len(doubled.overloads), len(doubled.part.overloads), "numba.np.arraymath" in sys.modules, few)
 """
 
 ALLOCATION = """\
@@ -175,11 +180,14 @@ def test_the_lock_includes_that_of_xarray_once_it_is_loaded() -> None:
 
 @pytest.mark.compiled
 def test_a_kernel_that_kernels_call_is_a_part_of_their_code(tmp_path: Path) -> None:
-    """One file of machine code; and loaded again it does without what numba loads to compile."""
+    """One file of machine code; and loaded again it does without what numba loads to compile.
+
+    Compiling is not stopped by searches for cycles of objects, which go on afterwards.
+    """
     first = said(KERNELS, tmp_path, RIFTBERG_CACHE=str(tmp_path / "cache"))
     again = said(KERNELS, tmp_path, RIFTBERG_CACHE=str(tmp_path / "cache"))
-    assert first == "6.0 0 1 True"
-    assert again == "6.0 0 0 False"
+    assert first == "6.0 0 1 True True"
+    assert again == "6.0 0 0 False True"
     assert len(list(tmp_path.rglob("*.code"))) == 1
 
 

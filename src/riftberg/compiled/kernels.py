@@ -127,9 +127,9 @@ def is_warm() -> bool:
     return any(next(folder.glob(f"*{ENDING}"), None) for folder in code_folders())
 
 
-def kernel(function: _F, *, parallel: bool = False) -> _F:
+def kernel(function: _F) -> _F:
     """Compile ``function`` on first call and keep the machine code."""
-    return _compiled(function, parallel=parallel)
+    return _compiled(function)
 
 
 def borrower(function: _F) -> _F:
@@ -173,7 +173,7 @@ def _in_parts(function: _F, options: dict[str, Any]) -> Any:
     from riftberg.compiled.parts import Kernel, TupleKernel
 
     asked = {str(kind) for name, kind in function.__annotations__.items() if name != "return"}
-    kind = Kernel if asked <= PLAIN or options.get("parallel") else TupleKernel
+    kind = Kernel if asked <= PLAIN else TupleKernel
     return kind(function, targetoptions={"nopython": True, "boundscheck": None, **options})
 
 

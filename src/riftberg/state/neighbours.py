@@ -39,6 +39,15 @@ def no_pairs(count: int) -> PairList:
 
 
 @kernel
+def _extremes(values: Floats) -> tuple[float, float]:
+    """Smallest and largest of some values: a loop compiles in no time, NumPy's own take a third of a second each."""
+    low, high = np.inf, -np.inf
+    for value in values:
+        low, high = min(low, value), max(high, value)
+    return low, high
+
+
+@kernel
 def _covered(x: Floats, period: float) -> tuple[float, float]:
     """Where the elements begin on the circle, and how much of it they cover: the whole, or from one of two cuts less."""
     low, low_across = np.inf, np.inf
@@ -61,15 +70,13 @@ def _hash_columns(
 
     On a circle only the part is binned that the elements cover, where the gap is wider than their reach.
     """
-    high = 0.0
-    for lat in y:
-        high = max(high, abs(lat))
+    (x0, x1), (y0, y1) = _extremes(x), _extremes(y)
+    high = max(abs(y0), abs(y1))
     per_unit = np.pi / 180.0 * radius if latlon else 1.0
     # The largest cosine deficit makes columns wide enough everywhere; near the pole one column holds all.
     cosine = max(fast_cos_latitude(min(high + reach / per_unit, 90.0)), 1e-3) if latlon else 1.0
     width_x, width_y = reach / (per_unit * cosine), reach / per_unit
-    x0, y0 = x.min(), y.min()
-    span, closed = x.max() - x0, period > 0.0
+    span, closed = x1 - x0, period > 0.0
     if closed:
         begin, covered = _covered(x, period)
         closed = not covered + 3.0 * width_x < period
@@ -78,12 +85,12 @@ def _hash_columns(
     # Bergs far apart must not make a grid of mostly empty cells that costs more than the search.
     most = max(_FEWEST_CELLS, _CELLS_PER_ELEMENT * x.size)
     across = min(max(span / width_x, 1.0), _MAX_COLUMNS)
-    rows = int(min(max((y.max() - y0) / width_y + 1.0, 1.0), min(max(math.sqrt(most), most / across), _MAX_COLUMNS)))
+    rows = int(min(max((y1 - y0) / width_y + 1.0, 1.0), min(max(math.sqrt(most), most / across), _MAX_COLUMNS)))
     columns = int(min(across, max(most // rows, 1)))
     width_x = span / columns if closed else max(width_x, span / columns)
     if not closed:
         columns = min(columns + 1, _MAX_COLUMNS + 1)
-    return width_x, max(width_y, (y.max() - y0) / rows), columns, rows + 1, x0, y0, closed
+    return width_x, max(width_y, (y1 - y0) / rows), columns, rows + 1, x0, y0, closed
 
 
 @kernel
@@ -221,7 +228,7 @@ def _near_other_boxes(
     for lat in y:
         high = max(high, abs(lat))
     per_unit = DEGREE * radius if latlon else 1.0
-    cosine = max(fast_cos_latitude(min(high + reach.max() / per_unit, 90.0)), 1e-3) if latlon and count else 1.0
+    cosine = max(fast_cos_latitude(min(high + _extremes(reach)[1] / per_unit, 90.0)), 1e-3) if latlon and count else 1.0
     boxes = 0
     for e in range(count):
         along[e] = x[e] - x[0]
@@ -267,24 +274,35 @@ def _near_pairs(
         return np.empty(0, np.int64), np.empty(0, np.int64)
     level = np.zeros(count, np.int64)
     # Where even the widest reach meets few others, one class is enough, and each class costs a look at all.
-    columns, rows, closed, cell, bin_start, member = _binned(x, y, 2.0 * reach.max(), latlon, radius, period)
+    columns, rows, closed, cell, bin_start, member = _binned(x, y, 2.0 * _extremes(reach)[1], latlon, radius, period)
     crowded = _crowded(bin_start)
     if crowded:
-        least = reach.min()
+        least = _extremes(reach)[0]
         for e in range(count):
             level[e] = int(np.log2(reach[e] / least))
     first, second = np.empty(4 * count, np.int64), np.empty(4 * count, np.int64)
     total = 0
     per_unit = DEGREE * radius if latlon else 1.0
-    for k in range(level.max(), -1, -1):
-        asking = np.flatnonzero(level == k)
-        if asking.size == 0:
+    widest = 0
+    for e in range(count):
+        widest = max(widest, level[e])
+    asked = np.empty(count, np.int64)
+    for k in range(widest, -1, -1):
+        number, far = 0, -1.0
+        for e in range(count):
+            if level[e] <= k:
+                asked[number] = e
+                number += 1
+            if level[e] == k:
+                far = max(far, 2.0 * reach[e])
+        if far < 0.0:
             continue
-        asked = np.flatnonzero(level <= k)
         if crowded:
-            far = 2.0 * reach[asking].max()
-            columns, rows, closed, cell, bin_start, member = _binned(x[asked], y[asked], far, latlon, radius, period)
-        for one in range(asked.size):
+            some = asked[:number]
+            columns, rows, closed, cell, bin_start, member = _binned(
+                _gathered_rows(x, some), _gathered_rows(y, some), far, latlon, radius, period
+            )
+        for one in range(number):
             e = asked[one]
             if level[e] != k:
                 continue
@@ -312,8 +330,21 @@ def _near_pairs(
                             first[total], second[total] = min(e, f), max(e, f)
                             total += 1
     # Sorted by both ends: the order must not depend on how the bins were gone through.
-    order = np.argsort(first[:total] * count + second[:total])
-    return first[:total][order], second[:total][order]
+    for n in range(total):
+        first[n] = first[n] * count + second[n]
+    _sort(first, 0, total)
+    for n in range(total):
+        first[n], second[n] = first[n] // count, first[n] % count
+    return first[:total].copy(), second[:total].copy()
+
+
+@kernel
+def _gathered_rows(values: Floats, rows: Ints) -> Floats:
+    """Return the values of some rows."""
+    found = np.empty(rows.size)
+    for k in range(rows.size):
+        found[k] = values[rows[k]]
+    return found
 
 
 @kernel
@@ -327,7 +358,7 @@ def _longer(values: Ints) -> Ints:
 
 @kernel
 def _sort(values: Ints, first: int, behind: int) -> None:
-    """Sort a few of the values in place, by Shell's method: NumPy's own sort takes seconds to compile."""
+    """Sort some of the values in place, by Shell's method: NumPy's own sort takes seconds to compile."""
     # The gaps 1, 4, 13, 40, ... of Knuth.
     gap = 1
     while gap < (behind - first) // 3:

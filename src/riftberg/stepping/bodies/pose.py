@@ -249,11 +249,20 @@ def split_bodies(bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latl
 
 
 @kernel
+def _number_of(body: Ints) -> int:
+    """How many fragments there are: one more than the largest of their numbers."""
+    count = 0
+    for b in body:
+        count = max(count, b + 1)
+    return count
+
+
+@kernel
 def _split_bodies(
     bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon: bool, radius: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies` (no named tuple: see `riftberg.compiled.kernels`)."""
-    count = body.max() + 1
+    count = _number_of(body)
     reference, displacement = bodies.reference.copy(), bodies.displacement.copy()
     pose, twist = np.zeros((count, 3, 3)), np.zeros((count, 3))
     total, centre, old = np.zeros(count), np.zeros((count, 3)), np.full(count, -1, np.int64)
@@ -264,23 +273,28 @@ def _split_bodies(
         for i in range(3):
             centre[b, i] += mass[e] * bodies.reference[e, i]
     for b in range(count):
-        q, c = bodies.pose[old[b]], centre[b] / total[b]
+        q = bodies.pose[old[b]]
+        c = centre[b, 0] / total[b], centre[b, 1] / total[b], centre[b, 2] / total[b]
         r0 = bodies.twist[old[b]]
         if not latlon:
-            pose[b] = q
+            for i in range(3):
+                centre[b, i] = c[i]
+                for k in range(3):
+                    pose[b, i, k] = q[i, k]
             dx, dy = q[0, 0] * c[0] + q[0, 1] * c[1], q[1, 0] * c[0] + q[1, 1] * c[1]
             pose[b, 0, 2], pose[b, 1, 2] = q[0, 2] + dx, q[1, 2] + dy
             twist[b, 0], twist[b, 1], twist[b, 2] = r0[0] - r0[2] * dy, r0[1] + r0[2] * dx, r0[2]
-            centre[b] = c
             continue
         size = math.sqrt(c[0] ** 2 + c[1] ** 2 + c[2] ** 2)
-        centre[b] = c / size
+        for i in range(3):
+            centre[b, i] = c[i] / size
         multiply(q, _frame_at(c[0] / size, c[1] / size, c[2] / size), pose[b])
         _twist_at(q[:, 2], pose[b, :, 2], r0, twist[b], radius)
     for e in range(body.size):
         b = body[e]
         if not latlon:
-            reference[e] = bodies.reference[e] - centre[b]
+            for i in range(3):
+                reference[e, i] = bodies.reference[e, i] - centre[b, i]
             continue
         to = _frame_at(centre[b, 0], centre[b, 1], centre[b, 2])
         for i in range(3):
@@ -408,7 +422,7 @@ def _bodies_from_elements(
     lon: Floats, lat: Floats, body: Ints, mass: Floats, latlon: bool, radius: float, period: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies` (no named tuple: see `riftberg.compiled.kernels`)."""
-    count = body.max() + 1
+    count = _number_of(body)
     reference, pose, total = np.zeros((body.size, 3)), np.zeros((count, 3, 3)), np.zeros(count)
     anchor = np.full(count, -1, np.int64)
     for e in range(body.size):

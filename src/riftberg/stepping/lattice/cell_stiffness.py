@@ -165,7 +165,9 @@ def node_displacements(outline: OutlineNodes, of_elements: Floats) -> Floats:
     """Displacements of all nodes (m, m, rad) by those of the elements; shape (nodes, 3)."""
     element, node, pull, free, elements = outline.element, outline.node, outline.pull, outline.free, len(of_elements)
     every, load = np.zeros((elements + len(free), 3)), np.zeros(free.shape)
-    every[:elements] = of_elements
+    for e in range(elements):  # an assignment of whole arrays takes seconds to compile
+        for i in range(3):
+            every[e, i] = of_elements[e, i]
     for n in range(element.size):
         e, k = element[n], node[n]
         for i in range(2):

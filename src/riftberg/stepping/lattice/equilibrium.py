@@ -183,7 +183,8 @@ def balanced_loads(
     2); ``force``: N, N, N m (elements, 3); ``mass``, ``inertia``: kg, kg m2; ``spin``: rad s-1 (fragments,).
     """
     load, twist = np.empty((body.size, 3)), np.zeros((spin.size, 3))
-    twist[:, 2] = spin
+    for b in range(spin.size):  # an assignment of whole arrays takes seconds to compile
+        twist[b, 2] = spin[b]
     balance_loads(body, xy, turn, 0, force, mass, inertia, twist, np.empty((spin.size, 7)), load)
     return load
 

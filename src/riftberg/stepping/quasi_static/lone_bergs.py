@@ -15,7 +15,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.ocean.cells import settle_elements
@@ -23,6 +22,7 @@ from riftberg.state import Floats, Ints
 from riftberg.state.population import Population, cut_out
 from riftberg.stepping.bodies.dynamics import (
     MAX_ITERATIONS,
+    Booleans,
     ElementForcing,
     acceleration_by_media,
     allocate_forcing,
@@ -40,8 +40,6 @@ from riftberg.stepping.contact.land import land_corrections
 from riftberg.stepping.forces.media import MEDIA, SEA_FLOOR, ForcedElements
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.run_state import RunState
-
-Booleans = NDArray[np.bool_]
 
 FEWEST = 2000
 """Lone bergs from which on they go by themselves: with fewer it costs as much to copy the others out and back."""
