@@ -266,7 +266,7 @@ def unlikely(name: str, low: float, high: float) -> str:
     if low < least:
         return f"below {least:g} it is not believable"
     if name == "depth_below_surface" and low < high <= 0.0:
-        return "nowhere is there water: it looks like a height, positive up"
+        return "nowhere is there water: it looks like a height, positive up (then give it the attribute positive: up)"
     if name == "depth_below_surface" and -low > high > low:
         return f"from {low:.4g} to {high:.4g} m it looks like a height, positive up (of depths, leave land missing)"
     return ""

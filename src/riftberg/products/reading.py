@@ -241,6 +241,14 @@ def _decoded(raw: xr.Dataset) -> xr.Dataset:
 def _with_named_coordinates(raw: xr.Dataset, names: Mapping[str, str]) -> xr.Dataset:
     """Return a file that says of each coordinate a user names what it is."""
     said = {names[key]: attrs for key, attrs in COORDINATES.items() if names.get(key) in raw.variables}
+    levels = names.get("depth")
+    if (
+        levels in raw.variables and levels not in raw.dims and raw[levels].ndim == 2
+    ):  # levels lie along one dimension, or change in place
+        raise ForcingError(
+            f"{levels} is a map, but depth names the levels of a field", where="names, depth",
+            remedy=f"The depth of the sea floor is depth_below_surface: {levels}",
+        )  # fmt: skip
     return _with_attributes(raw, {name: {**raw[name].attrs, **attrs} for name, attrs in said.items()}) if said else raw
 
 

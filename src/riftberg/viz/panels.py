@@ -309,7 +309,7 @@ class Panel(Map):
         from matplotlib.collections import LineCollection, PolyCollection
 
         scene, run = self.scene, self.scene.run
-        first, second = run["first"].values, run["second"].values
+        first, second = run["bond_first"].values, run["bond_second"].values
         ends = np.stack([np.stack([scene.x[record][k], scene.y[record][k]], axis=-1) for k in (first, second)], axis=1)
         # Bonds of hexagons cross at 60 degrees and are drawn slimmer.
         width = np.sqrt(scene.area[first]) * np.where(scene.sides[first] == 6, 0.34, 0.62)
