@@ -27,7 +27,7 @@ from riftberg.cli.options import (
 )
 from riftberg.cli.terminal import console, reported, say
 from riftberg.errors import InputError
-from riftberg.system.input_files import check_file, is_folder, reading
+from riftberg.system.input_files import check_file, is_folder
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from riftberg.diagnostics.compare import Comparison, Known
 
 
-PICTURES: Final = ("comparison.json", "comparison.png", "tracks.png")
+PICTURES: Final = ("comparison.json", "tracks.png")
 """Files that a comparison may write into its folder."""
 
 
@@ -48,7 +48,7 @@ def compare(
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for comparison.json, comparison.png and tracks.png.")
+        Path | None, typer.Option("--output", "-o", help="Folder for comparison.json and tracks.png.")
     ] = None,
     observed: Annotated[
         Path | None,
@@ -70,8 +70,9 @@ def compare(
         from riftberg.viz.score import draw_compared
 
         with results_folder(output, PICTURES, taken=PICTURES):
-            written = [result.write(output / PICTURES[0]), *joined_maps(runs, output / PICTURES[1])]
-            written.append(draw_compared(result.runs, result.fixes, output / PICTURES[2]))
+            written = [
+                result.write(output / PICTURES[0]), draw_compared(result.runs, result.fixes, output / PICTURES[1])
+            ]  # fmt: skip
         say("Written: " + ", ".join(str(path) for path in written))
 
 
@@ -187,29 +188,6 @@ def show(result: Comparison) -> None:
         for label, cells in rows:
             table.add_row(label, *cells)
         console(40 + 34 * (len(columns) - 1)).print(table, highlight=False)
-
-
-def joined_maps(runs: Sequence[Path], path: Path) -> list[Path]:
-    """Put the maps of runs below each other; nothing where a run has none.
-
-    Returns
-    -------
-    list of Path
-        The picture, if there is one.
-    """
-    import numpy as np
-    from matplotlib.image import imread, imsave
-
-    maps = [folder_of(run) / "map.png" for run in runs if not member_of(run)]
-    if not maps or not all(one.is_file() for one in maps):
-        return []
-    pictures = []
-    for one in maps:
-        with reading(one, "no picture that can be read", "Make the run again, or remove the file"):
-            pictures.append(imread(one)[..., :3])
-    width = min(picture.shape[1] for picture in pictures)
-    imsave(path, np.concatenate([picture[:, :width] for picture in pictures]))
-    return [path]
 
 
 @reported

@@ -226,7 +226,7 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
 
 def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
     """Run an experiment with both numerics and show them side by side."""
-    from riftberg.cli.compare import comparison, joined_maps, show
+    from riftberg.cli.compare import comparison, show
     from riftberg.ensembles.uncertain import with_errors
     from riftberg.experiments import build
 
@@ -252,7 +252,9 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
     show(table)
     files = [table.write(folder / "comparison.json")]
     if wanted.draw:
-        files += joined_maps(folders, folder / "comparison.png")
+        from riftberg.viz.score import draw_compared
+
+        files.append(draw_compared(table.runs, table.fixes, folder / "tracks.png"))
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
