@@ -257,9 +257,12 @@ def rerun(
             if code:
                 raise typer.Exit(code)
         except BaseException:
+            # A run that was stopped on its way goes on from the file.
             if FILE in kept and not there and not (folder / "run.nc").exists():
                 file.unlink(missing_ok=True)
             raise
+        if FILE in kept and not there:  # it lacks what was changed, and the run file keeps both
+            file.unlink(missing_ok=True)
 
 
 def _kept_of_member(run: Path) -> tuple[dict[str, str], list[str]]:
