@@ -61,9 +61,9 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     x, label, words = _scale(done, names[0])
     # A second parameter is shown by colour; with one alone the colour shows that one.
     shade, shade_label, shade_words = _scale(done, names[min(1, len(names) - 1)])
-    shades, bar = _colour_bar(figure.colorbar, list(axes.values()), shade)
-    bar.set_label(shade_label, fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+    scale = _scale_of(shade)
+    shades = np.asarray(scale.to_rgba(shade))
+    bar = style.colour_bar(list(axes.values()), scale, shade_label, location="right", shrink=1.0, aspect=50)
     if shade_words:
         bar.set_ticks(range(len(shade_words)), labels=shade_words)
     chart, ice = _draw_members(axes["tracks"], done, shades)
@@ -93,18 +93,15 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     return style.save_figure(figure, path)
 
 
-def _colour_bar(colorbar: Any, axes: list[Axes], values: Array) -> tuple[Array, Any]:
-    """Draw the scale of the colours beside axes; return the colour of each value, and the bar."""
+def _scale_of(values: Array) -> Any:
+    """Return the scale of colours of values."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, Normalize
 
     low, high = float(values.min()), float(values.max())
-    scale = ScalarMappable(
-        Normalize(low, high if high > low else low + 1.0),
-        ListedColormap(colormaps["viridis"](np.linspace(*SHADES, 256))),
-    )
-    return np.asarray(scale.to_rgba(values)), colorbar(scale, ax=axes, aspect=50, pad=0.02)
+    shades = ListedColormap(colormaps["viridis"](np.linspace(*SHADES, 256)))
+    return ScalarMappable(Normalize(low, high if high > low else low + 1.0), shades)
 
 
 def _draw_members(ax: Axes, done: xr.Dataset, shades: Array) -> tuple[Map, tuple[Array, Array]]:
@@ -179,14 +176,10 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     figure = style.new_figure(14.0, 8.0, dpi)
     axes = figure.subplot_mosaic([["map", "dates"], ["map", "cracks"]], width_ratios=(0.56, 0.44))
     shown, finish = _draw_presence(axes["map"], result)
-    bar = figure.colorbar(shown, ax=axes["map"], orientation="horizontal", aspect=45, pad=0.03, shrink=0.9)
-    bar.set_label("probability that ice passes over", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+    style.colour_bar([axes["map"]], shown, "probability that ice passes over", shrink=0.9)
     _draw_dates(axes["dates"], result)
     cracks = _draw_cracks(axes["cracks"], result, notes)
-    bar = figure.colorbar(cracks, ax=axes["cracks"], aspect=25, pad=0.02)
-    bar.set_label("probability of a crack", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+    style.colour_bar([axes["cracks"]], cracks, "probability of a crack", location="right", shrink=1.0, aspect=25)
     for k, ax in enumerate(axes.values()):
         style.letter(ax, k)
     done = int((result["status"] == 0).sum())

@@ -389,16 +389,8 @@ def speed_bar(axes: Sequence[Axes], top: float) -> None:
     from matplotlib.colors import Normalize
     from matplotlib.ticker import MaxNLocator
 
-    bar = axes[0].figure.colorbar(
-        ScalarMappable(Normalize(0.0, top), colours.speed_map()),
-        ax=axes,
-        location="bottom",
-        shrink=0.6,
-        aspect=45,
-        pad=0.02,
-    )
-    bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
-    bar.ax.tick_params(labelsize=8, length=2)
+    shown = ScalarMappable(Normalize(0.0, top), colours.speed_map())
+    bar = style.colour_bar(axes, shown, "speed of the current (m s$^{-1}$)")
     bar.ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 
@@ -419,10 +411,7 @@ def melt_bar(axes: Sequence[Axes], low: float, top: float) -> Normalize:
     from matplotlib.colors import Normalize
 
     scale = Normalize(low, max(0.01, top))
-    shown = ScalarMappable(scale, colours.melt_map())
-    bar = axes[0].figure.colorbar(shown, ax=axes, location="bottom", shrink=0.6, aspect=45, pad=0.02)
-    bar.set_label("thickness lost since the start (m)", fontsize=8)
-    bar.ax.tick_params(labelsize=8, length=2)
+    style.colour_bar(axes, ScalarMappable(scale, colours.melt_map()), "thickness lost since the start (m)")
     return scale
 
 
@@ -435,9 +424,7 @@ def depth_bar(panel: Map) -> None:
         return
     shades = colours.depth_map()
     scale = ScalarMappable(BoundaryNorm(DEPTHS, shades.N), shades)
-    bar = panel.ax.figure.colorbar(scale, ax=panel.ax, location="bottom", shrink=0.7, aspect=40, pad=0.02)
-    bar.set_label("depth of the sea floor (m)", fontsize=8)
-    bar.ax.tick_params(labelsize=8, length=2)
+    style.colour_bar([panel.ax], scale, "depth of the sea floor (m)", shrink=0.7, aspect=40)
 
 
 def arrow_key(quiver: Quiver, top: float) -> None:
