@@ -87,7 +87,7 @@ class Map:
         else:
             draw_graticule(ax, box, plane, lines=ticks)
         ax.set_facecolor(colours.SEA)
-        self.shaded = False
+        self.shaded = self.zone = False
         # Runs in metres that are no place on the Earth have no coast.
         self.coast = draw_coast(ax, box, plane=plane) if latlon or plane is not None else set()
 
@@ -153,21 +153,25 @@ class Map:
         if depth.mask.all() or float(depth.max()) <= min(NO_FLOOR, NO_FLOOR if draft is None else draft):
             return False
         low, high = float(depth.min()), float(depth.max())
+        stepped = len(np.unique(depth.compressed())) < STEPPED
+        self.zone = stepped and low <= 0.0 < high  # a part is declared dry, and no depths are known
         # A floor that is all of one colour needs no scale.
-        coloured = shaded and low < UNKNOWN_DEPTH
+        coloured = shaded and low < UNKNOWN_DEPTH and not self.zone
         self.shaded = coloured and len(set(np.digitize([low, high], DEPTHS))) > 1
         if coloured:  # also where it is all of one colour: maps side by side have the same sea
             shades = colours.depth_map()
             norm = BoundaryNorm(DEPTHS, shades.N)
             self.ax.contourf(x, y, depth, levels=DEPTHS, cmap=shades, norm=norm, zorder=0.5, antialiased=True)
         levels = [d for d in ISOBATHS if low < d < high]
-        if levels and len(np.unique(depth.compressed())) >= STEPPED:
+        if levels and not stepped:
             lines = self.ax.contour(x, y, depth, levels=levels, colors=colours.ISOBATH, linewidths=0.6, zorder=2)
             if labels:
                 self.ax.clabel(lines, fmt="%d m", fontsize=6)
         if not hatched or draft is None or not low < draft:
             return False
-        filled = self.ax.contourf(x, y, depth, levels=[-1e9, draft], colors="none", hatches=["////"], zorder=3)
+        filled = self.ax.contourf(
+            x, y, depth, levels=[-1e9, draft], colors="none", hatches=["/" if self.zone else "////"], zorder=3
+        )
         filled.set_edgecolor(colours.GROUND)
         filled.set_linewidth(0.0)
         if draft < high:  # else the whole map is too shallow
