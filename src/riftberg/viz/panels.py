@@ -123,12 +123,14 @@ class Map:
         middle = 0.5 * (self.box.west + self.box.east)
         return (x - 360.0 * np.round((x - middle) / 360.0) if self.latlon else x), y
 
-    def draw_place(self, x: Floats, y: Floats, labels: style.Labels | None = None) -> None:
+    def draw_place(self, x: Floats, y: Floats, labels: style.Labels | None = None) -> Axes | None:
         """Draw where on the Earth the map lies, off points of it, once the axes have their place; labels keep off."""
-        if self.latlon or self.plane is not None:
-            inset = draw_place(self.ax, self.box, self.plane, x, y)
-            if inset is not None and labels is not None:
-                labels.avoid_box(inset.get_window_extent())
+        if not self.latlon and self.plane is None:
+            return None
+        inset = draw_place(self.ax, self.box, self.plane, x, y)
+        if inset is not None and labels is not None:
+            labels.avoid_box(inset.get_window_extent())
+        return inset
 
     def mesh(self, points: int) -> tuple[Floats, Floats]:
         """Return points on an even mesh over the map."""
