@@ -30,7 +30,7 @@ from riftberg.diagnostics.outlines import Outline, aligned_overlap, intersection
 from riftberg.diagnostics.score import Match, Score, ScoredDay, score_run
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options, build
-from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL
+from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL
 from riftberg.ocean.grid import haversine
 from riftberg.plane import OrthographicPlane
 from riftberg.runs.run_file import open_run

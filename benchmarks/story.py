@@ -22,8 +22,7 @@ import shapely
 from riftberg.diagnostics.outlines import axis_difference
 from riftberg.diagnostics.summary import breakups, fragment_areas
 from riftberg.experiments import Numerics, Options
-from riftberg.experiments.a68a import DAYS, story_model
-from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
+from riftberg.experiments.a68a import A68A_OBSERVED, DAYS, ObservedDay, story_model
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import Packing
 from riftberg.physics.floating import draft_of
@@ -206,7 +205,7 @@ def long_side(model: Model, on: Any, here: Position) -> float:
 def rectangle_azimuth(shape: Any) -> float:
     """Return the azimuth of the long side of the least rectangle around a shape (m east and north), degrees, 0 to 180.
 
-    `riftberg.experiments.a68a_observed` gives it for the observed outlines. It goes by the outermost points, where the axis of
+    `riftberg.experiments.a68a` gives it for the observed outlines. It goes by the outermost points, where the axis of
     the largest second moment (`riftberg.diagnostics.outlines.polygon_moments`) goes by the area: for outlines of A68a both
     differ by up to 10 degrees.
     """

@@ -154,14 +154,18 @@ def _default(field: Any) -> str:
 def variables_page() -> str:
     """Return the page of the state variables and of the run file."""
     from riftberg.runs import run_file, tracks
+    from riftberg.runs.layout import BOND_LATEST, in_file
     from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
     def rows(variables: Any) -> list[tuple[str, ...]]:
-        yes = ("", "yes")
+        written = {v.name for v in variables if v.output} | {*run_file.SHAPE, *BOND_LATEST}
         return [
-            (code(v.name), v.units, v.long_name, code(v.standard_name), yes[v.output], yes[v.restart])
+            (
+                code(v.name), v.units, v.long_name, code(v.standard_name),
+                code(in_file(v.name)) if v.name in written else "", "yes" if v.restart else "",
+            )
             for v in variables
-        ]
+        ]  # fmt: skip
 
     heads = ("name", "units", "meaning", "CF standard name", "in the run file", "in restarts")
     fragments = [(code(f"fragment_{v.name}"), v.units, v.long_name) for v in run_file.FRAGMENT_VARIABLES]
@@ -172,7 +176,7 @@ def variables_page() -> str:
             "## Run file\n",
             "`run.nc` is one CF-1.11 NetCDF-4 file that opens with `xarray.open_dataset` as it is, and with TrajAn and",
             "clouddrift. Variables of an element are tables `(trajectory, time)`; "
-            f"{', '.join(map(code, run_file.SHAPE))} are written once. Bonds have the dimension `bond`:",
+            f"{', '.join(code(in_file(name)) for name in run_file.SHAPE)} are written once. Bonds have the dimension `bond`:",
             f"{', '.join(map(code, run_file.BOND_HISTORY))} are `(bond, time)` (so is `damage`, in runs with",
             "[damage](../explanation/damage.md)), the others hold the latest state. There `peak_stress` is the largest",
             "`normal_stress` of any sub-step since the record before, not of the last long step alone. Positions and",

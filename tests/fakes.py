@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from riftberg import constants
-from riftberg.diagnostics.cases import BeamCase, clamped_line
 from riftberg.errors import RunError
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save
@@ -173,23 +172,3 @@ class FakeModel:
             for recorder in started:
                 recorder.finish(self)
         hold.check()
-
-
-class BendingModel(FakeModel):
-    """A clamped beam in metres that comes down along the line of theory within a day, and 2 % beyond it."""
-
-    def __init__(self, case: BeamCase, youngs_modulus: float = 5e6) -> None:
-        self.case, self.stiffness = case, youngs_modulus * case.second_moment
-        super().__init__(
-            case.columns, case.rows, latlon=False,
-            parameters=A68A_2022.changed(bonds={"youngs_modulus": youngs_modulus}, fracture={"enabled": False}),
-            break_time=math.inf,
-        )  # fmt: skip
-
-    def _place(self) -> None:
-        case = self.case
-        along, down = clamped_line(case.length, case.load, self.stiffness, case.columns)
-        part = min(1.0, self.time / 86_400.0) * 1.02
-        x, y = (a.reshape(case.columns, case.rows) for a in (self._x, self._y))
-        self.elements.lon[:] = (x + part * (along[:, None] - x + x[0, 0])).ravel()
-        self.elements.lat[:] = (y - part * down[:, None]).ravel()

@@ -317,7 +317,7 @@ def test_every_element_has_values_in_its_life_and_at_no_other_time(recorded: tup
         for record, positions in enumerate(seen.values()):
             there = np.isfinite(x[record])
             assert dict(zip(ids[there].tolist(), x[record][there].tolist(), strict=True)) == positions
-            for name in ("u_sync", "thickness", "berg", "mass"):
+            for name in ("u", "thickness", "berg", "mass"):
                 assert (np.isfinite(run[name].transpose("time", "trajectory").values[record]) == there).all(), name
 
 
@@ -333,7 +333,7 @@ def test_bonds_name_rows_of_the_file(recorded: tuple) -> None:
     with open_run(recorded[0]) as run:
         x = run["x"].transpose("time", "trajectory").values
         there = np.isfinite(x)
-        first, second = run["first"].values, run["second"].values
+        first, second = run["bond_first"].values, run["bond_second"].values
         assert (there[:, first] & there[:, second]).any(axis=0).all()
         apart = np.where(there[:, first] & there[:, second], np.abs(x[:, first] - x[:, second]), 0.0).max(axis=0)
         assert (apart < 2.0 * SIDE).all()

@@ -101,7 +101,7 @@ def test_bergs_of_different_packing_thickness_and_size_go_through_one_run(tmp_pa
     ocean = Steady.balanced((0.2, 0.0), -56.0)
     run = Model(both, ocean).run(days=0.25)
     assert run["fragment_name"].values.tolist() == ["A", "B", "C"]
-    assert sorted(set(run["sides"].values.tolist())) == [4, 6]
+    assert sorted(set(run["corners"].values.tolist())) == [4, 6]
     # Each goes as it goes alone.
     for k, berg in enumerate((large, small, middle), 1):
         alone = Model(berg, ocean, Parameters()).run(days=0.25)

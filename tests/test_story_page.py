@@ -12,7 +12,7 @@ import shapely
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.outlines import axis_difference, polygon_moments, polygon_on
-from riftberg.experiments.a68a_observed import A68A_OBSERVED
+from riftberg.experiments.a68a import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.plane import ConformalPlane
 from scripts import loaded, table_rows

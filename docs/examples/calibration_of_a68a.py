@@ -20,7 +20,7 @@ from sensitivity_of_a68a import a68a
 from riftberg import calibrate, open_sweep
 from riftberg.diagnostics.observed import Observations, read_observed
 from riftberg.verification.calibrate import Errors
-from riftberg.viz.inputs import draw_posterior, draw_predictive
+from riftberg.viz.ensemble import draw_posterior, draw_predictive
 
 INPUTS = {
     "start.strength": "~lognormal(1, 0.5)",

@@ -18,7 +18,7 @@ from riftberg.experiments.a68a import story_model
 from riftberg.experiments.registry import Options
 from riftberg.ocean.story import OWN, StoryOcean
 from riftberg.verification.sightings import drift_error
-from riftberg.viz.inputs import draw_sensitivity
+from riftberg.viz.ensemble import draw_sensitivity
 
 INPUTS = {
     "start.strength": "~lognormal(1, 20 %)",

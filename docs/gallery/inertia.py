@@ -17,7 +17,7 @@ run = model.run(days=2, every_hours="10 min")
 
 # %%
 # The heading rotates steadily; its rate gives the period.
-u, v = run["u_sync"].values[0], run["v_sync"].values[0]
+u, v = run["u"].values[0], run["v"].values[0]
 hours = (run["time"] - run["time"][0]).values / np.timedelta64(1, "h")
 turned = np.unwrap(np.arctan2(v, u))
 period = 2 * np.pi / np.polyfit(hours, turned, 1)[0]

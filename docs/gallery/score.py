@@ -11,7 +11,7 @@ from pathlib import Path
 from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.score import score_run
 from riftberg.experiments import build
-from riftberg.experiments.a68a_observed import A68A_OBSERVED
+from riftberg.experiments.a68a import A68A_OBSERVED
 from riftberg.viz.score import draw_score
 
 lines = ["date,lat,lon,area_km2,azimuth"]

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from riftberg.stepping.laws import Laws
     from riftberg.system.limits import allow_large
     from riftberg.verification.calibrate import calibrate
+    from riftberg.viz.ensemble import draw_sweep
     from riftberg.viz.map import draw_map, draw_tracks
     from riftberg.viz.plots import draw_fragments, draw_stress
-    from riftberg.viz.sweep import draw_sweep
 
 _HOMES = {
     "Iceberg": "riftberg.bergs.iceberg",
@@ -62,7 +62,7 @@ _HOMES = {
     "draw_fragments": "riftberg.viz.plots",
     "draw_map": "riftberg.viz.map",
     "draw_stress": "riftberg.viz.plots",
-    "draw_sweep": "riftberg.viz.sweep",
+    "draw_sweep": "riftberg.viz.ensemble",
     "draw_tracks": "riftberg.viz.map",
 }
 

@@ -673,7 +673,7 @@ def start_of(forcing: Forcing, given: datetime | None) -> datetime:
         raise InputError(
             f"the forcing counts its time from {own}, the model from {given}",
             where="start",
-            remedy="Give both the same start",
+            remedy=f"Give both the same start, such as Forcing.from_dataset(ds, start='{given:%Y-%m-%d %H:%M}')",
         )
     return given or (own if isinstance(own, datetime) else DEFAULT_START)
 

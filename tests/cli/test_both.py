@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from experiments.paper_files import stand_ins
@@ -45,7 +44,7 @@ def test_both_numerics_side_by_side_in_one_command(
     result = call("run", "a68a-paper", "--data", str(files), "--days", "0.25", "--numerics", "both", "-q")
     assert result.exit_code == 0, result.output
     folder = Path("riftberg-out/a68a-paper-both")
-    assert sorted(path.name for path in folder.iterdir()) == ["comparison.json", "comparison.png", "own", "reference"]
+    assert sorted(path.name for path in folder.iterdir()) == ["comparison.json", "own", "reference", "tracks.png"]
     found = json.loads((folder / "comparison.json").read_text())
     assert found["columns"] == ["", "published", "observed", "reference", "own"]
     for name, damped in (("reference", False), ("own", True)):
@@ -54,8 +53,7 @@ def test_both_numerics_side_by_side_in_one_command(
     assert [run["days"][0]["time"] for run in found["runs"]] == ["2020-12-09T13:00:00"] * 2
     for words in ("around 17 Dec, aground", "0 of 874 = 0.0 %", "2020-12-09 13:00", "km off"):
         assert words in result.output
-    one, two = imread(folder / "own" / "map.png"), imread(folder / "comparison.png")
-    assert (two.shape[0], two.shape[1]) == (2 * one.shape[0], one.shape[1])
+    assert (folder / "tracks.png").stat().st_size > 5000
     assert call("run", "a68a-paper", "--data", str(files), "--days", "0.1", "--numerics", "both", "-q",
                 "--no-map").exit_code == 0  # fmt: skip
     assert Path("riftberg-out/a68a-paper-both-2/comparison.json").exists()

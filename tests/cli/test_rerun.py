@@ -46,7 +46,7 @@ def test_a_run_is_repeated_with_the_same_digits_and_with_changes(first: Path, mo
     for folder, more in (("same", ()), ("other", ("--set", "ice.density=800", "--days", "0.125"))):
         result = call("rerun", "../a", "-o", folder, "-q", "--no-map", *more)
         assert result.exit_code == 0, result.output
-        assert (Path(folder) / "it.yaml").read_text() == YAML
+        assert not (Path(folder) / "it.yaml").exists()  # it would lack the changes; the run file keeps both
     with open_run("../a") as a, open_run("same") as same, open_run("other") as other:
         np.testing.assert_array_equal(same["lon"], a["lon"])
         assert same.attrs["parameters_json"] == a.attrs["parameters_json"]

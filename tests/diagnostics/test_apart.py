@@ -42,9 +42,17 @@ def test_distance_and_rotation_are_between_the_records_of_the_other_and_turn_the
     np.testing.assert_allclose(found["distance"], 0.0, atol=1.0)
     np.testing.assert_allclose(found["rotation"], 10.0)
     half = np.radians(0.5) * 6.371e6 * 0.5
-    moved = apart(one, course([0, 2], lon=[0.5, 2.5]))
+    moved = apart(one, course([-1, 3], lon=[-0.5, 3.5]))
     np.testing.assert_allclose(moved["distance"], half, rtol=1e-4)
     assert apart(one, course([1.5, 9.0]))["time"].tolist() == one.times[2:].tolist()
+
+
+def test_only_records_that_both_have_count_where_there_are_some() -> None:
+    """Bug: between the positions of a member, six hours apart, a berg that oscillates was said to be a kilometre away."""
+    swings = [0.0, 0.1, 0.0, -0.1, 0.0]
+    found = apart(course([0, 3, 6, 9, 12], lon=swings), course([0, 6, 12], lon=swings[::2]))
+    assert found["time"].size == 3
+    np.testing.assert_allclose(found["distance"], 0.0, atol=1e-6)
 
 
 def test_runs_without_a_common_date_are_refused() -> None:

@@ -6,11 +6,13 @@ import dataclasses
 import json
 import math
 import re
+import shutil
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import pytest
 
 from fakes import FakeModel
@@ -151,3 +153,16 @@ def test_break_ups_are_the_same_within_four_days_150_km_and_four_times_the_area(
     event = {"time": "2020-12-10T13:00:00", "lon": -38.6, "lat": -55.0, "area_km2": 54.0, "grounded": True}
     rows = aligned([[event], [event | changes]], {"latlon": True, "radius": 6_363_827.0})
     assert len(rows[0]) == (1 if same else 2)
+
+
+def test_what_was_set_beside_the_parameters_is_told(folder: Path, tmp_path: Path) -> None:
+    """Bug: a run with another thickness by --set berg.thickness stood beside the first without a word of it."""
+    shutil.copytree(folder, tmp_path / "thick")
+    with netCDF4.Dataset(tmp_path / "thick" / "run.nc", "a") as file:
+        file.command = "riftberg run it.yaml --set berg.thickness=350m --set ice.density=850 -s 'berg.rotation=10'"
+    runs = [read_compared(path, path.name, []) for path in (folder, tmp_path / "thick")]
+    rows = dict(compare(runs).rows)
+    assert rows["parameters that differ"] == [
+        "berg.rotation as it was, berg.thickness as it was",
+        "berg.rotation 10, berg.thickness 350m",
+    ]

@@ -31,7 +31,7 @@ def test_each_force_is_that_of_its_formula(floating: xr.Dataset) -> None:
     forces = external_forces(floating, record, P.kernel_values())
     assert tuple(forces) == FORCES
     now = floating.isel(time=record)
-    mass, u, v = (now[name].values.astype(float) for name in ("mass", "u_sync", "v_sync"))
+    mass, u, v = (now[name].values.astype(float) for name in ("mass", "u", "v"))
     area, height, draft = 9e6, 200.0, 200.0 * 850.0 / 1025.0
     sides = (4 - now["bond_count"].values) / 4.0
     np.testing.assert_allclose(forces["surface slope"], np.outer(mass, [-9.8 * 2e-6, 9.8 * 1e-6]), rtol=1e-6)
@@ -90,7 +90,7 @@ def test_a_file_without_sea_ice_is_read_as_open_water(floating: xr.Dataset) -> N
 
 
 def test_accelerations_are_central_within_their_limits(floating: xr.Dataset) -> None:
-    u = floating["u_sync"].transpose("trajectory", "time").values.astype(float)
+    u = floating["u"].transpose("trajectory", "time").values.astype(float)
     np.testing.assert_allclose(accelerations(floating, 5, 0, 20)[:, 0], (u[:, 6] - u[:, 4]) / 3600.0, rtol=1e-5)
     np.testing.assert_allclose(accelerations(floating, 5, 0, 5)[:, 0], (u[:, 5] - u[:, 4]) / 1800.0, rtol=1e-5)
     assert np.isnan(accelerations(floating, 5, 5, 5)).all()

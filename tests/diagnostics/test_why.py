@@ -150,7 +150,7 @@ def test_history_of_the_first_bonds(run: xr.Dataset) -> None:
 def test_ringing_between_records_is_told(run: xr.Dataset) -> None:
     (text,) = why.words(why.explain(run))
     assert (
-        "Its largest tensile stress between records was 1.0 kPa 24 h before, 2.1 kPa 6 h before, 2.3 kPa 0.0 h before"
+        "Its largest tensile stress between records was 1.0 kPa 24 h before, 2.1 kPa 6 h before, 2.3 kPa just before"
         in text
     )
     assert "more than 1.8 kPa at the record before, but 2.3 kPa between that and the one before it" in text

@@ -22,7 +22,7 @@ from riftberg.ensembles.probability import CONES, scenarios, sources, told, wils
 from riftberg.ensembles.vary import varied_of
 from riftberg.errors import InputError
 from riftberg.runs.run_file import open_run
-from riftberg.viz.forecast import draw_forecast
+from riftberg.viz.ensemble import draw_forecast
 
 from .made import forecast_of, outcome
 

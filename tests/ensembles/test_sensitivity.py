@@ -22,7 +22,7 @@ from riftberg.ensembles.sensitivity import Result, indices, results_of
 from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.verification.sightings import drift_error
-from riftberg.viz.inputs import draw_sensitivity
+from riftberg.viz.ensemble import draw_sensitivity
 
 from .made import forecast_of, outcome
 

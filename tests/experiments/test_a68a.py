@@ -11,8 +11,7 @@ import pytest
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build
-from riftberg.experiments.a68a import story_model
-from riftberg.experiments.a68a_observed import A68A_OBSERVED, ObservedDay
+from riftberg.experiments.a68a import A68A_OBSERVED, ObservedDay, story_model
 from riftberg.ocean.story import LATITUDE, LONGITUDE, OWN, REFERENCE, StoryNumbers, StoryOcean, stream
 from riftberg.runs.layout import forcing_title
 from riftberg.runs.model import Model

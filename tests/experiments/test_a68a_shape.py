@@ -8,7 +8,7 @@ import pytest
 from riftberg import Iceberg
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.lattice import cells_of_rows
-from riftberg.experiments.a68a_observed import A68A_ROWS, a68a_berg, table_positions
+from riftberg.experiments.a68a import A68A_ROWS, a68a_berg, table_positions
 
 
 def positions(path):

@@ -402,7 +402,7 @@ READERS: tuple[list[str], ...] = (
     ["doctor", "ocean.nc", "--along", "bad"],
 )  # fmt: skip
 CHECKED = (
-    "time", "trajectory", "lon", "lat", "length", "width", "mass", "thickness", "rotation", "u_sync", "v_sync", "spin", "berg", "first", "second", "status",
+    "time", "trajectory", "lon", "lat", "length", "width", "mass", "thickness", "rotation", "u", "v", "spin", "berg", "bond_first", "bond_second", "status",
     "strength", "break_time", "normal_stress", "fragment_number", "fragment_parent", "fragment_birth_time", "fragment_area",
 )  # fmt: skip
 

@@ -368,7 +368,7 @@ def restart_gaps() -> Iterator[Kind]:
             return (
                 ""
                 if np.array_equal(want["lon"].values, got["lon"].values)
-                and np.array_equal(want["u_sync"].values, got["u_sync"].values)
+                and np.array_equal(want["u"].values, got["u"].values)
                 else "goes on elsewhere"
             )
 

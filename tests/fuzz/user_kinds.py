@@ -505,7 +505,7 @@ def switches() -> Iterator[Kind]:
                 xr.open_dataset(folder / "out" / "run.nc") as one,
                 xr.open_dataset(folder / "plain" / "run.nc") as other,
             ):
-                same = all(np.array_equal(one[n].values, other[n].values) for n in ("lon", "lat", "u_sync", "depth"))
+                same = all(np.array_equal(one[n].values, other[n].values) for n in ("lon", "lat", "u", "depth"))
             return "the switch changes nothing" if same else ""
 
         return Truth(wrong, ("compatib|switch|effect|mirrored|parity|stream",))

@@ -69,6 +69,16 @@ def test_an_experiment_file_names_the_variables(folder: Path) -> None:
     assert currents_of(model.forcing) == pytest.approx((0.2, -0.05))
 
 
+def test_the_sea_floor_is_no_level() -> None:
+    """Bug: a map named as ``depth`` was made a coordinate, and the file held nothing then."""
+    floor = xr.Dataset(
+        {"topo": (("Y", "X"), np.full((3, 3), 500.0), {"units": "m"})},
+        coords={"X": [1.0, 2.0, 3.0], "Y": [-60.0, -59.0, -58.0]},
+    )
+    with pytest.raises(ForcingError, match=r"topo is a map, but depth names the levels.*depth_below_surface: topo"):
+        DatasetForcing.from_xarray(floor, names={"depth": "topo", "lon": "X", "lat": "Y"})
+
+
 def test_python_names_the_variables() -> None:
     axes = {"lon": "across", "lat": "up", "time": "when"}
     forcing = Forcing.from_dataset(mine(), uo="speed_a", vo="speed_b", **axes)

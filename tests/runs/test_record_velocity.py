@@ -38,7 +38,7 @@ def test_velocities_of_a_record_are_those_at_its_positions(parameters: Parameter
     run = model.run(days=1, every_hours=dt / 3600.0).transpose("time", "trajectory", ...)
     north = np.radians(run["lat"].values) * RADIUS
     moved = (north[2:] - north[:-2]) / (2.0 * dt)  # centred on the records between
-    velocity = run["v_sync"].values
+    velocity = run["v"].values
     right = np.abs(moved - velocity[1:-1])[4:].max()
     late = np.abs(moved - velocity[:-2])[4:].max()
     assert np.abs(velocity).max() > 0.05

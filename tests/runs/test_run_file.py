@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,7 +20,7 @@ import xarray as xr
 from fakes import FakeModel
 from riftberg.errors import InputError, RunError
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import element_history
+from riftberg.runs.layout import element_history, in_file
 from riftberg.runs.run_file import RunWriter, memory_run, open_run
 from riftberg.state import ELEMENT_VARIABLES
 
@@ -48,10 +49,28 @@ def test_every_output_variable_is_there_with_its_units(run: tuple[FakeModel, Pat
     with netCDF4.Dataset(run[1]) as file:
         for v in ELEMENT_VARIABLES:
             if v.output and v.name != "id":
-                assert file[v.name].dimensions == ("trajectory", "time"), v.name
-                assert file[v.name].units == v.units
+                assert file[in_file(v.name)].dimensions == ("trajectory", "time"), v.name
+                assert file[in_file(v.name)].units == v.units
+        assert not {"u_sync", "v_sync", "sides", "first", "second"} & set(file.variables)
         assert all(file[v.name].standard_name == v.standard_name for v in element_history() if v.standard_name)
         assert file["lon"].dtype == file["lat"].dtype == file["rotation"].dtype == np.float64
+
+
+def test_a_file_with_the_names_of_earlier_versions_is_read(run: tuple[FakeModel, Path], tmp_path: Path) -> None:
+    shutil.copy(run[1], tmp_path / "run.nc")
+    with netCDF4.Dataset(tmp_path / "run.nc", "a") as file:
+        for now, then in (
+            ("u", "u_sync"),
+            ("v", "v_sync"),
+            ("corners", "sides"),
+            ("bond_first", "first"),
+            ("bond_second", "second"),
+        ):
+            file.renameVariable(now, then)
+    with open_run(run[1]) as now, open_run(tmp_path) as then:
+        assert set(now.variables) == set(then.variables)
+        np.testing.assert_array_equal(now["u"], then["u"])
+        assert len(then.riftberg.tracks.to_dataframe()) > 0
 
 
 def test_bond_table_and_family_tree(run: tuple[FakeModel, Path]) -> None:
@@ -61,7 +80,7 @@ def test_bond_table_and_family_tree(run: tuple[FakeModel, Path]) -> None:
     assert broken.sum() == 3
     assert set(ds.break_time.values[broken]) == {np.datetime64("2020-12-10T13:00:00")}
     assert np.isnat(ds.break_time.values[~broken]).all()
-    np.testing.assert_array_equal(ds["first"], model.bonds.first)
+    np.testing.assert_array_equal(ds["bond_first"], model.bonds.first)
     np.testing.assert_allclose(ds.normal_stress[0], 1000.0 + np.arange(17) * 108.0, rtol=1e-6)
     assert ds.fragment_parent.values.tolist() == [0, 1]
     assert ds.fragment_birth_time.values[1] == np.datetime64("2020-12-10T13:00:00")
@@ -260,8 +279,8 @@ def two_meetings(ds: xr.Dataset) -> xr.Dataset:
             1.5,
             "fragment_number, fragment 1: fragment_number is 1.5, not a whole number from 1 to",
         ),
-        ("sides", 3, 5.0, "an element has 4 or 6 sides"),
-        ("sides", 3, np.inf, "sides, element 4: sides is inf, not a whole number from 0 to 6"),
+        ("corners", 3, 5.0, "an element has 4 or 6 corners"),
+        ("corners", 3, np.inf, "corners, element 4: corners is inf, not a whole number from 0 to 6"),
         ("contact_first", 1, np.nan, "contact_first, collision 2: contact_first is nan, not a whole number from 1 to"),
         ("contact_second", 1, 0.0, "contact_second is 0, not a whole number from 1 to"),
         ("contact_time", 1, np.nan, "a collision without a time"),
@@ -291,11 +310,11 @@ def test_a_variable_that_readers_use_is_missed(run: tuple[FakeModel, Path], tmp_
         open_run(tmp_path / "bad.nc")
 
 
-@pytest.mark.parametrize("name", ["sides", "damage", "contact_first"])
+@pytest.mark.parametrize("name", ["corners", "damage", "contact_first"])
 def test_letters_where_numbers_belong_are_refused(run: tuple[FakeModel, Path], tmp_path: Path, name: str) -> None:
     """Bug once: variables that only some readers use were not looked at before they were used."""
     ds = xr.load_dataset(run[1], decode_times=False).drop_encoding()
-    dims = {"sides": ("trajectory",), "damage": ("bond", "time"), "contact_first": ("contact",)}[name]
+    dims = {"corners": ("trajectory",), "damage": ("bond", "time"), "contact_first": ("contact",)}[name]
     letters = np.full([ds.sizes[dim] for dim in dims], b"x", dtype="S1")
     ds.drop_vars(name, errors="ignore").assign({name: (dims, letters)}).to_netcdf(tmp_path / "bad.nc")
     with pytest.raises(InputError, match="numbers are needed"):

@@ -157,8 +157,8 @@ def test_the_accessor_has_tables_that_a_person_can_use(path: Path) -> None:
         births = run.riftberg.fragments.to_dataframe()
         assert births.loc[2, ["parent", "elements"]].tolist() == [1, 6]
         elements = run.riftberg.elements
-        np.testing.assert_array_equal(elements["u"], run["u_sync"])
-        assert "u_sync" not in elements
+        np.testing.assert_array_equal(elements["u"], run["u"])
+        assert elements["u"].dims == ("element", "time")
         assert not any("bond" in elements[name].dims for name in elements.data_vars)
 
 

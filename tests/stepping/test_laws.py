@@ -83,12 +83,17 @@ def test_several_forces_act_as_their_sum_and_stand_under_their_names(scheme, tmp
         for force in (both, {"tug": tug, "mooring": mooring}, tug)
     ]
     (one, whole), (two, parts), (alone, by_tug) = runs
-    for name in ("lon", "u_sync", "force_own_x", "force_own_y"):
+    for name in ("lon", "u", "force_own_x", "force_own_y"):
         np.testing.assert_allclose(parts[name], whole[name], rtol=1e-9, atol=1e-9)
     assert "force_tug_x" not in whole
     for axis in "xy":
         together = parts[f"force_tug_{axis}"] + parts[f"force_mooring_{axis}"]
         np.testing.assert_allclose(together, parts[f"force_own_{axis}"], rtol=1e-5, atol=1.0)
+    told = external_forces(parts, 2, two.constants)
+    assert {"tug", "mooring"} <= set(told)
+    assert "own force" not in told
+    np.testing.assert_allclose(told["tug"][:, 0], parts["force_tug_x"].isel(time=slice(2, 4)).mean("time"), rtol=1e-6)
+    assert "own force" in external_forces(whole, 2, one.constants)
     # What a force gives that knows no velocity is the same whatever acts beside it.
     np.testing.assert_allclose(parts["force_tug_x"], by_tug["force_own_x"], rtol=1e-6, atol=0.1)
     balance = two.motion.balance(two, two.remembered)

@@ -17,7 +17,8 @@ from matplotlib.image import imread
 
 from fakes import FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.runs.scene import Box
+from riftberg.runs.scene import Box, Scene
+from riftberg.viz import animate
 from riftberg.viz import coast as basemap
 from riftberg.viz.animate import write_film
 from riftberg.viz.map import draw_map
@@ -211,3 +212,14 @@ def test_a_continent_is_cut_outside_of_the_map(data: Path) -> None:
     assert east > CLOSE.east
     assert south < CLOSE.south
     assert north == pytest.approx(-54.9)
+
+
+def test_each_frame_of_a_film_shows_where_the_map_lies(run: xr.Dataset) -> None:
+    film = animate._Film(Scene(run), None, {}, 50)
+    for record in (0, 1):
+        film.draw(record)
+        assert film.inset is not None
+        assert film.ax.child_axes == [film.inset]
+        # In a corner, but not in that of the date.
+        box, frame = film.inset.get_window_extent(), film.ax.get_window_extent()
+        assert not (box.x0 < frame.x0 + 0.3 * frame.width and box.y1 > frame.y1 - 0.1 * frame.height)

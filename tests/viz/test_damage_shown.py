@@ -122,7 +122,7 @@ def test_plot_draws_damage_where_it_is_on(folder: Path, plain: Path, tmp_path: P
 def test_the_replay_has_the_largest_damage_of_each_element_and_what_is_left(run: xr.Dataset, plain: Path) -> None:
     data = ReplayContent(run, title="", observed={}).data()
     shown = unpack(data["elements"]["damage"])
-    ends = {int(run["first"].values[WORN]), int(run["second"].values[WORN])}
+    ends = {int(run["bond_first"].values[WORN]), int(run["bond_second"].values[WORN])}
     assert set(np.flatnonzero(shown[-1] > 0.1).tolist()) == ends
     np.testing.assert_allclose(shown[:, next(iter(ends))], 0.4 * np.linspace(0.0, 1.0, 9), atol=0.4 / 255)
     np.testing.assert_allclose(unpack(data["lowest"]), 18e3 * (1.0 - 0.4 * np.linspace(0.0, 1.0, 9)), atol=1.0)

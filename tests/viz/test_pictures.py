@@ -18,14 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
-from fakes import BendingModel, FakeModel
-from riftberg.diagnostics.cases import BeamCase
+from fakes import FakeModel
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.diagnostics.why import explain
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz import animate, colours, plots, style
-from riftberg.viz.cases import draw_beam
 from riftberg.viz.map import draw_map
 from riftberg.viz.score import draw_score
 from riftberg.viz.why import draw_reasons
@@ -34,8 +32,6 @@ GOOD = Path(__file__).parent / "pictures"
 WIDTH = 160
 MEAN, MOST = 1.0, 30.0
 """Allowed difference in the mean and at a hundredth of the pixels, of 255."""
-
-BEAM = BeamCase("clamped", 10, 2, 9 * 3000.0, 6000.0, 200.0, 2e8)
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +42,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     run = open_run(folder)
     damage = np.linspace(0.0, 0.4, run.sizes["bond"])[:, None] * np.linspace(0.0, 1.0, run.sizes["time"])
     return run.assign(damage=(("bond", "time"), damage))
-
-
-@pytest.fixture(scope="module")
-def beam(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    folder = tmp_path_factory.mktemp("beam")
-    BendingModel(BEAM).advance(2, recorders=[RunWriter(folder / "run.nc", every_hours=3, experiment="beam")])
-    return open_run(folder)
 
 
 def scored() -> Score:
@@ -73,16 +62,15 @@ def film_frame(run: xr.Dataset, path: Path) -> None:
     style.save_figure(film.figure, path)
 
 
-DRAWN: dict[str, Callable[[xr.Dataset, xr.Dataset, Path], object]] = {
-    "map": lambda run, beam, path: draw_map(run, path, dpi=60),
-    "dates": lambda run, beam, path: plots.draw_dates(run, path, dpi=60),
-    "stress": lambda run, beam, path: plots.draw_stress(run, path, dpi=60),
-    "damage": lambda run, beam, path: plots.draw_damage(run, path, dpi=60),
-    "timeline": lambda run, beam, path: plots.draw_fragments(run, path, dpi=60),
-    "why": lambda run, beam, path: draw_reasons(explain(run), path, dpi=60),
-    "score": lambda run, beam, path: draw_score(scored(), path, dpi=60),
-    "theory": lambda run, beam, path: draw_beam(beam, path, case=BEAM, dpi=60),
-    "film": lambda run, beam, path: film_frame(run, path),
+DRAWN: dict[str, Callable[[xr.Dataset, Path], object]] = {
+    "map": lambda run, path: draw_map(run, path, dpi=60),
+    "dates": lambda run, path: plots.draw_dates(run, path, dpi=60),
+    "stress": lambda run, path: plots.draw_stress(run, path, dpi=60),
+    "damage": lambda run, path: plots.draw_damage(run, path, dpi=60),
+    "timeline": lambda run, path: plots.draw_fragments(run, path, dpi=60),
+    "why": lambda run, path: draw_reasons(explain(run), path, dpi=60),
+    "score": lambda run, path: draw_score(scored(), path, dpi=60),
+    "film": lambda run, path: film_frame(run, path),
 }
 
 
@@ -115,8 +103,8 @@ def difference(picture: np.ndarray, good: np.ndarray) -> tuple[float, float]:
 
 @pytest.mark.usefixtures("without_text")
 @pytest.mark.parametrize("kind", list(DRAWN))
-def test_a_picture_is_as_it_was_found_good(kind: str, run: xr.Dataset, beam: xr.Dataset, tmp_path: Path) -> None:
-    DRAWN[kind](run, beam, tmp_path / "picture.png")
+def test_a_picture_is_as_it_was_found_good(kind: str, run: xr.Dataset, tmp_path: Path) -> None:
+    DRAWN[kind](run, tmp_path / "picture.png")
     picture = small(tmp_path / "picture.png")
     if os.environ.get("RIFTBERG_NEW_PICTURES") == "1":
         GOOD.mkdir(exist_ok=True)
@@ -129,12 +117,12 @@ def test_a_picture_is_as_it_was_found_good(kind: str, run: xr.Dataset, beam: xr.
 @pytest.mark.usefixtures("without_text")
 @pytest.mark.parametrize("kind", ["map", "timeline"])
 def test_a_wrong_picture_is_noticed(
-    kind: str, run: xr.Dataset, beam: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str, run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Other colours of the fragments, or a berg that drifts the other way, are more than the pictures may differ by."""
     good = small(GOOD / f"{kind}.png")
     monkeypatch.setattr(colours, "FRAGMENTS", tuple(reversed(colours.FRAGMENTS)))
-    DRAWN[kind](run, beam, tmp_path / "picture.png")
+    DRAWN[kind](run, tmp_path / "picture.png")
     mean, most = difference(small(tmp_path / "picture.png"), good)
     assert mean > MEAN or most > MOST
     mean, most = difference(good[:, ::-1], good)

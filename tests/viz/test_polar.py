@@ -126,7 +126,7 @@ def test_elements_keep_size_and_shape(tmp_path: Path, lat: float) -> None:
         sides = np.hypot(*np.moveaxis(np.diff(scene.polygons(record), axis=1), -1, 0))
         np.testing.assert_allclose(sides, SIDE, rtol=2e-3)
     # Neighbours touch: the distance of their middles is a side.
-    first, second = scene.run["first"].values, scene.run["second"].values
+    first, second = scene.run["bond_first"].values, scene.run["bond_second"].values
     apart = np.hypot(scene.x[0][first] - scene.x[0][second], scene.y[0][first] - scene.y[0][second])
     np.testing.assert_allclose(apart, SIDE, rtol=5e-3)
 

@@ -297,6 +297,19 @@ def test_a_map_that_is_shallow_from_edge_to_edge_is_hatched(run: xr.Dataset) -> 
     assert hatched(draw_map(run, forcing=AllShallow()))
 
 
+def test_a_zone_that_is_declared_dry_is_no_depth(run: xr.Dataset) -> None:
+    """Bug: in a68a-oras5 it was "shallower than the keel", over a sea shaded by depths that nobody knows."""
+
+    class Zone(NoFloor):
+        def depth(self, lon, lat):
+            return np.where(np.asarray(lon) > -37.5, 0.0, 1000.0)
+
+    figure = draw_map(run, forcing=Zone())
+    words = [text.get_text() for part in figure.subfigs for legend in part.legends for text in legend.get_texts()]
+    assert "grounds here by the set-up; no depths" in words
+    assert "depth of the sea floor (m)" not in [ax.get_xlabel() for part in figure.subfigs for ax in part.axes]
+
+
 def test_a_floor_that_does_not_act_is_not_hatched(tmp_path: Path) -> None:
     parameters = A68A_2022.changed(grounding={"coefficient": 0.0, "implicit": False})
     quiet = finished(FakeModel(12, 5, parameters=parameters), tmp_path)

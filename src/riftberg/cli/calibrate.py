@@ -179,7 +179,7 @@ def write_results(found: Any, folder: Path, *, figure: bool = True) -> None:
     table.loc[~table["known"], ["likeliest"]] = float("nan")  # what the data cannot tell is no number
     write_text(folder / RESULTS[1], table.to_csv(lineterminator="\n"))
     if figure:
-        from riftberg.viz.inputs import draw_posterior, draw_predictive
+        from riftberg.viz.ensemble import draw_posterior, draw_predictive
 
         draw_posterior(found, folder / RESULTS[2])
         draw_predictive(found, folder / RESULTS[3])

@@ -1,7 +1,9 @@
-"""``riftberg compare``: runs side by side, beside what was published and observed."""
+"""``riftberg compare`` and ``rerun``: runs side by side, beside what was observed, and a run again with a change."""
 
 from __future__ import annotations
 
+import os
+import shlex
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -9,10 +11,23 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from riftberg.cli.options import check_folder, results_folder
+from riftberg.cli.options import (
+    Data,
+    Days,
+    Every,
+    Map,
+    NumericsName,
+    Quiet,
+    Settings,
+    Without,
+    check_folder,
+    output_folder,
+    results_folder,
+    words_without,
+)
 from riftberg.cli.terminal import console, reported, say
 from riftberg.errors import InputError
-from riftberg.system.input_files import check_file, is_folder, reading
+from riftberg.system.input_files import check_file, is_folder
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,7 +35,7 @@ if TYPE_CHECKING:
     from riftberg.diagnostics.compare import Comparison, Known
 
 
-PICTURES: Final = ("comparison.json", "comparison.png", "tracks.png")
+PICTURES: Final = ("comparison.json", "tracks.png")
 """Files that a comparison may write into its folder."""
 
 
@@ -33,7 +48,7 @@ def compare(
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for comparison.json, comparison.png and tracks.png.")
+        Path | None, typer.Option("--output", "-o", help="Folder for comparison.json and tracks.png.")
     ] = None,
     observed: Annotated[
         Path | None,
@@ -55,8 +70,9 @@ def compare(
         from riftberg.viz.score import draw_compared
 
         with results_folder(output, PICTURES, taken=PICTURES):
-            written = [result.write(output / PICTURES[0]), *joined_maps(runs, output / PICTURES[1])]
-            written.append(draw_compared(result.runs, result.fixes, output / PICTURES[2]))
+            written = [
+                result.write(output / PICTURES[0]), draw_compared(result.runs, result.fixes, output / PICTURES[1])
+            ]  # fmt: skip
         say("Written: " + ", ".join(str(path) for path in written))
 
 
@@ -137,7 +153,7 @@ def _known(first: xr.Dataset, observed: Path | None) -> Known:
     """Return what is known of the event that the first run is about."""
     from riftberg.diagnostics.compare import Known, with_hours
     from riftberg.diagnostics.observed import Fix, read_observed
-    from riftberg.experiments.a68a_observed import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
+    from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
 
     experiment = str(first.attrs.get("experiment", ""))
     start = first["time"].values[0].astype("datetime64[s]").item()
@@ -174,24 +190,85 @@ def show(result: Comparison) -> None:
         console(40 + 34 * (len(columns) - 1)).print(table, highlight=False)
 
 
-def joined_maps(runs: Sequence[Path], path: Path) -> list[Path]:
-    """Put the maps of runs below each other; nothing where a run has none.
+@reported
+def rerun(
+    run: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RUN", help="Folder that 'riftberg run' made, or its run.nc; sweep.nc#3 is member 3 of a sweep."
+        ),
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-2]")
+    ] = None,
+    settings: Settings = None,
+    days: Days = None,
+    data: Data = None,
+    without: Without = None,
+    numerics: NumericsName = None,
+    every: Every = None,
+    map_: Map = True,
+    quiet: Quiet = False,
+) -> None:
+    """Repeat a run from the experiment file that it keeps, with other parameters or another length."""
+    from riftberg.cli.main import app
+    from riftberg.runs.layout import COMMAND, FILE, PLACE
+    from riftberg.runs.run_file import open_run
 
-    Returns
-    -------
-    list of Path
-        The picture, if there is one.
-    """
-    import numpy as np
-    from matplotlib.image import imread, imsave
+    member = member_of(run)
+    if member is None:
+        with open_run(run) as dataset:
+            kept, own = dict(dataset.attrs), list[str]()
+    else:
+        run, kept, own = member[0], *_kept_of_member(run)
+    if COMMAND not in kept:
+        raise InputError(
+            "keeps no experiment",
+            where=str(run),
+            remedy="Name what 'riftberg run' or 'riftberg sweep' made, by this version or a later one",
+        )
+    _, command, experiment, *words = shlex.split(kept[COMMAND])
+    name = Path(str(kept["experiment"])).stem
+    folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
+    if folder.resolve() == (run if run.is_dir() else run.parent).resolve():
+        raise InputError(
+            "the run that is repeated would be lost", where=f"--output {folder}", remedy="Name another folder"
+        )
+    if data is None and PLACE in kept:
+        data = Path(os.path.normpath((run if run.is_dir() else run.parent) / kept[PLACE]))
+    more = [part for option, values in (("--set", [*own, *(settings or ())]), ("--without", without)) for value in values or ()
+            for part in (option, value)]  # fmt: skip
+    single = {"--days": days, "--numerics": numerics, "--every": every, "--output": folder, "--data": data}
+    for option, given in single.items():
+        if given is not None:
+            words, more = words_without(words, option), [*more, option, str(given)]
+    more += [word for word, wanted in (("--no-map", not map_), ("--quiet", quiet)) if wanted]
+    file = folder / experiment
+    there = FILE in kept and file.exists()
+    if there and file.read_text("utf-8", errors="replace") != kept[FILE]:
+        raise InputError("another experiment has this file", where=str(file), remedy="Name another folder by --output")
+    with results_folder(folder):
+        if FILE in kept:
+            file.write_text(kept[FILE], encoding="utf-8")
+            experiment = str(file)
+        try:
+            say("riftberg " + shlex.join([command, experiment, *words, *more]))
+            code = app([command, experiment, *words, *more], standalone_mode=False)
+            if code:
+                raise typer.Exit(code)
+        except BaseException:
+            # A run that was stopped on its way goes on from the file.
+            if FILE in kept and not there and not (folder / "run.nc").exists():
+                file.unlink(missing_ok=True)
+            raise
+        if FILE in kept and not there:  # it lacks what was changed, and the run file keeps both
+            file.unlink(missing_ok=True)
 
-    maps = [folder_of(run) / "map.png" for run in runs if not member_of(run)]
-    if not maps or not all(one.is_file() for one in maps):
-        return []
-    pictures = []
-    for one in maps:
-        with reading(one, "no picture that can be read", "Make the run again, or remove the file"):
-            pictures.append(imread(one)[..., :3])
-    width = min(picture.shape[1] for picture in pictures)
-    imsave(path, np.concatenate([picture[:, :width] for picture in pictures]))
-    return [path]
+
+def _kept_of_member(run: Path) -> tuple[dict[str, str], list[str]]:
+    """Return what a sweep keeps of its command, and what is set for one of its members."""
+    from riftberg.ensembles.result import values_of
+    from riftberg.experiments.changes import setting
+
+    one = opened(run)
+    return dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()]

@@ -108,7 +108,7 @@ def forecast(
             message = next((str(text) for text in result["message"].values if text), "")
             raise RunError(f"no member came to its end{': ' if message else ''}{message}")
         if map_ and "presence" in result:
-            from riftberg.viz.forecast import draw_forecast
+            from riftberg.viz.ensemble import draw_forecast
 
             draw_forecast(result, store.folder / "forecast.png", notes=notes(result))
             files.append("forecast.png")
@@ -121,7 +121,7 @@ def first_picture(result: xr.Dataset, path: Path) -> None:
     """Draw the members that are done while others still run."""
     if "presence" in result:
         from riftberg.ensembles.probability import notes
-        from riftberg.viz.forecast import draw_forecast
+        from riftberg.viz.ensemble import draw_forecast
 
         draw_forecast(result, path, notes=notes(result))
         say(f"{path}: a first picture, of {int((result['status'] == 0).sum())} members")

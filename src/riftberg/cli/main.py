@@ -46,7 +46,7 @@ SUMMARIES: Final = {
 """The commands in the order of the help, with the first lines of their own, so that help need not load them."""
 
 _ELSEWHERE: Final = {
-    "experiments": "run", "doctor": "forcing_files", "fetch": "forcing_files",
+    "experiments": "run", "rerun": "compare", "doctor": "forcing_files", "fetch": "forcing_files",
     "product-errors": "forecast",
     **dict.fromkeys(("plot", "animate", "replay"), "pictures"),
 }  # fmt: skip

@@ -189,6 +189,18 @@ def make_options(
     return Options(changes, days, data, frozenset(without or ()), cast("Numerics | None", numerics), fetch, grid)
 
 
+def words_without(words: Iterable[str], *options: str) -> list[str]:
+    """Return a command line without some options and their values."""
+    rest: list[str] = []
+    values = iter(words)
+    for word in values:
+        if word in options:
+            next(values, None)
+        elif not any(word.startswith(f"{option}=" if option.startswith("--") else option) for option in options):
+            rest.append(word)
+    return rest
+
+
 def output_folder(wished: Path | None, name: str, holds: str = "run.nc") -> Path:
     """Return the folder of the results; without a wish, one that holds no earlier run."""
     if wished is not None:

@@ -120,7 +120,7 @@ def moments(dates: list[str] | None, run: xr.Dataset, observed: Observations) ->
     return days
 
 
-KINDS = ("map", "dates", "stress", "timeline", "damage", "melt", "story")
+KINDS = ("map", "dates", "stress", "timeline", "damage", "melt")
 
 
 @reported
@@ -131,7 +131,7 @@ def plot(
         list[str] | None,
         typer.Option(
             "--kind", "-k",
-            help=f"{', '.join(KINDS)}.  [default: dates, stress, timeline, damage, melt where they are on; story of cases]",
+            help=f"{', '.join(KINDS)}.  [default: dates, stress, timeline, damage, melt where they are on]",
         ),
     ] = None,
     date: Dates = None,
@@ -170,10 +170,6 @@ def known(name: str) -> Projection:
 
 def usual_kinds(run: xr.Dataset) -> list[str]:
     """Return the kinds of figures that a run has something for."""
-    from riftberg.experiments.registry import story_of
-
-    if story_of(run) is not None:
-        return ["story", "stress"]
     bonds = ["stress"] if run.sizes["bond"] else []
     melts = "melt_water" in run and float(run["melt_water"].isel(time=-1).sum()) > 0.0
     return ["dates", *bonds, "timeline", *(["damage"] if "damage" in run else []), *(["melt"] if melts else [])]
@@ -187,17 +183,6 @@ def _drawn(
     from riftberg.viz import map as maps
     from riftberg.viz import plots
 
-    if name == "story":
-        from riftberg.experiments.registry import story_of
-
-        story = story_of(run)
-        if story is None:
-            raise InputError(
-                "the run is none of the beams or collisions that come with Riftberg",
-                where="--kind story",
-                remedy="Draw another kind",
-            )
-        return story.draw(run, path, dpi)
     if name == "map":
         return maps.draw_map(run, path, observed=shown, projection=projection, dpi=dpi)
     if name == "timeline":

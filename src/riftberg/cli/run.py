@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -29,6 +29,7 @@ from riftberg.cli.options import (
     positive,
     results_folder,
     within,
+    words_without,
 )
 from riftberg.cli.terminal import EXIT_INTERRUPTED, announce_compilation, reported, say
 from riftberg.errors import InputError, RiftbergError, RunError
@@ -53,6 +54,9 @@ KEEP_MINUTES: Final = 10.0
 
 KEPT_APART: Final = ("--output", "-o", "--resume", "--data", "--keep-days", "--keep-minutes", "--set", "-s")
 """Options that belong to one run and not to its experiment, or that its file keeps in another way."""
+
+MOST_EVENTS: Final = 10
+"""Break-ups, and collisions, that have a line each."""
 
 MOST_BERGS: Final = 6
 """Bergs that have a line of results each; of more, the areas are listed."""
@@ -222,7 +226,7 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
 
 def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
     """Run an experiment with both numerics and show them side by side."""
-    from riftberg.cli.compare import comparison, joined_maps, show
+    from riftberg.cli.compare import comparison, show
     from riftberg.ensembles.uncertain import with_errors
     from riftberg.experiments import build
 
@@ -248,7 +252,9 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
     show(table)
     files = [table.write(folder / "comparison.json")]
     if wanted.draw:
-        files += joined_maps(folders, folder / "comparison.png")
+        from riftberg.viz.score import draw_compared
+
+        files.append(draw_compared(table.runs, table.fixes, folder / "tracks.png"))
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
@@ -259,18 +265,6 @@ def settings_between(before: Parameters, now: Parameters) -> list[str]:
         f"{group}.{name}={value:.15g}" if isinstance(value, float) else f"{group}.{name}={json.dumps(value).strip(chr(34))}"
         for group, values in new.items() for name, value in values.items() if value != old[group][name]
     ]  # fmt: skip
-
-
-def words_without(words: Iterable[str], *options: str) -> list[str]:
-    """Return a command line without some options and their values."""
-    rest: list[str] = []
-    values = iter(words)
-    for word in values:
-        if word in options:
-            next(values, None)
-        elif not any(word.startswith(f"{option}=" if option.startswith("--") else option) for option in options):
-            rest.append(word)
-    return rest
 
 
 def _print_notices(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
@@ -289,7 +283,7 @@ def notices_of(info: Info, model: Model, options: Options, hours: float) -> list
 
     changed = {f"{group}.{name}" for group, values in options.changes.items() for name in values}
     unusual = getattr(model, "unusual", {})
-    as_meant = {text for name, text in unusual.items() if info.story is not None and name not in changed}
+    as_meant = {text for name, text in unusual.items() if info.test_case and name not in changed}
     days = info.days if options.days is None else options.days
     unmeant = [text for text in getattr(model, "notices", ()) if text not in as_meant]
     return [*info.notices, *unmeant, *of_records(hours, days - model.time / 86400.0, model.parameters)]
@@ -499,32 +493,16 @@ class Session:
 
         rows = self.track.rows if self.track else ()
         summary = summarize(self.model, experiment=self.info.name, track=rows, stopwatch=self.stopwatch)
-        story = self._own_story(summary)
         write_summary(summary, self.folder / "summary.json")
         files = ["run.nc", "summary.json", *(path.name for path in self.gridded if path.exists())]
         if draw:
             self._draw()
             files.append("map.png")
-        for line in short_summary(summary, story):
+        for line in short_summary(summary):
             typer.echo(line)
         for line in ledger_lines(summary):
             logging.getLogger(__name__).info(line)
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
-
-    def _own_story(self, summary: dict[str, Any]) -> list[str]:
-        """Return what a test case reports of itself, and put its figures into the summary."""
-        from riftberg.runs.run_file import open_own
-
-        story = self.info.story
-        if story is None:
-            return []
-        with open_own(self.folder / "run.nc") as dataset:
-            if not story.fits(dataset):
-                return []
-            found = story.read(dataset)
-            summary["story"] = found.facts()
-            lines: list[str] = found.lines()
-            return lines
 
     def _draw(self) -> None:
         from riftberg.runs.run_file import open_own
@@ -532,9 +510,6 @@ class Session:
         from riftberg.viz.map import draw_map
 
         with open_own(self.folder / "run.nc") as dataset:
-            if self.info.story is not None and self.info.story.fits(dataset):
-                self.info.story.draw(dataset, self.folder / "map.png", 150)
-                return
             draw_map(
                 dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
                 observed=self.info.observed,
@@ -564,8 +539,8 @@ def berg_line(model: Model) -> str:
     return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {size} in {pieces} at {place}"
 
 
-def short_summary(summary: dict[str, Any], reported: Sequence[str] = ()) -> list[str]:
-    """Return a summary in a few lines; ``reported`` is what a test case reports of itself instead of fragments."""
+def short_summary(summary: dict[str, Any]) -> list[str]:
+    """Return a summary in a few lines."""
     from riftberg.config.units import duration_text
 
     title = summary["experiment"] or "run"
@@ -575,15 +550,18 @@ def short_summary(summary: dict[str, Any], reported: Sequence[str] = ()) -> list
         f"{title}: {length}, {summary['elements']} elements, "
         f"{summary['bonds_broken']} of {summary['bonds_total']} bonds broken{_speed(summary)}"
     ]
-    lines += [_breakup_line(event, summary["numerics"]["earth"]["latlon"]) for event in summary["breakups"][:10]]
-    if len(summary["breakups"]) > 10:
-        lines.append(f"  and {len(summary['breakups']) - 10} more, see summary.json")
-    lines += [
-        _collision_line(event, summary["numerics"]["earth"]["latlon"]) for event in summary.get("collisions", [])[:10]
-    ]
-    if len(summary.get("collisions", [])) > 10:
-        lines.append(f"  and {len(summary['collisions']) - 10} more collisions, see summary.json")
-    return [*lines, *(reported or _berg_lines(summary) or [_areas_line(summary)])]
+    latlon, breakups, collisions = (
+        summary["numerics"]["earth"]["latlon"],
+        summary["breakups"],
+        summary.get("collisions", []),
+    )
+    events = [(event["time"], _breakup_line(event, latlon)) for event in breakups[:MOST_EVENTS]]
+    events += [(event["time"], _collision_line(event, latlon)) for event in collisions[:MOST_EVENTS]]
+    lines += [line for _, line in sorted(events, key=lambda event: event[0])]
+    for word, all_of_them in (("break-ups", breakups), ("collisions", collisions)):
+        if len(all_of_them) > MOST_EVENTS:
+            lines.append(f"  and {len(all_of_them) - MOST_EVENTS} more {word}, see summary.json")
+    return [*lines, *(_berg_lines(summary) or [_areas_line(summary)])]
 
 
 def ledger_lines(summary: dict[str, Any]) -> list[str]:

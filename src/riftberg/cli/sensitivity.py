@@ -123,7 +123,7 @@ def sensitivity(
             found = indices(ds, results)
             write_text(store.folder / "sensitivity.csv", found.to_dataframe().to_csv(lineterminator="\n"))
             if figure:
-                from riftberg.viz.inputs import draw_sensitivity
+                from riftberg.viz.ensemble import draw_sensitivity
 
                 draw_sensitivity(
                     found, store.folder / "sensitivity.png", title=f"{plan.named}, {len(plan.members)} runs"

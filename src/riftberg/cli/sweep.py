@@ -201,7 +201,7 @@ def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool
         result = run_members(store, "sweep", scheduler, workers, quiet=quiet)
     files = ["sweep.nc", "sweep.json", *(["cells/"] if store.plan.cells is not None else [])]
     if draw and (result["status"] == 0).any():
-        from riftberg.viz.sweep import draw_sweep
+        from riftberg.viz.ensemble import draw_sweep
 
         draw_sweep(result, store.folder / "sweep.png")
         files.append("sweep.png")

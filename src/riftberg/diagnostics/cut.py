@@ -41,7 +41,8 @@ from numpy.typing import NDArray
 from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
 from riftberg.plane import ConformalPlane
-from riftberg.runs.derived import force_variables
+from riftberg.runs.derived import USER_LAW, force_variables
+from riftberg.runs.layout import in_file
 from riftberg.runs.scene import Scene
 from riftberg.state import ELEMENT_VARIABLES, Elements, Floats, Ints, new_elements
 from riftberg.stepping.forces import media
@@ -77,11 +78,12 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
     Applied forces are means between records; at a record it is the mean of those before and after, about which the
     acceleration by central differences is taken too.
 
-    Returns for each name of `FORCES` an array of shape (elements, 2): eastward and northward force, N.
+    Returns for each name of `FORCES` an array of shape (elements, 2): eastward and northward force, N. Several forces of
+    the user stand each under its own name.
     """
     if forces_recorded(run):
         sides = [applied_forces(run, k) for k in (record, record + 1) if 0 < k < run.sizes["time"]]
-        return {name: np.mean([side[name] for side in sides], axis=0) for name in FORCES}
+        return {name: np.mean([side[name] for side in sides], axis=0) for name in sides[0]}
     el = elements_at(run, record, p)
     around = allocate_surroundings(el.mass.size)
     find_surroundings(el, interaction_sizes(el, p), around, p)
@@ -98,6 +100,9 @@ def forces_recorded(run: xr.Dataset) -> bool:
 def applied_forces(run: xr.Dataset, record: int) -> dict[str, Floats]:
     """Return the mean forces between the record before and this one, as applied; see `external_forces`."""
     names = {name: f"force_{media.FORCES[row]}" for name, row in _ROWS.items()}
+    if several := own_forces(run):
+        del names["own force"]  # their sum
+        names |= {name.replace("_", " "): f"force_{name}" for name in several}
     now = run.isel(time=record)
     return {
         name: np.stack([now[f"{stored}_{axis}"].values.astype(np.float64) for axis in "xy"], axis=-1)
@@ -105,12 +110,19 @@ def applied_forces(run: xr.Dataset, record: int) -> dict[str, Floats]:
     }
 
 
+def own_forces(run: xr.Dataset) -> list[str]:
+    """Return the names of several forces of the user, whose parts a run recorded."""
+    told = {str(name): str(v.attrs.get("long_name", "")) for name, v in run.variables.items()}
+    own = [name for name, text in told.items() if name.startswith("force_") and USER_LAW in text]
+    return [name.removeprefix("force_").removesuffix("_x") for name in own if name.endswith("_x")]
+
+
 def elements_at(run: xr.Dataset, record: int, p: KernelParameters) -> Elements:
     """Return the elements of a run at a record, as far as its file holds them, at their synchronised velocity."""
     el = new_elements(run.sizes["trajectory"])
     names = {"lon": "x", "lat": "y"} if not p.latlon else {}
     for v in ELEMENT_VARIABLES:
-        name = names.get(v.name, v.name)
+        name = names.get(v.name, in_file(v.name))
         if name in run.variables:
             stored = run[name].isel(time=record) if "time" in run[name].dims else run[name]
             getattr(el, v.name)[:] = stored.values
@@ -128,7 +140,7 @@ def accelerations(run: xr.Dataset, record: int, first: int, last: int) -> Floats
         return np.full((run.sizes["trajectory"], 2), np.nan)
     times = run["time"].values
     dt = float((times[high] - times[low]) / np.timedelta64(1, "s"))
-    pair = run[["u_sync", "v_sync"]].isel(time=[low, high]).load()
+    pair = run[["u", "v"]].isel(time=[low, high]).load()
     return np.stack([np.diff(pair[n].transpose("trajectory", "time").values, axis=1)[:, 0] / dt for n in pair], axis=-1)
 
 
@@ -285,7 +297,7 @@ class Cut:
             return None
         self.inside = np.zeros(run.sizes["trajectory"], bool)
         self.inside[members[0]] = True
-        first, second = run["first"].values, run["second"].values
+        first, second = run["bond_first"].values, run["bond_second"].values
         rest = ~self.inside & (scene.berg[before] == self.parent)
         # Bonds that joined the fragment to the rest, whichever end was stored first.
         across = (self.inside[first] & rest[second]) | (rest[first] & self.inside[second])
@@ -441,7 +453,7 @@ class Cut:
             tension=tension,
             shear=shear,
             couple=couple,
-            stress={n: tension[n] / section + sign * 6.0 * couple[n] / (section * geometry.length) for n in FORCES},
+            stress={n: tension[n] / section + sign * 6.0 * couple[n] / (section * geometry.length) for n in tension},
             tension_recorded=recorded[0],
             couple_recorded=recorded[2],
             aground=aground,
@@ -456,7 +468,7 @@ class Cut:
         ``over_damage`` each is divided by the part of the strength that damage has left at that record.
         """
         body = self.body(self.last_whole)
-        held = body[self.run["first"].values] & body[self.run["second"].values]
+        held = body[self.run["bond_first"].values] & body[self.run["bond_second"].values]
         held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[self.last_whole])
         stress = self.run[of].isel(time=self.last_whole).values[held]
         if over_damage and "damage" in self.run:
@@ -476,7 +488,7 @@ class Cut:
         scene, run = self.scene, self.run
         hours = (scene.times - self.broken_at[bond]) / np.timedelta64(1, "h")
         rows = np.flatnonzero((hours >= -HOURS_BEFORE) & (hours <= 0.0))
-        ends = [int(run[name].values[bond]) for name in ("first", "second")]
+        ends = [int(run[name].values[bond]) for name in ("bond_first", "bond_second")]
         at = int(rows[-1]) if len(rows) else 0
         strength = scene.parameters.fracture.normal_strength * float(run["strength"].values[bond])
         if "damage" in run:  # a bond keeps the damage with which it failed
@@ -513,7 +525,7 @@ class _Geometry:
         disc = scene.area[body] / (2.0 * np.pi)
         self.inertia = float((weight * (self.x[body] ** 2 + self.y[body] ** 2 + disc)).sum())
         # The cut is the line through the middles of its bonds; its normal points to the fragment.
-        first, second = run["first"].values[cut.bonds], run["second"].values[cut.bonds]
+        first, second = run["bond_first"].values[cut.bonds], run["bond_second"].values[cut.bonds]
         inner, outer = np.where(self.inside[first], (first, second), (second, first))
         places = np.column_stack([self.x, self.y])
         middle, side = 0.5 * (places[inner] + places[outer]), float(np.sqrt(scene.area[inner].mean()))

@@ -171,8 +171,8 @@ def _paragraph(b: Breakup) -> str:
     shares = [f"{name} {value / 1e3:+.1f} kPa" for name, value in b.causes if abs(value) >= 0.02 * large]
     text = [
         f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({area_text(1e6 * b.area_km2)}, {b.elements} "
-        f"elements) broke off {b.parent_name or f'berg {b.parent}'}, {where}.",
-        f"{b.bonds} bonds failed from {minute_text(b.first_break)} on, the first at {place}"
+        f"element{'s' if b.elements != 1 else ''}) broke off {b.parent_name or f'berg {b.parent}'}, {where}.",
+        f"{b.bonds} bond{'s' if b.bonds != 1 else ''} failed from {minute_text(b.first_break)} on, the first at {place}"
         + (", with an end aground." if first.grounded else "."),
         _strength_words(b.by_strength),
         _stress_words(first),
@@ -268,7 +268,15 @@ def _stress_words(bond: FirstBond) -> str:
     if not bond.tension:
         return f"No record shows its stress; {strength}"
     stress, hours = bond.peak or bond.tension, np.array(bond.hours)
-    words = [f"{stress[-1] / 1e3:.1f} kPa {abs(bond.hours[-1]):.1f} h before"]
+    last = abs(float(bond.hours[-1]))
+    when = (
+        f"{last:.1f} h before"
+        if last >= 0.5
+        else f"{60.0 * last:.0f} min before"
+        if last >= 1.0 / 60.0
+        else "just before"
+    )
+    words = [f"{stress[-1] / 1e3:.1f} kPa {when}"]
     for earlier in (6.0, 24.0):
         k = int(np.argmin(np.abs(hours + earlier)))
         if abs(hours[k] + earlier) < 0.5 * earlier and k != len(hours) - 1:

@@ -3,26 +3,169 @@
 With the published strength, stiffness and drag the berg follows its observed path and turn, loses its northern tip
 aground on 16 to 18 December and its southern finger afloat on 19 to 22 December; the tip stays behind on the shelf.
 Without the shoal the tip stays on, without the shear the finger stays on.
+
+Shape and observations
+----------------------
+The rows are those of the 472 elements of the published run: Huth, Adcroft, Sergienko and Khan (2022), Science
+Advances 8, eabq6974, whose `icebergs.res.nc` (github.com/alex-huth/iKID_iceberg_A68a, b0bfa83) follows from the outline
+of 9 December by the rules of equations 10.5. They stand 0.1 degree south of the observed berg there.
+
+Centroid, heading and area are from the daily outlines of Huth et al. (2022), repository alex-huth/iKID_iceberg_A68a at
+b0bfa83 (digitised from MODIS and Sentinel-1 images): centroid and area of each outline, azimuth of the long side of its least
+rectangle, degrees clockwise from north. Until 23 December the outlines include the finger.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from riftberg.constants import DEGREE, SECONDS_PER_DAY
-from riftberg.experiments.a68a_observed import a68a_berg
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.bergs.lattice import cells_of_rows, cells_region
+from riftberg.bergs.regions import ReferencePlane
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.experiments.registry import Info, Options
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
-from riftberg.parameters import A68A_2022, A68A_2022_KID
+from riftberg.parameters import A68A_2022, A68A_2022_KID, Packing
 from riftberg.physics.geometry import meridian_convergence
+from riftberg.plane import EqualAreaPlane
+from riftberg.state import Floats, Ints
 
 if TYPE_CHECKING:
-    from riftberg.bergs.iceberg import Iceberg
-    from riftberg.parameters import Packing
     from riftberg.runs.model import Model
+
+# ---- the berg on 9 December, and what was seen of it by day -------------------------------------------------------------
+
+A68A_RADIUS = 1500.0
+"""Radius of the elements of the table, m."""
+
+A68A_ROWS: list[tuple[int, int, int]] = [
+    (0, 20, 24), (1, 17, 25), (2, 16, 25), (3, 11, 26), (4, 9, 30), (4, 41, 44), (5, 8, 30), (5, 40, 47), (6, 3, 31),
+    (6, 37, 47), (7, 1, 46), (8, 1, 45), (9, 0, 43), (10, 0, 42), (11, 1, 37), (12, 1, 35), (13, 2, 3), (13, 5, 33),
+    (14, 5, 30), (15, 10, 24), (16, 10, 21), (17, 13, 13),
+]  # fmt: skip
+"""(row, first column, last column), rows from south to north, columns from west to east."""
+
+_FIRST_COLUMN, _FIRST_ROW = 10, 12
+_WEST, _SOUTH = 319.2578125, -55.7015625
+_NORTHWARD = 0.1
+
+
+def a68a_berg(
+    radius: float = A68A_RADIUS,
+    packing: Packing = "square",
+    *,
+    lattice_angle: float = 0.0,
+    offset: tuple[float, float] | None = None,
+    thickness: Any = 200.0,
+    velocity: tuple[float, float] = (0.22, 0.0),
+) -> Iceberg:
+    """Return A68a as it was on 9 December 2020, 13:00.
+
+    ``radius``: radius of the elements, m; ``thickness``, ``velocity``: of the ice (m, m s-1), by default those of the paper.
+
+    Examples
+    --------
+    >>> len(a68a_berg().elements.id)
+    472
+
+    """
+    column, row = cells_of_rows(A68A_ROWS)
+    region = cells_region(column, row, 2.0 * A68A_RADIUS)
+    lon, lat = (float(a.mean()) for a in table_positions())
+    x, y = _cell_centres(column, row)
+    x, y = x - x.mean(), y - y.mean()
+    # Rows are great circles now, whose ends lie nearer to the equator than the parallel at their middle: the tangent plane
+    # touches where its elements get the mean position of those of the table.
+    placed = [float(a.mean()) for a in EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)]
+    berg = Iceberg.from_table(
+        A68A_ROWS, placement=(2 * lon - placed[0] - 360.0, 2 * lat - placed[1]), table_radius=A68A_RADIUS, radius=radius,
+        lattice_angle=lattice_angle, offset=offset, thickness=thickness, packing=packing, velocity=velocity,
+    )  # fmt: skip
+    made = {
+        "source": "A68a, 9 December 2020 (Huth et al. 2022)",
+        "outline_area": region.area,
+        "area_error": berg.area / region.area - 1.0,
+    }
+    return replace(berg, report=made)
+
+
+def _cell_centres(column: Ints, row: Ints) -> tuple[Floats, Floats]:
+    return np.asarray(2.0 * A68A_RADIUS * (column + 0.5)), np.asarray(2.0 * A68A_RADIUS * (row + 0.5))
+
+
+def table_positions(northward: float = _NORTHWARD) -> tuple[Floats, Floats]:
+    """Return longitude (0 to 360) and latitude of the elements of the table by the rules of the published run.
+
+    ``northward``: degrees by which the berg is moved north as it is; 0 gives the published positions.
+    """
+    x, y = _cell_centres(*cells_of_rows(A68A_ROWS))
+    plane, side = ReferencePlane(_WEST, _SOUTH, 0.0, EARTH_RADIUS_A68), 2.0 * A68A_RADIUS
+    lon, lat = plane.inverse(x + _FIRST_COLUMN * side, y + _FIRST_ROW * side)
+    if northward == 0.0:
+        return lon, lat
+    middle, north = float(lon.mean()), lat + northward
+    return middle + (lon - middle) * np.cos(lat * DEGREE) / np.cos(north * DEGREE), north
+
+
+class ObservedDay(NamedTuple):
+    """One day at about 13:00 UTC: day of December 2020, centroid (degrees), azimuth (degrees), area (km2)."""
+
+    day: int
+    lat: float
+    lon: float
+    azimuth: float
+    area: float
+
+
+A68A_OBSERVED = (
+    ObservedDay(9, -55.0194, -39.2454, 99.0, 4151.0),
+    ObservedDay(10, -55.0141, -38.9190, 113.0, 3269.0),
+    ObservedDay(11, -55.0351, -38.6517, 116.0, 4090.0),
+    ObservedDay(12, -55.0673, -38.3815, 129.0, 4235.0),
+    ObservedDay(13, -55.1471, -38.1080, 145.0, 4057.0),
+    ObservedDay(14, -55.2384, -37.8473, 163.0, 4285.0),
+    ObservedDay(15, -55.3343, -37.6810, 175.0, 4081.0),
+    ObservedDay(16, -55.4548, -37.4470, 8.0, 3965.0),
+    ObservedDay(17, -55.6231, -37.3201, 13.0, 3891.0),
+    ObservedDay(18, -55.7148, -37.1952, 172.0, 3984.0),
+    ObservedDay(19, -55.8481, -37.1942, 5.0, 3861.0),
+    ObservedDay(20, -56.0435, -37.0390, 4.0, 3909.0),
+    ObservedDay(21, -56.2168, -36.9125, 174.0, 4025.0),
+    ObservedDay(22, -56.3864, -36.7718, 172.0, 3959.0),
+    ObservedDay(23, -56.5777, -36.5773, 164.0, 4180.0),
+    ObservedDay(24, -56.6405, -36.4418, 16.0, 2133.0),
+    ObservedDay(25, -56.8691, -36.2917, 9.0, 3080.0),
+    ObservedDay(26, -57.0181, -36.0184, 177.0, 2776.0),
+)
+"""The observed days; those of 10 and 24 December saw only a part of the berg."""
+
+REGION = (-41.5, -34.0), (-58.5, -54.0)
+"""Longitudes and latitudes (degrees) that the berg and its pieces crossed until 27 December, with a margin."""
+
+PARTIAL = (10, 24)
+"""Days of December of which only a part of the berg was seen."""
+
+PUBLISHED = {
+    "break-up 1": "around 17 Dec, aground: the tip (A68D)",
+    "break-up 2": "around 20 Dec, afloat: the finger",
+    "wall time a day": "about 10 s (Xeon E5-2697 v4)",
+}
+"""What Huth et al. (2022) say of their run (text, Fig. 2, "Computational efficiency")."""
+
+SEEN = {
+    "break-up 1": "17 Dec, aground: 134 to 157 km² (A68D)",
+    "break-up 2": "21 to 22 Dec, afloat: 595 to 652 km² (the finger)",
+    "break-up 3": "seen 23 Dec: 222 to 226 km²",
+    "largest piece at the end": "2596 to 2641 km² (23 to 25 Dec)",
+}
+"""What happened: Huth et al. (2022), and areas of the outlines in its repository."""
+
+
+# ---- the experiment -----------------------------------------------------------------------------------------------------
 
 DAYS = 17.0
 """From 9 to 26 December, 13:00."""

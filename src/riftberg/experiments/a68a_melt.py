@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
-from riftberg.experiments.a68a_observed import a68a_berg
+from riftberg.experiments.a68a import a68a_berg
 from riftberg.experiments.registry import Info, Options
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022

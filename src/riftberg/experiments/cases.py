@@ -9,17 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.constants import SECONDS_PER_DAY
-from riftberg.diagnostics.cases import BeamCase, Held, approach, bent_beam
 from riftberg.experiments.changes import reference_numerics
-from riftberg.experiments.registry import Info, Options, Story
+from riftberg.experiments.registry import Info, Options
 from riftberg.ocean.analytic import Convergence, Steady
 from riftberg.ocean.formulas import Seamount
 from riftberg.parameters import Compatibility, Contact, Parameters
@@ -59,11 +56,6 @@ class Beam:
     def second_moment(self) -> float:
         """Second moment of area of the cross-section, m4."""
         return self.thickness * (2.0 * self.radius * self.rows) ** 3 / 12.0
-
-    def case(self, held: Held) -> BeamCase:
-        """Return what theory asks of the beam."""
-        width = 2.0 * self.radius * self.rows
-        return BeamCase(held, self.columns, self.rows, self.length, width, self.thickness, self.load)
 
     def points(self) -> tuple[Any, Any]:
         """Return x and y of the elements, column by column, m."""
@@ -135,39 +127,19 @@ def cantilever(beam: Beam = CANTILEVER) -> Iceberg:
 
 def build_supported(options: Options) -> tuple[Model, Info]:
     """Build the simply supported beam (see `riftberg.experiments.build`)."""
-    return _build(SUPPORTED, supported_beam(), "supported-beam", "Simply supported beam", options, SUPPORTED_STORY)
+    return _build(SUPPORTED, supported_beam(), "supported-beam", "Simply supported beam", options)
 
 
 def build_cantilever(options: Options) -> tuple[Model, Info]:
     """Build the cantilever (see `riftberg.experiments.build`)."""
-    return _build(CANTILEVER, cantilever(), "cantilever", "Cantilever", options, CANTILEVER_STORY)
+    return _build(CANTILEVER, cantilever(), "cantilever", "Cantilever", options)
 
 
-def beam_story(beam: Beam, held: Held, title: str) -> Story:
-    """Return what a beam tells of itself: how far it bends, and how far theory bends it."""
-    case = beam.case(held)
-
-    def draw(run: xr.Dataset, path: Path, dpi: int) -> Path:
-        from riftberg.viz.cases import draw_beam
-
-        return draw_beam(run, path, case=case, title=f"{title}: deflection against theory", dpi=dpi)
-
-    return Story(
-        read=lambda run: bent_beam(run, case),
-        draw=draw,
-        fits=lambda run: run.sizes["trajectory"] == case.columns * case.rows and run.sizes["time"] > 1,
-    )
-
-
-SUPPORTED_STORY = beam_story(SUPPORTED, "supported", "Simply supported beam")
-CANTILEVER_STORY = beam_story(CANTILEVER, "clamped", "Cantilever")
-
-
-def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options, story: Story) -> tuple[Model, Info]:
+def _build(beam: Beam, berg: Iceberg, name: str, title: str, options: Options) -> tuple[Model, Info]:
     # The sea floor lies above the keel, so that its drag acts everywhere.
     model = Model(berg, Steady(depth=0.0), options.apply(beam.parameters("own" if options.own else "reference")))
     return model, Info(
-        name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0, story=story
+        name, title, days=beam.duration / SECONDS_PER_DAY, output_every_hours=beam.time_step / 3600.0, test_case=True
     )
 
 
@@ -220,20 +192,7 @@ def build_collision(options: Options) -> tuple[Model, Info]:
         current=(0.2, 0.0), speed=0.2, line=LINE, span=(0.0, LINE), ramp=1000.0, period=PERIOD, depth=1000.0
     )
     model = Model(two_bergs(), forcing, options.apply(parameters))
-    return model, Info("collision", "Two bergs collide", days=2.0, output_every_hours=1.0, story=COLLISION_STORY)
-
-
-def _draw_collision(run: xr.Dataset, path: Path, dpi: int) -> Path:
-    from riftberg.viz.cases import draw_approach
-
-    return draw_approach(run, path, title="Two bergs collide in a periodic channel", dpi=dpi)
-
-
-COLLISION_STORY = Story(
-    read=approach,
-    draw=_draw_collision,
-    fits=lambda run: run.sizes["trajectory"] == 16 and run.sizes["time"] > 1 and "x" in run,
-)
+    return model, Info("collision", "Two bergs collide", days=2.0, output_every_hours=1.0, test_case=True)
 
 
 def _as_in_the_reference(parameters: Parameters, substeps: int) -> Parameters:

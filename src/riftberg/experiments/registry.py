@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from riftberg.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from riftberg.parameters import Parameters
     from riftberg.runs.model import Model
 
@@ -60,16 +58,6 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Story:
-    """What a test case tells of itself in place of break-ups and maps, from its run file."""
-
-    # Takes the run and returns what has lines for the command line, ``lines()``, and figures for ``summary.json``, ``facts()``
-    read: Callable[[xr.Dataset], Any]
-    draw: Callable[[xr.Dataset, Path, int], Path]  # Takes the run, a path and ``dpi``, and writes the picture
-    fits: Callable[[xr.Dataset], bool]  # Takes the run and returns whether it is one of this case
-
-
-@dataclass(frozen=True)
 class Info:
     """What the command line needs to know about a built experiment."""
 
@@ -85,7 +73,7 @@ class Info:
     output_cells: float | None = None  # Width (degrees) of the cells of the gridded output; None for none
     made: str = ""  # What became of the shape that was asked for, in a line
     loses: bool = False  # A finer lattice would come closer to that shape
-    story: Story | None = None  # What a test case tells and draws instead of break-ups and a map
+    test_case: bool = False  # A small case with a known answer, no iceberg: its values are meant, however unusual
 
 
 Builder = Callable[[Options], "tuple[Model, Info]"]
@@ -102,21 +90,12 @@ class BuiltIn:
     parts: tuple[str, ...] = ()  # Parts that ``--without`` can leave out
     lattice: bool = False  # Its berg may be filled with another lattice
     fetches: bool = False  # It runs from files that ``--fetch`` can get
-    story: str = ""  # ``module:name`` of its `Story`, where it has one of its own
 
     def load(self) -> Builder:
         """Import the builder."""
         module, function = self.place.split(":")
         builder: Builder = getattr(importlib.import_module(f"riftberg.experiments.{module}"), function)
         return builder
-
-    def load_story(self) -> Story | None:
-        """Import what it tells of itself; None where that is its break-ups."""
-        if not self.story:
-            return None
-        module, name = self.story.split(":")
-        story: Story = getattr(importlib.import_module(f"riftberg.experiments.{module}"), name)
-        return story
 
 
 EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
@@ -127,11 +106,9 @@ EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
     BuiltIn("a68a-oras5", "a68a_files:build_oras5", "A68a in the monthly mean currents of ORAS5", fetches=True),
     BuiltIn("a68a-melt", "a68a_melt:build", "A68a melts along its observed track for three months, in a sea made by formula",
           lattice=True),
-    BuiltIn("supported-beam", "cases:build_supported", "a simply supported beam bends under a load",
-          story="cases:SUPPORTED_STORY"),
-    BuiltIn("cantilever", "cases:build_cantilever", "a clamped beam bends under a load at its end",
-          story="cases:CANTILEVER_STORY"),
-    BuiltIn("collision", "cases:build_collision", "two small bergs collide", story="cases:COLLISION_STORY"),
+    BuiltIn("supported-beam", "cases:build_supported", "a simply supported beam bends under a load"),
+    BuiltIn("cantilever", "cases:build_cantilever", "a clamped beam bends under a load at its end"),
+    BuiltIn("collision", "cases:build_collision", "two small bergs collide"),
     BuiltIn("grounding-fracture", "cases:build_grounding_fracture", "a berg runs aground and breaks"),
 )  # fmt: skip
 """Built-in experiments."""
@@ -151,11 +128,3 @@ def find(name: str) -> BuiltIn:
         f"no experiment of this name and no such file: {name!r}",
         remedy=f"{nearest(name, names())}Built in are {', '.join(names())}; or name a YAML file",
     )
-
-
-def story_of(run: xr.Dataset) -> Story | None:
-    """Return what the experiment that a run names tells of itself; None where the run is of no such experiment."""
-    name = str(run.attrs.get("experiment", ""))
-    entry = next((entry for entry in EXPERIMENTS if entry.name == name), None)
-    story = None if entry is None else entry.load_story()
-    return story if story is not None and story.fits(run) else None

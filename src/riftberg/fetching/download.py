@@ -8,11 +8,17 @@ by the size of the whole file. Anything else would splice two versions.
 from __future__ import annotations
 
 import errno
+import hashlib
+import json
+import os
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import UTC
+from email.utils import parsedate_to_datetime
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
@@ -23,15 +29,6 @@ from riftberg.system.process import say
 
 if TYPE_CHECKING:
     import requests
-
-
-import hashlib
-import json
-import os
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from datetime import UTC
-from email.utils import parsedate_to_datetime
 
 BLOCK = 1 << 18
 Progress = Callable[[str, int, int], None]

@@ -7,6 +7,10 @@ HTTPS, without either.
 
 from __future__ import annotations
 
+import base64
+import configparser
+import netrc
+import os
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +22,6 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 import numpy as np
 
 from riftberg.errors import ForcingError
-from riftberg.fetching import logins
 from riftberg.fetching.download import (
     Progress,
     Resuming,
@@ -166,11 +169,11 @@ def _asking(service: str, remedy: str) -> Iterator[None]:
 
 def _fetch_oscar(wanted: Wanted) -> list[Path]:
     client = _client("earthaccess", "to fetch OSCAR from NASA PO.DAAC")
-    strategy = logins.earthdata()
+    strategy = earthdata_login()
     refused = ForcingError(
         "NASA Earthdata refused the login",
         where="fetch",
-        remedy=f"Check user name and password at https://{logins.EARTHDATA_HOST}; tokens expire after some weeks",
+        remedy=f"Check user name and password at https://{EARTHDATA_HOST}; tokens expire after some weeks",
     )
     try:  # by the one way that has a login: "all" would end in questions at the terminal
         login = client.login(strategy=strategy, persist=False)
@@ -191,7 +194,7 @@ def _fetch_oscar(wanted: Wanted) -> list[Path]:
 
 def _fetch_copernicus(wanted: Wanted) -> list[Path]:
     client = _client("copernicusmarine", "to fetch from the Copernicus Marine Service")
-    logins.copernicus()
+    check_copernicus_login()
     target = wanted.file(*wanted.fields)
     if _whole(target):
         return [target]
@@ -222,7 +225,7 @@ def _fetch_copernicus(wanted: Wanted) -> list[Path]:
 def _fetch_era5(wanted: Wanted) -> list[Path]:
     """Fetch each field by a request of its own: waves have another grid, and mixed requests come as archives."""
     client = _client("cdsapi", "to fetch ERA5 from the Climate Data Store")
-    logins.climate_data_store()
+    check_climate_data_store_login()
     fetched: list[Path] = []
     for field in wanted.fields:
         target = wanted.file(field)
@@ -360,3 +363,92 @@ def _fault_of_floor(path: Path, lon: Span, lat: Span) -> str:
     except (OSError, RuntimeError, IndexError, ValueError) as error:
         return f"the answer cannot be read ({error})"
     return ""
+
+
+# ---- logins: whether a client will find one where it looks itself, or ask at the terminal or fail late ------------------
+
+EARTHDATA_HOST = "urs.earthdata.nasa.gov"
+COPERNICUS_HOSTS = ("auth.marine.copernicus.eu", "nrt.cmems-du.eu", "my.cmems-du.eu")
+"""Machines of a ``.netrc`` that copernicusmarine takes; the last two only in its older versions."""
+
+
+def earthdata_login() -> Literal["environment", "netrc"]:
+    """Return the way in which earthaccess will log in."""
+    if _set("EARTHDATA_TOKEN") or _set("EARTHDATA_USERNAME", "EARTHDATA_PASSWORD"):
+        return "environment"
+    path = Path(os.environ.get("NETRC") or _netrc_at_home())
+    if _in_netrc(path, EARTHDATA_HOST):
+        return "netrc"
+    raise missing_login(
+        "NASA Earthdata",
+        "Make a free account at https://urs.earthdata.nasa.gov, then put it in ~/.netrc "
+        f"(machine {EARTHDATA_HOST}) or in EARTHDATA_USERNAME and EARTHDATA_PASSWORD, or a token in EARTHDATA_TOKEN",
+    )
+
+
+def check_copernicus_login() -> None:
+    """Raise `ForcingError` if copernicusmarine would find no login: variables, its own file, ``.netrc``."""
+    if _set("COPERNICUSMARINE_SERVICE_USERNAME", "COPERNICUSMARINE_SERVICE_PASSWORD"):
+        return
+    # The client takes the first of these files that exists, and asks at the terminal if that one holds no login.
+    folder = Path(os.environ.get("COPERNICUSMARINE_CREDENTIALS_DIRECTORY") or Path.home())
+    own = folder / ".copernicusmarine" / ".copernicusmarine-credentials"
+    if _in_copernicus_file(own) if own.exists() else _in_netrc(_netrc_at_home(), *COPERNICUS_HOSTS):
+        return
+    raise missing_login(
+        "Copernicus Marine",
+        "Make a free account at https://data.marine.copernicus.eu, then run: copernicusmarine login",
+    )
+
+
+def check_climate_data_store_login() -> None:
+    """Raise `ForcingError` if cdsapi would find no address and key in its variables and ``~/.cdsapirc`` together."""
+    path = Path(os.environ.get("CDSAPI_RC") or Path.home() / ".cdsapirc")
+    lines = path.read_text().splitlines() if path.is_file() else []
+    keys = {name.strip() for name, colon, value in (line.partition(":") for line in lines) if colon and value.strip()}
+    lacking = [name for name in ("url", "key") if name not in keys and not _set(f"CDSAPI_{name.upper()}")]
+    if lacking:
+        lacking_text = f"; {path} lacks {' and '.join(lacking)}" if path.is_file() else ""
+        raise missing_login(
+            "the Climate Data Store",
+            "Make a free account at https://cds.climate.copernicus.eu and write the two lines url and key, which its page "
+            "'how to api' shows, to ~/.cdsapirc",
+            lacking_text,
+        )
+
+
+def missing_login(service: str, remedy: str, detail: str = "") -> ForcingError:
+    """Return the error that says that a service wants a login and how to come by one."""
+    return ForcingError(f"{service} wants a login and none was found{detail}", where="fetch", remedy=remedy)
+
+
+def _set(*names: str) -> bool:
+    """Tell whether all of these variables of the environment hold something."""
+    return all(os.environ.get(name) for name in names)
+
+
+def _netrc_at_home() -> Path:
+    return Path.home() / ("_netrc" if os.name == "nt" else ".netrc")
+
+
+def _in_netrc(path: Path, *machines: str) -> bool:
+    """Tell whether a ``.netrc`` holds user name and password for one of these machines."""
+    if not path.is_file():
+        return False
+    try:
+        hosts = netrc.netrc(path).hosts
+    except (netrc.NetrcParseError, UnicodeDecodeError) as error:
+        remedy = "Mend that line, or give the login in variables of the environment"
+        raise ForcingError(f"cannot be read ({error})", where=str(path), remedy=remedy) from error
+    entries = [hosts[machine] for machine in machines if machine in hosts]
+    return any(user and password for user, _, password in entries)
+
+
+def _in_copernicus_file(path: Path) -> bool:
+    """Tell whether the file that ``copernicusmarine login`` writes (base64 of an INI file) holds both."""
+    kept = configparser.RawConfigParser()
+    try:
+        kept.read_string(base64.standard_b64decode(path.read_text()).decode())
+    except (OSError, ValueError, configparser.Error):
+        return False
+    return all(kept.get("credentials", name, fallback="") for name in ("username", "password"))

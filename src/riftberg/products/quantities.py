@@ -222,11 +222,17 @@ def conversion(quantity: Quantity, units: str, *, where: str) -> tuple[float, fl
     """Return factor and offset that turn ``units`` into the units of ``quantity``; refuse units that are none of its."""
     change = unit_change(units, quantity.units)
     if change is None:
+        read_too = f"(read too: {_READ_TOO[quantity.units]})"
+        if units.strip():
+            what, remedy = (
+                f"units {units!r} are not known",
+                f"Convert it to {quantity.units} and write that into the file",
+            )
+        else:
+            what = "the file gives no units"
+            remedy = f"If it is in {quantity.units}, write that into the file: ncatted -a units,NAME,c,c,'{quantity.units}' FILE"
         raise ForcingError(
-            f"units {units!r} are not known for {quantity.name} ({quantity.long_name})"
-            + ("" if units.strip() else ": the file gives none"),
-            where=where,
-            remedy=f"Convert it to {quantity.units} and write that into the file (read too: {_READ_TOO[quantity.units]})",
+            f"{what} for {quantity.name} ({quantity.long_name})", where=where, remedy=f"{remedy} {read_too}"
         )
     return change
 
@@ -266,7 +272,7 @@ def unlikely(name: str, low: float, high: float) -> str:
     if low < least:
         return f"below {least:g} it is not believable"
     if name == "depth_below_surface" and low < high <= 0.0:
-        return "nowhere is there water: it looks like a height, positive up"
+        return "nowhere is there water: it looks like a height, positive up (then give it the attribute positive: up)"
     if name == "depth_below_surface" and -low > high > low:
         return f"from {low:.4g} to {high:.4g} m it looks like a height, positive up (of depths, leave land missing)"
     return ""

@@ -201,6 +201,13 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
         raw = repair(raw, path)
     # Coordinates that the user names say what they are.
     named = {product.names[key]: said for key, said in COORDINATES.items() if product.names.get(key) in raw.variables}
+    levels = product.names.get("depth")
+    # Levels lie along one dimension, or change in place.
+    if levels in raw.variables and levels not in raw.dims and raw[levels].ndim == 2:
+        raise ForcingError(
+            f"{levels} is a map, but depth names the levels of a field", where="names, depth",
+            remedy=f"The depth of the sea floor is depth_below_surface: {levels}",
+        )  # fmt: skip
     raw = _with_attributes(raw, {name: {**raw[name].attrs, **said} for name, said in named.items()}) if named else raw
     decoded = _decoded(product.mend(raw))
     if product.member is not None:

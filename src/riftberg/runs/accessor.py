@@ -5,16 +5,13 @@ from __future__ import annotations
 import importlib
 from collections.abc import Hashable, Iterator
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from riftberg.runs.layout import called
 from riftberg.runs.tracks import tracks_of
-
-ELEMENT_NAMES: Final = {"u_sync": "u", "v_sync": "v", "trajectory": "element"}
-"""Words of the field for variables of the elements that have another name in the file."""
 
 
 class Table:
@@ -163,11 +160,8 @@ class RunAccessor:
 
     @cached_property
     def elements(self) -> ElementTable:
-        """The elements over time, in the words of the field: ``u`` and ``v`` instead of ``u_sync`` and ``v_sync``."""
+        """The elements over time."""
         run = self._run
         along = {"trajectory"}, {"trajectory", "time"}
         names = [name for name, v in run.data_vars.items() if set(v.dims) in along]
-        table = run[names]
-        return ElementTable(
-            table.rename({old: new for old, new in ELEMENT_NAMES.items() if old in table.variables}), run
-        )
+        return ElementTable(run[names].rename(trajectory="element"), run)

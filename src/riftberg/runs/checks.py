@@ -21,7 +21,15 @@ from riftberg.config.values import finding_text
 from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import CONTACT_VARIABLES, FRAGMENT_VARIABLES, SHAPE, dimensions_of_variables, forcing_text
+from riftberg.runs.layout import (
+    CONTACT_VARIABLES,
+    FRAGMENT_VARIABLES,
+    IN_FILE,
+    SHAPE,
+    dimensions_of_variables,
+    forcing_text,
+    in_file,
+)
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements
 from riftberg.state.variables import ABOVE_0, LARGEST, LARGEST_WHOLE
 from riftberg.system.input_files import check_file, reading, shown, value_shown
@@ -37,8 +45,8 @@ DAMAGED: Final = "The file is damaged: resume from another restart"
 RUN_REMEDY: Final = "Name a run.nc, or the folder that 'riftberg run' made"
 
 NEEDED: Final = (
-    "time", "trajectory", *SHAPE[:3], "thickness", "rotation", "u_sync", "v_sync", "spin", "depth", "berg",
-    "first", "second", "status", "strength", "break_time", "break_grounded", "normal_stress", "shear_stress",
+    "time", "trajectory", *SHAPE[:3], "thickness", "rotation", "u", "v", "spin", "depth", "berg",
+    "bond_first", "bond_second", "status", "strength", "break_time", "break_grounded", "normal_stress", "shear_stress",
     *(f"fragment_{name}" for name in ("number", "parent", "birth_time", "elements", "area", "bonds_broken", "grounded")),
 )  # fmt: skip
 """Variables of a run file that every reader may use; positions besides. What is added later may be missing."""
@@ -49,7 +57,7 @@ _TEXTS: Final = ("fragment_name",)
 _SHAPE_IN_FILE: Final = ("char_dim_name", "original_shape")
 """What xarray notes of a text in a file, and warns of where a part of the run is written to another file."""
 _CHECKED: Final = (
-    "rotation", "u_sync", "v_sync", "spin", "length", "width", "mass", "thickness", "sides", "status",
+    "rotation", "u", "v", "spin", "length", "width", "mass", "thickness", "corners", "status",
 )  # fmt: skip
 """Variables of elements and bonds whose values are read when a run file is opened; those of fragments and collisions all are."""
 
@@ -64,7 +72,10 @@ def open_checked(file: Path, *, own: bool = False) -> xr.Dataset:
     """
     check_file(file, remedy=RUN_REMEDY)
     with reading(file, "not a NetCDF file, or a damaged one", RUN_REMEDY):
-        dataset = open_lazily(file, engine="netcdf4", lock=NETCDF, decode_times=False)  # never xarray's own lock
+        opened = open_lazily(file, engine="netcdf4", lock=NETCDF, decode_times=False)  # never xarray's own lock
+        # Names in files of versions before 0.2.0.
+        dataset = opened.rename({old: new for old, new in IN_FILE.items() if old in opened.variables})
+        dataset.set_close(opened.close)
     try:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)
@@ -102,7 +113,7 @@ def _check_layout(run: xr.Dataset, file: Path) -> None:
             continue
         variable = run[name]
         # Sizes have a time only in runs in which they change.
-        moving = name in SHAPE and set(variable.dims) == {"trajectory", "time"}
+        moving = name in map(in_file, SHAPE) and set(variable.dims) == {"trajectory", "time"}
         if not moving and (set(variable.dims) != set(dims) or len(variable.dims) != len(dims)):
             raise _error(f"dimensions {variable.dims} instead of {dims}", file, f"variable {name}")
         if name in _TEXTS and variable.dtype.kind not in "UOT":
@@ -200,9 +211,10 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
     for name, limits in _limits_in_file(latlon).items():
         if name in run.variables:
             _check_allowed(run, name, file, limits)
-    check_bond_ends(run["first"].values, run["second"].values, run.sizes["trajectory"], file, "variable first, second")
-    if "sides" in run and not np.isin(np.nan_to_num(run["sides"].values), (0, 4, 6)).all():  # 0: not known
-        raise _error("an element has 4 or 6 sides", file, "variable sides")
+    ends = run["bond_first"].values, run["bond_second"].values
+    check_bond_ends(*ends, run.sizes["trajectory"], file, "variable bond_first, bond_second")
+    if "corners" in run and not np.isin(np.nan_to_num(run["corners"].values), (0, 4, 6)).all():  # 0: not known
+        raise _error("an element has 4 or 6 corners", file, "variable corners")
     for name, what in (("fragment_birth_time", "a fragment"), ("contact_time", "a collision")):
         if name in run.variables and np.isnat(run[name].values).any():
             raise _error(f"{what} without a time", file, f"variable {name}")
@@ -246,11 +258,13 @@ def _limits_in_file(latlon: bool) -> dict[str, Allowed]:
     """Return the limits of what is checked in a run file, by name and as the registries have them."""
     places = {"lon": 1e4, "lat": 90.0} if latlon else dict.fromkeys(("x", "y"), 1e12)
     limits = {name: Allowed(-most, most) for name, most in places.items()}
-    states = [v for v in (*ELEMENT_VARIABLES, *BOND_VARIABLES) if v.name in _CHECKED]
+    states = [v for v in (*ELEMENT_VARIABLES, *BOND_VARIABLES) if in_file(v.name) in _CHECKED]
     for table, variables in (("", states), ("fragment_", FRAGMENT_VARIABLES), ("contact_", CONTACT_VARIABLES)):
         for v in variables:
             if not table or v.limits != (-LARGEST, LARGEST):
-                limits[f"{table}{v.name}"] = Allowed(v.limits[0], float(v.limits[1]), v.dtype == "i8")
+                limits[f"{table}{v.name}" if table else in_file(v.name)] = Allowed(
+                    v.limits[0], float(v.limits[1]), v.dtype == "i8"
+                )
     return {**limits, "berg": Allowed(1, LARGEST_WHOLE, whole=True)}
 
 

@@ -64,14 +64,16 @@ APPLIED: Final = Derived(
 """Mean force of each medium on each element."""
 
 
+USER_LAW: Final = "a law of the user"
+"""Words in the description of a force by which readers know it."""
+
+
 def own_applied(model: BareModel) -> list[Derived]:
     """Return the mean force of each of several laws of the user on each element."""
     laws: Laws = getattr(model, "laws", Laws())
     names = laws.several()
     variables = tuple(
-        Variable(
-            f"force_{name}_{axis}", "N", f"mean {word} force of {name}, a law of the user, since the record before"
-        )
+        Variable(f"force_{name}_{axis}", "N", f"mean {word} force of {name}, {USER_LAW}, since the record before")
         for name in names
         for axis, word in (("x", "eastward"), ("y", "northward"))
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -98,6 +99,15 @@ CONTACT_VARIABLES: Final = (
 """Collisions of bergs, each written as ``contact_<name>``."""
 
 
+IN_FILE: Final = {"u_sync": "u", "v_sync": "v", "sides": "corners", "first": "bond_first", "second": "bond_second"}
+"""Names in a run file of what the state of the model, which has a ``u`` of each stage of a step, calls otherwise."""
+
+
+def in_file(name: str) -> str:
+    """Return how a variable of the state is called in the run file; positions apart."""
+    return IN_FILE.get(name, name)
+
+
 def position_names(latlon: bool) -> dict[str, str]:
     """Return how the positions are called in the file: ``lon`` and ``lat``, or ``x`` and ``y`` in metres."""
     return {} if latlon else {"lon": "x", "lat": "y"}
@@ -105,15 +115,17 @@ def position_names(latlon: bool) -> dict[str, str]:
 
 @cache
 def element_history() -> tuple[Variable, ...]:
-    """Return the variables of the elements that every record holds, from the registry."""
-    return tuple(v for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE))
+    """Return the variables of the elements that every record holds, from the registry, by their names in the file."""
+    return tuple(
+        replace(v, name=in_file(v.name)) for v in ELEMENT_VARIABLES if v.output and v.name not in ("id", *SHAPE)
+    )
 
 
 def dimensions_of_variables() -> dict[str, tuple[str, ...]]:
     """Return the dimensions of every variable of a run file that stands in a registry; positions may be called x and y."""
     dims: dict[str, tuple[str, ...]] = {v.name: ("trajectory", "time") for v in element_history()}
     dims |= {"x": ("trajectory", "time"), "y": ("trajectory", "time")}
-    dims |= dict.fromkeys(SHAPE, ("trajectory",)) | dict.fromkeys(BOND_LATEST, ("bond",))
+    dims |= dict.fromkeys(map(in_file, SHAPE), ("trajectory",)) | dict.fromkeys(map(in_file, BOND_LATEST), ("bond",))
     dims |= dict.fromkeys((*BOND_HISTORY, "damage"), ("bond", "time"))
     for table, variables in (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES)):
         dims |= {f"{table}_{v.name}": (table,) for v in variables}

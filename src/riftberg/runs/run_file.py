@@ -12,8 +12,8 @@ records as it is written, and added at the end of the run (`riftberg.runs.tracks
 
 Elements that are born in the run get trajectories behind those of the start, in order of birth, without values before
 their birth; those that are removed have none after their end. Then, and only then, the variables have a fill value.
-``length``, ``width`` and ``mass`` are tables ``(trajectory)`` unless they change in the run. ``first`` and ``second`` of
-a bond are rows of the file.
+``length``, ``width`` and ``mass`` are tables ``(trajectory)`` unless they change in the run. ``bond_first`` and
+``bond_second`` are rows of the file.
 
 Safety
 ------
@@ -64,6 +64,7 @@ from riftberg.runs.layout import (
     Layout,
     define_texts,
     element_history,
+    in_file,
     placed,
     position_names,
     run_attributes,
@@ -292,6 +293,8 @@ class RunWriter:
             gap = missing_records(old["time"][:], kept, self.interval)
             if gap:
                 raise InputError(gap, where=place, remedy=_ANEW)
+            if "u" not in old.variables:
+                raise InputError("a run file of a version before 0.2.0", where=place, remedy=_ANEW)
             if self.forces != (APPLIED.variables[0].name in old.variables):
                 raise InputError(
                     f"its records have {'no ' if self.forces else ''}forces", where=place,
@@ -310,8 +313,8 @@ class RunWriter:
                 )  # fmt: skip
             change = kept[self._key("rows_change")].tolist()
             layout.taken_up(
-                {name: _first_seen(old[name][:elements]) for name in SHAPE},
-                {name: old[name][:bonds] for name in BOND_LATEST},
+                {name: _first_seen(old[in_file(name)][:elements]) for name in SHAPE},
+                {name: old[in_file(name)][:bonds] for name in BOND_LATEST},
                 gaps=bool(change[0]), moving=[name for name, moves in zip(SHAPE, change[1:], strict=True) if moves],
             )  # fmt: skip
             self.records = int(np.searchsorted(old["time"][:], model.time - _ROUND))
@@ -387,7 +390,7 @@ class RunWriter:
             columns[name] = np.stack([placed(r.bond_ids, r.bonds[name], layout.bond_ids, np.nan) for r in held], axis=1)
         for name, values in columns.items():
             if name not in SHAPE or name in layout.moving:
-                file[self._names.get(name, name)][:, block] = values
+                file[self._names.get(name, in_file(name))][:, block] = values
         for name in held[0].ledger:
             file[name][:, block] = np.stack([r.ledger[name] for r in held], axis=1)
         for name in held[0].derived:
@@ -429,7 +432,7 @@ class _Record:
         # Identifiers of the layout itself where they are the same: `placed` then need not compare them for each variable.
         self.ids = layout.ids if np.array_equal(elements.id, layout.ids) else elements.id.copy()
         self.bond_ids = layout.bond_ids if np.array_equal(bonds.id, layout.bond_ids) else bonds.id.copy()
-        velocity = dict(zip(("u_sync", "v_sync"), model.velocity(), strict=True))
+        velocity = dict(zip(("u", "v"), model.velocity(), strict=True))
         self.elements = {
             v.name: velocity.get(v.name, getattr(elements, v.name)).astype(_stored_kind(v)) for v in element_history()
         }
@@ -535,10 +538,12 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     for name in SHAPE:
         described = _described(_REGISTRY[name], names)
         if name in layout.moving:
-            _create(file, name, "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names))
+            _create(
+                file, in_file(name), "f8", ("trajectory", "time"), layout.gaps, **described, coordinates=_where(names)
+            )
         else:
             kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
-            _create(file, name, kind, ("trajectory",), **described)[:] = layout.shape[name]
+            _create(file, in_file(name), kind, ("trajectory",), **described)[:] = layout.shape[name]
     _define_histories(file, element_history(), names, layout)
     _define_bonds(file, model, layout)
     _define_fragments(file, model, names)
@@ -612,7 +617,7 @@ def _define_bonds(file: netCDF4.Dataset, model: BareModel, layout: Layout) -> No
             attributes["calendar"] = "proleptic_gregorian"
         if name == "status":
             attributes |= {"flag_meanings": "unbroken broken_in_contact gone"}
-        stored = _create(file, name, "i4" if v.dtype == "i8" else "f8", ("bond",), **attributes)
+        stored = _create(file, in_file(name), "i4" if v.dtype == "i8" else "f8", ("bond",), **attributes)
         if name == "status":
             stored.flag_values = np.arange(3, dtype="i4")
     for name in bond_history(model):
@@ -647,7 +652,7 @@ def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]
     """Write the present state of the bonds and the family tree, over the earlier ones."""
     layout.refresh(model.elements, model.bonds, BOND_LATEST)
     for name in BOND_LATEST:
-        file[name][:] = layout.latest[name]
+        file[in_file(name)][:] = layout.latest[name]
     tables = ("fragment", FRAGMENT_VARIABLES, fragment_rows(model)), ("contact", CONTACT_VARIABLES, contact_rows(model))
     for kind, variables, rows in tables:
         for v in variables if rows else ():

@@ -171,7 +171,7 @@ class Scene:
         run = self.run
         if "crack" not in run:
             return []
-        first, second, part = run["first"].values, run["second"].values, run["crack_part"].values
+        first, second, part = run["bond_first"].values, run["bond_second"].values, run["crack_part"].values
         lines = []
         for number in np.unique(run["crack"].values[run["crack"].values > 0]):
             rows = np.flatnonzero(run["crack"].values == number)
@@ -238,9 +238,9 @@ class Scene:
     def sides(self) -> Ints:
         """Sides of the elements: 4 or 6."""
         packing = 6 if self.parameters.bonds.packing == "hexagonal" else 4
-        if "sides" not in self.run:
+        if "corners" not in self.run:
             return np.full(self.run.sizes["trajectory"], packing)
-        stored = self.run["sides"]
+        stored = self.run["corners"]
         known = (
             filled_forward(stored.transpose("time", "trajectory").values)[0] if "time" in stored.dims else stored.values
         )
@@ -253,7 +253,7 @@ class Scene:
         From the bonds of the first record; 0 for bergs without any.
         """
         angle = np.zeros(self.run.sizes["trajectory"])
-        first, second = self.run["first"].values, self.run["second"].values
+        first, second = self.run["bond_first"].values, self.run["bond_second"].values
         there = self.there[0, first] & self.there[0, second]
         first, second = first[there], second[there]
         if not len(first):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from riftberg import constants
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import FRAGMENT_VARIABLES, define_texts, position_names, texts
+from riftberg.runs.layout import FRAGMENT_VARIABLES, define_texts, in_file, position_names, texts
 from riftberg.state import Floats, Ints, Variable
 from riftberg.stepping.forces.media import aground
 
@@ -261,7 +261,7 @@ TRACKS: Final = "tracks"
 """Group of a run file that holds them."""
 
 ELEMENT_COLUMNS: Final = (
-    "lon", "lat", "u_sync", "v_sync", "spin", "length", "width", "mass", "thickness", "depth", "berg",
+    "lon", "lat", "u", "v", "spin", "length", "width", "mass", "thickness", "depth", "berg",
 )  # fmt: skip
 BOND_COLUMNS: Final = ("first", "second", "strength", "break_time", "peak_stress")
 """Variables of a run file from which the rows follow; ``damage`` too, where the run has it."""
@@ -305,7 +305,7 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
         period=earth.period,
     )
     gyration = (length * length + width * width) / 12.0
-    u, v, spin = bergs.motion(of("u_sync"), of("v_sync"), of("spin"), gyration)
+    u, v, spin = bergs.motion(of("u"), of("v"), of("spin"), gyration)
     touching = aground(of("thickness"), of("depth"), p.kernel_values())
     rows: dict[str, NDArray[Any]] = {
         "number": bergs_at % span,
@@ -445,7 +445,8 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
 
     latlon = parameters.earth.latlon
     names = position_names(latlon)
-    fixed = {name: run[name].values for name in BOND_COLUMNS if name in run and "time" not in run[name].dims}
+    bonds = {name: run[in_file(name)] for name in BOND_COLUMNS if in_file(name) in run}
+    fixed = {name: variable.values for name, variable in bonds.items() if "time" not in variable.dims}
     fixed["break_time"] = seconds(run["break_time"].values)
     moving = [*ELEMENT_COLUMNS, *(name for name in ("peak_stress", "damage") if name in run)]
     blocks = []

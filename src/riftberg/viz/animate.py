@@ -161,6 +161,10 @@ class _Film:
         if self.flows:
             speed_bar([self.ax], self.top)
         style.lay_out(self.figure)  # once: axes that move from frame to frame would flicker
+        # The date stands in the upper left corner: as many points as all ice keep the inset out of it.
+        x, y = scene.x[np.isfinite(scene.x)], scene.y[np.isfinite(scene.y)]
+        corner = np.full(x.size, self.box.west), np.full(y.size, self.box.north)
+        self.inset = self._panel().draw_place(np.append(x, corner[0]), np.append(y, corner[1]))
 
     def _panel(self) -> Panel:
         return Panel(self.ax, self.scene, self.box, self.water, ticks=6, labels=not self.scene.latlon)
@@ -168,6 +172,8 @@ class _Film:
     def draw(self, record: int) -> None:
         """Draw one record."""
         self.ax.clear()
+        if self.inset is not None:
+            self.ax.add_child_axes(self.inset)
         rings = self.observed.get(str(self.scene.times[record])[:10], ())
         panel = self._panel()
         quiver = panel.draw_date(record, self.top, self.colours, rings, arrows=19, steps=self.steps, ls="--")

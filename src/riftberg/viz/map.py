@@ -332,8 +332,9 @@ class Overview:
             for colour, name in ((colours.LAND, "land"), (colours.SHELF, "ice shelf")) if colour in self.panel.coast
         ]  # fmt: skip
         if self.grounded:
-            handles.append(Patch(fc="white", ec=colours.GROUND, hatch="////",
-                                 label=f"shallower than the keel ({self.scene.draft():.0f} m)"))  # fmt: skip
+            shallow = f"shallower than the keel ({self.scene.draft():.0f} m)"
+            hatch, label = ("//", "grounds here by the set-up; no depths") if self.panel.zone else ("////", shallow)
+            handles.append(Patch(fc="white", ec=colours.GROUND, hatch=hatch, label=label))
         if self.observed:
             handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.1, label="observed outline"))
         return handles

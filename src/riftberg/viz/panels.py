@@ -196,7 +196,7 @@ class Map:
         else:
             draw_graticule(ax, box, plane, lines=ticks)
         ax.set_facecolor(colours.SEA)
-        self.shaded = False
+        self.shaded = self.zone = False
         # Runs in metres that are no place on the Earth have no coast.
         self.coast = draw_coast(ax, box, plane=plane) if latlon or plane is not None else set()
 
@@ -232,12 +232,14 @@ class Map:
         middle = 0.5 * (self.box.west + self.box.east)
         return (x - 360.0 * np.round((x - middle) / 360.0) if self.latlon else x), y
 
-    def draw_place(self, x: Floats, y: Floats, labels: style.Labels | None = None) -> None:
+    def draw_place(self, x: Floats, y: Floats, labels: style.Labels | None = None) -> Axes | None:
         """Draw where on the Earth the map lies, off points of it, once the axes have their place; labels keep off."""
-        if self.latlon or self.plane is not None:
-            inset = draw_place(self.ax, self.box, self.plane, x, y)
-            if inset is not None and labels is not None:
-                labels.avoid_box(inset.get_window_extent())
+        if not self.latlon and self.plane is None:
+            return None
+        inset = draw_place(self.ax, self.box, self.plane, x, y)
+        if inset is not None and labels is not None:
+            labels.avoid_box(inset.get_window_extent())
+        return inset
 
     def mesh(self, points: int) -> tuple[Floats, Floats]:
         """Return points on an even mesh over the map."""
@@ -262,21 +264,25 @@ class Map:
         if depth.mask.all() or float(depth.max()) <= min(NO_FLOOR, NO_FLOOR if draft is None else draft):
             return False
         low, high = float(depth.min()), float(depth.max())
+        stepped = len(np.unique(depth.compressed())) < STEPPED
+        self.zone = stepped and low <= 0.0 < high  # a part is declared dry, and no depths are known
         # A floor that is all of one colour needs no scale.
-        coloured = shaded and low < UNKNOWN_DEPTH
+        coloured = shaded and low < UNKNOWN_DEPTH and not self.zone
         self.shaded = coloured and len(set(np.digitize([low, high], DEPTHS))) > 1
         if coloured:  # also where it is all of one colour: maps side by side have the same sea
             shades = colours.depth_map()
             norm = BoundaryNorm(DEPTHS, shades.N)
             self.ax.contourf(x, y, depth, levels=DEPTHS, cmap=shades, norm=norm, zorder=0.5, antialiased=True)
         levels = [d for d in ISOBATHS if low < d < high]
-        if levels and len(np.unique(depth.compressed())) >= STEPPED:
+        if levels and not stepped:
             lines = self.ax.contour(x, y, depth, levels=levels, colors=colours.ISOBATH, linewidths=0.6, zorder=2)
             if labels:
                 self.ax.clabel(lines, fmt="%d m", fontsize=6)
         if not hatched or draft is None or not low < draft:
             return False
-        filled = self.ax.contourf(x, y, depth, levels=[-1e9, draft], colors="none", hatches=["////"], zorder=3)
+        filled = self.ax.contourf(
+            x, y, depth, levels=[-1e9, draft], colors="none", hatches=["/" if self.zone else "////"], zorder=3
+        )
         filled.set_edgecolor(colours.GROUND)
         filled.set_linewidth(0.0)
         if draft < high:  # else the whole map is too shallow
@@ -418,7 +424,7 @@ class Panel(Map):
         from matplotlib.collections import LineCollection, PolyCollection
 
         scene, run = self.scene, self.scene.run
-        first, second = run["first"].values, run["second"].values
+        first, second = run["bond_first"].values, run["bond_second"].values
         ends = np.stack([np.stack([scene.x[record][k], scene.y[record][k]], axis=-1) for k in (first, second)], axis=1)
         # Bonds of hexagons cross at 60 degrees and are drawn slimmer.
         width = np.sqrt(scene.area[first]) * np.where(scene.sides[first] == 6, 0.34, 0.62)
@@ -498,16 +504,8 @@ def speed_bar(axes: Sequence[Axes], top: float) -> None:
     from matplotlib.colors import Normalize
     from matplotlib.ticker import MaxNLocator
 
-    bar = axes[0].figure.colorbar(
-        ScalarMappable(Normalize(0.0, top), colours.speed_map()),
-        ax=axes,
-        location="bottom",
-        shrink=0.6,
-        aspect=45,
-        pad=0.02,
-    )
-    bar.set_label("speed of the current (m s$^{-1}$)", fontsize=8)
-    bar.ax.tick_params(labelsize=8, length=2)
+    shown = ScalarMappable(Normalize(0.0, top), colours.speed_map())
+    bar = style.colour_bar(axes, shown, "speed of the current (m s$^{-1}$)")
     bar.ax.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
 
@@ -528,10 +526,7 @@ def melt_bar(axes: Sequence[Axes], low: float, top: float) -> Normalize:
     from matplotlib.colors import Normalize
 
     scale = Normalize(low, max(0.01, top))
-    shown = ScalarMappable(scale, colours.melt_map())
-    bar = axes[0].figure.colorbar(shown, ax=axes, location="bottom", shrink=0.6, aspect=45, pad=0.02)
-    bar.set_label("thickness lost since the start (m)", fontsize=8)
-    bar.ax.tick_params(labelsize=8, length=2)
+    style.colour_bar(axes, ScalarMappable(scale, colours.melt_map()), "thickness lost since the start (m)")
     return scale
 
 
@@ -544,9 +539,7 @@ def depth_bar(panel: Map) -> None:
         return
     shades = colours.depth_map()
     scale = ScalarMappable(BoundaryNorm(DEPTHS, shades.N), shades)
-    bar = panel.ax.figure.colorbar(scale, ax=panel.ax, location="bottom", shrink=0.7, aspect=40, pad=0.02)
-    bar.set_label("depth of the sea floor (m)", fontsize=8)
-    bar.ax.tick_params(labelsize=8, length=2)
+    style.colour_bar([panel.ax], scale, "depth of the sea floor (m)", shrink=0.7, aspect=40)
 
 
 def arrow_key(quiver: Quiver, top: float) -> None:

@@ -242,17 +242,19 @@ def _bond_maps(
     style.outer_names(axes, len(axes))
     # By the square root: a berg at rest has a tenth of its strength, and few bonds have most of the damage.
     scale = PowerNorm(0.5, 0.0, top)
-    bar = figure.colorbar(
-        ScalarMappable(scale, shades), ax=axes, location="bottom", shrink=0.8, aspect=50, pad=0.02,
+    lines = style.wrapped(f"{label}; square-root scale", figure.get_figwidth() - 0.8, size=9)
+    bar = style.colour_bar(
+        axes,
+        ScalarMappable(scale, shades),
+        "\n".join(lines),
+        shrink=0.8,
+        aspect=50,
         extend="max" if beyond else "neither",
-    )  # fmt: skip
+    )
     small, large = style.round_length(top / 16.0), style.round_length(top / 2.5)
     bar.ax.xaxis.set_major_locator(FixedLocator([0.0, small, *np.arange(large, top * (1.0 + 1e-9), large)]))
     bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.3g}" if v < 1e3 else f"{v:,.0f}"))
     bar.ax.xaxis.set_minor_locator(FixedLocator([]))
-    bar.ax.tick_params(labelsize=8)
-    lines = style.wrapped(f"{label}; square-root scale", figure.get_figwidth() - 0.8, size=9)
-    bar.set_label("\n".join(lines), fontsize=9)
     style.put_title(figure, figure_title(scene.run, what))
     style.lay_out(figure)
     for panel, record in zip(panels, records, strict=True):

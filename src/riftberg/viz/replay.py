@@ -30,7 +30,7 @@ from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
 from riftberg.viz.coast import coast_in
 from riftberg.viz.colours import FRAGMENTS, SMALL
-from riftberg.viz.forecast import ellipses
+from riftberg.viz.ensemble import ellipses
 from riftberg.viz.style import degree_label
 
 _MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}
@@ -204,7 +204,7 @@ class ReplayContent:
             "y": pack(y),
             "angle": pack(np.mod(angle, 2.0 * np.pi / scene.sides)),
             "scale": float(self.plane.scale(lon, lat).mean()),
-            "speed": pack(np.hypot(self._table("u_sync"), self._table("v_sync")), "uint16"),
+            "speed": pack(np.hypot(self._table("u"), self._table("v")), "uint16"),
             "stress": pack(self._largest_of_bonds(tension), "uint16"),
             "damage": None if damage is None else pack(self._largest_of_bonds(damage[chosen]), "uint8"),
             "berg": pack(scene.berg[chosen], "uint16", step=1.0),
@@ -217,7 +217,7 @@ class ReplayContent:
 
     def _largest_of_bonds(self, values: Floats) -> Floats:
         """Return the largest value over the bonds of each element, from values (record, bond) of at least 0."""
-        first, second = self.run["first"].values, self.run["second"].values
+        first, second = self.run["bond_first"].values, self.run["bond_second"].values
         largest = np.zeros((len(self.records), self.run.sizes["trajectory"]))
         for row, value in zip(largest, values, strict=True):
             np.maximum.at(row, first, value)
@@ -230,8 +230,8 @@ class ReplayContent:
         rows = np.flatnonzero(~np.isnat(at))
         zero = self.scene.times[self.records[0]]
         return {
-            "first": self.run["first"].values[rows].tolist(),
-            "second": self.run["second"].values[rows].tolist(),
+            "first": self.run["bond_first"].values[rows].tolist(),
+            "second": self.run["bond_second"].values[rows].tolist(),
             "time": ((at[rows] - zero) / np.timedelta64(1, "s")).tolist(),
             "total": int(self.run.sizes["bond"]),
         }

@@ -336,6 +336,18 @@ def gapped(x: Any, y: Any, area: Any) -> tuple[Any, Any]:
     return np.insert(x, jumps, np.nan), np.insert(y, jumps, np.nan)
 
 
+def colour_bar(axes: Sequence[Axes], shades: Any, label: str, *, size: float = 8.0, **options: Any) -> Any:
+    """Draw the scale of colours beside axes, by default below.
+
+    ``size``: of the label, points; ``options``: as matplotlib's ``colorbar`` takes them.
+    """
+    placed = {"location": "bottom", "shrink": 0.6, "aspect": 45, "pad": 0.02, **options}
+    bar = axes[0].figure.colorbar(shades, ax=axes, **placed)
+    bar.set_label(label, fontsize=size)
+    bar.ax.tick_params(labelsize=8, length=2)
+    return bar
+
+
 def legend_above(ax: Axes, **options: Any) -> None:
     """Put the legend of a curve above the right end of its axes."""
     ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1, **options)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from riftberg.config.units import area_text, minute_text
-from riftberg.diagnostics.cut import FORCES, Breakup, FirstBond
+from riftberg.diagnostics.cut import Breakup, FirstBond
 from riftberg.diagnostics.why import Reasons
 from riftberg.viz import colours, style
 from riftberg.viz.style import new_figure, save_figure
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-COLOURS: Final = colours.force_colours(FORCES)
-"""One colour for each force in all panels."""
 
 SHOWN: Final = 4
 """Break-ups in one picture."""
@@ -64,8 +61,9 @@ def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
     """Explain colours and lines once, below all panels."""
     from matplotlib.lines import Line2D
 
-    acting = [n for n in FORCES if any(math.hypot(*b.budgets[k].forces[n]) > 0.0 for b in shown for k in SIDES)]
-    handles = [Line2D([], [], color=COLOURS[name], lw=2.4, label=name) for name in acting]
+    shades = _shades(shown[0])
+    acting = [n for n in shades if any(math.hypot(*b.budgets[k].forces[n]) > 0.0 for b in shown for k in SIDES)]
+    handles = [Line2D([], [], color=shades[name], lw=2.4, label=name) for name in acting]
     handles += [
         Line2D([], [], color="black", lw=2.4, label="other part of the berg (arrows), all forces (curves)"),
         Line2D([], [], color=colours.STRENGTH, lw=2.4, label="arrow: on the fragment"),
@@ -74,12 +72,17 @@ def _legend(figure: Figure, shown: Sequence[Breakup]) -> None:
     figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=6, frameon=False)
 
 
+def _shades(b: Breakup) -> dict[str, str]:
+    """Return one colour for each force, the same in all panels."""
+    return colours.force_colours(b.budgets["fragment"].forces)
+
+
 def _draw_forces(ax: Axes, b: Breakup) -> None:
     """Draw the forces on fragment and rest as arrows from one point each."""
-    reach = 0.0
+    shades, reach = _shades(b), 0.0
     for k, name in enumerate(SIDES):
         budget = b.budgets[name]
-        vectors: list[tuple[Any, str]] = [(f, COLOURS[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0]
+        vectors: list[tuple[Any, str]] = [(f, shades[n]) for n, f in budget.forces.items() if math.hypot(*f) > 0.0]
         if budget.residual is not None:
             vectors.append((budget.residual, "black"))
         # On the rest as much of them as acts on a mass like that of the fragment: else its arrows would hide the others.
@@ -106,10 +109,10 @@ def _draw_forces(ax: Axes, b: Breakup) -> None:
 def _draw_load(ax: Axes, b: Breakup) -> None:
     """Draw the shares of the forces in the nominal stress of the cut, until the break."""
     hours = [_hours(load.time, b.time) for load in b.history]
-    for name in FORCES:
+    for name, shade in _shades(b).items():
         values = np.array([load.stress[name] for load in b.history]) / 1e3
         if np.abs(values).max() > 0.0:
-            ax.plot(hours, values, color=COLOURS[name], lw=1.5, label=name)
+            ax.plot(hours, values, color=shade, lw=1.5, label=name)
     ax.plot(hours, [load.nominal / 1e3 for load in b.history], color="black", lw=2.2, label="all")
     ax.axvline(_hours(b.first_break, b.time), color=colours.GROUND, ls=":", lw=1.2)
     ax.text(_hours(b.first_break, b.time), 0.98, "first bond ", color=colours.GROUND, fontsize=7, ha="right", va="top",

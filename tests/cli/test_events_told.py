@@ -1,0 +1,105 @@
+"""What a run prints and writes of itself: the order of its events, runs in metres and runs of seconds."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from fakes import FakeModel
+from riftberg.cli.main import app
+from riftberg.cli.run import short_summary
+from riftberg.compiled import kernels
+from riftberg.config.units import area_text, duration_text, place_text
+from riftberg.experiments import Info
+from riftberg.parameters import A68A_2022
+
+
+def invoked(model: FakeModel, info: Info, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Any:
+    """Run the command line with an experiment that is this model."""
+    monkeypatch.setattr("riftberg.experiments.build", lambda name, options=None: (model, info))
+    monkeypatch.setattr(kernels, "is_warm", lambda: True)
+    return CliRunner().invoke(app, ["run", info.name, "-o", "out", *arguments])
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_events_of_runs_in_metres_name_x_before_y(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bug: y came first, unnamed, in metres that looked like degrees."""
+    result = invoked(FakeModel(latlon=False), Info("metres", days=2.0, output_every_hours=6.0), monkeypatch, "--no-map")
+    assert re.search(r"54 km2 broke off aground \(3 bonds\) at x -?[\d.]+ km, y -?[\d.]+ km\n", result.stdout)
+    assert re.search(r"Berg: 24 elements, 216 km2 in 1 piece at x -?[\de.-]+ m, y -?[\de.-]+ m", result.stderr)
+    told = CliRunner().invoke(app, ["why", "out", "--no-figure"])
+    assert told.exit_code == 0, told.output
+    assert re.search(r"the first at x -?[\d.]+ k?m, y -?[\d.]+ k?m", told.stdout.replace("\n", " "))
+
+
+def test_a_run_of_seconds_tells_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = FakeModel(2, 1, parameters=A68A_2022.changed(stepping={"time_step": 1.0}))
+    model.elements.length[:] = model.elements.width[:] = 0.5
+    model.parameters = model.parameters.changed(earth={"latlon": False})
+    result = invoked(
+        model, Info("short", days=10.0 / 86_400.0, output_every_hours=1.0 / 3600.0), monkeypatch, "--no-map"
+    )
+    assert result.exit_code == 0, result.output
+    assert re.search(
+        r"^short: 10 s, 2 elements, 0 of 1 bonds broken, [\d.e-]+ s of computing$", result.stdout, re.MULTILINE
+    )
+    assert "in one piece (0.5 m2)" in result.stdout
+    assert "per day" not in result.stderr
+
+
+def test_lengths_areas_and_places_are_written_in_units_that_suit_them() -> None:
+    assert [duration_text(days) for days in (17.0, 1.0, 0.347222, 0.01, 10.0 / 86_400.0)] == [
+        "17 days", "1 day", "8.33 h", "14.4 min", "10 s",
+    ]  # fmt: skip
+    assert [area_text(area) for area in (4.248e9, 4.2e6, 2e4, 7.25, 0.0)] == [
+        "4248 km2",
+        "4.2 km2",
+        "0.02 km2",
+        "7.25 m2",
+        "0 km2",
+    ]
+    assert place_text(-37.56, -54.93, latlon=True) == "54.930 S, 37.560 W"
+    assert place_text(63e3, 60e3, latlon=False) == "x 63 km, y 60 km"
+    assert place_text(350.0, 60.0, latlon=False) == "x 350 m, y 60 m"
+
+
+def test_a_summary_without_a_clock_is_told_too() -> None:
+    summary = {
+        "experiment": "", "end": "2020-12-09T13:00:10", "days": 1e-4, "elements": 2, "bonds_broken": 0, "bonds_total": 1,
+        "seconds_per_day": None, "wall_seconds": None, "breakups": [], "fragments": 1, "areas_km2": [3.0],
+        "largest_km2": 3.0, "numerics": {"earth": {"latlon": True}},
+    }  # fmt: skip
+    assert short_summary(summary) == ["run: 8.64 s, 2 elements, 0 of 1 bonds broken", "  1 fragment at the end: 3 km2"]
+
+
+def test_events_are_told_by_date() -> None:
+    """Bug: all break-ups came before the collisions that they followed from."""
+
+    def event(hour: int, **what: Any) -> dict[str, Any]:
+        return {"time": f"2020-12-09T{hour:02}:00:00", "lon": -37.0, "lat": -55.0, **what}
+
+    def broke(hour: int) -> dict[str, Any]:
+        return event(hour, area_km2=9.0, bonds=1, grounded=False)
+
+    def met(hour: int) -> dict[str, Any]:
+        return event(hour, bergs=["A", "B"], speed=0.1)
+
+    summary = {
+        "experiment": "", "end": "2020-12-10T00:00:00", "days": 1.0, "elements": 2, "bonds_broken": 0, "bonds_total": 1,
+        "seconds_per_day": None, "wall_seconds": None, "breakups": [broke(3), broke(9)], "fragments": 1,
+        "areas_km2": [3.0], "largest_km2": 3.0, "numerics": {"earth": {"latlon": True}}, "collisions": [met(1), met(4)],
+    }  # fmt: skip
+    lines = short_summary(summary)[1:5]
+    assert [line[2:18] for line in lines] == [f"2020-12-09 {hour:02}:00" for hour in (1, 3, 4, 9)]
+    assert ["met" in line for line in lines] == [True, False, True, False]
+    more = short_summary({**summary, "breakups": [broke(3)] * 12, "collisions": [met(4)] * 11})
+    assert "  and 2 more break-ups, see summary.json" in more
+    assert "  and 1 more collisions, see summary.json" in more
