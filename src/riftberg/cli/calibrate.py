@@ -56,6 +56,12 @@ def calibrate(
     ] = None,
     broken: Broken = None,
     whole_until: WholeUntil = None,
+    one_break_until: Annotated[
+        str | None, typer.Option("--one-break-until", metavar="DATE", help="When it was last seen broken only once.")
+    ] = None,
+    second_break: Annotated[
+        str | None, typer.Option("--second-break", metavar="DATE", help="When it was first seen broken a second time.")
+    ] = None,
     berg: BergInFile = None,
     hour: Hour = None,
     error: PositionError = USUAL_ERROR,
@@ -97,7 +103,8 @@ def calibrate(
     within(hour, "--hour", 0.0, 24.0)
     asked: dict[str, Any] = {
         "experiment": experiment, "observed": None if observed is None else str(observed.absolute()), "vary": vary or [],
-        "broken": broken, "whole_until": whole_until, "berg": berg, "hour": hour, "error": error,
+        "broken": broken, "whole_until": whole_until, "one_break_until": one_break_until,
+        "second_break": second_break, "berg": berg, "hour": hour, "error": error,
         "azimuth_error": azimuth_error, "model_error": model_error, "waves": waves, "members": members,
         "settings": settings or [], "days": days, "data": None if data is None else str(data.absolute()),
         "without": without or [], "numerics": numerics, "seed": seed,
@@ -122,8 +129,9 @@ def calibrate(
     check_folder(folder, names)
     made = make_options(asked["settings"], asked["days"], None if asked["data"] is None else Path(asked["data"]),
                         asked["without"], asked["numerics"])  # fmt: skip
-    dates = {name: None if asked[name] is None else parse_date(asked[name], where=f"--{name.replace('_', '-')}")[0]
-             for name in ("broken", "whole_until")}  # fmt: skip
+    # A calibration of an earlier version has no second break-up.
+    dates = {name: None if asked.get(name) is None else parse_date(asked[name], where=f"--{name.replace('_', '-')}")[0]
+             for name in ("broken", "whole_until", "one_break_until", "second_break")}  # fmt: skip
     errors = Errors(asked["error"], asked["azimuth_error"], asked["model_error"])
     with allow_large(large), results_folder(folder, names):
         announce_compilation(quiet)
@@ -143,7 +151,7 @@ def calibrate(
                 days=asked["days"], errors=errors, berg=asked["berg"], hour=asked["hour"], waves=asked["waves"],
                 members=asked["members"], output=folder, resume=resume is not None, bar=bar, changes=made.changes,
                 data=asked["data"], without=asked["without"], numerics=asked["numerics"], seed=asked["seed"] or 1,
-                scheduler=scheduler, workers=workers, broken=dates["broken"], whole_until=dates["whole_until"],
+                scheduler=scheduler, workers=workers, **dates,
             )  # fmt: skip
         except (KeyboardInterrupt, SystemExit):
             if (folder / ASKED).exists():
