@@ -53,11 +53,10 @@ def hazard(
         write_text(out / "hazard.kml", products.kml(features))
         write_text(out / "hazard.csv", _table(products.positions(result)))
         gridded = products.gridded(result)
-        write_dataset(
-            gridded,
-            out / "hazard.nc",
-            encoding={str(n): {"zlib": True} for n, v in gridded.data_vars.items() if v.ndim > 1},
-        )
+        encoding: dict[str, Any] = {str(n): {"zlib": True} for n, v in gridded.data_vars.items() if v.ndim > 1}
+        # Coordinates have no missing values, and so no number that stands for one (CF, 2.5.1).
+        encoding |= {str(n): {"_FillValue": None} for n in gridded.coords}
+        write_dataset(gridded, out / "hazard.nc", encoding=encoding)
         files = list(FILES[:-1])
         for limit in limits:
             if limit.date is None:
