@@ -16,8 +16,9 @@ import shapely
 import xarray as xr
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import axes_of, counted, effective, ellipses, near, quantiles, wilson
+from riftberg.ensembles.probability import axes_of, counted, effective, near, quantiles, wilson
 from riftberg.errors import InputError
+from riftberg.plane import ellipses
 from riftberg.state import Floats
 from riftberg.version import __version__
 

@@ -14,7 +14,6 @@ import xarray as xr
 from riftberg.compiled.kernels import kernel
 from riftberg.config.places import duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.plane import ellipse
 from riftberg.state import Floats
 
 LEVEL: Final = 0.9
@@ -81,13 +80,6 @@ def axes_of(part: xr.Dataset) -> tuple[Floats, Floats, Floats]:
     ratio = np.nan_to_num(part["elongation"].values, nan=1.0) if "elongation" in part else np.ones(area.shape)
     azimuth = np.nan_to_num(part["azimuth"].values) if "azimuth" in part else np.zeros(area.shape)
     return np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi), azimuth
-
-
-def ellipses(ds: xr.Dataset, part: float) -> list[Floats]:
-    """Return the ellipses of the position at all times as closed lines of longitude and latitude; NaN where there is none."""
-    sizes = (ds[name].sel(cone=part).values for name in ("cone_major", "cone_minor"))
-    rows = np.column_stack([ds["cone_lon"], ds["cone_lat"], *sizes, ds["cone_azimuth"]]).tolist()
-    return [ellipse(*row) for row in rows]
 
 
 def effective(weight: Floats) -> float:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from riftberg.ensembles.probability import ellipses
 from riftberg.errors import InputError
+from riftberg.plane import ellipses
 from riftberg.viz import colours, style
 from riftberg.viz.panels import Map
 
