@@ -224,7 +224,7 @@ def verify_tracks(
     if as_json:
         typer.echo(json.dumps(result, indent=1))
     else:
-        _show(result)
+        _show_tracks(result)
     if output is not None:
         from riftberg.system.atomic_files import write_json
 
@@ -326,7 +326,7 @@ def _scored(models: dict[str, DriftModel], cases: list[Case], bergs: str, error:
     return result
 
 
-def _show(result: dict[str, Any]) -> None:
+def _show_tracks(result: dict[str, Any]) -> None:
     out = console(120)
     errors = table(
         f"Distance from the observed position, km ({result['bergs']} bergs)",
