@@ -259,7 +259,7 @@ def calibrate(
     made = make_options(asked["settings"], asked["days"], None if asked["data"] is None else Path(asked["data"]),
                         asked["without"], asked["numerics"])  # fmt: skip
     # A calibration of an earlier version has no second break-up.
-    dates = {name: None if asked.get(name) is None else parse_date(asked[name], where=f"--{name.replace('_', '-')}")[0]
+    dates: dict[str, Any] = {name: None if asked.get(name) is None else parse_date(asked[name], where=f"--{name.replace('_', '-')}")[0]
              for name in ("broken", "whole_until", "one_break_until", "second_break")}  # fmt: skip
     errors = Errors(asked["error"], asked["azimuth_error"], asked["model_error"])
     with allow_large(large), results_folder(folder, names):

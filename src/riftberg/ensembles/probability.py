@@ -279,7 +279,7 @@ class Breaks:
         self.leaders: list[list[Floats]] = []  # Of each scenario the pieces of its first member
         self.numbers: list[Any] = []  # Scenario of each member, in order of the first; of each block an array
 
-    def add(self, ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[float]]]) -> None:
+    def add(self, ds: xr.Dataset, cracks: Mapping[int, Any]) -> None:
         """Add a block of members, the first ones first; ``cracks``: broken bonds of each, as `Outcome` has them."""
         numbers = np.full(ds.sizes["member"], -1, dtype="i4")
         wholes = np.nansum(ds["area"].isel(time=0).values, axis=1)

@@ -405,13 +405,13 @@ def designed(columns: Mapping[str, Sequence[Any]], *, free: bool = False) -> tup
         plain = tuple(given(value, settable[group], key, where=where) for value in values)
         varied.append(Varied(f"{group}.{key}", plain, unit_of(field), field.description or ""))
     names = [v.name for v in varied]
-    columns: dict[str, Any] = {v.name: v.values for v in varied}
+    found: dict[str, Any] = {v.name: v.values for v in varied}
     count = len(varied[0].values)
     # Without seeds of its own a design would have one random field for all members.
     if has_fields(names) and SEED not in names:
-        columns[SEED] = [member_seed(Draws().seed, k) for k in range(count)]
+        found[SEED] = [member_seed(Draws().seed, k) for k in range(count)]
     refuse_large(count, MOST_MEMBERS, "members", where="--design", remedy="Give fewer rows", kind=InputError)
-    return tuple(varied), Members(columns)
+    return tuple(varied), Members(found)
 
 
 def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[str, list[Any]], list[int]]:

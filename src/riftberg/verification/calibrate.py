@@ -238,7 +238,7 @@ def second_margin(ds: xr.Dataset, when: datetime) -> Floats:
     margin = np.where(
         once, np.minimum(_so_far(ds, when, "again"), 1.0), LEAST_MARGIN * np.minimum(_so_far(ds, when), 1.0)
     )
-    since = (now - ds["second_breakup"].values) / DAY
+    since = (ds["second_breakup"].values - now) / -DAY
     return np.where(since >= 0.0, 1.0 + since, margin)
 
 
