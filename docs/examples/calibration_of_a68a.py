@@ -3,6 +3,7 @@
 python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER                         in the fitted ocean
 python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --errors                with random errors on it
 python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --sharp                 as if all were known better
+python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --finger                with its second break-up too
 python docs/examples/calibration_of_a68a.py OUTLINES.geojson FOLDER --members 10 --waves 1  to try it
 """
 
@@ -36,6 +37,8 @@ OCEAN_ERRORS = {
 LAST = datetime(2020, 12, 20)
 """Outlines from then on hold the finger as long as it lies in place; the model counts it as a piece of its own."""
 WHOLE, BROKEN = datetime(2020, 12, 16), datetime(2020, 12, 18)
+ONCE, TWICE = datetime(2020, 12, 19), datetime(2020, 12, 23)
+"""The finger broke off between them."""
 
 
 def story(folder: Path, found: Any) -> list[str]:
@@ -72,21 +75,23 @@ if __name__ == "__main__":
     parser.add_argument(
         "--sharp", action="store_true", help="observed 3 km, 3 degrees, model 1 km instead of 6, 5 and 3"
     )
+    parser.add_argument("--finger", action="store_true", help="the second break-up counts too")
     parser.add_argument("--members", type=int, default=30)
     parser.add_argument("--waves", type=int, default=2)
     given = parser.parse_args()
     began, folder = (
         time.process_time(),
-        given.folder / ("errors" if given.errors else "sharp" if given.sharp else "fitted"),
+        given.folder / ("errors" if given.errors else "sharp" if given.sharp else "finger" if given.finger else "fitted"),
     )
     seen = Observations(
         "outlines", [outline for outline in read_observed(given.observed).outlines if outline.when < LAST]
     )
     errors = Errors(3.0, 3.0, 1.0) if given.sharp else Errors()
     found = calibrate(
-        a68a, seen, INPUTS | (OCEAN_ERRORS if given.errors else {}), days=12.5, errors=errors,
+        a68a, seen, INPUTS | (OCEAN_ERRORS if given.errors else {}), errors=errors, days=14.0 if given.finger else 12.5,
         whole_until=WHOLE, broken=BROKEN, waves=given.waves, members=given.members, output=folder,
         resume=folder.exists(), workers=0,
+        **({"one_break_until": ONCE, "second_break": TWICE} if given.finger else {}),
     )  # fmt: skip
     found.to_netcdf(folder / "calibration.nc")
     draw_posterior(found, folder / "posterior.png")

@@ -9,7 +9,7 @@ the same digits everywhere, so they stand here; coordinate systems of data files
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -132,3 +132,13 @@ def ellipse(lon: float, lat: float, major: float, minor: float, azimuth: float, 
     along, across = major * np.cos(angle), minor * np.sin(angle)
     x, y = along * np.sin(turn) - across * np.cos(turn), along * np.cos(turn) + across * np.sin(turn)
     return np.column_stack(EqualAreaPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y))
+
+
+def ellipses(ds: Any, part: float) -> list[Floats]:
+    """Return the ellipses of the position in a forecast as closed lines of longitude and latitude, NaN where there is none.
+
+    ``part``: of the probability that they hold, one of its ``cone``.
+    """
+    sizes = (ds[name].sel(cone=part).values for name in ("cone_major", "cone_minor"))
+    rows = np.column_stack([ds["cone_lon"], ds["cone_lat"], *sizes, ds["cone_azimuth"]]).tolist()
+    return [ellipse(*row) for row in rows]

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.ensembles.member import FRAGMENT, Outcome
-from riftberg.ensembles.probability import with_probabilities
+from riftberg.ensembles.probability import Breaks, with_probabilities
 from riftberg.ensembles.result import dataset_of
 from riftberg.ensembles.vary import Varied
 
@@ -55,4 +55,6 @@ def forecast_of(outcomes: Sequence[Outcome], days: int, inputs: dict[str, Any] |
         varied, members, by_number, start=START, days=float(days), every=DAY, latlon=True, attributes={"title": "made"}
     )
     ice = np.repeat(np.arange(-5e3, 6e3, 1e3), 11), np.tile(np.arange(-5e3, 6e3, 1e3), 11), 1e3
-    return with_probabilities(ds, {o.number: o.cracks for o in outcomes}, ice)
+    breaks = Breaks(ice)
+    breaks.add(ds, {o.number: o.cracks for o in outcomes})
+    return with_probabilities(ds, breaks)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -101,13 +102,7 @@ def test_across_the_date_line() -> None:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with a forecast."""
-    members = [
-        outcome(
-            k, [-37.0, -36.8 + 0.02 * (k % 2), -36.6], [-56.0, -56.0 + 0.02 * k, -56.1], broken=1 if k < 2 else None
-        )
-        for k in range(5)
-    ]
-    write_sweep(forecast_of(members, 2), tmp_path / "forecast.nc")
+    write_sweep(forecast_of(members_at(-37.0), 2), tmp_path / "forecast.nc")
     return tmp_path
 
 
@@ -137,9 +132,83 @@ def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
     assert near[-1]["place"] == "Rig"
     assert float(near[-1]["within_km"]) == pytest.approx(9.26)
     with xr.open_dataset(out / "hazard.nc") as grid:
-        assert grid["presence"].dims == ("cell_lat", "cell_lon", "time")
-        assert grid["cell_lat"].attrs["standard_name"] == "latitude"
+        assert grid["presence"].dims == ("time", "lat", "lon")
+        assert grid["lat"].attrs["standard_name"] == "latitude"
+        assert not any("_FillValue" in grid[name].encoding for name in grid.coords)
         assert grid.attrs["Conventions"] == "CF-1.11"
+
+
+def members_at(lon: float) -> list[Any]:
+    """Return members that start at a longitude and drift to the east, some of them losing a piece."""
+    return [
+        outcome(k, [lon, lon + 0.2 + 0.02 * (k % 2), lon + 0.4], [-56.0, -56.0 + 0.02 * k, -56.1], broken=1 if k < 2 else None)
+        for k in range(5)
+    ]  # fmt: skip
+
+
+@pytest.fixture(params=[-37.0, 179.9], ids=["Atlantic", "date line"])
+def hazards(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A folder of hazards, of a berg in the Atlantic and one that drifts across the date line."""
+    write_sweep(forecast_of(members_at(request.param), 2), tmp_path / "forecast.nc")
+    said = CliRunner().invoke(app, ["hazard", str(tmp_path)])
+    assert said.exit_code == 0, said.output
+    return tmp_path / "hazard"
+
+
+def test_maps_lie_where_gdal_and_so_qgis_finds_them(hazards: Path) -> None:
+    """The probability of ice by date had its dates last: QGIS took them for longitudes, and laid the map at 0, 0."""
+    import rasterio
+
+    with xr.open_dataset(hazards / "hazard.nc") as ours:
+        for name, count in (("presence", 3), ("passes", 1)):
+            with rasterio.open(f"netcdf:{hazards}/hazard.nc:{name}") as map_:
+                assert map_.count == count
+                assert map_.crs.is_geographic
+                values = map_.read(count)
+                row, column = np.unravel_index(values.argmax(), values.shape)
+                lon, lat = map_.xy(row, column)
+            last = ours[name] if count == 1 else ours[name].isel(time=-1)
+            assert float(last.sel(lon=lon, lat=lat, method="nearest")) == pytest.approx(float(values.max()))
+            assert float(abs(ours["lon"] - lon).min()) < 1e-9
+            assert float(abs(ours["lat"] - lat).min()) < 1e-9
+
+
+@pytest.mark.parametrize("end", ["geojson", "kml"])
+def test_shapes_are_read_alike_by_gdal_and_so_by_qgis(hazards: Path, end: str) -> None:
+    from pyogrio import list_layers
+    from pyogrio.raw import read
+
+    document = json.loads((hazards / "hazard.geojson").read_text())
+    found: dict[str, list[Any]] = {}
+    for layer in list_layers(hazards / f"hazard.{end}")[:, 0]:
+        about, _, shapes, columns = read(hazards / f"hazard.{end}", layer=layer)
+        assert about["crs"] == "EPSG:4326"
+        kinds = columns[list(about["fields"]).index("kind")]
+        for kind, shape in zip(kinds, shapely.from_wkb(shapes), strict=True):
+            found.setdefault(str(kind), []).append(shape)
+    for feature in document["features"]:
+        shape = found[feature["properties"]["kind"]].pop(0)
+        assert shape.is_valid
+        assert shape.equals_exact(shapely.from_geojson(json.dumps(feature["geometry"])), 1e-9)
+    assert not any(found.values())
+
+
+def test_geojson_keeps_the_rules_of_rfc_7946(hazards: Path) -> None:
+    document = json.loads((hazards / "hazard.geojson").read_text())
+    assert document["type"] == "FeatureCollection"
+    assert "crs" not in document  # always WGS 84 (4)
+    for feature in document["features"]:
+        assert set(feature) >= {"type", "geometry", "properties"}
+        geometry = feature["geometry"]
+        polygons = {"Point": [], "Polygon": [geometry["coordinates"]], "MultiPolygon": geometry["coordinates"]}
+        for ring in (ring for polygon in polygons[geometry["type"]] for ring in polygon):
+            assert ring[0] == ring[-1]
+            assert len(ring) >= 4
+            assert shapely.LinearRing(ring).is_ccw  # outer rings counter-clockwise (3.1.6)
+            x = np.array(ring)[:, 0]
+            # Cut at the date line (3.1.9): no part reaches around the Earth.
+            assert np.ptp(x) < 180.0
+            assert np.abs(x).max() <= 180.0
 
 
 @pytest.mark.parametrize(

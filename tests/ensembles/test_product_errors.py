@@ -114,3 +114,41 @@ def test_a_product_without_errors_is_refused_before_the_first_member(tmp_path: P
         with_errors(build("a68a")[0], {"current_error.field": str(path)})
     model = with_errors(build("a68a")[0], {"current_error.field": str(stated(tmp_path / "it.nc", 0.1, 0.1))})
     assert isinstance(model.forcing.errors.current_size, SizeField)
+
+
+@pytest.mark.parametrize(
+    ("sample", "current", "errors"),
+    [("nrt_global_allsat_phy_l4_20190223_20190226.nc", "ugos", ("err_ugosa", "err_vgosa")),
+     ("20030101000000-GLOBCURRENT-L4-CUReul_hs-ALT_SUM-v02.0-fv01.0.nc", "eastward_eulerian_current_velocity",
+      ("eastward_eulerian_current_velocity_error", "northward_eulerian_current_velocity_error"))],
+    ids=["DUACS", "GlobCurrent"],
+)  # fmt: skip
+def test_errors_in_the_files_of_real_products(
+    sample: str, current: str, errors: tuple[str, str], shared: Path, tmp_path: Path
+) -> None:
+    """Real files with the error variables that their full versions have, packed and masked as their currents are.
+
+    Cut to a box whose western half errs by 0.05 m/s and whose eastern half by 0.2 m/s; DUACS counts longitudes to 360.
+    """
+    file = tmp_path / sample
+    with xr.open_dataset(shared / "data" / "samples" / sample, mask_and_scale=False, decode_times=False) as ds:
+        lon, lat = (next(name for name in ds[current].dims if str(name).startswith(axis)) for axis in ("lon", "lat"))
+        # 320 E is 40 W; the other file has a box of its own.
+        box = {lon: slice(318.0, 324.0), lat: slice(-59.0, -53.0)} if sample.startswith("nrt") else {}
+        ds = ds.sel(box).load()
+    middle = float(ds[lon].mean())
+    scale = ds[current].attrs.get("scale_factor", 1.0)
+    size = (np.where(ds[lon] < middle, 0.05, 0.2) / scale * xr.ones_like(ds[current], float)).round(6)
+    missing = ds[current] == ds[current].attrs["_FillValue"] if scale != 1.0 else ds[current].isnull()
+    for name in errors:
+        packed = size.where(~missing, ds[current].attrs["_FillValue"]).astype(ds[current].dtype)
+        ds[name] = packed.assign_attrs(ds[current].attrs)
+        ds[name].attrs.pop("standard_name", None)
+    ds.to_netcdf(file)
+    field = stated_error(str(file))
+    west, east = (0.75 * middle + 0.25 * float(ds[lon][k]) for k in (0, -1))
+    at = np.array([west, east]), np.full(2, float(ds[lat].mean()))
+    assert field.at(*at) == pytest.approx([0.05, 0.2], rel=1e-3)
+    assert field.at(at[0] - 360.0, at[1]) == pytest.approx([0.05, 0.2], rel=1e-3)
+    model = with_errors(build("a68a")[0], {"current_error.field": str(file)})
+    assert sample in model.forcing.describe()

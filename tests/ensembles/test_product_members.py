@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +15,12 @@ from riftberg.ensembles.vary import varied_of
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.experiments.changes import parse_settings
+from riftberg.ocean import files_forcing
 
 YAML = """start: 2020-12-09
 days: 0.25
 forcing: {kind: files, files: [ocean.nc, air.nc], sea_level: geostrophic}
-berg: {rectangle: {length: 6 km, width: 3 km}, placement: [-39, -55], thickness: 200 m}
+berg: {rectangle: {length: 6 km, width: 3 km}, placement: [-39.2, -55.2], thickness: 200 m}
 """
 
 
@@ -96,3 +98,22 @@ def test_files_without_members_keep_the_errors(file: Path) -> None:
 def test_a_member_below_zero_is_refused(file: Path) -> None:
     with pytest.raises(InputError, match="member"):
         current_of(file, "forcing.member=-1")
+
+
+def test_members_read_no_file_again_and_come_to_the_same(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[object] = []
+    whole = files_forcing.forcing_from_files
+
+    def counted(*given: Any) -> Any:
+        read.append(given)
+        return whole(*given)
+
+    monkeypatch.setattr(files_forcing, "forcing_from_files", counted)
+    vary = {"start.thickness": [0.9, 1.0, 1.1], "berg.lattice_angle": [0.0, 30.0], "forcing.member": [0, 1]}
+    found = sweep(file, vary, workers=0)
+    # Two while the sweep is planned, for its first and last member; then once for each member of the product.
+    assert len(read) == 2 + 2
+    assert not files_forcing._SHARED
+    monkeypatch.setattr(files_forcing, "MOST_KEPT", 0)
+    xr.testing.assert_identical(found.drop_vars("wall_time"), sweep(file, vary, workers=0).drop_vars("wall_time"))
+    assert len(read) == 4 + 2 + 12

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg.cli.inputs import summary_lines
 from riftberg.cli.main import app
-from riftberg.cli.sensitivity import summary_lines
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.distributions import STEP
 from riftberg.ensembles.sensitivity import Result, indices, results_of

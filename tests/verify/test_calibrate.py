@@ -20,7 +20,15 @@ from riftberg.diagnostics.outlines import Outline
 from riftberg.ensembles.sweep import run_sweep, sweep
 from riftberg.errors import InputError
 from riftberg.verification import calibrate as module
-from riftberg.verification.calibrate import Errors, is_known, margin_until, results_of, seen_of, targets_of
+from riftberg.verification.calibrate import (
+    Errors,
+    is_known,
+    margin_until,
+    results_of,
+    second_margin,
+    seen_of,
+    targets_of,
+)
 
 START = datetime(2020, 12, 9)
 KM = 1.0 / 111.195  # degrees of latitude
@@ -58,6 +66,34 @@ def test_members_beside_what_was_seen() -> None:
     names = targets_of(seen, Errors()).names
     assert names == ["2020-12-10 00:00 east, km", "2020-12-10 00:00 north, km", "2020-12-10 00:00 azimuth, degree",
                      "broken by 2020-12-10 00:00, log margin"]  # fmt: skip
+
+
+def test_the_margin_to_the_second_break_up_goes_on_beyond_it_by_the_days_since() -> None:
+    """Whole; broken once, with half of the strength reached since; broken twice, a day and an hour before."""
+    ds = members([[0, 0.4, 0.5], [1, 1, 1], [1, 1, 1], [1, 1, 1]], [np.nan, 0.1, 0.1, 0.1], np.zeros(4))
+    ds["stress_ratio_again"] = ("member", "time"), np.array([[0.0] * 3, [0.3, 0.4, 0.5], [0.9, 1, 1], [0.9, 1, 1]])
+    twice = np.array(["NaT", "NaT", "2020-12-10T00:00", "2020-12-10T23:00"], "datetime64[ns]")
+    ds["second_breakup"] = "member", twice
+    day = START + timedelta(days=2)
+    margin = second_margin(ds, day)
+    assert margin == pytest.approx([0.05 * 0.5, 0.5, 2.0, 1.0 + 1 / 24])
+    seen = seen_of(None, START, 2.0, second_break=day, broken=START + timedelta(days=1))
+    assert [name[:20] for name in targets_of(seen, Errors()).names] == ["broken by 2020-12-10", "second break by 2020"]
+    found = results_of(ds, seen)
+    assert found[:, 1] == pytest.approx(np.log(margin))
+    assert targets_of(seen, Errors()).misfit(found)[:, 1].tolist()[2:] == [0.0, 0.0]
+    once = seen_of(None, START, 2.0, one_break_until=day)
+    assert targets_of(once, Errors()).misfit(results_of(ds, once))[:, 0].argmax() == 2
+
+
+def test_break_ups_out_of_order_are_refused() -> None:
+    day = START + timedelta(days=1)
+    with pytest.raises(InputError, match="broken by 2020-12-10 12:00, but second break by 2020-12-10 00:00"):
+        seen_of(None, START, 2.0, broken=day + timedelta(hours=12), second_break=day)
+    with pytest.raises(InputError, match="one break until 2020-12-10 00:00, but second break by 2020-12-10 00:00"):
+        seen_of(None, START, 2.0, one_break_until=day, second_break=day)
+    with pytest.raises(InputError, match=r"--second-break: 2020-12-19 00:00 is not within the runs"):
+        seen_of(None, START, 2.0, second_break=START + timedelta(days=10))
 
 
 def test_errors_of_the_model_last_and_those_of_observations_do_not() -> None:
@@ -103,6 +139,10 @@ def test_a_member_that_broke_up_had_reached_its_strength() -> None:
     assert ds["stress_ratio"].values[0] >= 1.0
     assert 0.0 < ds["stress_ratio"].values[1] < 0.1
     assert ds["stress_ratio_so_far"].values[:, -1] == pytest.approx(ds["stress_ratio"].values)
+    # What is left goes on towards the next break-up; a berg that holds has none to go on from.
+    assert ds["stress_ratio_again"].values[0, -1] > 0.0
+    assert (ds["stress_ratio_again"].values[1] == 0.0).all()
+    assert ds["stress_ratio_again"].values[0, -1] == 1.0 or ds["breakups"].values[0] == 1
     assert ds["azimuth"].values[1, 0, 0] == pytest.approx(90.0, abs=0.1)
     assert ds["elongation"].values[1, 0, 0] == pytest.approx(10.0 / 3.0, rel=1e-3)  # ten by three elements
 

@@ -17,7 +17,7 @@ from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import InputError
-from riftberg.verification.update import drawn_anew, log_likelihood
+from riftberg.verification.sightings import drawn_anew, log_likelihood
 
 KM = 1.0 / 111.195  # degrees of latitude
 DAYS = np.datetime64("2020-12-09", "ns") + np.arange(3) * np.timedelta64(1, "D")

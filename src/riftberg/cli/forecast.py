@@ -1,44 +1,57 @@
-"""``riftberg forecast``: an ensemble with errors of all that is uncertain; ``product-errors``: how large one of them is."""
+"""``riftberg forecast``, ``update`` by new sightings, ``hazard`` for others at sea, ``product-errors`` for a forecast's input."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from riftberg.cli.options import (
     AllowMore,
+    AzimuthError,
+    BergInFile,
+    Broken,
     Data,
     Days,
     DefaultErrors,
     EveryPosition,
     ExperimentToRun,
+    Hour,
     Members,
     OneNumerics,
     PlanName,
+    PositionError,
     Quiet,
     Resume,
     Scheduler,
     Seed,
     Settings,
+    WholeUntil,
     Without,
     Workers,
+    check_folder,
     make_options,
     pair,
     positive,
     results_folder,
+    within,
 )
-from riftberg.cli.sweep import opened, run_members
+from riftberg.cli.sweep import opened, resumed, run_members
 from riftberg.cli.terminal import announce_compilation, reported, say
-from riftberg.errors import RunError
+from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
+from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from riftberg.ensembles.sweep import Plan
+    from riftberg.ensembles.sweep import Plan, Store
+
 
 RESULTS = ("forecast.nc", "sweep.json", "control.nc", "forecast.png")
 """Files that a forecast writes into its folder, beside the folder ``members``."""
@@ -141,3 +154,197 @@ def product_errors(
     typer.echo(f"{found.points} points, {found.records} dates; half of the squared difference, if both err alike:")
     typer.echo("  " + " ".join(f"--vary '{text}'" for text in found.vary))
     typer.echo("  A lower bound: errors that both products share are not in their difference.")
+
+
+@reported
+def update(
+    folder: Annotated[Path, typer.Argument(help="Folder of a forecast.")],
+    observed: Annotated[
+        Path | None, typer.Argument(metavar="[OBSERVED]", help="Outlines or positions; those during the forecast count.")
+    ] = None,
+    berg: BergInFile = None,
+    error: PositionError = USUAL_ERROR,
+    azimuth_error: AzimuthError = AZIMUTH_ERROR,
+    hour: Hour = None,
+    broken: Broken = None,
+    whole_until: WholeUntil = None,
+    doubt: Annotated[
+        float, typer.Option("--doubt", help="Probability that it was wrongly seen broken or whole, %.")
+    ] = 5.0,
+    resample: Annotated[
+        bool,
+        typer.Option("--resample/--no-resample", help="Run new members around those that count where these are too few."),
+    ] = True,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder of the new members.  [default: FOLDER-updated]")
+    ] = None,
+    workers: Workers = None,
+    quiet: Quiet = False,
+) -> None:  # fmt: skip
+    """Weight the members of a forecast by new sightings; where too few of them count, run new ones around these."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from riftberg.config.values import parse_date
+    from riftberg.diagnostics.observed import read_observed
+    from riftberg.ensembles.probability import told
+    from riftberg.ensembles.result import open_sweep
+    from riftberg.ensembles.sweep import Store, planned, read_plan, run_sweep
+    from riftberg.runs.progress import SweepBar
+    from riftberg.verification.sightings import FEWEST, drawn_anew, log_likelihood, weighted
+
+    within(error, "--error", 0.01, 1000.0)
+    within(azimuth_error, "--azimuth-error", 0.1, 90.0)
+    within(doubt, "--doubt", 0.01, 50.0)
+    within(hour, "--hour", 0.0, 24.0)
+    if not read_plan(folder).get("forecast"):
+        raise InputError("holds a sweep, no forecast", where=str(folder), remedy="Name a folder of 'riftberg forecast'")
+    store = resumed(folder, None, None, {}, "forecast")
+    new = output or folder.with_name(f"{folder.name}-updated")
+    seen = None if observed is None else read_observed(observed)
+    dates = {
+        name: None if text is None else parse_date(text, where=option)[0]
+        for name, text, option in (("broken", broken, "--broken"), ("whole_until", whole_until, "--whole-until"))
+    }
+
+    def count_of(likelihood: Any) -> int:
+        return int(np.isfinite(likelihood).sum())  # those that did not fail, however little they weigh
+
+    def likelihood(of: Store) -> Any:
+        ds = open_sweep(of.file, tracks=False)
+        try:
+            return log_likelihood(
+                ds, seen, error=error, berg=berg, hour=hour, doubt=doubt / 100.0, azimuth_error=azimuth_error, **dates
+            )
+        finally:
+            ds.close()
+
+    about = ", ".join(str(text) for text in (observed, broken, whole_until) if text is not None)
+    known = likelihood(store)
+    if output is not None:
+        check_folder(new, ("sweep.json", "forecast.nc"))  # before anything is written
+    weight, number = weighted(store, known, about)
+    done = count_of(known)
+    say(f"{number:.1f} of {done} members count (effective number)")
+    if number < FEWEST * done and resample:
+        check_folder(new, ("sweep.json", "forecast.nc"))
+        announce_compilation(quiet)
+        columns, base = drawn_anew(store.plan, weight, known)
+        plan = store.plan
+        again = planned(plan.experiment, columns, replace(plan.options, days=plan.days), plan.every / 3600.0,
+                        forecast=True, design=True)  # fmt: skip
+        store = Store(new, again, resume=False)
+        bar = None if quiet else SweepBar(len(again.members) + 1)
+        run_sweep(store, workers=workers, bar=bar).close()
+        store.set_base(base)
+        known = likelihood(store)
+        _, number = weighted(store, known, about)
+        say(f"New members: {number:.1f} of {count_of(known)} count")
+    for line in told(open_sweep(store.file)):
+        typer.echo(line)
+    typer.echo(f"Written to {store.folder}: {store.file.name}, weights.json")
+
+
+HAZARDS = ("hazard.geojson", "hazard.kml", "hazard.nc", "hazard.csv", "near.csv")
+"""Files of a folder of hazards; the last one where a place is named."""
+
+
+@reported
+def hazard(
+    folder: Annotated[Path, typer.Argument(help="Folder of a forecast, or its forecast.nc.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the files.  [default: folder hazard of the forecast]")
+    ] = None,
+    near: Annotated[
+        Path | None,
+        typer.Option("--near", metavar="FILE", help="Points, routes or areas (GeoJSON, shapefile, KML) that ice may come near."),
+    ] = None,
+    near_by: Annotated[
+        str, typer.Option("--within", metavar="DISTANCE", help="How near: 5nm are nautical miles; 10km.")
+    ] = "5nm",
+) -> None:  # fmt: skip
+    """Write limits of ice, positions with error radius and probabilities of a forecast as GeoJSON, KML, netCDF and CSV."""
+    from riftberg.ensembles import hazard as products
+    from riftberg.ensembles.result import open_sweep
+    from riftberg.system.atomic_files import write_text
+    from riftberg.system.netcdf_lock import write_dataset
+
+    result = open_sweep(folder)
+    if "cone_lon" not in result:
+        raise InputError("holds no forecast in degrees with members that are done", where=str(folder),
+                         remedy="Name a folder that 'riftberg forecast' made")  # fmt: skip
+    distance = _distance(near_by)
+    places = [] if near is None else _places(near)
+    out = output or (folder if folder.is_dir() else folder.parent) / "hazard"
+    check_folder(out, HAZARDS)
+    with results_folder(out, HAZARDS, taken=HAZARDS):
+        limits = products.ice_limits(result)
+        features = products.geojson(result, limits)
+        write_text(out / "hazard.geojson", json.dumps(features) + "\n")
+        write_text(out / "hazard.kml", products.kml(features))
+        write_text(out / "hazard.csv", _table(products.positions(result)))
+        gridded = products.gridded(result)
+        encoding: dict[str, Any] = {str(n): {"zlib": True} for n, v in gridded.data_vars.items() if v.ndim > 1}
+        # Coordinates have no missing values, and so no number that stands for one (CF, 2.5.1).
+        encoding |= {str(n): {"_FillValue": None} for n in gridded.coords}
+        write_dataset(gridded, out / "hazard.nc", encoding=encoding)
+        files = list(HAZARDS[:-1])
+        for limit in limits:
+            if limit.date is None:
+                typer.echo(f"{limit.percent} % limit of ice, whole time: {products.area_km2(limit.line):.0f} km2, "
+                           f"all ice of {100 * limit.inside:.0f} % of the members inside")  # fmt: skip
+        if places:
+            rows = []
+            for name, shape in places:
+                found = products.approach(result, name, shape, distance)
+                typer.echo(found.told())
+                rows += found.rows()
+            write_text(out / "near.csv", _table(rows))
+            files.append("near.csv")
+        typer.echo(f"Not covered: {result.attrs.get('not_covered', 'ice smaller than an element')}")
+        typer.echo(f"Written to {out}: {', '.join(files)}")
+
+
+def _distance(text: str) -> float:
+    from riftberg.config.values import number
+
+    plain = text.strip()
+    # A ship's nm is the nautical mile; nanometres come near nothing.
+    plain = plain[:-2].strip() + " nmi" if plain.endswith("nm") else plain
+    if plain.replace(".", "", 1).isdigit():
+        raise InputError("a number without a unit", where=f"--within {text}", remedy=f"Give {plain}nm or {plain}km")
+    metres = number(plain, "m", where=f"--within {text}")
+    if not 0.0 <= metres < 2e7:
+        raise InputError(f"{metres:g} m", where=f"--within {text}", remedy="Give a distance, such as 5nm or 10km")
+    return metres
+
+
+def _places(path: Path) -> list[tuple[str, Any]]:
+    """Return names and shapes (degrees) of a file."""
+    from riftberg.bergs.outline import read_features
+    from riftberg.errors import BergError
+    from riftberg.system.input_files import check_file
+
+    remedy = "Give points, lines or areas in longitude and latitude as GeoJSON, shapefile or KML"
+    check_file(path, remedy=remedy)
+    try:
+        features = read_features(path, lines=True)
+    except BergError as error:
+        raise InputError(error.what, where=str(path), remedy=remedy) from error
+    found = [(str(feature.properties.get("name") or ""), feature.geometry) for feature in features]
+    if any(shape.is_empty for _, shape in found):
+        raise InputError("holds an empty shape", where=str(path), remedy=remedy)
+    for _, shape in found:
+        west, south, east, north = shape.bounds
+        if south < -90.0 or north > 90.0 or west < -360.0 or east > 540.0:
+            raise InputError("positions are no degrees", where=str(path), remedy=remedy)
+    return [(name or f"{path.stem} {k + 1}", shape) for k, (name, shape) in enumerate(found)]
+
+
+def _table(rows: list[dict[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

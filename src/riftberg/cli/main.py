@@ -47,7 +47,9 @@ SUMMARIES: Final = {
 
 _ELSEWHERE: Final = {
     "experiments": "run", "rerun": "compare", "doctor": "forcing_files", "fetch": "forcing_files",
-    "product-errors": "forecast",
+    **dict.fromkeys(("product-errors", "update", "hazard"), "forecast"),
+    **dict.fromkeys(("sensitivity", "calibrate"), "inputs"),
+    "verify-tracks": "verify",
     **dict.fromkeys(("plot", "animate", "replay"), "pictures"),
 }  # fmt: skip
 """Commands that stand in the file of another."""

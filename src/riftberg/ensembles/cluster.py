@@ -7,11 +7,12 @@ import os
 import pickle
 import signal
 import threading
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from itertools import islice
 from typing import Any, Final
 
 from riftberg.ensembles.member import Job, Outcome, run_member
@@ -20,6 +21,9 @@ from riftberg.system.process import SIGNALS, Hold
 
 WAIT_SECONDS = 0.1
 """Wall time between two looks for members that are done."""
+
+MOST_SENT: Final = 1000
+"""Members that a scheduler knows at once: more than it has workers, and no more memory however many there are."""
 
 LOST_TIMES = 3
 """Workers that a member may be lost with before it counts as failed."""
@@ -65,7 +69,7 @@ def _reached(distributed: Any, address: str) -> Iterator[Any]:
         yield client
 
 
-def computed(jobs: Sequence[Job], client: Any, workers: int, hold: Hold) -> Iterator[Outcome]:
+def computed(jobs: Iterable[Job], client: Any, workers: int, hold: Hold) -> Iterator[Outcome]:
     """Give the outcomes of members as they come, until all have come or a signal waits.
 
     ``client``: of dask, or None for ``workers`` processes of this machine; 0 runs one member after another in this one.
@@ -89,7 +93,7 @@ ALONE: Final = {
 """Environment of a process that runs one member at a time."""
 
 
-def pooled(function: Callable[[Any], Any], jobs: Sequence[Any], workers: int, hold: Hold) -> Iterator[tuple[Any, Any]]:
+def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, hold: Hold) -> Iterator[tuple[Any, Any]]:
     """Run a function of each job in processes of the standard library; give the futures as they end, with their jobs.
 
     As many jobs are under way as there are processes, so that of a lost process it is known which jobs may have ended it:
@@ -101,7 +105,8 @@ def pooled(function: Callable[[Any], Any], jobs: Sequence[Any], workers: int, ho
             "a worker read the script that starts the sweep, and would start another", where="sweep",
             remedy='Put the call under if __name__ == "__main__":',
         )  # fmt: skip
-    waiting, lost = deque(jobs), Counter[int]()
+    # Of jobs that are made when they are asked for, there are no more in memory than processes have.
+    waiting, lost = Line(jobs), Counter[int]()
     before = set(multiprocessing.active_children())
     with _environment(ALONE):
         while waiting and not hold.requested:
@@ -110,7 +115,7 @@ def pooled(function: Callable[[Any], Any], jobs: Sequence[Any], workers: int, ho
                 for future, job in _through(executor, function, waiting, workers, hold):
                     if isinstance(future.exception(), BrokenProcessPool) and lost[id(job)] < LOST_TIMES:
                         lost[id(job)] += 1
-                        waiting.appendleft(job)
+                        waiting.again.append(job)
                     else:
                         yield future, job
             except BaseException:  # a second Ctrl-C, or the caller wants no more: nobody waits for the members
@@ -121,19 +126,34 @@ def pooled(function: Callable[[Any], Any], jobs: Sequence[Any], workers: int, ho
                 executor.shutdown(cancel_futures=True)
 
 
+class Line:
+    """Jobs that wait; those that are done again come first."""
+
+    def __init__(self, jobs: Iterable[Any]) -> None:
+        self._jobs, self.again = iter(jobs), list[Any]()
+
+    def __bool__(self) -> bool:
+        self.again += [] if self.again else islice(self._jobs, 1)
+        return bool(self.again)
+
+    def next(self) -> Any:
+        """Return the job that comes next."""
+        return self.again.pop() if self else None
+
+
 def _through(
-    executor: ProcessPoolExecutor, function: Callable[[Any], Any], waiting: deque[Any], workers: int, hold: Hold
+    executor: ProcessPoolExecutor, function: Callable[[Any], Any], waiting: Line, workers: int, hold: Hold
 ) -> Iterator[tuple[Any, Any]]:
     """Send jobs through an executor and give what has ended, until none is left or the executor is broken."""
     flying: dict[Any, Any] = {}
     broken = False
     while flying or (waiting and not (broken or hold.requested)):
         while waiting and len(flying) < workers and not (broken or hold.requested):
-            job = waiting.popleft()
+            job = waiting.next()
             try:
                 flying[executor.submit(_called, _packed(function, job))] = job
             except BrokenProcessPool:
-                waiting.appendleft(job)
+                waiting.again.append(job)
                 broken = True
         # Looked at now and then, so that a signal is not missed.
         for future in wait(flying, timeout=WAIT_SECONDS, return_when=FIRST_COMPLETED).done:
@@ -191,19 +211,27 @@ def _environment(values: Mapping[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _distributed(jobs: Sequence[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
+def _distributed(jobs: Iterable[Job], client: Any, hold: Hold) -> Iterator[Outcome]:
     import time
 
     from distributed import as_completed
 
-    futures = {
-        client.submit(run_member, job, pure=False, key=f"member-{job.number:05d}-{id(jobs)}"): job for job in jobs
-    }
-    coming = as_completed(list(futures), loop=client.loop)
+    futures: dict[Any, Job] = {}
+    coming = as_completed(loop=client.loop)
+    jobs = iter(jobs)
+
+    def send(count: int) -> None:
+        for job in islice(jobs, count):
+            future = client.submit(run_member, job, pure=False, key=f"member-{job.number:05d}-{id(futures)}")
+            futures[future] = job
+            coming.add(future)
+
+    send(MOST_SENT)
     # Looked at now and then instead of waited for, so that a signal is not missed.
     while coming.count() or coming.has_ready():
         for future in coming.next_batch(block=False) if coming.has_ready() else ():
             job = futures.pop(future)
+            send(1)
             yield _outcome(future, job)
             future.release()
         if hold.requested:

@@ -18,8 +18,9 @@ import xarray as xr
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.probability import axes_of, counted, effective, near, quantiles, wilson
 from riftberg.errors import InputError
-from riftberg.plane import ellipse
+from riftberg.plane import ellipses
 from riftberg.state import Floats
+from riftberg.version import __version__
 
 LIMITS: Final = (50, 90, 99)
 """Limits of ice, %."""
@@ -146,13 +147,6 @@ def positions(ds: xr.Dataset) -> list[dict[str, Any]]:
     return rows
 
 
-def ellipse_of(ds: xr.Dataset, part: float, k: int) -> Floats:
-    """Return the ellipse of the position at a time as a closed line of longitude and latitude."""
-    major, minor = (float(ds[name].sel(cone=part).values[k]) for name in ("cone_major", "cone_minor"))
-    lon, lat, azimuth = (float(ds[f"cone_{name}"].values[k]) for name in ("lon", "lat", "azimuth"))
-    return ellipse(lon, lat, major, minor, azimuth)
-
-
 # ---- ice near a place -------------------------------------------------------------------------------------------------
 
 
@@ -267,15 +261,16 @@ def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
     rows = positions(ds)
     for row in rows:
         add("position", {"type": "Point", "coordinates": [row["lon"], row["lat"]]}, **row)
+    areas = {part: ellipses(ds, part) for part in ds["cone"].values.tolist()}
     daily = [k for k in range(ds.sizes["time"]) if float(ds["lead"].values[k]) % 24.0 == 0.0 and k > 0]
     for k in daily:
-        for part in ds["cone"].values:
-            if np.isfinite(ds["cone_major"].sel(cone=part).values[k]):
+        for part, lines in areas.items():
+            if np.isfinite(lines[k]).all():
                 date = f"{str(ds['time'].values[k])[:16]}Z"
                 add(
                     "ellipse of the position",
-                    _polygon(ellipse_of(ds, float(part), k)),
-                    percent=round(100 * float(part)),
+                    _polygon(lines[k]),
+                    percent=round(100 * part),
                     date=date,
                 )
     return {"type": "FeatureCollection", "features": features}
@@ -338,9 +333,27 @@ def _kml_shape(geometry: dict[str, Any]) -> str:
 
 
 def gridded(ds: xr.Dataset) -> xr.Dataset:
-    """Return the probabilities on cells and by date as a CF dataset."""
+    """Return the probabilities on cells and by date as a CF dataset, whose maps other systems find where they belong."""
     names = [name for name in ds.data_vars if str(name).startswith(("p_", "presence", "passes", "cone_", "area_class"))]
-    return ds[names].drop_vars("weight", errors="ignore").assign_attrs(
+    # Dates first, then latitude and longitude: GDAL, and so QGIS, takes the last two dimensions for those of a map.
+    grid = (
+        ds[names]
+        .drop_vars("weight", errors="ignore")
+        .rename(cell_lon="lon", cell_lat="lat")
+        .transpose(..., "lat", "lon")
+    )
+    for axis, name in (("X", "lon"), ("Y", "lat")):
+        grid[name].attrs |= {
+            "axis": axis,
+            "long_name": f"{grid[name].attrs['standard_name']} of the middle of the cell",
+        }
+    grid["crs"] = (), np.int32(0), {
+        "grid_mapping_name": "latitude_longitude", "semi_major_axis": 6378137.0, "inverse_flattening": 298.257223563,
+        "long_name": "WGS 84",
+    }  # fmt: skip
+    for name in ("presence", "passes"):
+        grid[name].attrs["grid_mapping"] = "crs"
+    return grid.assign_attrs(
         Conventions="CF-1.11", title=f"Probabilities of ice: {ds.attrs.get('experiment', '')}",
-        comment=f"Not covered: {ds.attrs.get('not_covered', '')}",
+        comment=f"Not covered: {ds.attrs.get('not_covered', '')}", history=f"riftberg {__version__}: riftberg hazard",
     )  # fmt: skip

@@ -22,6 +22,7 @@ from riftberg.ensembles.vary import grouped
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import Options
 from riftberg.ocean.errors import UncertainForcing
+from riftberg.ocean.files_forcing import sharing_forcings
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.tracks import Shapes
@@ -107,8 +108,8 @@ class Outcome:
     wall_seconds: float = 0.0  # Model time reached, and wall time spent by the attempt that ended it, s
     totals: dict[str, float] = field(default_factory=dict)  # Counts and sizes at the end
     fragments: dict[str, list[float]] = field(default_factory=dict)  # Table of bergs and fragments
-    # Rows of time, number, longitude, latitude, area, 1 where aground, azimuth, the largest stress over strength so far, and
-    # length over width
+    # Rows of time, number, longitude, latitude, area, 1 where aground, azimuth, the largest stress over strength so far,
+    # length over width, and the largest stress over strength since the first break-up
     track: list[list[float]] = field(default_factory=list)
     # Broken bonds: time (s), middle east and north of the berg's centre at the start (m), length of the crack across it (m)
     cracks: list[list[float]] = field(default_factory=list)
@@ -149,7 +150,7 @@ def run_member(job: Job) -> Outcome:
     began = clock.perf_counter()
     track = Tracks(job.every, job.lag)
     try:
-        with allow_large(job.large):
+        with allow_large(job.large), sharing_forcings():
             if (job.folder / STOP).exists():
                 raise StoppedError("the sweep was asked to stop")
             model, fresh = _begun(job)
@@ -241,7 +242,8 @@ class Tracks:
         self.every, self.lag = every, lag
         self.rows: list[list[float]] = []
         self.first_aground = np.nan  # s
-        self.stress_ratio = 0.0  # Largest stress over strength of a bond until the first break-up
+        # Largest stress over strength of a bond until the first break-up, and from there until the second
+        self.stress_ratios = [0.0, 0.0]
 
     def start(self, model: BareModel) -> None:
         """Take the rows of the part that was run before, and the first position."""
@@ -251,7 +253,7 @@ class Tracks:
         self.rows = rows[:-1]
         if rows:
             self.first_aground = rows[-1][0] if rows[-1][0] >= 0.0 else np.nan
-            self.stress_ratio = rows[-1][1]
+            self.stress_ratios = rows[-1][1:3]
         self.record(model)
 
     def record(self, model: BareModel) -> None:
@@ -259,8 +261,10 @@ class Tracks:
         touching = _aground(model)
         if np.isnan(self.first_aground) and touching.any():
             self.first_aground = model.time
-        # The step of the break-up ends with the stress of what is left; the ice that broke had reached its strength.
-        self.stress_ratio = max(self.stress_ratio, 1.0 if model.fragments.breakups else _stress_ratio(model))
+        over = len(model.fragments.breakups)
+        # The step of a break-up ends with the stress of what is left; the ice that broke had reached its strength.
+        now = [1.0] * min(over, 2) + ([_stress_ratio(model)] if over < 2 else [])
+        self.stress_ratios[: len(now)] = map(max, self.stress_ratios, now)
         # Steps need not divide the interval: the step nearest to the time that is due is recorded.
         due = self.lag + self.every * round((model.time - self.lag) / self.every)
         last = self.rows[-1][0] if self.rows else -np.inf
@@ -274,12 +278,13 @@ class Tracks:
         # Without a longer axis there is no azimuth; 0 as any other.
         columns = [np.full(numbers.size, due), numbers, here.lon, here.lat, here.area,
                    here.sum(touching.astype(float)) > 0.0, np.nan_to_num(here.azimuth),
-                   np.full(numbers.size, self.stress_ratio), length / width]  # fmt: skip
+                   np.full(numbers.size, self.stress_ratios[0]), length / width,
+                   np.full(numbers.size, self.stress_ratios[1])]  # fmt: skip
         self.rows += np.column_stack(columns).tolist()
 
     def kept(self) -> Any:
         """Return all rows as one array of finite numbers, for a saved state; -1 for a berg that has not been aground."""
-        whole = [float(np.nan_to_num(self.first_aground, nan=-1.0)), self.stress_ratio, *[0.0] * 7]
+        whole = [float(np.nan_to_num(self.first_aground, nan=-1.0)), *self.stress_ratios, *[0.0] * 7]
         return np.array([*self.rows, whole], dtype=np.float64)
 
     def finish(self, model: BareModel) -> None:
@@ -390,7 +395,7 @@ def outcome_of(number: int, model: BareModel, track: Tracks) -> Outcome:
         "first_breakup": min(born, default=np.nan),
         "largest_area": float(area.max()) if area.size else 0.0,
         "first_aground": track.first_aground,
-        "stress_ratio": track.stress_ratio,
+        "stress_ratio": track.stress_ratios[0],
         "fresh_water": sum(model.life.balance(model).water.values()) if model.life is not None else 0.0,
     }
     if isinstance(model.forcing, UncertainForcing) and track.rows:

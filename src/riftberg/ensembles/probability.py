@@ -88,13 +88,11 @@ def effective(weight: Floats) -> float:
 
 
 def with_probabilities(
-    ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[float]]], ice: tuple[Floats, Floats, float],
-    weight: Sequence[float] | None = None,
+    ds: xr.Dataset, breaks: Breaks, weight: Sequence[float] | None = None
 ) -> xr.Dataset:  # fmt: skip
     """Return the result of a forecast with what follows from all members.
 
-    ``cracks``: broken bonds of each member, `riftberg.ensembles.member.Outcome`; ``ice``: places (m) of the elements of the
-    control about its middle, and their side (m); ``weight``: of each member, by default 1.
+    ``breaks``: what the members add up to, of the same ``weight``: that of each member, by default 1.
     """
     ds = ds.copy()
     time = ds["time"].values
@@ -114,7 +112,7 @@ def with_probabilities(
     number = effective(share_of)
     ds.attrs["effective_members"] = number
     ds.attrs["interval"] = f"Wilson, {100 * LEVEL:.0f} %"
-    ds.attrs["not_covered"] = f"ice smaller than an element, {ice[2] ** 2 / 1e6:.3g} km2"
+    ds.attrs["not_covered"] = f"ice smaller than an element, {breaks.side**2 / 1e6:.3g} km2"
     for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
         # A member that never breaks has no date and stays in the denominator.
         dates = done[when].values
@@ -130,13 +128,7 @@ def with_probabilities(
     if "lat" in done:
         _add_presence(ds, done, share_of)
         _add_cones(ds, done, share_of)
-    _add_cracks(ds, done, share_of, cracks, ice)
-    ds["scenario"] = (
-        "member",
-        _scenario_of_all(ds, cracks),
-        {"long_name": "scenario of the member, 0 the likeliest; -1 for none"},
-    )
-    return ds
+    return breaks.added_to(ds)
 
 
 def _add(ds: xr.Dataset, name: str, dims: tuple[str, ...], share: Floats, number: float) -> None:
@@ -269,74 +261,75 @@ def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     ds["cone_azimuth"] = ("time", axes[2], about)
 
 
-def _add_cracks(
-    ds: xr.Dataset,
-    done: xr.Dataset,
-    weight: Floats,
-    cracks: Mapping[int, Sequence[Sequence[float]]],
-    ice: tuple[Floats, Floats, float],
-) -> None:
-    """Add where the berg breaks: length of crack per area, and the probability of a crack, on a grid in the berg's own axes."""
-    x, y, side = ice
-    cell = max(np.ptp(x), np.ptp(y), side) / 40.0
-    cell = max(cell, 1.5 * side)  # finer than the lattice, a crack would miss cells that it crosses
-    edges = [np.arange(a.min() - side, a.max() + side + cell, cell) for a in (x, y)]
-    shape = edges[1].size - 1, edges[0].size - 1
-    density, share = np.zeros(shape), np.zeros(shape)
-    for number, w in zip(done["member"].values, weight, strict=True):
-        rows = np.array(cracks.get(int(number), []), float).reshape(-1, 4)
-        length = np.histogram2d(rows[:, 2], rows[:, 1], bins=(edges[1], edges[0]), weights=rows[:, 3])[0]
-        density += w * length / cell**2
-        share += w * (length > 0.0)
-    there = np.histogram2d(y, x, bins=(edges[1], edges[0]))[0] > 0
-    for name, edge, word in (("own_x", edges[0], "east"), ("own_y", edges[1], "north")):
-        ds.coords[name] = (
-            name,
-            0.5 * (edge[:-1] + edge[1:]),
-            {"units": "m", "long_name": f"{word} of the berg's middle at the start"},
-        )
-    dims = ("own_y", "own_x")
-    ds["ice"] = (dims, there.astype("i1"), {"units": "1", "long_name": "1 where the control has ice at the start"})
-    ds["crack_density"] = (dims, density, {"units": "m-1", "long_name": "mean length of crack per area"})
-    ds["crack_probability"] = (
-        dims,
-        np.clip(share, 0.0, 1.0),
-        {"units": "1", "long_name": "probability of a crack in the cell"},
-    )
+class Breaks:
+    """Where members break, on a grid in the berg's own axes, and which pieces they lose; of a member next to nothing is kept.
+
+    ``ice``: places (m) of the elements of the control about its middle, and their side (m); ``weight``: of each member, by
+    default 1.
+    """
+
+    def __init__(self, ice: tuple[Floats, Floats, float], weight: Sequence[float] | None = None) -> None:
+        x, y, self.side = ice
+        # Finer than the lattice, a crack would miss cells that it crosses.
+        self.cell = max(max(np.ptp(x), np.ptp(y), self.side) / 40.0, 1.5 * self.side)
+        self.edges = [np.arange(a.min() - self.side, a.max() + self.side + self.cell, self.cell) for a in (x, y)]
+        self.there = np.histogram2d(y, x, bins=self.edges[::-1])[0] > 0
+        self.density, self.share = np.zeros(self.there.shape), np.zeros(self.there.shape)
+        self.weight, self.total = weight, 0.0
+        self.leaders: list[list[Floats]] = []  # Of each scenario the pieces of its first member
+        self.numbers: list[Any] = []  # Scenario of each member, in order of the first; of each block an array
+
+    def add(self, ds: xr.Dataset, cracks: Mapping[int, Any]) -> None:
+        """Add a block of members, the first ones first; ``cracks``: broken bonds of each, as `Outcome` has them."""
+        numbers = np.full(ds.sizes["member"], -1, dtype="i4")
+        wholes = np.nansum(ds["area"].isel(time=0).values, axis=1)
+        parent, areas = ds["fragment_parent"].values, ds["fragment_area"].values
+        births = (ds["fragment_birth_time"].values - ds["time"].values[0]) / np.timedelta64(1, "s")
+        for k in np.flatnonzero(ds["status"].values == 0).tolist():
+            number = int(ds["member"].values[k])
+            weight = 1.0 if self.weight is None else float(self.weight[number])
+            rows = np.array(cracks.get(number, []), float).reshape(-1, 4)
+            length = np.histogram2d(rows[:, 2], rows[:, 1], bins=self.edges[::-1], weights=rows[:, 3])[0]
+            self.density += weight * length / self.cell**2
+            self.share += weight * (length > 0.0)
+            self.total += weight
+            born = np.flatnonzero(parent[k] > 0)
+            born = born[np.argsort(births[k, born], kind="stable")]
+            # Crumbs are left out: less than a hundredth of the berg.
+            whole = float(wholes[k])
+            large = born[areas[k, born] >= 0.01 * whole][:3]
+            numbers[k] = self._scenario([_sign(rows, float(births[k, p]), float(areas[k, p]), whole) for p in large])
+        self.numbers.append(numbers)
+
+    def _scenario(self, sign: list[Floats]) -> int:
+        """Return the scenario of a member: which pieces broke off, in which order, as far as three of them."""
+        alike = next((g for g, other in enumerate(self.leaders) if _alike(sign, other)), None)
+        if alike is None:
+            self.leaders.append(sign)
+        return len(self.leaders) - 1 if alike is None else alike
+
+    def added_to(self, ds: xr.Dataset) -> xr.Dataset:
+        """Return a forecast with length of crack per area, probability of a crack, and the scenarios, the likeliest first."""
+        for name, edge, word in (("own_x", self.edges[0], "east"), ("own_y", self.edges[1], "north")):
+            about = {"units": "m", "long_name": f"{word} of the berg's middle at the start"}
+            ds.coords[name] = (name, 0.5 * (edge[:-1] + edge[1:]), about)
+        total = self.total or 1.0
+        for name, values, unit, meaning in (
+            ("ice", self.there.astype("i1"), "1", "1 where the control has ice at the start"),
+            ("crack_density", self.density / total, "m-1", "mean length of crack per area"),
+            ("crack_probability", np.clip(self.share / total, 0.0, 1.0), "1", "probability of a crack in the cell"),
+        ):
+            ds[name] = (("own_y", "own_x"), values, {"units": unit, "long_name": meaning})
+        number = np.concatenate(self.numbers)
+        known = number >= 0
+        rank = np.argsort(np.argsort(-np.bincount(number[known], minlength=len(self.leaders)), kind="stable"))
+        number[known] = rank[number[known]]
+        about = {"long_name": "scenario of the member, 0 the likeliest; -1 for none"}
+        ds["scenario"] = ("member", number.astype("i4"), about)
+        return ds
 
 
 # ---- scenarios --------------------------------------------------------------------------------------------------------
-
-
-def _scenario_of_all(ds: xr.Dataset, cracks: Mapping[int, Sequence[Sequence[float]]]) -> Any:
-    """Return the scenario of each member: which pieces broke off, in which order, as far as three of them."""
-    number = np.full(ds.sizes["member"], -1, dtype="i4")
-    wholes = np.nansum(ds["area"].isel(time=0).values, axis=1)
-    parent, areas = ds["fragment_parent"].values, ds["fragment_area"].values
-    births = (ds["fragment_birth_time"].values - ds["time"].values[0]) / np.timedelta64(1, "s")
-    members = ds["member"].values
-    signs = {}
-    for k in np.flatnonzero(ds["status"].values == 0).tolist():
-        born = np.flatnonzero(parent[k] > 0)
-        born = born[np.argsort(births[k, born], kind="stable")]
-        # Crumbs are left out: less than a hundredth of the berg.
-        whole = float(wholes[k])
-        large = born[areas[k, born] >= 0.01 * whole][:3]
-        rows = np.array(cracks.get(int(members[k]), []), float).reshape(-1, 4)
-        signs[k] = [_sign(rows, float(births[k, piece]), float(areas[k, piece]), whole) for piece in large]
-    leaders: list[list[Floats]] = []
-    group: dict[int, int] = {}
-    for k, sign in signs.items():
-        alike = next((g for g, other in enumerate(leaders) if _alike(sign, other)), None)
-        if alike is None:
-            leaders.append(sign)
-            alike = len(leaders) - 1
-        group[k] = alike
-    counts = np.bincount(list(group.values()), minlength=len(leaders))
-    rank = {int(g): r for r, g in enumerate(np.argsort(-counts, kind="stable"))}
-    for k, alike in group.items():
-        number[k] = rank[alike]
-    return number
 
 
 def _sign(rows: Floats, birth: float, area: float, whole: float) -> Floats:
@@ -383,16 +376,17 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
     inputs = inputs_of(done)
     x_name, y_name = ("lon", "lat") if "lat" in done else ("x", "y")
     ends = np.column_stack([done[name].isel(fragment=0, time=-1).values for name in (x_name, y_name)])
-    wholes = np.nansum(done["area"].isel(time=0).values, axis=1)
     for number in np.unique(done["scenario"].values):
         rows = np.flatnonzero(done["scenario"].values == number)
         end = ends[rows]
         place = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
         member = int(rows[place])
-        born = done["fragment_parent"].values[member] > 0
-        order = np.argsort(done["fragment_birth_time"].values[member][born], kind="stable")
-        sizes = done["fragment_area"].values[member][born][order]
-        sizes = sizes[sizes >= 0.01 * wholes[member]][:3]
+        parent, birth, sizes = (
+            done[f"fragment_{n}"].isel(member=member).values for n in ("parent", "birth_time", "area")
+        )
+        born = parent > 0
+        sizes = sizes[born][np.argsort(birth[born], kind="stable")]
+        sizes = sizes[sizes >= 0.01 * np.nansum(done["area"].isel(member=member, time=0).values)][:3]
         apart = _apart(inputs, rows)
         found.append(Scenario(
             int(number), float(weight[rows].sum()), int(done["member"].values[member]), tuple(map(float, sizes)), apart

@@ -223,7 +223,7 @@ def _add_tracks(
 ) -> None:  # fmt: skip
     shape = ds.sizes["member"], ds.sizes["fragment"], len(times)
     lon, lat, area, touching, azimuth, long = (np.full(shape, np.nan) for _ in range(6))
-    stress = np.full((shape[0], shape[2]), np.nan)
+    stress, again = (np.full((shape[0], shape[2]), np.nan) for _ in range(2))
     for number, outcome in outcomes.items():
         places = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
         for time, fragment, x, y, size, *more in outcome.track:
@@ -232,7 +232,7 @@ def _add_tracks(
                 at = number, places[fragment], k
                 lon[at], lat[at], area[at] = x, y, size
                 # What an earlier version did not note is missing.
-                touching[at], azimuth[at], stress[number, k], long[at] = (*more, *[np.nan] * 4)[:4]
+                touching[at], azimuth[at], stress[number, k], long[at], again[number, k] = (*more, *[np.nan] * 5)[:5]
     dims = ("member", "fragment", "time")
     (x_name, x_about), (y_name, y_about) = _place(latlon).values()
     ds[x_name], ds[y_name] = (dims, lon, x_about), (dims, lat, y_about)
@@ -250,6 +250,8 @@ def _add_tracks(
     )
     about = {"units": "1", "long_name": "largest stress over strength of a bond so far, until the first break-up"}
     ds["stress_ratio_so_far"] = (("member", "time"), stress, about)
+    about = {"units": "1", "long_name": "the same since the first break-up, until the second; 0 before"}
+    ds["stress_ratio_again"] = (("member", "time"), again, about)
 
 
 def write_sweep(ds: xr.Dataset, path: str | Path, *, more: bool = False) -> Path:
@@ -325,7 +327,8 @@ def open_sweep(path: str | Path, *, tracks: bool = True) -> xr.Dataset:
     path : path
         ``sweep.nc``, ``sweep.zarr`` or ``forecast.nc``, or the folder that holds it.
     tracks : bool, optional
-        Read the tracks too; otherwise they stay in the file until they are used, for ensembles of thousands.
+        Read tracks and tables of fragments too; otherwise they stay in the file until they are used, for ensembles of
+        thousands.
 
     Returns
     -------
@@ -410,11 +413,11 @@ def _loaded(file: Path, remedy: str) -> xr.Dataset:
 
 
 def _without_tracks(file: Path, remedy: str) -> xr.Dataset:
-    """Return a result in memory but for its tracks."""
+    """Return a result in memory but for its tracks and tables of fragments."""
     with reading(file, "not readable as NetCDF", remedy), _little_kept():
         ds: xr.Dataset = open_lazily(file)
         for name, variable in ds.variables.items():
-            if not {"member", "time"} <= set(variable.dims):
+            if "member" not in variable.dims or variable.ndim == 1:
                 ds[name].load()
     return ds
 

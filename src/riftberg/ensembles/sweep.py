@@ -20,15 +20,18 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.cluster import computed, connected, cores
 from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import CONTROL, STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
+from riftberg.ensembles.probability import Breaks, with_probabilities
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed, origin, settings_of
 from riftberg.experiments.registry import Options
+from riftberg.ocean.files_forcing import forget_forcings
 from riftberg.parameters import Parameters
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.progress import SweepBar
+from riftberg.state import Floats
 from riftberg.system.atomic_files import only_writer, replacing, write_text
 from riftberg.system.input_files import check_file, is_folder, reading, value_shown
 from riftberg.system.limits import large_allowed
@@ -200,7 +203,7 @@ class Plan:
     experiment: str | Maker
     options: Options  # Common to all members
     varied: tuple[Varied, ...]
-    members: list[dict[str, Any]]  # Values by name of each member
+    members: Sequence[dict[str, Any]]  # Values by name of each member
     first: Model  # Of the first member, at its start
     days: float  # Length of the runs, days, and interval of the tracks, s
     every: float  # Length of the runs, days, and interval of the tracks, s
@@ -326,7 +329,9 @@ def planned(
     )
 
 
-def _start_of(experiment: Any, options: Options, members: list[dict[str, Any]], first: Model, days: float) -> datetime:
+def _start_of(
+    experiment: Any, options: Options, members: Sequence[dict[str, Any]], first: Model, days: float
+) -> datetime:
     """Return the start of a forecast, that of its file; members that start at other dates do so before it."""
     if not isinstance(experiment, str) or "start" not in members[0]:
         return first.start
@@ -362,7 +367,7 @@ def _first_options(options: Options, values: Mapping[str, Any]) -> Options:
     return replace(options, changes=merged)
 
 
-def _check_members(first: Model, members: list[dict[str, Any]], varied: Sequence[Varied]) -> None:
+def _check_members(first: Model, members: Sequence[dict[str, Any]], varied: Sequence[Varied]) -> None:
     """Refuse combinations of values that no run can have.
 
     All combinations of listed values; of what is drawn, each value of which was checked by itself, the members with the
@@ -487,33 +492,33 @@ class Store:
             "start": plan.start, "lagged": plan.forecast, "days": plan.days, "every": plan.every,
             "latlon": plan.first.parameters.earth.latlon, "attributes": about,
         }  # fmt: skip
-        cracks: dict[int, Any] = {}
+        weight = self.weights().get("weight")
+        breaks = Breaks(self._ice(), weight) if plan.forecast else None
 
         def blocks() -> Iterator[xr.Dataset]:
             for first in range(0, len(plan.members), BLOCK):
                 members = plan.members[first : first + BLOCK]
                 read = {k: self.outcome(first + k) for k in range(len(members)) if first + k in self.done}
                 outcomes = {k: outcome for k, outcome in read.items() if outcome is not None}
-                cracks.update(
-                    {first + k: _since(outcome.cracks, plan.lag(first + k)) for k, outcome in outcomes.items()}
-                )
                 ds = dataset_of(plan.varied, members, outcomes, room=(self._fragments, sorted(self._means)), **common)
-                numbers = np.arange(first, first + len(members))
-                yield ds.assign_coords(member=("member", numbers, ds["member"].attrs))
+                ds = ds.assign_coords(member=("member", first + ds["member"].values, ds["member"].attrs))
+                if breaks is not None:
+                    breaks.add(ds, {first + k: _since(o.cracks, plan.lag(first + k)) for k, o in outcomes.items()})
+                yield ds
 
         with replacing(self.file) as part:
             write_blocks(blocks(), part)
-            if plan.forecast:
-                from riftberg.ensembles.probability import with_probabilities
-
-                e, earth = plan.first.elements, plan.first.parameters.earth
-                plane = EqualAreaPlane(float(e.lon.mean()), float(e.lat.mean()), earth.radius, earth.latlon)
-                ice = *plane.forward(e.lon, e.lat), float(np.sqrt(np.mean(e.length * e.width)))
+            if breaks is not None:
                 known = open_sweep(part, tracks=False)
-                weight = self.weights().get("weight")
-                ds = with_probabilities(known, cracks, ice, weight).assign(self._control(common))
+                ds = with_probabilities(known, breaks, weight).assign(self._control(common))
                 known.close()
                 write_sweep(ds.drop_vars(list(known.variables)), part, more=True)
+
+    def _ice(self) -> tuple[Floats, Floats, float]:
+        """Return the places (m) of the elements of the first member about their middle, and their side (m)."""
+        e, earth = self.plan.first.elements, self.plan.first.parameters.earth
+        plane = EqualAreaPlane(float(e.lon.mean()), float(e.lat.mean()), earth.radius, earth.latlon)
+        return *plane.forward(e.lon, e.lat), float(np.sqrt(np.mean(e.length * e.width)))
 
     def _origin(self) -> dict[str, str]:
         """Return what the result keeps for ``riftberg rerun``, which makes one of its members again."""
@@ -615,17 +620,18 @@ def run_sweep(
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 0):
         raise InputError(f"{workers!r} processes", where="workers", remedy="Give a whole number, 0 or more")
     numbers = store.waiting()
-    jobs = [store.plan.job(k, store.members, save_seconds) for k in numbers]
-    _LOG.info("%d of %d members to run", len(jobs), len(store.plan.members))
-    processes = min(cores() if workers is None else workers, len(jobs))
+    jobs = (store.plan.job(k, store.members, save_seconds) for k in numbers)
+    _LOG.info("%d of %d members to run", len(numbers), len(store.plan.members))
+    processes = min(cores() if workers is None else workers, len(numbers))
     with (
         held() as hold,
-        connected(scheduler) if scheduler is not None and jobs else nullcontext() as client,
+        connected(scheduler) if scheduler is not None and numbers else nullcontext() as client,
         store.taken(),
     ):
         try:
             _collect(store, computed(jobs, client, processes, hold), hold, bar)
         finally:  # what is done is kept, also after Ctrl-C
+            forget_forcings()
             (store.members / STOP).unlink(missing_ok=True)
             store.write()
             if bar is not None:

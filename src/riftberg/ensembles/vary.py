@@ -312,7 +312,32 @@ def check_draws(varied: Sequence[Varied], draws: Draws) -> None:
         )  # fmt: skip
 
 
-def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
+class Members(Sequence[dict[str, Any]]):
+    """Values by name of each member, kept by columns: 10,000 members as they are used would take 10 MB."""
+
+    def __init__(self, columns: Mapping[str, Sequence[Any]]) -> None:
+        self._columns = {name: _packed(values) for name, values in columns.items()}
+        self._count = len(next(iter(columns.values())))
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, k: Any) -> Any:
+        if isinstance(k, slice):
+            return [self[one] for one in range(*k.indices(self._count))]
+        return {name: native(values[range(self._count)[k]]) for name, values in self._columns.items()}
+
+    def __eq__(self, other: object) -> bool:
+        return list(self) == other
+
+
+def _packed(values: Sequence[Any]) -> Any:
+    """Return numbers of one kind as an array, anything else as it is."""
+    kinds = {type(value) for value in values}
+    return np.array(values) if kinds in ({float}, {int}) else values
+
+
+def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> Members:
     """Return every combination of the listed values, the last parameter changing fastest, for each draw in turn.
 
     So a member stays what it is when further ones are drawn.
@@ -327,19 +352,13 @@ def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dic
         count *= len(drawn) + POINTS[draws.plan] + has_fields([v.name for v in listed])
     refuse_large(int(count), MOST_MEMBERS, "members", where="--vary", remedy="Give fewer values", kind=InputError)
     combinations = list(itertools.product(*(v.values for v in listed)))
-    names, order = [v.name for v in listed], [v.name for v in varied]
-    if not draws.number:
-        return [dict(zip(names, values, strict=True)) for values in combinations]
-    seeded = has_fields(order) and SEED not in order
-    columns, seeds = _columns(drawn, draws, seeded)
-    members = []
-    for k, seed in enumerate(seeds):
-        once = {name: values[k] for name, values in columns.items()}
-        own = {SEED: seed} if seeded else {}
-        for values in combinations:
-            both = {**dict(zip(names, values, strict=True)), **once}
-            members.append({name: both[name] for name in order} | own)
-    return members
+    order = [v.name for v in varied]
+    seeded = bool(draws.number) and has_fields(order) and SEED not in order
+    columns, seeds = _columns(drawn, draws, seeded) if draws.number else ({}, [0])
+    found = {v.name: [row[k] for _ in seeds for row in combinations] for k, v in enumerate(listed)}
+    found |= {name: [value for value in values for _ in combinations] for name, values in columns.items()}
+    own = {SEED: [seed for seed in seeds for _ in combinations]} if seeded else {}
+    return Members({name: found[name] for name in order} | own)
 
 
 def read_design(path: Path) -> dict[str, list[str]]:
@@ -366,9 +385,7 @@ def read_design(path: Path) -> dict[str, list[str]]:
     return {name: [row[k].strip() for row in rows[1:]] for k, name in enumerate(names)}
 
 
-def designed(
-    columns: Mapping[str, Sequence[Any]], *, free: bool = False
-) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
+def designed(columns: Mapping[str, Sequence[Any]], *, free: bool = False) -> tuple[tuple[Varied, ...], Members]:
     """Return what a plan made elsewhere varies, and its members: one of each row.
 
     ``free``: a function makes the models, whose arguments take any value.
@@ -388,15 +405,13 @@ def designed(
         plain = tuple(given(value, settable[group], key, where=where) for value in values)
         varied.append(Varied(f"{group}.{key}", plain, unit_of(field), field.description or ""))
     names = [v.name for v in varied]
-    rows = list(zip(*(v.values for v in varied), strict=True))
+    found: dict[str, Any] = {v.name: v.values for v in varied}
+    count = len(varied[0].values)
     # Without seeds of its own a design would have one random field for all members.
-    seeded = has_fields(names) and SEED not in names
-    members = [
-        dict(zip(names, row, strict=True)) | ({SEED: member_seed(Draws().seed, k)} if seeded else {})
-        for k, row in enumerate(rows)
-    ]
-    refuse_large(len(members), MOST_MEMBERS, "members", where="--design", remedy="Give fewer rows", kind=InputError)
-    return tuple(varied), members
+    if has_fields(names) and SEED not in names:
+        found[SEED] = [member_seed(Draws().seed, k) for k in range(count)]
+    refuse_large(count, MOST_MEMBERS, "members", where="--design", remedy="Give fewer rows", kind=InputError)
+    return tuple(varied), Members(found)
 
 
 def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[str, list[Any]], list[int]]:

@@ -274,7 +274,7 @@ def build_forcing(
 
         return Steady(forcing.current, forcing.wind, forcing.slope, forcing.sea_ice, forcing.depth)
     if isinstance(forcing, FileForcing):
-        from riftberg.ocean.files_forcing import Run, forcing_from_files
+        from riftberg.ocean.files_forcing import Run, shared_forcing
 
         if options.grid is not None:
             forcing = forcing.model_copy(update={"spacing": options.grid})
@@ -285,7 +285,7 @@ def build_forcing(
             experiment.start, days, berg.elements.thickness, parameters.ice.density, melts=parameters.melt.enabled,
             place=place if parameters.earth.latlon else None,
         )  # fmt: skip
-        return forcing_from_files(forcing, folder, run)
+        return shared_forcing(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
         return Sum(forcing.parts)
     if options.grid is not None:

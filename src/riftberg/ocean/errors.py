@@ -114,38 +114,43 @@ class RandomField:
                 del self._known[min(self._known)]
         return self._known[knot]
 
-    def at(self, time: float) -> Floats:
-        """Return the spline coefficients at a time (s)."""
+    def at(self, time: float) -> tuple[Floats, Floats, tuple[float, float]]:
+        """Return the spline coefficients of the knots before and after a time (s), and the factor of each."""
         if math.isinf(self.error.time):
-            return self._coefficients(0)
+            return (first := self._coefficients(0)), first, (1.0, 0.0)
         position = max(time, 0.0) * KNOTS / self.error.time
         knot = int(position)
         right = position - knot
         first = self._coefficients(knot)
         if right == 0.0:
-            return first
-        last = self._coefficients(knot + 1)
+            return first, first, (1.0, 0.0)
         left, correlation = 1.0 - right, math.exp(-1.0 / KNOTS)
         # A plain mean of two fields has less variance than either.
         norm = 1.0 / math.sqrt(left * left + right * right + 2.0 * correlation * left * right)
-        return norm * (left * first + right * last)
+        return first, self._coefficients(knot + 1), (norm * left, norm * right)
 
 
 @kernel
-def read_spline(coefficients: Floats, periodic: bool, x: Floats, y: Floats, out: Floats) -> None:
-    """Fill value, both first and both second derivatives of a cubic spline; beyond its edge the edge counts.
+def read_spline(
+    first: Floats, last: Floats, factors: tuple[float, float], step: float, middle: float, periodic: bool, x: Floats,
+    y: Floats, out: Floats,
+) -> None:  # fmt: skip
+    """Fill value, both first (m-1) and both second derivatives (m-2) of a cubic spline; beyond its edge the edge counts.
 
-    ``x``, ``y``: places in units of its points; ``out``: shape (5, places), derivatives per point.
+    ``first``, ``last``: coefficients, which count by ``factors``, the second not at all by 0; ``step``: m between points;
+    ``middle``: number of the point at 0; ``x``, ``y``: places, m; ``out``: shape (5, places).
     """
-    rows, columns = coefficients.shape
+    rows, columns = first.shape
+    one, other = factors
     wx, wy = np.zeros((3, 4)), np.zeros((3, 4))
     across = np.zeros(4, np.int64)
     for n in range(x.size):
-        i, j = math.floor(x[n]), math.floor(y[n])
+        east_points, north_points = x[n] / step + middle, y[n] / step + middle
+        i, j = math.floor(east_points), math.floor(north_points)
         for a in range(4):  # once for all rows: a remainder takes as long as all else of a coefficient
             column = int(i) + a - 1
             across[a] = column % columns if periodic else min(max(column, 0), columns - 1)
-        for weights, t in ((wx, x[n] - i), (wy, y[n] - j)):
+        for weights, t in ((wx, east_points - i), (wy, north_points - j)):
             s = 1.0 - t
             weights[0, 0], weights[0, 3] = s * s * s / 6.0, t * t * t / 6.0
             weights[0, 1], weights[0, 2] = (
@@ -161,11 +166,42 @@ def read_spline(coefficients: Floats, periodic: bool, x: Floats, y: Floats, out:
             row = row % rows if periodic else min(max(row, 0), rows - 1)
             s0 = s1 = s2 = 0.0
             for a in range(4):
-                c = coefficients[row, across[a]]
+                c = one * first[row, across[a]]
+                if other != 0.0:
+                    c += other * last[row, across[a]]
                 s0, s1, s2 = s0 + c * wx[0, a], s1 + c * wx[1, a], s2 + c * wx[2, a]
             value, east, east2 = value + s0 * wy[0, b], east + s1 * wy[0, b], east2 + s2 * wy[0, b]
             north, north2 = north + s0 * wy[1, b], north2 + s0 * wy[2, b]
-        out[0, n], out[1, n], out[2, n], out[3, n], out[4, n] = value, east, north, east2, north2
+        out[0, n], out[1, n], out[2, n] = value, east / step, north / step
+        out[3, n], out[4, n] = east2 / step**2, north2 / step**2
+
+
+@kernel
+def balanced_flow(
+    level: Floats, factor: Floats, scale: Floats, lat: Floats, start: float, sphere: bool, out: Floats
+) -> None:
+    """Fill what the stream function of the error comes to: u, v (m s-1), vorticity (s-1), and both slopes that balance it.
+
+    ``level``: of the stream function at the latitude of the start, and ``factor`` of what brings it to zero at land (no place
+    where there is none), as `read_spline` fills them; ``scale``: metres of the plane per metre; ``lat``: degrees; ``start``: the
+    Coriolis parameter of the start; it holds everywhere unless on a ``sphere``. ``out``: shape (5, places).
+    """
+    least = 2.0 * EARTH_ROTATION * math.sin(EQUATOR * DEGREE)
+    for n in range(scale.size):
+        value, east, north, curve = level[0, n], level[1, n], level[2, n], level[3, n] + level[4, n]
+        if factor.shape[1]:
+            # The level itself is brought to zero, so that the current along the shore stays balanced.
+            t, t_east, t_north = factor[0, n], factor[1, n], factor[2, n]
+            curve = t * curve + 2.0 * (t_east * east + t_north * north) + value * (factor[3, n] + factor[4, n])
+            east, north = t * east + value * t_east, t * north + value * t_north
+        # The field is the stream function at the start's latitude: eta = F psi / g, and there u = -d(psi)/dy.
+        f = 2.0 * EARTH_ROTATION * math.sin(lat[n] * DEGREE) if sphere else start
+        ratio = max(abs(start), least) / max(abs(f), least) if sphere else 1.0
+        u, v, turn = -ratio * scale[n] * north, ratio * scale[n] * east, ratio * scale[n] ** 2 * curve
+        if sphere and abs(f) > least:
+            # d(1/F)/dy turns the zonal flow: F grows poleward.
+            turn += 2.0 * EARTH_ROTATION * math.cos(lat[n] * DEGREE) / EARTH_RADIUS_A68 * u / f
+        out[0, n], out[1, n], out[2, n], out[3, n], out[4, n] = u, v, turn, f * v / GRAVITY, -f * u / GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +331,7 @@ class UncertainForcing(WrappedForcing):
         latitude: float | None = None,
         latlon: bool = True,
     ) -> None:
-        self.forcing, self.errors, self.fixed_latitude = forcing, errors, latitude
+        self.forcing, self.errors = forcing, errors
         lon, lat = np.asarray(elements.place.lon), np.asarray(elements.place.lat)
         self.plane = LocalPlane(float(lon.mean()), float(lat.mean()), latlon)
         x, y, _ = self.plane.forward(lon, lat)
@@ -313,7 +349,9 @@ class UncertainForcing(WrappedForcing):
             reach = min(0.5 * extent + 10.0 * length, 40.0 * length)
             envelope = Envelope(forcing, self.plane, length, reach, errors.current_size)
             self._envelope = envelope if envelope.any else None
-        self._moment: dict[str, tuple[float, Floats]] = {}
+        self._sphere = latitude is None and latlon
+        at = latitude if latitude is not None else self.plane.lat0 if latlon else 0.0
+        self._start = 2.0 * EARTH_ROTATION * math.sin(at * DEGREE)  # s-1
 
     def describe(self) -> str:
         """Return what the forcing is, and which errors lie on it."""
@@ -346,13 +384,9 @@ class UncertainForcing(WrappedForcing):
                 array[:] *= factor
         x, y, scale = self.plane.forward(elements.place.lon, lat)
         if self._current is not None:
-            u, v, turn = self._flow((x, y, scale), lat, time)
-            e.uo[:] += u
-            e.vo[:] += v
-            e.vorticity[:] += turn
-            f = self._coriolis(lat)
-            e.slope_x[:] += f * v / GRAVITY
-            e.slope_y[:] -= f * u / GRAVITY
+            flow = self._flow((x, y, scale), lat, time)
+            for array, error in zip((e.uo, e.vo, e.vorticity, e.slope_x, e.slope_y), flow, strict=True):
+                array += error
         if self._wind is not None:
             out = self._read(self._wind, x, y, time)
             e.ua[:] -= out[2] * scale
@@ -385,9 +419,9 @@ class UncertainForcing(WrappedForcing):
         for t, x, y in zip(time, lon, lat, strict=True):
             place = self.plane.forward(np.array([x]), np.array([y]))
             if self._current is not None:
-                u, v, _ = self._flow(place, np.array([y]), float(t))
-                means.setdefault("current_error_east", []).append(float(u[0]))
-                means.setdefault("current_error_north", []).append(float(v[0]))
+                flow = self._flow(place, np.array([y]), float(t))
+                means.setdefault("current_error_east", []).append(float(flow[0, 0]))
+                means.setdefault("current_error_north", []).append(float(flow[1, 0]))
             if self._wind is not None:
                 out, scale = self._read(self._wind, *place[:2], float(t)), place[2]
                 means.setdefault("wind_error_east", []).append(float(-out[2, 0] * scale[0]))
@@ -409,44 +443,20 @@ class UncertainForcing(WrappedForcing):
         # Water stays water, and land land.
         return np.asarray(np.where(np.isfinite(depth) & (depth > 0.0), np.maximum(changed, 1e-3), depth))
 
-    def _coriolis(self, lat: Floats) -> Floats:
-        at = lat if self.fixed_latitude is None else np.full(np.shape(lat), self.fixed_latitude)
-        return np.asarray(2.0 * EARTH_ROTATION * np.sin(at * DEGREE))
-
     def _read(self, field: RandomField, x: Floats, y: Floats, time: float) -> Floats:
         """Return value and derivatives (per m) of a field at places of the plane."""
-        known = self._moment.get(field.kind)
-        if known is None or known[0] != time:
-            known = self._moment[field.kind] = (time, field.at(time))
         out = np.empty((5, x.size))
-        read_spline(known[1], True, x / field.step, y / field.step, out)
-        out[1:3] /= field.step
-        out[3:] /= field.step**2
+        read_spline(*field.at(time), field.step, 0.0, True, x, y, out)
         return out
 
-    def _flow(self, place: tuple[Floats, Floats, Floats], lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
-        """Return the error of the current (m s-1) and its vorticity (s-1) at places of the plane."""
+    def _flow(self, place: tuple[Floats, Floats, Floats], lat: Floats, time: float) -> Floats:
+        """Return the error of the current at places of the plane, as `balanced_flow` fills it."""
         assert self._current is not None
         x, y, scale = place
-        q = self._read(self._current, x, y, time)
-        value, east, north, curve = q[0], q[1], q[2], q[3] + q[4]
+        factor = np.empty((5, 0 if self._envelope is None else x.size))
         if self._envelope is not None:
-            t, step, half = np.empty((5, x.size)), self._envelope.step, self._envelope.half
-            read_spline(self._envelope.factor, False, x / step + half, y / step + half, t)
-            # The level itself is brought to zero, so that the current along the shore stays balanced.
-            curve = t[0] * curve + 2.0 * (t[1] * east + t[2] * north) / step + value * (t[3] + t[4]) / step**2
-            east, north = t[0] * east + value * t[1] / step, t[0] * north + value * t[2] / step
-        # The field is the stream function at the start's latitude: eta = F psi / g, and there u = -d(psi)/dy.
-        f = self._coriolis(lat)
-        least = 2.0 * EARTH_ROTATION * math.sin(EQUATOR * DEGREE)
-        start = float(self._coriolis(np.asarray(self.plane.lat0 if self.plane.latlon else 0.0)))
-        ratio = (
-            max(abs(start), least) / np.maximum(np.abs(f), least) if self.fixed_latitude is None else np.ones(f.shape)
-        )
-        u, v = -ratio * scale * north, ratio * scale * east
-        turn = ratio * scale**2 * curve
-        if self.fixed_latitude is None and self.plane.latlon:
-            # d(1/F)/dy turns the zonal flow: F grows poleward.
-            beta = 2.0 * EARTH_ROTATION * np.cos(lat * DEGREE) / EARTH_RADIUS_A68
-            turn += np.where(np.abs(f) > least, beta * u / np.where(f == 0.0, 1.0, f), 0.0)
-        return u, v, turn
+            shape, step, middle = self._envelope.factor, self._envelope.step, float(self._envelope.half)
+            read_spline(shape, shape, (1.0, 0.0), step, middle, False, x, y, factor)
+        out = np.empty((5, x.size))
+        balanced_flow(self._read(self._current, x, y, time), factor, scale, lat, self._start, self._sphere, out)
+        return out

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import glob
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -79,6 +81,16 @@ class Run(NamedTuple):
         """Drafts of the elements, m."""
         return np.asarray(draft_of(self.thickness, self.ice_density))
 
+    @property
+    def extent(self) -> tuple[float, ...] | None:
+        """Longitudes and latitudes that hold the elements, by half degrees: with another lattice the box mostly stays."""
+        if self.place is None:
+            return None
+        ends = [
+            (math.floor(2.0 * float(axis.min())) / 2.0, math.ceil(2.0 * float(axis.max())) / 2.0) for axis in self.place
+        ]
+        return (*ends[0], *ends[1])
+
     def seconds(self, moments: Sequence[datetime]) -> list[float]:
         """Times since the start."""
         return [(moment - self.start).total_seconds() for moment in moments]
@@ -128,6 +140,44 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     )
 
 
+MOST_KEPT = 8
+"""Forcings that members of an ensemble share: more would keep blocks of too many files in memory."""
+
+_SHARED: dict[Any, DatasetForcing] = {}
+
+
+def shared_forcing(settings: FileForcing, folder: Path, run: Run) -> DatasetForcing:
+    """Return the forcing for a run; members of an ensemble that ask for the same get the same, and read no file again."""
+    if not _SHARING.get():
+        return forcing_from_files(settings, folder, run)
+    drafts = run.drafts
+    key = (settings.model_dump_json(), str(folder), run.start, run.end, run.ice_density, run.melts, float(drafts.max()),
+           float(drafts.mean()), run.extent)  # fmt: skip
+    found = _SHARED.pop(key, None) or forcing_from_files(settings, folder, run)
+    _SHARED[key] = found  # the one that was used last stands last
+    while len(_SHARED) > MOST_KEPT:
+        del _SHARED[next(iter(_SHARED))]
+    return found
+
+
+_SHARING: ContextVar[bool] = ContextVar("riftberg_sharing_forcings", default=False)
+
+
+@contextmanager
+def sharing_forcings() -> Iterator[None]:
+    """Let the models that are built within a ``with`` block share their forcings, to which nothing is written."""
+    token = _SHARING.set(True)
+    try:
+        yield
+    finally:
+        _SHARING.reset(token)
+
+
+def forget_forcings() -> None:
+    """Let go of the forcings that were shared, with their files."""
+    _SHARED.clear()
+
+
 FASTEST = 2.0
 """Speed (m s-1) of a current in whose box the fastest one is looked for."""
 
@@ -139,16 +189,16 @@ def _with_box(settings: FileForcing, opened: Sequence[xr.Dataset], run: Run) -> 
     """Return settings with a box as far around the berg as the fastest current carries it, and a notice that says so."""
     if settings.longitude is not None:
         return settings, ()
-    if run.place is None:
+    if run.extent is None:
         raise ForcingError("no box", where="forcing", remedy="Give longitude and latitude")
-    lon, lat = run.place
+    west_end, east_end, south_end, north_end = run.extent
     seconds = (run.end - run.start).total_seconds()
 
     def around(speed: float) -> FileForcing:
         way = (speed * seconds + SPARE) / (DEGREE * EARTH_RADIUS_A68)
-        south, north = max(float(lat.min()) - way, -90.0), min(float(lat.max()) + way, 90.0)
+        south, north = max(south_end - way, -90.0), min(north_end + way, 90.0)
         across = way / max(math.cos(max(abs(south), abs(north)) * DEGREE), 0.05)
-        west, east = float(lon.min()) - across, float(lon.max()) + across
+        west, east = west_end - across, east_end + across
         if east - west >= 360.0:
             west, east = -180.0, 180.0
         return settings.model_copy(update={"longitude": (west, east), "latitude": (south, north)})

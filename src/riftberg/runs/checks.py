@@ -441,7 +441,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "record_rows_of_elements_.+": Bound((None,), 0, "next_element - 1", once=True),
     "record_rows_of_bonds_.+": Bound((None,), 0, "next_bond - 1", once=True),
     "record_rows_change_.+": Bound((None,), 0, 1),
-    "sweep_track": Bound((None, 9)),  # the columns of `riftberg.ensembles.member.Outcome.track`
+    "sweep_track": Bound((None, 10)),  # the columns of `riftberg.ensembles.member.Outcome.track`
     "exchange_totals": Bound((4,)),
     "exchange_left": Bound((2,)),
     "exchange_(start|held)": Bound((2,)),

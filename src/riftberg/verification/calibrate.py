@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, Literal, Unpack, cast
@@ -82,6 +83,16 @@ class Seen:
     azimuths: Mapping[datetime, float]  # Long axis, degrees clockwise from north
     whole_until: datetime | None  # When it was last seen whole
     broken: datetime | None  # When it was first seen broken
+    one_break_until: datetime | None = None  # When it was last seen broken only once
+    second_break: datetime | None = None  # When it was first seen broken a second time
+
+    @property
+    def breaks(self) -> tuple[tuple[str, datetime, bool, float], ...]:
+        """What was seen of break-ups: in words, when, whether of the second one, and 1 for broken, -1 for not."""
+        rows = (("whole until", self.whole_until, False, -1.0), ("broken by", self.broken, False, 1.0),
+                ("one break until", self.one_break_until, True, -1.0),
+                ("second break by", self.second_break, True, 1.0))  # fmt: skip
+        return tuple((word, when, second, side) for word, when, second, side in rows if when is not None)
 
 
 @dataclass(frozen=True)
@@ -95,18 +106,19 @@ class Errors:
 
 def seen_of(
     observed: Observations | None, start: datetime, days: float, *, berg: str | None = None, hour: float | None = None,
-    broken: datetime | None = None, whole_until: datetime | None = None,
+    **dates: datetime | None,
 ) -> Seen:  # fmt: skip
-    """Return what was observed during the runs; refuses what lies outside of them."""
+    """Return what was observed during the runs; refuses what lies outside of them. ``dates``: of break-ups, as in `Seen`."""
     end = start + timedelta(days=days)
     name = berg or "berg"
     places: dict[datetime, tuple[float, float]] = {}
     azimuths: dict[datetime, float] = {}
+    any_date = any(date is not None for date in dates.values())
     if observed is not None:
         where = str(observed.source)
         name, sightings = sightings_of(observed, berg, start, hour)
         sightings = [s for s in sightings if start < s.when <= end]
-        if not sightings and broken is None and whole_until is None:
+        if not sightings and not any_date:
             raise InputError(
                 f"nothing was observed from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}", where=where,
                 remedy="Give observations of the time of the runs, or a date by --broken or --whole-until",
@@ -116,18 +128,26 @@ def seen_of(
             sightings = [sightings[k] for k in chosen]
         places = {s.when: s.place for s in sightings}
         azimuths = {s.when: s.azimuth for s in sightings if np.isfinite(s.azimuth)}
-    for option, date in (("--broken", broken), ("--whole-until", whole_until)):
+    for name_, date in dates.items():
         if date is not None and not start < date <= end:
             raise InputError(
-                f"{date:%Y-%m-%d %H:%M} is not within the runs", where=option,
+                f"{date:%Y-%m-%d %H:%M} is not within the runs", where=f"--{name_.replace('_', '-')}",
                 remedy=f"Give a date from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}",
             )  # fmt: skip
-    check_dates(broken, whole_until)
-    if not places and broken is None and whole_until is None:
+    if not places and not any_date:
         raise InputError(
             "nothing to compare with", where="calibrate", remedy="Give observations, --broken or --whole-until"
         )
-    return Seen(name, places, azimuths, whole_until, broken)
+    found = Seen(name, places, azimuths, dates.get("whole_until"), dates.get("broken"), dates.get("one_break_until"),
+                 dates.get("second_break"))  # fmt: skip
+    check_dates(found.broken, found.whole_until)
+    for (word, earlier, *_), (other, later, *_) in pairwise(found.breaks):
+        if later < earlier or (later == earlier and word == "one break until"):
+            raise InputError(
+                f"{word} {earlier:%Y-%m-%d %H:%M}, but {other} {later:%Y-%m-%d %H:%M}", where="calibrate",
+                remedy="Dates come in this order: --whole-until, --broken, --one-break-until, --second-break",
+            )  # fmt: skip
+    return found
 
 
 def targets_of(seen: Seen, errors: Errors) -> Targets:
@@ -140,11 +160,10 @@ def targets_of(seen: Seen, errors: Errors) -> Targets:
         blocks.append(_covariance(list(seen.places), errors.position, errors.model))
     names += [f"{when:%Y-%m-%d %H:%M} azimuth, degree" for when in seen.azimuths]
     blocks.append(_covariance(list(seen.azimuths), errors.azimuth, MODEL_ERROR["degree"]))
-    for when, word, side in ((seen.whole_until, "whole until", -1.0), (seen.broken, "broken by", 1.0)):
-        if when is not None:
-            names.append(f"{word} {when:%Y-%m-%d %H:%M}, log margin")
-            blocks.append(np.array([[MODEL_ERROR["log"] ** 2]]))
-            sides.append(side)
+    for word, when, _, side in seen.breaks:
+        names.append(f"{word} {when:%Y-%m-%d %H:%M}, log margin")
+        blocks.append(np.array([[MODEL_ERROR["log"] ** 2]]))
+        sides.append(side)
     size = sum(len(block) for block in blocks)
     whole = np.zeros((size, size))
     first = 0
@@ -176,9 +195,9 @@ def results_of(ds: xr.Dataset, seen: Seen, firm: xr.Dataset | None = None, facto
     for axis in range(2):
         columns += [place[:, axis] for place in away]
     columns += [_of_whole(turned_from, ds, firm, when, axis, when in held) for when, axis in seen.azimuths.items()]
-    for when in (seen.whole_until, seen.broken):
-        if when is not None:
-            columns.append(np.log(np.maximum(margin_until(ds, when, firm, factor), LEAST_MARGIN)))
+    for _, when, second, _ in seen.breaks:
+        margin = second_margin(ds, when) if second else margin_until(ds, when, firm, factor)
+        columns.append(np.log(np.maximum(margin, LEAST_MARGIN**2 if second else LEAST_MARGIN)))
     found = np.stack(columns, axis=1)
     found[ds["status"].values != 0] = np.nan
     return found
@@ -208,11 +227,26 @@ def margin_until(
     return margin
 
 
-def _so_far(ds: xr.Dataset, when: datetime) -> Floats:
+def second_margin(ds: xr.Dataset, when: datetime) -> Floats:
+    """Return how near each member came to its second break-up until a date: 1 where it breaks just then.
+
+    Below 1 it is the largest stress over strength since the first break-up. A berg that has not broken once has its margin to
+    that, times `LEAST_MARGIN`. Beyond 1 it grows by 1 with each day that has passed since: stress says no more.
+    """
+    now = np.datetime64(when, "ns")
+    once = ds["first_breakup"].values <= now
+    margin = np.where(
+        once, np.minimum(_so_far(ds, when, "again"), 1.0), LEAST_MARGIN * np.minimum(_so_far(ds, when), 1.0)
+    )
+    since = (ds["second_breakup"].values - now) / -DAY
+    return np.where(since >= 0.0, 1.0 + since, margin)
+
+
+def _so_far(ds: xr.Dataset, when: datetime, part: str = "so_far") -> Floats:
     """Return the largest stress over strength until the first record from a date on."""
     times = ds["time"].values.astype("datetime64[ns]")
     record = min(int(np.searchsorted(times, np.datetime64(when, "ns"))), len(times) - 1)
-    return np.asarray(ds["stress_ratio_so_far"].values[:, record], float)
+    return np.asarray(ds[f"stress_ratio_{part}"].values[:, record], float)
 
 
 class Runner:
@@ -348,6 +382,8 @@ class CalibrateOptions(WorkerOptions, total=False):
     waves: int  # 3 by default
     berg: str | None  # Name of the berg, where the observations have several
     hour: float | None  # Of observations without a time (UTC); by default that of the start
+    one_break_until: datetime | None  # When the berg was last seen broken only once
+    second_break: datetime | None  # When it was first seen broken a second time
     bar: Any  # Takes name and number of runs of a wave and returns its progress bar
 
 
@@ -386,7 +422,8 @@ def calibrate(
     resume : bool, optional
         Go on with what is in that folder.
     **options
-        ``waves`` (3), ``members`` of each (ten for each input), ``berg`` and ``hour`` of observations (`CalibrateOptions`);
+        ``waves`` (3), ``members`` of each (ten for each input), ``berg`` and ``hour`` of observations, ``one_break_until`` and
+        ``second_break`` (`CalibrateOptions`);
         others as for `riftberg.sweep` (changes, data, without, numerics, seed, scheduler, workers).
 
     Returns
@@ -424,7 +461,7 @@ def calibrate(
         check_within(plan, varied, common)
         made.bar, made.seen = options.get("bar"), seen_of(
             observed, plan.first.start, plan.days, berg=options.get("berg"), hour=options.get("hour"), broken=broken,
-            whole_until=whole_until,
+            whole_until=whole_until, one_break_until=options.get("one_break_until"), second_break=options.get("second_break"),
         )  # fmt: skip
         targets = targets_of(made.seen, errors or Errors())
         found = match(made, len(inputs), targets, waves=waves, members=count, seed=seed)

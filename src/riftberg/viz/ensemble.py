@@ -12,7 +12,7 @@ import xarray as xr
 from riftberg.config.units import area_text
 from riftberg.config.values import required
 from riftberg.errors import InputError
-from riftberg.plane import ellipse
+from riftberg.plane import ellipses
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import Map
@@ -232,13 +232,6 @@ def _draw_presence(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None
             labels.put(*lead, fontsize=8, color=colours.ARROW)
 
     return image, finish
-
-
-def ellipses(result: xr.Dataset, part: float) -> list[Floats]:
-    """Return the ellipses of the position at all times as closed lines of longitude and latitude."""
-    sizes = (result[name].sel(cone=part).values for name in ("cone_major", "cone_minor"))
-    rows = np.column_stack([result["cone_lon"], result["cone_lat"], *sizes, result["cone_azimuth"]]).tolist()
-    return [ellipse(*row) for row in rows]
 
 
 def _draw_dates(ax: Axes, result: xr.Dataset) -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
-from riftberg.plane import ConformalPlane
+from riftberg.plane import ConformalPlane, ellipses
 from riftberg.runs.background import StoredWater, on_even_grid, stored_water
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats, Ints
@@ -30,7 +30,6 @@ from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
 from riftberg.viz.coast import coast_in
 from riftberg.viz.colours import FRAGMENTS, SMALL
-from riftberg.viz.ensemble import ellipses
 from riftberg.viz.style import degree_label
 
 _MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}

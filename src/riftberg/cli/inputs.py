@@ -1,10 +1,10 @@
-"""``riftberg calibrate``: which inputs of an experiment agree with what was observed."""
+"""``riftberg sensitivity`` and ``riftberg calibrate``: which inputs matter, and which agree with what was observed."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,7 @@ from riftberg.cli.options import (
     Broken,
     Data,
     Days,
+    DefaultErrors,
     ExperimentToRun,
     Hour,
     OneNumerics,
@@ -30,15 +31,143 @@ from riftberg.cli.options import (
     check_folder,
     make_options,
     output_folder,
+    positive,
     results_folder,
     within,
 )
+from riftberg.cli.sweep import opened, run_members
 from riftberg.cli.terminal import announce_compilation, reported, say
-from riftberg.errors import InputError
+from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
 
-RESULTS = ("calibration.nc", "calibration.csv", "posterior.png", "predictive.png")
+if TYPE_CHECKING:
+    from riftberg.ensembles.sweep import Plan
+
+
+RESULTS = ("sweep.nc", "sweep.json", "sensitivity.csv", "sensitivity.png")
+"""Files that the command writes into its folder, beside the folder ``members``."""
+
+
+@reported
+def sensitivity(
+    experiment: ExperimentToRun = None,
+    method: Annotated[
+        str, typer.Option("--method", help="morris: effects, for a first look at many inputs; sobol: parts of the variance.")
+    ] = "morris",
+    draws: Annotated[
+        int | None,
+        typer.Option("--draws", min=2, help="Draws of one run for each input and one (morris) or two (sobol) more.  "
+                     "[default: 16 for morris, 64 for sobol]"),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="GROUP.NAME~DISTRIBUTION",
+                     help="Input beside, or instead of, the errors of a forecast: 'drag.ocean_scale~lognormal(1, 20 %)'. "
+                     "May be repeated."),
+    ] = None,
+    default_errors: DefaultErrors = True,
+    at_day: Annotated[
+        list[float] | None,
+        typer.Option("--at-day", help="Day by which the berg is broken or aground. May be repeated.  "
+                     "[default: middle and end of the runs]"),
+    ] = None,
+    observed: Annotated[
+        Path | None, typer.Option("--observed", metavar="FILE", help="Outlines or positions: the error of the drift too.")
+    ] = None,
+    berg: Annotated[str | None, typer.Option("--berg", help="Name of the berg in that file, where it has several.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-sensitivity]")
+    ] = None,
+    settings: Settings = None,
+    days: Days = None,
+    data: Data = None,
+    without: Without = None,
+    numerics: OneNumerics = None,
+    seed: Seed = None,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    resume: Resume = None,
+    figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw sensitivity.png.")] = True,
+    quiet: Quiet = False,
+    large: AllowMore = False,
+) -> None:  # fmt: skip
+    """Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift."""
+    from riftberg.diagnostics.observed import read_observed
+    from riftberg.ensembles.forecast import forecast_errors
+    from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, results_of
+    from riftberg.ensembles.sweep import draws_of, planned
+    from riftberg.system.atomic_files import write_text
+
+    if method not in METHODS:
+        raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
+    seen = None if observed is None else read_observed(observed)
+
+    def make(experiment: str) -> Plan:
+        options = make_options(settings, days, data, without, numerics)
+        errors = forecast_errors(experiment, vary or [], defaults=default_errors)
+        drawn = draws_of({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": seed})
+        return planned(experiment, errors, options, None, None, drawn)
+
+    with allow_large(large):
+        announce_compilation(quiet)
+        kept = {
+            "--vary": vary, "--output": output, "--seed": seed, "--set": settings, "--days": days, "--data": data,
+            "--without": without, "--numerics": numerics, "--no-default-errors": None if default_errors else True,
+        }  # fmt: skip
+        store = opened("sensitivity", experiment, make, output, RESULTS, resume, draws, kept)
+        plan = store.plan
+        for day in at_day or ():
+            positive(day, "--at-day", "days", most=plan.days)
+        if not quiet:
+            say(
+                f"{len(plan.members)} runs of {plan.days:g} days: {plan.draws.number} draws by the plan {plan.draws.plan}"
+            )
+        with results_folder(store.folder, RESULTS):
+            ds = run_members(store, "sensitivity", scheduler, workers, quiet=quiet)
+            if not (ds["status"] == 0).any():
+                raise RunError("no run came to its end")
+            results = results_of(ds, at_day or ())
+            if seen is not None:
+                from riftberg.verification.sightings import drift_error
+
+                results["drift error"] = Result(drift_error(ds, seen, berg=berg), "km")
+            found = indices(ds, results)
+            write_text(store.folder / "sensitivity.csv", found.to_dataframe().to_csv(lineterminator="\n"))
+            if figure:
+                from riftberg.viz.ensemble import draw_sensitivity
+
+                draw_sensitivity(
+                    found, store.folder / "sensitivity.png", title=f"{plan.named}, {len(plan.members)} runs"
+                )
+        for line in summary_lines(found):
+            typer.echo(line)
+        typer.echo(f"Written to {store.folder}: {', '.join(RESULTS if figure else RESULTS[:-1])}")
+
+
+def summary_lines(found: Any) -> list[str]:
+    """Return the inputs that matter most for each result, a line each."""
+    lines = []
+    for name in found["result"].values:
+        row = found.sel(result=name)
+        key = next((key for key in ("effect", "total") if key in row and row[key].notnull().any()), "correlation")
+        if not float(row["spread"]) > 0.0 and key != "correlation":
+            lines.append(f"  {name}: the same in all runs")
+            continue
+        if key not in row or not row[key].notnull().any():
+            lines.append(f"  {name}: too few members have it")
+            continue
+        values, low, high = (row[f"{key}{end}"].values for end in ("", "_low", "_high"))
+        best = sorted(range(values.size), key=lambda k: -abs(values[k]))[:4]
+        said = ", ".join(f"{row['input'].values[k]} {values[k]:.2g} ({low[k]:.2g} to {high[k]:.2g})" for k in best)
+        share = f", of the {100 * float(row['share']):.0f} % that have one" if key == "correlation" else ""
+        unit = f" {row['unit'].item()}" if key == "effect" and row["unit"].item() != "1" else ""
+        word = {"effect": "mean change", "total": "total index", "correlation": "rank correlation"}[key]
+        lines.append(f"  {name} ({word}{unit}{share}): {said}")
+    return lines
+
+
+CALIBRATION = ("calibration.nc", "calibration.csv", "posterior.png", "predictive.png")
 """Files that the command writes into its folder, beside one folder for each wave."""
 
 ASKED = "calibration.json"
@@ -56,6 +185,12 @@ def calibrate(
     ] = None,
     broken: Broken = None,
     whole_until: WholeUntil = None,
+    one_break_until: Annotated[
+        str | None, typer.Option("--one-break-until", metavar="DATE", help="When it was last seen broken only once.")
+    ] = None,
+    second_break: Annotated[
+        str | None, typer.Option("--second-break", metavar="DATE", help="When it was first seen broken a second time.")
+    ] = None,
     berg: BergInFile = None,
     hour: Hour = None,
     error: PositionError = USUAL_ERROR,
@@ -97,7 +232,8 @@ def calibrate(
     within(hour, "--hour", 0.0, 24.0)
     asked: dict[str, Any] = {
         "experiment": experiment, "observed": None if observed is None else str(observed.absolute()), "vary": vary or [],
-        "broken": broken, "whole_until": whole_until, "berg": berg, "hour": hour, "error": error,
+        "broken": broken, "whole_until": whole_until, "one_break_until": one_break_until,
+        "second_break": second_break, "berg": berg, "hour": hour, "error": error,
         "azimuth_error": azimuth_error, "model_error": model_error, "waves": waves, "members": members,
         "settings": settings or [], "days": days, "data": None if data is None else str(data.absolute()),
         "without": without or [], "numerics": numerics, "seed": seed,
@@ -118,12 +254,16 @@ def calibrate(
                 where=str(folder),
                 remedy="Go on with it by --resume, or name another folder",
             )
-    names = RESULTS if figure else RESULTS[:2]
+    names = CALIBRATION if figure else CALIBRATION[:2]
     check_folder(folder, names)
     made = make_options(asked["settings"], asked["days"], None if asked["data"] is None else Path(asked["data"]),
                         asked["without"], asked["numerics"])  # fmt: skip
-    dates = {name: None if asked[name] is None else parse_date(asked[name], where=f"--{name.replace('_', '-')}")[0]
-             for name in ("broken", "whole_until")}  # fmt: skip
+    # A calibration of an earlier version has no second break-up.
+    breaks = ("broken", "whole_until", "one_break_until", "second_break")
+    given = {name: asked.get(name) for name in breaks}  # a calibration of an earlier version has no second break-up
+    dates: dict[str, Any] = {
+        name: None if text is None else parse_date(text, where=f"--{name.replace('_', '-')}")[0] for name, text in given.items()
+    }  # fmt: skip
     errors = Errors(asked["error"], asked["azimuth_error"], asked["model_error"])
     with allow_large(large), results_folder(folder, names):
         announce_compilation(quiet)
@@ -143,7 +283,7 @@ def calibrate(
                 days=asked["days"], errors=errors, berg=asked["berg"], hour=asked["hour"], waves=asked["waves"],
                 members=asked["members"], output=folder, resume=resume is not None, bar=bar, changes=made.changes,
                 data=asked["data"], without=asked["without"], numerics=asked["numerics"], seed=asked["seed"] or 1,
-                scheduler=scheduler, workers=workers, broken=dates["broken"], whole_until=dates["whole_until"],
+                scheduler=scheduler, workers=workers, **dates,
             )  # fmt: skip
         except (KeyboardInterrupt, SystemExit):
             if (folder / ASKED).exists():
@@ -172,17 +312,17 @@ def write_results(found: Any, folder: Path, *, figure: bool = True) -> None:
     from riftberg.system.atomic_files import write_text
     from riftberg.system.netcdf_lock import write_dataset
 
-    write_dataset(found, folder / RESULTS[0])
+    write_dataset(found, folder / CALIBRATION[0])
     columns = ["unit", *(f"{when}_{end}" for when in ("prior", "posterior") for end in ("low", "median", "high")), "narrowed",
                "known", "likeliest"]  # fmt: skip
     table = found[columns].to_dataframe()
     table.loc[~table["known"], ["likeliest"]] = float("nan")  # what the data cannot tell is no number
-    write_text(folder / RESULTS[1], table.to_csv(lineterminator="\n"))
+    write_text(folder / CALIBRATION[1], table.to_csv(lineterminator="\n"))
     if figure:
         from riftberg.viz.ensemble import draw_posterior, draw_predictive
 
-        draw_posterior(found, folder / RESULTS[2])
-        draw_predictive(found, folder / RESULTS[3])
+        draw_posterior(found, folder / CALIBRATION[2])
+        draw_predictive(found, folder / CALIBRATION[3])
 
 
 def told(found: Any, errors: Any) -> list[str]:
