@@ -30,6 +30,7 @@ from riftberg.state.population import Population, Saved, cut_out
 from riftberg.stepping.explicit.stability import (
     assign_substeps,
     check_long_step,
+    narrow_warning,
     resonance_warning,
     size_bins,
     with_nonresonant_step,
@@ -39,7 +40,6 @@ from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.outline import measure_outlines
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
-from riftberg.stepping.lattice.narrow_bergs import narrow_warning
 from riftberg.stepping.laws import Laws, WithForce
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper

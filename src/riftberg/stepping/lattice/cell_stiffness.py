@@ -15,7 +15,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
-from riftberg.physics.averaging import principal
+from riftberg.physics.fracture import principal
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.numbering import rows_of
 from riftberg.stepping.fragments.connectivity import Bridges, bridge_moments, find_bridges
