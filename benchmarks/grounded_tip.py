@@ -23,7 +23,7 @@ from riftberg import Model
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
-from riftberg.stepping.fracture.strengths import FLEXURAL
+from riftberg.stepping.fracture.criteria import FLEXURAL
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "ground.md"
 DAYS = 9.0

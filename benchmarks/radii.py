@@ -23,8 +23,7 @@ from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
 from riftberg.parameters import Packing
 from riftberg.runs.model import Model
-from riftberg.stepping.fracture.criteria import Equilibrium
-from riftberg.stepping.fracture.strengths import residual_strengths
+from riftberg.stepping.fracture.criteria import Equilibrium, residual_strengths
 from riftberg.stepping.quasi_static import step as quasi_static
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "numerics.md"

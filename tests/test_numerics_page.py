@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from riftberg.physics.averaging import critical_toughness, disc_of_lattice
+from riftberg.physics.fracture import critical_toughness, disc_of_lattice
 from scripts import loaded, table_rows
 
 SCRIPT = loaded("benchmarks/convergence.py")

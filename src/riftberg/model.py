@@ -29,6 +29,7 @@ from riftberg.state.population import Population, Saved, by_identifier, changed_
 from riftberg.stepping.explicit.stability import (
     assign_substeps,
     check_long_step,
+    narrow_warning,
     resonance_warning,
     size_bins,
     with_nonresonant_step,
@@ -38,7 +39,6 @@ from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.outline import measure_outlines
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
-from riftberg.stepping.lattice.narrow_bergs import narrow_warning
 from riftberg.stepping.laws import Laws, WithForce
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper

@@ -14,8 +14,7 @@ from riftberg.runs.model import Model
 from riftberg.state.population import Population
 from riftberg.stepping.bodies.pose import bodies_from_elements, tangent_coordinates
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fracture.criteria import Equilibrium, IceStress
-from riftberg.stepping.fracture.strengths import Strengths
+from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Strengths
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
 from riftberg.stepping.lattice.elastic_cells import with_new_cells

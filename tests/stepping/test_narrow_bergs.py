@@ -10,7 +10,7 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.lattice.narrow_bergs import ENOUGH, SAG, narrow_warning
+from riftberg.stepping.explicit.stability import ENOUGH, SAG, narrow_warning
 from stepping.test_cells import bent
 
 FLAT = {"latlon": False, "period": 0.0}

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from riftberg import Forcing
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
+from riftberg.stepping.fracture.crack_tips import TIP_NAMES
 from riftberg.stepping.lattice.equilibrium import elastic_energy
-from riftberg.stepping.lattice.triangles import ClosingFaces, find_open_edges, find_triangles
+from riftberg.stepping.lattice.triangles import ClosingFaces, find_open_edges, find_triangles, shares_of_gap
 from stepping.test_elastic_cells import dense_matrix
 from verification.test_crack_lines import QUICK, RADIUS, SPACING, THICKNESS, Plate
 
@@ -53,7 +60,7 @@ def test_a_cracked_bar_pressed_together_is_as_whole(packing, angle) -> None:
     whole, cracked = bar(packing, angle, depth=0.0), bar(packing, angle)
     pressed, closed = energy(cracked, pulled(cracked, -1.0))
     assert pressed / energy(whole, pulled(whole, -1.0))[0] == pytest.approx(1.045, abs=0.04)
-    assert (closed > 0).all()
+    assert closed.all()
     apart, opened = energy(cracked, pulled(cracked, 1.0))
     assert 2.4 < apart / energy(whole, pulled(whole, 1.0))[0] < 4.4
     assert not opened.any()
@@ -67,7 +74,9 @@ def test_a_cracked_beam_bends_to_one_side_as_if_it_were_whole(packing, angle) ->
     gaping, opened = energy(cracked, bent(cracked, -1.0))
     assert shut / of_whole == pytest.approx(1.1, abs=0.08)
     assert gaping / of_whole > 2.7
-    assert (closed > 0).all()
+    # All but those within half an element of the neutral axis, where the crack ends.
+    assert closed[cracked.now.cells._middle[cracked.now.cells.faces.tables.row, 1] < -0.5 * SPACING].all()
+    assert closed.sum() >= closed.size - 1
     assert not opened.any()
     # Faces that have closed bear pressure: as much as the same ice without a crack, less where the rim is open.
     stress = cracked.under(*pulled(cracked, -1.0)).triangle_stress
@@ -101,25 +110,21 @@ def broken_at_random(seed: int, packing: str) -> Plate:
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("seed", range(3))
 def test_open_faces_gape_and_closed_ones_press(seed, packing) -> None:
-    """The solution of the convex problem: no gap and no pressure below 0, equilibrium, and least energy of all tries."""
+    """The solution of the convex problem: with those faces closed whose gap would be below 0 the ice is in equilibrium."""
     plate, rng = broken_at_random(seed, packing), np.random.default_rng(50 + seed)
     load = plate.el.mass * rng.normal(size=plate.el.size), plate.el.mass * rng.normal(size=plate.el.size)
     moment = plate.under(*load)
     cells, solver = plate.now.cells, plate.now.solver
     faces, moved = cells.faces, cells.displacements(moment.displacement)
-    way = faces.closed(moved)
-    assert 0 < (way > 0).sum() < way.size
-    values = np.einsum("tna,ta->tn", faces.tables.signs[np.arange(way.size), way], moved.reshape(-1)[faces.at])
+    closed = faces.closed(moved)
+    assert 0 < closed.sum() < closed.size
     size = abs(moved[faces.at // 3, faces.at % 3]).max()
-    for n in range(2):
-        assert values[faces.tables.number > n, n].min() >= -1e-9 * size
     # Stiffness as it is pressed, on these displacements, gives the loads.
     force = np.zeros((cells.topology.nodes, 3))
     force[: plate.el.size] = moment.load
     matrix = dense_matrix(cells)
-    for k, on in enumerate(way):
-        w = faces.columns[k, on]
-        matrix[np.ix_(faces.at[k], faces.at[k])] += w.T @ w
+    for k in np.flatnonzero(closed):
+        matrix[np.ix_(faces.at[k], faces.at[k])] += np.outer(faces.columns[k], faces.columns[k])
     left = matrix @ moved.ravel() - force.ravel()
     assert abs(left.reshape(-1, 3)[:, :2]).max() < 1e-6 * abs(force[:, :2]).max()
     # Loads twice as large move all twice as far.
@@ -146,38 +151,69 @@ def test_a_break_never_stores_energy(packing) -> None:
         before = fresh
 
 
-def test_a_closed_face_is_the_constrained_minimum_of_the_triangle() -> None:
-    """Against the energy with its inner unknowns written out: least energy with each set of gaps held at 0."""
-    rng = np.random.default_rng(8)
-    vertex = np.array([[[0.0, 0.0], [1.0, 0.1], [0.2, 0.9]]])
-    freed, at, volume = np.array([[False, True, True]]), np.arange(9)[None, :], np.array([1.7])
-    faces = ClosingFaces(np.array([0]), at, vertex, freed, freed, volume, 2.0, 0.3)
-    opened, edges = find_open_edges(vertex, freed, 2.0, 0.3)
-    move = rng.normal(size=9)
-    gap, give = edges.gap[0] @ move, edges.give[0][1:, 1:]
-    least = move @ opened.stiffness[0] @ move
-    assert gap[0] == pytest.approx(0.0, abs=1e-14)
-    for way, shut in ((0, []), (1, [1]), (2, [2]), (3, [1, 2])):
-        # Half the energy per volume that closing takes: gap' give^-1 gap over the faces that are shut.
-        held = [e - 1 for e in shut]
-        extra = gap[shut] @ np.linalg.inv(give[np.ix_(held, held)]) @ gap[shut] if shut else 0.0
-        columns = faces.columns[0, way]
-        assert move @ columns.T @ columns @ move == pytest.approx(volume[0] * extra, rel=1e-12, abs=1e-15)
-        assert extra >= 0.0
+TRIANGLE = np.array([[[0.0, 0.0], [1.0, 0.1], [0.2, 0.9]]])
+
+
+def closing(freed: list[bool], normal=(0.0, 0.0)) -> tuple[ClosingFaces, np.ndarray]:
+    """One triangle of E = 2, nu = 0.3 and 1.7 m3, and the shares of its edges in the gap."""
+    edges, at = np.array([freed]), np.arange(9)[None, :]
+    across = shares_of_gap(TRIANGLE, edges, edges, np.broadcast_to(normal, (1, 3, 2)))
+    return ClosingFaces(np.array([0]), at, TRIANGLE, edges, across, np.array([1.7]), 2.0, 0.3), across[0]
+
+
+@pytest.mark.parametrize("freed", [[False, True, False], [False, True, True], [True, True, False]])
+def test_a_closed_face_is_the_constrained_minimum_of_the_triangle(freed) -> None:
+    """Against the energy with its inner unknowns written out: least energy with the gap held at 0."""
+    faces, across = closing(freed)
+    opened, edges = find_open_edges(TRIANGLE, np.array([freed]), 2.0, 0.3)
+    whole = find_triangles(TRIANGLE, np.zeros((1, 3), bool), 2.0, 0.3)
+    for move in np.random.default_rng(8).normal(size=(5, 9)):
+        gap = across @ edges.gap[0] @ move
+        # Half the energy per volume that closing takes: gap^2 over what a pull across the crack gives.
+        extra = gap**2 / (across @ edges.give[0] @ across)
+        assert (faces.columns[0] @ move) ** 2 == pytest.approx(1.7 * extra, rel=1e-12)
+        assert faces.closed(move.reshape(3, 3))[0] == (gap < 0.0)
         # A face that is whole again, with its squares, is stiffer still.
-        assert (
-            least + extra <= move @ find_triangles(vertex, np.zeros_like(freed), 2.0, 0.3).stiffness[0] @ move + 1e-12
-        )
-    # Both shut: the strain is that of the elongations, so the stress is Hooke's law.
-    gradient = np.linalg.lstsq(np.column_stack([vertex[0], np.ones(3)]), move[:6].reshape(3, 2), rcond=None)[0][:2].T
-    strain = 0.5 * (gradient + gradient.T)
-    c = 2.0 / (1 - 0.09) * np.array([[1, 0.3, 0], [0.3, 1, 0], [0, 0, 0.35]])
-    stress = c @ [strain[0, 0], strain[1, 1], 2 * strain[0, 1]]
-    np.testing.assert_allclose(faces.tables.stress[0, 3] @ move, stress, rtol=1e-11)
-    # The pressure is what the energy grows by with the gap.
-    for way, n in ((1, 0), (2, 1)):
-        pressure = faces.tables.signs[0, way, n] @ move / give[n, n]
-        assert pressure == pytest.approx(-gap[n + 1] / give[n, n], rel=1e-12)
+        assert move @ opened.stiffness[0] @ move + extra <= move @ whole.stiffness[0] @ move + 1e-12
+        # Open and closed are one where the gap is 0, in stress too.
+        level = move - gap * faces.tables.gap[0] / (faces.tables.gap[0] @ faces.tables.gap[0])
+        np.testing.assert_allclose(faces.tables.stress[0] @ level, opened.stress[0] @ level, atol=1e-12)
+
+
+def test_faces_of_a_crack_slip_freely_along_it() -> None:
+    """The vertex that a crack parts moves by w: the gap is n . w whatever the edges, so slip along the crack closes none."""
+    for angle in (0.3, 0.8, 1.2):
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        for sign in (1.0, -1.0):  # to either side of the crack
+            faces, _ = closing([False, True, True], sign * normal)
+            for w in (normal, 0.1 * normal + np.array([-normal[1], normal[0]]), np.array([-normal[1], normal[0]])):
+                move = np.zeros(9)
+                move[:2] = -w  # away from the other two, which lie north-east of it
+                assert faces.tables.gap[0] @ move == pytest.approx(normal @ w, abs=1e-14)
+    # Crossed at a slant to one edge, it presses there at most: no share is below 0, so no break stores energy.
+    assert (closing([False, True, True], (0.2, -1.0))[1] >= 0.0).all()
+
+
+@pytest.mark.parametrize(("packing", "angle"), [("hexagonal", 45.0), ("square", 15.0)])
+def test_a_slanting_crack_that_gapes_locks_nowhere(packing, angle) -> None:
+    """Its facets zigzag along the rows, and are no teeth; its normal is that of the line, whatever the bonds that it crosses."""
+    whole = Iceberg.rectangle(
+        LENGTH, WIDTH, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, lattice_angle=angle
+    )
+    along = np.array([1.0, 1.0]) / np.sqrt(2.0)
+    line = np.array([0.21 * SPACING, 0.13 * SPACING]) + np.array([[-2.5], [2.5]]) * SPACING * along
+    plate = Plate(packing, angle, LENGTH, WIDTH, whole.with_rifts([line], broken=True))
+    cells = plate.now.cells
+    normals = cells.topology.crack_normals(plate.bonds)[cells.topology.bond_number[plate.bonds.status != 0]]
+    assert len(normals) > 4
+    np.testing.assert_allclose(abs(normals @ along), 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.hypot(*normals.T), 1.0)
+    through = (
+        cells._freed[cells.faces.tables.row].sum(axis=1) == 2
+    )  # the others lie around the tips, and have one edge free
+    assert through.sum() > 6
+    assert not energy(plate, pulled(plate, 1.0))[1][through].any()
+    assert energy(plate, pulled(plate, -1.0))[1][through].mean() > 0.5
 
 
 def test_no_faces_no_work() -> None:
@@ -232,7 +268,86 @@ def test_a_bar_of_uneven_thickness_stretches_as_in_theory_and_its_crack_closes(p
     assert of_whole / energy(even, pulled(even, 1.0))[0] == pytest.approx(theory, rel=0.02)
     pressed, closed = energy(cracked, pulled(even, -1.0))
     assert pressed / of_whole == pytest.approx(1.045, abs=0.045)
-    assert (closed > 0).all()
+    assert closed.all()
     apart, opened = energy(cracked, pulled(even, 1.0))
     assert apart / of_whole > 2.0
     assert not opened.any()
+
+
+def on_a_bed(*, current: float, depth: float = 0.5, bending: bool = False) -> Model:
+    """The bar, aground by 200 m of its eastern end on a bed of sand that holds it, in a current along it."""
+    whole = Iceberg.rectangle(LENGTH, WIDTH, thickness=THICKNESS, radius=RADIUS, latlon=False)
+    line = [(0.21 * SPACING, -0.6 * WIDTH), (0.21 * SPACING, (depth - 0.5) * WIDTH)]
+    berg = whole.with_rifts([line], broken=True) if depth > 0.0 else whole
+    plane = {"latlon": False, "latitude": 0.0}
+    draft = THICKNESS * 850.0 / 1025.0
+    floor = Forcing.slope((0.5 * LENGTH - 200.0, 0.0), 90.0, -1e-3, draft, (1.0, 5000.0), latlon=False)
+    parameters = Parameters(
+        ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+        grounding={"law": "seabed", "sediment": "sand", "bending": bending},
+        fracture={"enabled": False}, stepping={"time_step": 600.0},
+    )  # fmt: skip
+    return Model(berg, Forcing.uniform((current, 0.0), **plane) + floor, parameters)
+
+
+def stored(model: Model) -> tuple[float, np.ndarray]:
+    """Elastic energy (J) at the end of the last step, and which faces are closed."""
+    state, cells = model._stepper._state, model._stepper._lattice.cells
+    moved = state.bodies.displacement
+    return elastic_energy(moved, state.load), cells.faces.closed(cells.displacements(moved))
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("bending", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_faces_close_in_a_berg_that_a_bed_of_sediment_holds(bending) -> None:
+    """A current that pushes it onto the bed closes the crack, and it is as whole; one that pulls it off opens the crack."""
+    ratio, faces = {}, {}
+    for current in (0.4, -0.4):
+        cracked, whole = (on_a_bed(current=current, depth=depth, bending=bending) for depth in (0.5, 0.0))
+        for model in (cracked, whole):
+            model.advance(steps=6)
+            assert model.elements.keel.floor_load.sum() > 0.0
+        energy_now, faces[current] = stored(cracked)
+        ratio[current] = energy_now / stored(whole)[0]
+    assert faces[0.4].all()
+    assert not faces[-0.4].any()
+    assert ratio[0.4] == pytest.approx(1.04, abs=0.05)
+    assert ratio[-0.4] > 1.5
+
+
+@pytest.mark.compiled
+@settings(max_examples=5, deadline=None)
+@given(
+    packing=st.sampled_from(["square", "hexagonal"]), angle=st.floats(0.0, 45.0), slant=st.floats(-60.0, 60.0),
+    towards=st.floats(0.0, 360.0), cut=st.integers(1, 3), toughness=st.sampled_from([None, 2e4, 1e8]),
+)  # fmt: skip
+def test_faces_and_tips_go_on_from_a_restart_bit_for_bit(packing, angle, slant, towards, cut, toughness) -> None:
+    """Whatever the lattice, the rift and the current: a run that is cut after any step ends with the same digits."""
+    berg = Iceberg.rectangle(
+        18e3, 9e3, thickness=THICKNESS, radius=RADIUS, packing=packing, latlon=False, lattice_angle=angle
+    )
+    half = 2.7e3 * np.array([np.sin(np.radians(slant)), np.cos(np.radians(slant))])
+    berg = berg.with_rifts([[tuple(half), tuple(-half)]], broken=True)
+    berg.elements.static[berg.elements.lon < -8e3] = 1.0
+    fracture = {"enabled": False} if toughness is None else {"criterion": "toughness", "toughness": toughness}
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}, fracture=fracture, stepping={"time_step": 600.0}
+    )  # fmt: skip
+    sea = Steady(current=(0.5 * np.cos(np.radians(towards)), 0.5 * np.sin(np.radians(towards))))
+    run = Model(berg, sea, parameters)
+    run.advance(steps=cut)
+    with TemporaryDirectory() as folder:
+        again = Model.resume(run.save(Path(folder) / "cut.nc"), sea)
+    for model in (run, again):
+        model.advance(steps=4 - cut)
+    assert_same_state(run, again)
+
+
+def assert_same_state(run: Model, again: Model) -> None:
+    for name in ("lon", "lat", "u", "v", "rotation"):
+        np.testing.assert_array_equal(getattr(run.elements, name), getattr(again.elements, name))
+    for name in ("normal_stress", "shear_stress", "bond_length", "status", "crack", "crack_order", "crack_part"):
+        np.testing.assert_array_equal(getattr(run.bonds, name), getattr(again.bonds, name))
+    before, after = run._stepper.state_dict(), again._stepper.state_dict()
+    for name in TIP_NAMES:
+        np.testing.assert_array_equal(before.get(name), after.get(name))

@@ -19,8 +19,7 @@ from riftberg.state import Floats
 from riftberg.stepping.bodies.pose import bodies_from_elements, tangent_coordinates
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackPaths, CrackTips, tips_of_rifts
-from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Toughness
-from riftberg.stepping.fracture.strengths import Strengths, overloads
+from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Strengths, Toughness, overloads
 from riftberg.stepping.fragments.connectivity import bridge_moments, connected_parts, find_bridges
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
 from riftberg.stepping.lattice.elastic_cells import ElasticCells, with_new_cells

@@ -13,11 +13,10 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
-from riftberg.physics.averaging import DISC, critical_toughness, disc_of_lattice, disc_radius, disc_weight
+from riftberg.physics.fracture import DISC, critical_toughness, disc_of_lattice, disc_radius, disc_weight
 from riftberg.stepping.bodies.pose import bodies_from_elements, tangent_coordinates
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fracture.criteria import AveragedStress, Equilibrium, element_stresses
-from riftberg.stepping.fracture.strengths import Strengths
+from riftberg.stepping.fracture.criteria import AveragedStress, Equilibrium, Strengths, element_stresses
 from riftberg.stepping.lattice.equilibrium import StiffnessSolver, Supports, balanced_loads, find_lattice
 from verification.notched_beam import NotchedBeam
 

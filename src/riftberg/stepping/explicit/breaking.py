@@ -15,7 +15,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import normal_force
-from riftberg.physics.fracture import damage_rate, exceeds, grown_damage, stress_ratio
+from riftberg.physics.fracture import damage_rate, exceeds, grown_damage, residual_strength, stress_ratio
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
@@ -23,7 +23,6 @@ from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.tiles import BondTiles, free_diagonals
 from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.fracture.strengths import residual_strength
 
 OTHER_BERGS, TOUCHED = -2, -3
 """What stands for a bond in pairs of elements of two bergs."""

@@ -30,10 +30,10 @@ from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import beam_parts, damping_constant, isotropic_parts, signed_slip
+from riftberg.physics.fracture import residual_strength
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.fracture.strengths import residual_strength
 from riftberg.stepping.lattice.diagonals import Diagonals, diagonal_length, find_diagonals, holds
 
 Indices = NDArray[np.uint32]

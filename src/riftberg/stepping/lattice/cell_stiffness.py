@@ -15,7 +15,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
-from riftberg.physics.averaging import principal
+from riftberg.physics.fracture import principal
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.fragments.connectivity import Bridges, bridge_moments, find_bridges
@@ -32,6 +32,7 @@ from riftberg.stepping.lattice.triangles import (
     freedoms,
     mean_stresses,
     put_closed_stress,
+    shares_of_gap,
     triangle_stresses,
     volumes,
 )
@@ -99,6 +100,27 @@ class CellTopology:
         """Whether elements, bonds and fragments are those for which this was found."""
         mesh, key = self._key(cells, el, bonds, body)
         return mesh is self._made_for[0] and key == self._made_for[1]
+
+    def crack_normals(self, bonds: Bonds) -> Floats:
+        """Normals of the crack lines at the bonds that they have crossed, on the plane of the mesh; 0 elsewhere.
+
+        By the segment of the line that leads to the bond from the start of its crack. Shape (bonds of the mesh + 1, 2).
+        """
+        cell = np.zeros(self.elements, np.int64)
+        cell[self.row[self.living]] = np.flatnonzero(self.living)
+        rows = np.flatnonzero((bonds.crack > 0) & (bonds.status != 0))
+        rows = rows[np.lexsort((bonds.crack_order[rows], bonds.crack[rows]))]
+        first, second = self.mesh.xy[cell[bonds.first[rows]]], self.mesh.xy[cell[bonds.second[rows]]]
+        crossing = first + bonds.crack_part[rows, None] * (second - first)
+        along, same = np.diff(crossing, axis=0), (np.diff(bonds.crack[rows]) == 0)[:, None]
+        before, after = np.vstack([np.zeros((1, 2)), along * same]), np.vstack([along * same, np.zeros((1, 2))])
+        line = np.where((bonds.crack_order[rows] > 0)[:, None] | ~after.any(axis=1, keepdims=True), before, after)
+        size = np.hypot(*line.T)
+        normal = np.zeros((self.broken.size + 1, 2))  # the last one stands for -1
+        normal[self.bond_number[rows]] = (
+            np.column_stack([-line[:, 1], line[:, 0]]) / np.where(size > 0.0, size, 1.0)[:, None]
+        )
+        return normal
 
     def _find_blocks(self) -> None:
         """Find the pairs of nodes that the stiffness matrix couples, sorted, and where those of each first node start."""
@@ -271,7 +293,7 @@ class CellStiffness:
         if topology is None or not topology.holds(cells, el, bonds, body):
             topology = CellTopology(cells, el, bonds, body)
         self.topology, self._mesh, self._at = topology, topology.mesh, topology.at
-        self._p, self._xy, self.facet = p, xy, topology.facet
+        self._p, self._xy, self.facet, self._bonds = p, xy, topology.facet, bonds
         self._freed, self._broken = topology.freed, topology.broken.copy()
         living, row = topology.living, topology.row
         self._vertex = self._in_frames(np.where(living, row, -1), body, xy)
@@ -359,12 +381,15 @@ class CellStiffness:
     def faces(self) -> ClosingFaces:
         """Faces of broken bonds that may close."""
         if self._faces is None:
-            bond = self._mesh.edge_bond
+            of, bond = self._mesh, self._mesh.edge_bond
             faces = (bond >= 0) & self._broken[bond] & self._freed & self._within[:, None]
             row = np.flatnonzero(faces.any(axis=1) & ~self._freed.all(axis=1))
+            normal = self.topology.crack_normals(self._bonds)[bond[row]]
+            # As it lies on the plane of the mesh, where all of a crack is in one place.
+            across = shares_of_gap(of.xy[of.triangle[row]], self._freed[row], faces[row], normal)
             youngs, poisson = self._p.youngs_modulus, self._p.poisson
             self._faces = ClosingFaces(
-                row, self._at[row], self._vertex[row], self._freed[row], faces[row], self._volume[row], youngs, poisson
+                row, self._at[row], self._vertex[row], self._freed[row], across, self._volume[row], youngs, poisson
             )
         return self._faces
 
@@ -473,27 +498,25 @@ class CellSolver(StiffnessSolver):
         faces, found = self._cells.faces, open_ones
         if faces.tables.row.size == 0:
             return found, largest
-        scale, none = self._scale.reshape(-1, 3), np.zeros(faces.tables.row.size, np.int64)
-        before = none
+        scale, before = self._scale.reshape(-1, 3), np.zeros(faces.tables.row.size, bool)
         for n in range(2 * faces.tables.row.size + MOST_ROUNDS):
-            pattern = faces.closed(found * scale)
-            pattern = pattern if n < MOST_ROUNDS else pattern | before
-            if np.array_equal(pattern, before):
+            closed = faces.closed(found * scale)
+            closed = closed if n < MOST_ROUNDS else closed | before
+            if np.array_equal(closed, before):
                 break
-            before, found = pattern, self._with_closed(open_ones, pattern)
+            before, found = closed, self._with_closed(open_ones, closed)
         return found, largest
 
-    def _with_closed(self, displacement: Floats, pattern: Ints) -> Floats:
+    def _with_closed(self, displacement: Floats, closed: Booleans) -> Floats:
         """Displacements with some faces closed, by those with all of them open; a correction as for broken bonds."""
-        key = pattern.tobytes()
+        key = closed.tobytes()
         if key not in self._pressed:
             if len(self._pressed) >= MOST_KEPT:
                 self._pressed.clear()
-            faces, on = self._cells.faces, np.flatnonzero(pattern)
-            columns = faces.columns[on, pattern[on]]
-            place, number = np.nonzero((columns != 0.0).any(axis=2))
-            w, at = np.zeros((place.size, self._free.size)), faces.at[on[place]]
-            np.put_along_axis(w, at, columns[place, number] * self._scale[at] * self._free[at], axis=1)
+            faces = self._cells.faces
+            at, columns = faces.at[closed], faces.columns[closed]
+            w = np.zeros((len(at), self._free.size))
+            np.put_along_axis(w, at, columns * self._scale[at] * self._free[at], axis=1)
             a = np.array([self._corrected(self._ldl.solve(one)) for one in w]).reshape(w.shape)
             self._pressed[key] = a.T.copy(), np.linalg.solve(w @ a.T + np.eye(len(w)), w)
         a_t, pressing = self._pressed[key]

@@ -13,9 +13,8 @@ one has a z of its own, an inner unknown at which W is least, and its squares dr
 r - m is the rotation of the material, whatever the edge, so that the sum is the drilling term of Hughes and Brezzi (1989, Comput.
 Methods Appl. Mech. Eng. 72): zero in uniform strain and rigid motion.
 
-A freed edge is open by the gap q - z; a gap below 0 would be ice that passes through ice. So its faces close: z = q again, and
-they bear pressure, and no tension. They slip freely, for the squares stay away, and diagonals of squares stay free, for they meet
-at a corner alone.
+A freed edge is open by q - z. A crack through a triangle is open by the part of these gaps along its normal; less than 0 would
+be ice that passes through ice. So its faces close: they bear pressure, and no tension, and slip freely along the crack.
 
 To free an edge adds an unknown to the minimum and drops squares, so the stiffness can only fall: the energy that a break
 releases is never negative, and the order of breaks does not matter.
@@ -37,10 +36,6 @@ DRILLING = 0.3
 The sag of a beam of eight cells hardly knows it, but it is what resists bending in a neck of one bond. More would lock the
 rotations to the ice of coarse lattices.
 """
-
-
-WAYS = 4
-"""Ways to close up to two faces of a triangle: bit 0 for the first, bit 1 for the second."""
 
 
 class Triangles(NamedTuple):
@@ -141,92 +136,88 @@ class FaceTables(NamedTuple):
 
     row: Ints  # Number of the triangle
     at: Ints  # Its nine freedoms
-    number: Ints  # Of its faces that may close, one or two
-    # By ways of closing: gap of each open and pressure of each closed face, both as a length (m) by the freedoms
-    signs: Floats  # shape (triangles, ways, 2, 9)
-    stress: Floats  # Stress xx, yy, xy (Pa) by the freedoms; shape (triangles, ways, 3, 9)
+    gap: Floats  # Gap (m) of the open crack by the freedoms; shape (triangles, 9)
+    stress: Floats  # Stress xx, yy, xy (Pa) by the freedoms where the crack is closed; shape (triangles, 3, 9)
 
 
 class ClosingFaces:
-    """Triangles with faces that may close; a row for each.
+    """Triangles with a crack through them whose faces may close; a row for each.
 
-    Which edges of a triangle are closed follows from its displacements, so nothing is stored: each way of closing them gives
-    gaps of the open and pressures of the closed ones, and the energy is convex, so there is one way that leaves none of these
-    below 0.
+    Whether it is closed follows from the displacements, so nothing is stored. The energy is convex, so one set of closed cracks
+    leaves no gap and no pressure below 0.
 
-    ``row``: number of the triangle; ``at``: its nine freedoms; ``vertex``: m; ``freed``, ``faces``: its edges that are freed,
-    and those of them that may close, one or two; ``volume``: m3.
+    ``row``: number of the triangle; ``at``: its nine freedoms; ``vertex``: m; ``freed``: its edges that are freed, one or two;
+    ``across``: by how much the gap of the crack grows with that of each edge, shape (triangles, 3); ``volume``: m3.
     """
 
     def __init__(
-        self, row: Ints, at: Ints, vertex: Floats, freed: Booleans, faces: Booleans, volume: Floats, youngs: float,
+        self, row: Ints, at: Ints, vertex: Floats, freed: Booleans, across: Floats, volume: Floats, youngs: float,
         poisson: float,
     ) -> None:  # fmt: skip
-        count = row.size
-        self.at = at
-        self.tables = FaceTables(
-            row, at, faces.sum(axis=1), np.zeros((count, WAYS, 2, 9)), np.zeros((count, WAYS, 3, 9))
-        )
-        self.columns = np.zeros((count, WAYS, 2, 9))  # w: closing adds the sum of w w^T to the stiffness
-        if count == 0:
-            return
         found, edges = find_open_edges(vertex, freed, youngs, poisson)
-        every = np.arange(count)[:, None]
-        edge = np.argsort(~faces, axis=1, kind="stable")[:, :2]  # the second one counts where there are two
-        gap, give = edges.gap[every, edge], edges.give[every[:, :, None], edge[:, :, None], edge[:, None, :]]
-        # A lone face has no second one: any number but 0 does for its give.
-        give[self.tables.number == 1, 1, 1] += give[self.tables.number == 1, 0, 0]
-        own = np.einsum("tii->ti", give)[:, :, None]
-        by_pull = edges.stress @ np.take_along_axis(edges.give, edge[:, None, :], axis=2)
-        for way in range(WAYS):
-            shut = [n for n in range(2) if way >> n & 1]
-            # Gap = gap of open faces - give times pull; the pull closes the faces that are shut.
-            block = give[:, shut][:, :, shut]
-            pull = np.zeros_like(gap)
-            pull[:, shut] = np.linalg.solve(block, gap[:, shut])
-            self.tables.signs[:, way] = gap - give @ pull
-            self.tables.signs[:, way, shut] = (-own * pull)[:, shut]
-            self.tables.stress[:, way] = found.stress + by_pull @ pull
-            self.columns[:, way, shut] = (
-                np.linalg.solve(np.linalg.cholesky(block), gap[:, shut]) * np.sqrt(volume)[:, None, None]
-            )
+        # Closed: a pull across the crack takes away the gap that there is without it.
+        gap = np.einsum("te,tef->tf", across, edges.gap)
+        stretch = np.einsum("tef,tf->te", edges.give, across)
+        give = np.einsum("te,te->t", across, stretch)[:, None]
+        stress = found.stress + np.einsum("tce,te->tc", edges.stress, stretch)[:, :, None] * (gap / give)[:, None, :]
+        self.at, self.tables = at, FaceTables(row, at, gap, stress)
+        self.columns = gap * np.sqrt(volume[:, None] / give)  # w: closing adds w w^T to the stiffness
 
-    def closed(self, displacement: Floats) -> Ints:
-        """Which faces are closed, as a way for each triangle; ``displacement``: of all nodes (m, m, rad)."""
-        return closed_ways(self.tables, displacement)
+    def closed(self, displacement: Floats) -> Booleans:
+        """Which of them are closed; ``displacement``: of all nodes (m, m, rad)."""
+        return closed_faces(self.tables, displacement)
 
 
 @kernel
 def put_closed_stress(faces: FaceTables, displacement: Floats, stress: Floats) -> None:
     """Put the stress (Pa; xx, yy, xy) of triangles with closed faces in the place of that with open ones."""
-    row, at, by_way, moved = faces.row, faces.at, faces.stress, displacement.ravel()
-    way = closed_ways(faces, displacement)
+    row, at, if_closed, moved = faces.row, faces.at, faces.stress, displacement.ravel()
+    closed = closed_faces(faces, displacement)
     for t in range(row.size):
-        if way[t] == 0:
+        if not closed[t]:
             continue
         for c in range(3):
             stress[row[t], c] = 0.0
             for a in range(9):
-                stress[row[t], c] += by_way[t, way[t], c, a] * moved[at[t, a]]
+                stress[row[t], c] += if_closed[t, c, a] * moved[at[t, a]]
 
 
 @kernel
-def closed_ways(faces: FaceTables, displacement: Floats) -> Ints:
-    """The way of closing the faces of each triangle whose least gap or pressure is the largest: 0 or more but for round-off."""
-    at, signs, number, moved = faces.at, faces.signs, faces.number, displacement.ravel()
-    best = np.zeros(at.shape[0], np.int64)
+def closed_faces(faces: FaceTables, displacement: Floats) -> Booleans:
+    """Which cracks through triangles would be open by less than nothing."""
+    at, gap, moved = faces.at, faces.gap, displacement.ravel()
+    closed = np.empty(at.shape[0], np.bool_)
     for t in range(at.shape[0]):
-        highest = -np.inf
-        for way in range(2 ** number[t]):
-            least = np.inf
-            for n in range(number[t]):
-                value = 0.0
-                for a in range(9):
-                    value += signs[t, way, n, a] * moved[at[t, a]]
-                least = min(least, value)
-            if least > highest:
-                best[t], highest = way, least
-    return best
+        value = 0.0
+        for a in range(9):
+            value += gap[t, a] * moved[at[t, a]]
+        closed[t] = value < 0.0
+    return closed
+
+
+def shares_of_gap(vertex: Floats, freed: Booleans, faces: Booleans, normal: Floats) -> Floats:
+    """By how much the gap of a crack grows with that of each freed edge of its triangle, shape (triangles, 3).
+
+    ``vertex``: m; ``freed``: one or two edges of each triangle; ``faces``: those of them that belong to broken bonds;
+    ``normal``: of the crack where it crosses each edge, to either side, or 0 where its way is not known; shape (triangles, 3, 2).
+
+    A crack through two edges parts the vertex that they share from the other two. The gap is that along the normal of the
+    crack, so its faces slip freely, while edge by edge they would lock like the teeth of the lattice that they are made of.
+    """
+    shares = freed.astype(np.float64)
+    for t in np.flatnonzero(freed.sum(axis=1) == 2):
+        i, j = np.flatnonzero(freed[t])
+        k = 3 - i - j
+        toward = np.zeros((3, 2))  # the parted vertex, along each of the freed edges
+        toward[i], toward[j] = vertex[t, k] - vertex[t, j], vertex[t, k] - vertex[t, i]
+        toward[[i, j]] /= np.hypot(*toward[[i, j]].T)[:, None]
+        away = toward[i] + toward[j]
+        mean = (np.where(normal[t] @ away < 0.0, -1.0, 1.0)[:, None] * normal[t] * faces[t][:, None]).sum(axis=0)
+        mean = mean if mean.any() else (toward * faces[t][:, None]).sum(axis=0)
+        mean /= np.hypot(*mean)
+        # No share below 0: what was no gap on one edge alone is none on both, so that no break stores energy.
+        shares[t, [i, j]] = np.maximum(np.linalg.solve(toward[[i, j]].T, mean), 0.0)
+    return shares
 
 
 def volumes(mesh: CellMesh, thickness: Floats) -> Floats:

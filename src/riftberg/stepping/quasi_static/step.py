@@ -63,12 +63,14 @@ from riftberg.stepping.fracture.crack_tips import (
     tips_from_arrays,
     tips_of_rifts,
 )
-from riftberg.stepping.fracture.criteria import Criterion, Equilibrium, criterion_for
-from riftberg.stepping.fracture.strengths import (
+from riftberg.stepping.fracture.criteria import (
     FLEXURAL,
     NORMAL,
     SHEAR,
+    Criterion,
+    Equilibrium,
     Strengths,
+    criterion_for,
     grow_damage,
     overloads,
     record_peak_stress,
