@@ -466,6 +466,8 @@ class BareModel(RunState):
         self.fragments.update(self.elements, self.bonds, self.time, self.constants)
         if self.life is not None:
             self.life.follow_outlines(self)
+        # They lie where the run began: ice that is born there later, such as a footloose child beside its parent, is not theirs.
+        self.outlines = ()
 
     def check(self, days: float | str | None = None, *, steps: int | None = None) -> int:
         """Return the number of long steps of a run, or refuse it as its start would; nothing is changed.
