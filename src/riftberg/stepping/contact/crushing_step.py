@@ -76,6 +76,9 @@ IMPACT_OVER: Final = 0.02
 
 SETTLING: Final = 3.0
 
+LEAST_CHORD: Final = 1e-6
+"""Square of the chord of an overlap over its area, below which one face lies wholly in the other."""
+
 REST_STEP: Final = 60.0
 """Longest sub-step of faces that overlap, s."""
 
@@ -414,7 +417,14 @@ def _longest_substep(
                 limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
             if pair_state[k, PHASE] != APART:
                 limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
-            if pair_state[k, PHASE] == IMPACT:
+            if pair_state[k, PHASE] == IMPACT and pair_state[k, FORCE] == 0.0:
+                # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
+                area, _, _, _, _ = _overlap_of_pair(island, faces, path, k, work)
+                to_go = max(pair_state[k, CRUSHED] - area / pair_state[k, CHORD], 0.0)
+                meets = math.sqrt(closing * closing + 2.0 * driven * to_go)
+                if meets > 0.0:
+                    limit = min(limit, max(GAP_PART * 2.0 * to_go / (closing + meets), entry))
+            elif pair_state[k, PHASE] == IMPACT:
                 impact = True
                 stiffness = face_stiffness(law.strength, thickness, pair_state[k, CHORD], law.depth)
                 # An impact off the centre turns the body, too: it gives way by up to four times as much.
@@ -524,7 +534,8 @@ def _find_faces(
         ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         area, moment_x, moment_y, chord_x, chord_y = _overlap_of_pair(island, faces, path, k, work)
         chord = math.hypot(chord_x, chord_y)
-        if not (area > 0.0 and chord > 0.0):
+        # Of a face that lies wholly in the other nothing says which way is out: its chord closes to nothing but round-off.
+        if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
             _set_apart(pair_state[k])
             continue
         nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
