@@ -24,6 +24,9 @@ score = score_run(run, read_observed("observed.csv"))
 draw_score(score, "score.png", title="A68a, model and observations", dpi=100)
 
 # %%
-off = [day.berg.distance_km for day in score.days if day.berg is not None]
-print(f"centroid off by {max(off):.1f} km at most")
-assert max(off) < 12.0
+off = {day.time: day.berg.distance_km for day in score.days if day.berg is not None}
+before = max(off[day] for day in off if day < "2020-12-21")
+print(
+    f"centroid off by {before:.1f} km at most until 20 December, then by {max(off.values()):.1f} km: the finger broke off a day early in the run"
+)
+assert before < 7.0

@@ -2,13 +2,13 @@
 Ensemble: sensitivity to ice strength
 =====================================
 
-The built-in A68a with three strengths of the ice. The tip breaks when it touches the sea floor, whatever its strength. The
-finger, which the current bends, breaks later in stronger ice.
+The built-in A68a with three strengths of the ice, around the 11 kPa that are tuned to it. The tip breaks when it touches the sea
+floor, at the same moment in all three. The finger, which the current bends, breaks later in stronger ice.
 """
 
 from riftberg import draw_sweep, sweep
 
-result = sweep("a68a", {"fracture.normal_strength": "16, 18, 20 kPa"}, days=12, workers=0)
+result = sweep("a68a", {"fracture.normal_strength": "10, 11, 12 kPa"}, days=12, workers=0)
 draw_sweep(result, "strength.png")
 
 # %%
