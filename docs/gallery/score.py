@@ -26,7 +26,6 @@ draw_score(score, "score.png", title="A68a, model and observations", dpi=100)
 # %%
 off = {day.time: day.berg.distance_km for day in score.days if day.berg is not None}
 before = max(off[day] for day in off if day < "2020-12-21")
-print(
-    f"centroid off by {before:.1f} km at most until 20 December, then by {max(off.values()):.1f} km: the finger broke off a day early in the run"
-)
+print(f"centroid off by {before:.1f} km at most until 20 December")
+print(f"{max(off.values()):.1f} km while the finger, which breaks off a day early in the run, was still seen on the berg")
 assert before < 7.0
