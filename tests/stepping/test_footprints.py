@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from riftberg import Iceberg, Model, Parameters
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.ocean.analytic import Steady
 from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 
@@ -59,3 +59,24 @@ def test_footprints_of_a_fragment_that_moved_as_a_whole_have_moved_with_it(turn:
     asked = np.exp(1j * turn) * (found.corner @ (1.0, 1.0j)) + way
     assert laid.corner.shape == found.corner.shape
     np.testing.assert_allclose(laid.corner @ (1.0, 1.0j), asked, rtol=0, atol=1e-6)
+
+
+def test_a_child_born_inside_the_outline_of_the_start_has_a_footprint_of_its_own() -> None:
+    """Bug: a footloose child took its parent's outline, lay in all of its elements at once, and a day took minutes."""
+    p = Parameters(
+        stepping={"time_step": 1800.0}, footloose={"enabled": True, "style": "bergs"},
+        melt={"enabled": True, "temperature": 8.0, "salinity": 34.0},
+    )  # fmt: skip
+    berg = Iceberg.rectangle(6e3, 6e3, thickness=150.0, radius=1500.0, placement=(-37.0, -56.0))
+    berg.elements.fl_k[:] = 3e5
+    run = Model(berg, Forcing.uniform((0.1, 0.0), wind=(10.0, 0.0)), p)
+    run.advance(steps=3)
+    el = run.elements
+    children = np.flatnonzero(el.life.fl_k < 0.0)
+    assert children.size > 1
+    found = FootprintBook(run).follow(run)
+    xy = np.column_stack([el.lon, el.lat])
+    laid = body_footprint(found, el, children, xy, np.arange(children.size))
+    rings = [shapely.Polygon(laid.corner[a:b]) for a, b in zip(laid.start[:-1], laid.start[1:], strict=True)]
+    area = np.bincount(laid.owner, shapely.area(rings))
+    np.testing.assert_allclose(area, el.body.length[children] * el.body.width[children], rtol=1e-6)

@@ -16,7 +16,21 @@ from riftberg import Iceberg, Model, Parameters
 from riftberg.errors import InputError
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
-from riftberg.stepping.contact.crushing_step import FORCE
+from riftberg.stepping.contact import faces
+from riftberg.stepping.contact.crushing_step import (
+    CHORD,
+    COLUMNS,
+    CRUSHED,
+    FORCE,
+    IMPACT,
+    PHASE,
+    SEEN,
+    SINCE,
+    SPEED,
+    TOUCHED,
+    integrate_faces,
+)
+from riftberg.stepping.contact.faces import FacePairs
 
 LONG = 50  # Elements of the first berg
 
@@ -350,3 +364,35 @@ def test_springs_of_contact_change_nothing_in_the_default_scheme() -> None:
     assert [text for text in given.notices if "contact.spring = 1e-07 has no effect" in text]
     preset = Model(Iceberg.rectangle(6e3, 6e3, thickness=200.0), Steady(), A68A_2022)
     assert not [text for text in preset.notices if "no effect" in text]
+
+
+def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bug: an impact that had been unloaded was resolved in steps of its frequency, for an hour where it closed by mm/s."""
+    bergs = [
+        Iceberg.rectangle(1e3, 1e3, thickness=200.0, radius=500.0, latlon=False, placement=(x, 0.0), velocity=(u, 0.0))
+        for x, u in ((0.0, 0.012), (995.0, 0.0))
+    ]
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0},
+        stepping={"scheme": "quasi_static", "time_step": 500.0, "only_interactions": True},
+    )
+    model = Model(Iceberg.join(bergs), Steady(), parameters)
+    state = np.zeros((1, COLUMNS))
+    state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, SEEN]] = 12.0, 12.0, 1e3, 50.0, 0.012, IMPACT, 5.0
+    pair = model.elements.body.id[None, :].astype(np.int64)
+    model._stepper._faces.pairs = FacePairs(pair, state, np.zeros(1))  # type: ignore[attr-defined]
+    steps: list[float] = []
+
+    def integrate(*arguments: Any) -> Any:
+        result = integrate_faces(*arguments)
+        steps.append(result[7])
+        return result
+
+    monkeypatch.setattr(faces, "integrate_faces", integrate)
+    model.step()  # 6 of the 7 m
+    assert min(steps) > 5.0
+    assert model.elements.u.tolist() == pytest.approx([0.012, 0.0])
+    model.step()
+    assert min(steps) < 1.0  # an impact of its own
+    one, two = model.elements.u
+    assert 0.0 < two - one < 0.3 * 0.012
