@@ -27,6 +27,7 @@ from riftberg.viz.panels import (
     melt_bar,
     melts,
     nearest_record,
+    panels_at,
     speed_bar,
     speed_scale,
     thickness_lost,
@@ -186,27 +187,22 @@ def _draw_figure(
     left, right = style.parts(figure, 1, 2, width_ratios=(0.4, 0.6))
     overview = Overview(left.subplots(), scene, water, OVERVIEW, observed)
     depth_bar(overview.panel)
-    style.letter(overview.ax, 0)
     left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)
     places = list(right.subplots(2, columns, squeeze=False).flat)
     # With an odd number of dates the grid has one place too many.
     for unused in places[len(records) :]:
         unused.remove()
-    boxes = common_boxes(scene, records, margin=0.08)
-    panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(places, boxes, strict=False)]
+    places = places[: len(records)]
+    panels = panels_at(places, scene, water, records, margin=0.08)
     # One scale of speed for all dates, so that they can be compared.
     top, flows = speed_scale(panels, records)
-    for k, (panel, text) in enumerate(zip(panels, style.moment_texts(scene.times, records), strict=True)):
-        panel.ax.set_title(text, fontsize=10, pad=4)
-        style.letter(panel.ax, k + 1)
-    style.outer_names(places[: len(records)], columns)
+    style.letters([overview.ax, *places])
+    style.outer_names(places, columns)
     if flows:
-        speed_bar(places[: len(records)], top)
+        speed_bar(places, top)
     # The colours of fragments tell several pieces apart; those of a single one are free for what it has lost.
     lost = thickness_lost(scene) if len(scene.numbers) == 1 and melts(scene.run) else None
-    scale = (
-        None if lost is None else melt_bar(places[: len(records)], 0.0, float(np.nanmax(lost[records], initial=0.0)))
-    )
+    scale = None if lost is None else melt_bar(places, 0.0, float(np.nanmax(lost[records], initial=0.0)))
     style.put_title(figure, title, size=13.0)
     style.lay_out(figure)
     # Only now, for labels find their places by where the axes came to lie.

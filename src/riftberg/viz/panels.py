@@ -463,6 +463,18 @@ def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) 
     return [widened(box, scene.latlon, 1.0, least=side) for box in single]
 
 
+def panels_at(
+    axes: Sequence[Axes], scene: Scene, water: Water | None, records: Sequence[int], *, margin: float = 0.12,
+    texts: Sequence[str] | None = None,
+) -> list[Panel]:  # fmt: skip
+    """Return maps of records on axes of one row or table, under their moments or other texts."""
+    boxes = common_boxes(scene, records, margin=margin)
+    panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(axes, boxes, strict=True)]
+    for panel, text in zip(panels, texts or style.moment_texts(scene.times, records), strict=True):
+        panel.ax.set_title(text, fontsize=10, pad=4)
+    return panels
+
+
 def nearest_record(scene: Scene, moment: np.datetime64) -> int:
     """Return the record nearest to a date; refuses one more than an hour, or half a step of the records, outside of the run."""
     apart = np.abs(scene.times - moment)

@@ -27,6 +27,7 @@ from riftberg.viz.panels import (
     melt_bar,
     melts,
     nearest_record,
+    panels_at,
     speed_bar,
     speed_scale,
     thickness_lost,
@@ -104,17 +105,9 @@ def draw_dates(
     rows = math.ceil(count / columns)
     figure = new_figure(4.3 * columns + 0.6, 4.3 * rows + 1.8, dpi)
     places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
-    boxes = common_boxes(scene, records)
-    panels = [
-        Panel(ax, scene, box, water, labels=not scene.latlon)
-        for ax, box in zip(places[bool(seen) :], boxes, strict=True)
-    ]
+    panels = panels_at(places[bool(seen) :], scene, water, records)
     top, flows = speed_scale(panels, records)
-    for panel, text in zip(panels, moment_texts(scene.times, records), strict=True):
-        panel.ax.set_title(text, fontsize=10, pad=4)
-    if count > 1:
-        for k, ax in enumerate(places):
-            style.letter(ax, k)
+    style.letters(places)
     style.outer_names(places, columns)
     shown = fragment_colours(scene)
     handles: list[Any] = fragment_patches(scene)
@@ -232,12 +225,8 @@ def _bond_maps(
 
     figure, records = new_figure(5.2 * len(values) + 0.8, 6.6, dpi), list(values)
     axes = list(figure.subplots(1, len(values), squeeze=False).flat)
-    boxes = common_boxes(scene, records, margin=0.05)
-    panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(axes, boxes, strict=True)]
-    for k, (ax, text) in enumerate(zip(axes, _spans(scene, records), strict=True)):
-        ax.set_title(text, fontsize=10, pad=4)
-        if len(axes) > 1:
-            style.letter(ax, k)
+    panels = panels_at(axes, scene, water, records, margin=0.05, texts=_spans(scene, records))
+    style.letters(axes)
     style.outer_names(axes, len(axes))
     # By the square root: a berg at rest has a tenth of its strength, and few bonds have most of the damage.
     scale = PowerNorm(0.5, 0.0, top)
@@ -344,8 +333,7 @@ def draw_melt(
     scale = melt_bar([ax], low if 0.5 * top < low < 0.99 * top else 0.0, top)
     ax.set_title(moment_texts(scene.times, [record])[0], fontsize=10, pad=4)
     _melt_by_process(curves, scene)
-    for k, one in enumerate((ax, curves)):
-        style.letter(one, k)
+    style.letters([ax, curves])
     style.put_title(figure, "\n".join([figure_title(run, "thickness lost, melt water"), *melt_lines(run)[:1]]))
     style.lay_out(figure)
     panel.draw_ground(shaded=True)
@@ -412,9 +400,9 @@ def draw_fragments(run: xr.Dataset, *, dpi: int = 150) -> Figure:
         lower.set_ylabel("elements\naground", fontsize=9)
         lower.yaxis.get_major_locator().set_params(integer=True)
         lower.set_ylim(0.0, 1.15 * float(ground.max()))
-    for k, ax in enumerate(axes):
+    for ax in axes:
         style.plain_axes(ax)
-        style.letter(ax, k)
+    style.letters(axes)
     if len(times) > 1:
         lower.set_xlim(times[0], times[-1])
     style.put_title(figure, figure_title(run, "fragments"))

@@ -353,9 +353,11 @@ def legend_above(ax: Axes, **options: Any) -> None:
     ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1, **options)
 
 
-def letter(ax: Axes, number: int) -> None:
-    """Name a panel by a letter, above its left end."""
-    ax.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[number % 26]})", loc="left", fontsize=10, fontweight="bold", pad=4)
+def letters(axes: Sequence[Axes]) -> None:
+    """Name the panels of a figure by letters, each above its left end; a single one needs none."""
+    for name, ax in zip("abcdefghijklmnopqrstuvwxyz", axes, strict=False):
+        if len(axes) > 1:
+            ax.set_title(f"({name})", loc="left", fontsize=10, fontweight="bold", pad=4)
 
 
 def outer_names(axes: Sequence[Axes], columns: int) -> None:
