@@ -259,7 +259,7 @@ class Overview:
         self.colours = fragment_colours(scene)
         box = widened(scene.box(), scene.latlon, shape, margin=0.05)
         self.panel = Panel(ax, scene, box, water, ticks=6, labels=True)
-        self.grounded = self.panel.draw_ground(shaded=True)
+        self.panel.draw_ground(shaded=True)
 
     def draw(self, records: list[int]) -> None:
         """Draw ice, tracks and labels, once the axes have their place; the records are marked on the track."""
@@ -326,10 +326,7 @@ class Overview:
             Patch(fc=colour, ec=colours.SHORE, lw=0.8, label=name)
             for colour, name in ((colours.LAND, "land"), (colours.SHELF, "ice shelf")) if colour in self.panel.coast
         ]  # fmt: skip
-        if self.grounded:
-            shallow = f"shallower than the keel ({self.scene.draft():.0f} m)"
-            hatch, label = ("//", "grounds here by the set-up; no depths") if self.panel.zone else ("////", shallow)
-            handles.append(Patch(fc="white", ec=colours.GROUND, hatch=hatch, label=label))
+        handles += self.panel.ground_patches()
         if self.observed:
             handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.1, label="observed outline"))
         return handles

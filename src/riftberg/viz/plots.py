@@ -110,7 +110,10 @@ def draw_dates(
     style.letters(places)
     style.outer_names(places, columns)
     shown = fragment_colours(scene)
-    handles: list[Any] = fragment_patches(scene)
+    handles: list[Any] = [
+        *fragment_patches(scene),
+        *next(filter(None, (panel.ground_patches() for panel in panels)), []),
+    ]
     if seen:
         handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.4, label="observed outline of the day"))
     figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=columns, frameon=False)
@@ -230,7 +233,9 @@ def _bond_maps(
     style.outer_names(axes, len(axes))
     # By the square root: a berg at rest has a tenth of its strength, and few bonds have most of the damage.
     scale = PowerNorm(0.5, 0.0, top)
-    lines = style.wrapped(f"{label}; square-root scale", figure.get_figwidth() - 0.8, size=9)
+    ground = [f"; hatched: {patch.get_label()}" for panel in panels for patch in panel.ground_patches()][:1]
+    text = f"{label}{''.join(ground)}; square-root scale"
+    lines = style.wrapped(text, figure.get_figwidth() - 0.8, size=9)
     bar = style.colour_bar(
         axes,
         ScalarMappable(scale, shades),
@@ -262,7 +267,7 @@ def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
         broke = next((birth for birth in births if before < birth <= after), None)
         when = [before, now] if broke is not None and broke <= now else [now]
         text = " to ".join(moment_texts(scene.times, [int(np.searchsorted(scene.times, date)) for date in when]))
-        known = "" if broke is None else f"; breaks {moment_texts(np.array([broke, *scene.times]), [0])[0]}"
+        known = "" if broke is None else f"; breaks {style.moment_text(scene.times, broke)}"
         texts.append(text + known)
     return texts
 
@@ -465,7 +470,8 @@ def _cut_off_cracks(ax: Axes, times: Any, peak: Any, highest: float) -> None:
     ends = np.flatnonzero(beyond & ~np.concatenate([beyond[1:], [False]])) + 1
     for begin, end in zip(starts, ends, strict=True):
         k = begin + int(np.argmax(peak[begin:end]))
+        late = k > 0.7 * len(times)  # the words would leave the picture
         ax.annotate(
-            "off the scale while it cracks", (times[k], highest), (4, -3), textcoords="offset points", fontsize=7,
-            va="top", color=colours.STRESS_LINE,
+            "off the scale while it cracks", (times[k], highest), (-4 if late else 4, -3), textcoords="offset points",
+            fontsize=7, va="top", ha="right" if late else "left", color=colours.STRESS_LINE,
         )  # fmt: skip
