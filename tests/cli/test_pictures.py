@@ -99,7 +99,7 @@ def test_score_prints_a_table_and_writes_files(folder: Path, tmp_path: Path) -> 
     result = call("score", folder, folder / "seen.geojson", "-o", tmp_path)
     assert result.exit_code == 0, result.output
     assert "2020-12-10 13:00" in result.output
-    assert "1 times: centroid" in result.output
+    assert "1 time: centroid" in result.output
     content = json.loads((tmp_path / "score.json").read_text())
     assert content["days"][0]["matches"][0]["iou"] > 0.3
     assert (tmp_path / "score.png").exists()
