@@ -184,7 +184,8 @@ def _draw_figure(
 ) -> None:
     """Draw the overview on the left, and on the right the berg at each of the records."""
     shown, columns = fragment_colours(scene), (len(records) + 1) // 2
-    left, right = style.parts(figure, 1, 2, width_ratios=(0.4, 0.6))
+    halves: Any = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
+    left, right = halves
     overview = Overview(left.subplots(), scene, water, OVERVIEW, observed)
     depth_bar(overview.panel)
     left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)

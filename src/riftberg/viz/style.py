@@ -22,7 +22,7 @@ from riftberg.viz import colours
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure
 
 P = ParamSpec("P")
 
@@ -113,11 +113,6 @@ def saved_or_shown(draw: Callable[Concatenate[xr.Dataset, P], Figure]) -> Pictur
         parameters=[first, path, *others], return_annotation="Path | Figure"
     )
     return drawn  # type: ignore[return-value]
-
-
-def parts(figure: Figure, rows: int, columns: int, **options: Any) -> list[SubFigure]:
-    """Return the sub-figures of a figure, row by row."""
-    return list(np.ravel(np.asarray(figure.subfigures(rows, columns, **options), object)))
 
 
 def new_figure(width: float, height: float, dpi: int) -> Figure:
