@@ -407,7 +407,7 @@ def draw_fragments(run: xr.Dataset, *, dpi: int = 150) -> Figure:
         lower.set_ylim(0.0, 1.15 * float(ground.max()))
     for ax in axes:
         style.plain_axes(ax)
-    style.letters(axes)
+    style.letters(list(axes))
     if len(times) > 1:
         lower.set_xlim(times[0], times[-1])
     style.put_title(figure, figure_title(run, "fragments"))
