@@ -53,21 +53,22 @@ def test_a_berg_that_shatters_still_has_its_map(tmp_path: Path) -> None:
     assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
-def test_controls_of_an_own_experiment_need_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_controls_run_the_experiment_that_the_run_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, Options]] = []
 
     def build(name: str, options: Options | None = None) -> tuple[FakeModel, Info]:
         assert options is not None
-        asked.append((name, options))
+        asked.append((Path(name).read_text(), options))
         return FakeModel(), Info("my-berg")
 
-    FakeModel().advance(2, recorders=[RunWriter(tmp_path / "run.nc", every_hours=3, experiment="my-berg")])
-    result = call("why", tmp_path, "--controls", "--no-figure", "-q")
+    FakeModel().advance(2, recorders=[RunWriter(tmp_path / "bare" / "run.nc", every_hours=3, experiment="my-berg")])
+    result = call("why", tmp_path / "bare", "--controls", "--no-figure", "-q")
     assert result.exit_code == 2
-    assert "--experiment FILE" in result.stderr
-    (tmp_path / "berg.yaml").write_text("name: my-berg\n")
+    assert "keeps no experiment" in result.stderr
+    kept = {"command": "riftberg run berg.yaml", "experiment_file": "name: my-berg\n"}
+    FakeModel().advance(2, recorders=[RunWriter(tmp_path / "run.nc", every_hours=3, experiment="my-berg", origin=kept)])
     monkeypatch.setattr("riftberg.experiments.build", build)
-    result = call("why", tmp_path, "--controls", "--no-figure", "-q", "--experiment", tmp_path / "berg.yaml")
+    result = call("why", tmp_path, "--controls", "--no-figure", "-q")
     assert result.exit_code == 0, result.output
-    assert [(name, o.changes["stepping"]["time_step"]) for name, o in asked] == [(str(tmp_path / "berg.yaml"), 900.0)]
+    assert [(text, o.changes["stepping"]["time_step"]) for text, o in asked] == [("name: my-berg\n", 900.0)]
     assert "With half the long step it still breaks off" in " ".join(result.output.split())

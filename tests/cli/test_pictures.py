@@ -28,7 +28,8 @@ RING = [[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95], [-39
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a run of two days and an observed outline."""
     path = tmp_path_factory.mktemp("pictures")
-    FakeModel().advance(2, recorders=[RunWriter(path / "run.nc", every_hours=3, experiment="fake")])
+    kept = {"command": "riftberg run fake --every 3"}
+    FakeModel().advance(2, recorders=[RunWriter(path / "run.nc", every_hours=3, experiment="fake", origin=kept)])
     feature = {
         "type": "Feature",
         "properties": {"date": "2020-12-10"},
@@ -99,7 +100,7 @@ def test_score_prints_a_table_and_writes_files(folder: Path, tmp_path: Path) -> 
     result = call("score", folder, folder / "seen.geojson", "-o", tmp_path)
     assert result.exit_code == 0, result.output
     assert "2020-12-10 13:00" in result.output
-    assert "1 times: centroid" in result.output
+    assert "1 time: centroid" in result.output
     content = json.loads((tmp_path / "score.json").read_text())
     assert content["days"][0]["matches"][0]["iou"] > 0.3
     assert (tmp_path / "score.png").exists()
@@ -161,7 +162,7 @@ def registry(monkeypatch: pytest.MonkeyPatch) -> list[Options]:
         asked.append(options)
         return FakeModel(break_time=math.inf if "shoal" in options.without else 86_400.0), Info("fake")
 
-    monkeypatch.setattr("riftberg.experiments.find", lambda name: BuiltIn(name, "fake:build", "", ("shoal", "shear")))
+    monkeypatch.setattr("riftberg.experiments.EXPERIMENTS", (BuiltIn("fake", "fake:build", "", ("shoal", "shear")),))
     monkeypatch.setattr("riftberg.experiments.build", build)
     return asked
 
@@ -174,8 +175,8 @@ def test_why_runs_the_controls(folder: Path, tmp_path: Path, registry: list[Opti
     assert "Without shear it still breaks off at 2020-12-10 13:00." in words
     assert "With half the long step it still breaks off" in words
     assert [sorted(o.without) for o in registry] == [["shoal"], ["shear"], []]
-    assert [o.changes["stepping"]["time_step"] for o in registry] == [1800.0, 1800.0, 900.0]
-    assert [o.changes["stepping"]["substeps"] for o in registry] == [90, 90, 45]
+    assert [dict(o.changes) for o in registry] == [{}, {}, {"stepping": {"time_step": 900.0, "substeps": 45}}]
+    assert [o.days for o in registry] == [2.0] * 3
 
 
 def test_doctor_says_what_is_missing(shared: Path) -> None:

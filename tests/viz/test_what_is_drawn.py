@@ -297,6 +297,30 @@ def test_a_map_that_is_shallow_from_edge_to_edge_is_hatched(run: xr.Dataset) -> 
     assert hatched(draw_map(run, forcing=AllShallow()))
 
 
+def test_a_break_near_the_end_has_its_date(tmp_path: Path) -> None:
+    """Bug: in the last hours of a run it "breaks 0.000 min"."""
+    model = FakeModel(8, 4)
+    model.advance(1.1, recorders=[RunWriter(tmp_path / "run.nc", every_hours=1)])
+    with open_run(tmp_path) as late:
+        titles = [ax.get_title() for ax in plots.draw_stress(late).axes]
+    assert any("breaks 10 Dec 13:00" in title for title in titles), titles
+
+
+def test_what_is_hatched_is_explained_wherever_it_is_drawn(
+    run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bug: maps at dates and of stress hatched the shoal without a word."""
+    monkeypatch.setattr(plots, "on_a_map", lambda run, projection: (Scene(run), AllShallow()))
+    label = plots.draw_stress(run).axes[-1].get_xlabel().replace("\n", " ")
+    assert "hatched: shallower than the keel" in label
+    told: list[str] = []
+    monkeypatch.setattr(style, "save_figure", lambda figure, path: told.extend(
+        text.get_text() for legend in figure.legends for text in legend.get_texts()
+    ))  # fmt: skip
+    plots.draw_dates(run, tmp_path / "dates.png")
+    assert any(text.startswith("shallower than the keel") for text in told), told
+
+
 def test_a_zone_that_is_declared_dry_is_no_depth(run: xr.Dataset) -> None:
     """Bug: in a68a-oras5 it was "shallower than the keel", over a sea shaded by depths that nobody knows."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -211,8 +211,6 @@ def rerun(
     quiet: Quiet = False,
 ) -> None:
     """Repeat a run from the experiment file that it keeps, with other parameters or another length."""
-    from riftberg.cli.main import app
-    from riftberg.runs.layout import COMMAND, FILE, PLACE
     from riftberg.runs.run_file import open_run
 
     member = member_of(run)
@@ -221,6 +219,27 @@ def rerun(
             kept, own = dict(dataset.attrs), list[str]()
     else:
         run, kept, own = member[0], *_kept_of_member(run)
+    name = Path(str(kept["experiment"])).stem
+    folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
+    more = [part for option, values in (("--set", [*own, *(settings or ())]), ("--without", without)) for value in values or ()
+            for part in (option, value)]  # fmt: skip
+    more += [word for word, wanted in (("--no-map", not map_), ("--quiet", quiet)) if wanted]
+    single = {"--days": days, "--numerics": numerics, "--every": every}
+    run_again(run, kept, folder, more, {option: str(v) for option, v in single.items() if v is not None}, data)
+
+
+def run_again(
+    run: Path, kept: Mapping[str, str], folder: Path, more: Sequence[str], single: Mapping[str, str],
+    data: Path | None = None,
+) -> None:  # fmt: skip
+    """Run what a run, or a sweep, keeps of its experiment into a folder.
+
+    ``kept``: attributes of its file; ``more``: options beside those of its command; ``single``: those that stand once, by
+    name; ``data``: folder of data files, by default where they were.
+    """
+    from riftberg.cli.main import app
+    from riftberg.runs.layout import COMMAND, FILE, PLACE
+
     if COMMAND not in kept:
         raise InputError(
             "keeps no experiment",
@@ -228,21 +247,15 @@ def rerun(
             remedy="Name what 'riftberg run' or 'riftberg sweep' made, by this version or a later one",
         )
     _, command, experiment, *words = shlex.split(kept[COMMAND])
-    name = Path(str(kept["experiment"])).stem
-    folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
-    if folder.resolve() == (run if run.is_dir() else run.parent).resolve():
+    home = run if run.is_dir() else run.parent
+    if folder.resolve() == home.resolve():
         raise InputError(
             "the run that is repeated would be lost", where=f"--output {folder}", remedy="Name another folder"
         )
     if data is None and PLACE in kept:
-        data = Path(os.path.normpath((run if run.is_dir() else run.parent) / kept[PLACE]))
-    more = [part for option, values in (("--set", [*own, *(settings or ())]), ("--without", without)) for value in values or ()
-            for part in (option, value)]  # fmt: skip
-    single = {"--days": days, "--numerics": numerics, "--every": every, "--output": folder, "--data": data}
-    for option, given in single.items():
-        if given is not None:
-            words, more = words_without(words, option), [*more, option, str(given)]
-    more += [word for word, wanted in (("--no-map", not map_), ("--quiet", quiet)) if wanted]
+        data = Path(os.path.normpath(home / kept[PLACE]))
+    single = {**single, "--output": str(folder), **({} if data is None else {"--data": str(data)})}
+    words = [*words_without(words, *single), *more, *(part for pair in single.items() for part in pair)]
     file = folder / experiment
     there = FILE in kept and file.exists()
     if there and file.read_text("utf-8", errors="replace") != kept[FILE]:
@@ -252,8 +265,8 @@ def rerun(
             file.write_text(kept[FILE], encoding="utf-8")
             experiment = str(file)
         try:
-            say("riftberg " + shlex.join([command, experiment, *words, *more]))
-            code = app([command, experiment, *words, *more], standalone_mode=False)
+            say("riftberg " + shlex.join([command, experiment, *words]))
+            code = app([command, experiment, *words], standalone_mode=False)
             if code:
                 raise typer.Exit(code)
         except BaseException:

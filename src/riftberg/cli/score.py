@@ -155,7 +155,7 @@ def sentence(result: Score) -> str:
         parts.append(f"area {s['area_ratio_mean']:.2f} of the observed one")
     if s["iou_mean"] is not None:
         parts.append(f"overlap {s['iou_mean']:.2f}")
-    return f"{s['days']} times: " + ", ".join(parts) + "."
+    return f"{s['days']} time{'s' if s['days'] != 1 else ''}: " + ", ".join(parts) + "."
 
 
 def _print_score(result: Score) -> None:

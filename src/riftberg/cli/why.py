@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import replace
+from contextlib import redirect_stdout
+from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from riftberg.cli.options import OutputBeside, results_folder
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.cli.terminal import reported, say
-from riftberg.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from riftberg.diagnostics.cut import Breakup
     from riftberg.diagnostics.why import Reasons
-    from riftberg.experiments import Options
 
 
 @reported
@@ -35,13 +34,6 @@ def why(
             "--controls", help="Repeat the experiment without each of its parts, and with half the time step."
         ),
     ] = False,
-    experiment: Annotated[
-        str | None,
-        typer.Option(
-            "--experiment",
-            help="Experiment or YAML file of the run, for the controls.  [default: as recorded in the run]",
-        ),
-    ] = None,
     data: Annotated[Path | None, typer.Option("--data", help="Folder of data files, for the controls.")] = None,
     everything: Annotated[bool, typer.Option("--all", help="Report every piece, however small.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -61,7 +53,7 @@ def why(
         check_recorded(dataset, SURROUNDINGS)
         reasons = explain(dataset, smallest=0.0 if everything else SMALL)
         if controls:
-            add_controls(dataset, reasons, experiment=experiment, quiet=quiet, data=data)
+            add_controls(run, dataset, reasons, quiet=quiet, data=data)
         if as_json:
             typer.echo(json.dumps(reasons.as_dict(), indent=1))
         else:
@@ -81,105 +73,43 @@ SURROUNDINGS = ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth
 """Variables of a run file from which the forces on the fragments are computed."""
 
 
-def add_controls(
-    run: xr.Dataset, reasons: Reasons, *, experiment: str | None = None, quiet: bool = False, data: Path | None = None
-) -> None:
+def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, data: Path | None) -> None:
     """Run the experiment again without each of its parts, and with half the long step; note what became of each break-up.
 
-    Parameters
-    ----------
-    run : xarray.Dataset
-        The full run; names its experiment and parameters.
-    reasons : Reasons
-        Its break-ups; ``controls`` of each is filled.
-    experiment : str, optional
-        Built-in experiment or YAML file that made the run; by default the built-in one that the run names.
-    quiet : bool, optional
-        Show no progress.
-    data : pathlib.Path, optional
-        Folder of data files, for experiments that need one.
+    ``path``: the run, or its folder; ``data``: folder of data files, by default where they were.
     """
-    from riftberg.diagnostics.why import removed_by
-    from riftberg.experiments import Options
-
-    name, parts_of_it = _experiment(experiment or reasons.experiment)
-    kept, left_out, errors = _kept(run)
-    parts_of_it = tuple(part for part in parts_of_it if part not in left_out)
-    changes = {f"without {part}": ({part}, 1) for part in parts_of_it} | {"with half the long step": (set[str](), 2)}
-    with TemporaryDirectory(prefix="riftberg-controls-") as folder:
-        for number, (change, (parts, split)) in enumerate(changes.items()):
-            if not quiet:
-                say(f"Control {change}:")
-            control = _control(run, name, Path(folder) / f"{number}.nc", quiet=quiet, split=split, errors=errors,
-                               options=Options(kept, data=data, without=frozenset(parts) | left_out))  # fmt: skip
-            for breakup in reasons.breakups:
-                breakup.controls[change] = removed_by(breakup, control)
-            control.close()
-
-
-def _experiment(name: str) -> tuple[str, tuple[str, ...]]:
-    """Return the experiment as `riftberg.experiments.build` takes it, and its parts; files have none."""
-    from riftberg.experiments import find
-
-    if name.endswith((".yaml", ".yml")):
-        return name, ()
-    try:
-        entry = find(name)
-    except InputError as error:
-        raise InputError(
-            f"{name!r} is no built-in experiment",
-            where="--controls",
-            remedy="Name the YAML file of the run by --experiment FILE",
-        ) from error
-    return entry.name, tuple(entry.parts)
-
-
-def _kept(run: xr.Dataset) -> tuple[dict[str, Any], frozenset[str], dict[str, Any]]:
-    """Return what the command of a run changed beside its parameters: of its berg, what was left out, and errors."""
-    from riftberg.cli.run import parted
-    from riftberg.experiments.changes import parse_settings
-    from riftberg.parameters import Parameters
-    from riftberg.runs.layout import COMMAND
-
-    words = shlex.split(str(run.attrs.get(COMMAND, "")))
-    given = {name: [value for word, value in pairwise(words) if word == name] for name in ("--set", "--without")}
-    errors, plain = parted(given["--set"])
-    changes = {g: inner for g, inner in parse_settings(plain).items() if g not in Parameters.model_fields}
-    return changes, frozenset(given["--without"]), errors
-
-
-def _control(
-    run: xr.Dataset, name: str, path: Path, *, quiet: bool, split: int, errors: dict[str, Any], options: Options
-) -> xr.Dataset:
-    """Run a control; ``split`` shortens the long step, the sub-step stays. ``options``: what it changes beside parameters."""
     import numpy as np
 
-    from riftberg.ensembles.uncertain import with_errors
-    from riftberg.experiments import Numerics, build
-    from riftberg.parameters import Parameters
-    from riftberg.runs.progress import ProgressRecorder
-    from riftberg.runs.run_file import RunWriter, open_run
+    from riftberg.cli.compare import run_again
+    from riftberg.diagnostics.why import removed_by
+    from riftberg.experiments import EXPERIMENTS
+    from riftberg.runs.checks import parameters_of
+    from riftberg.runs.layout import COMMAND
+    from riftberg.runs.run_file import open_run
 
-    times = run["time"].values
-    days = float((times[-1] - times[0]) / np.timedelta64(1, "s")) / 86400.0
-    every = float(np.median(np.diff(times)) / np.timedelta64(1, "s")) / 3600.0
-    same: dict[str, Any] = Parameters.from_json(run.attrs["parameters_json"]).model_dump()
-    stepping = same["stepping"]
-    stepping["time_step"] /= split
-    if stepping["substeps"] is not None:
-        stepping["substeps"] = max(1, round(stepping["substeps"] / split))
-    # Some experiments have another ocean, or read it in another way, with the reference's numerics.
-    numerics: Numerics = "reference" if same["compatibility"]["zero_start"] else "own"
-    model, _ = build(name, replace(options, changes={**options.changes, **same}, days=days, numerics=numerics))
-    model = with_errors(model, errors)
-    if len(model.elements.id) != run.sizes["trajectory"]:
-        raise InputError(
-            f"{name} builds {len(model.elements.id)} elements, the run has {run.sizes['trajectory']}", where="--controls",
-            remedy="The run was made with another berg; run its controls with 'riftberg run --without'",
-        )  # fmt: skip
-    writer = RunWriter(path, every_hours=every, experiment=name, background=False)
-    model.advance(days, recorders=[writer, ProgressRecorder(days, quiet=quiet)])
-    return open_run(path)
+    words = shlex.split(str(run.attrs.get(COMMAND, "")))
+    parts = next((entry.parts for entry in EXPERIMENTS if entry.name in words[2:3]), ())
+    left_out = [value for word, value in pairwise(words) if word == "--without"]
+    changes = {f"without {part}": ["--without", part] for part in parts if part not in left_out}
+    stepping = parameters_of(run).stepping
+    half: dict[str, object] = {"time_step": stepping.time_step / 2.0}
+    if (
+        stepping.substeps is not None and stepping.scheme == "mts"
+    ):  # the sub-step stays; where none are made, they ask for mts
+        half["substeps"] = max(1, round(stepping.substeps / 2))
+    changes["with half the long step"] = [w for name in half for w in ("--set", f"stepping.{name}={half[name]}")]
+    days = float((run["time"].values[-1] - np.datetime64(run.attrs["start"])) / np.timedelta64(1, "s")) / 86400.0
+    with TemporaryDirectory(prefix="riftberg-controls-") as scratch:
+        for number, (change, more) in enumerate(changes.items()):
+            if not quiet:
+                say(f"Control {change}:")
+            folder = Path(scratch) / str(number)
+            with redirect_stdout(StringIO()):  # the results of the controls are in what is told of the break-ups
+                more = [*more, "--no-map", *(["--quiet"] if quiet else [])]
+                run_again(path, run.attrs, folder, more, {"--days": repr(days)}, data)
+            with open_run(folder) as control:
+                for breakup in reasons.breakups:
+                    breakup.controls[change] = removed_by(breakup, control)
 
 
 def _print_breakup(b: Breakup) -> None:

@@ -84,8 +84,7 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         axes[name].set_xlim(float(x.min()) - margin, float(x.max()) + margin)
         if words:
             axes[name].set_xticks(range(len(words)), words)
-    for k, ax in enumerate(axes.values()):
-        style.letter(ax, k)
+    style.letters(list(axes.values()))
     note = f"{done.sizes['member']} runs" + (f", {missing} more failed or not yet run" if missing else "")
     style.put_title(figure, f"{str(done.attrs.get('title', 'Sweep')).split(':')[0]}, {note}", size=13.0)
     style.lay_out(figure)
@@ -180,8 +179,7 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     _draw_dates(axes["dates"], result)
     cracks = _draw_cracks(axes["cracks"], result, notes)
     style.colour_bar([axes["cracks"]], cracks, "probability of a crack", location="right", shrink=1.0, aspect=25)
-    for k, ax in enumerate(axes.values()):
-        style.letter(ax, k)
+    style.letters(list(axes.values()))
     done = int((result["status"] == 0).sum())
     name = Path(str(result.attrs.get("experiment", "Forecast"))).stem
     style.put_title(figure, f"{name}: {done} members, {style.span_text(result['time'].values)}", size=13.0)

@@ -29,6 +29,7 @@ from riftberg.viz.panels import (
     melts,
     nearest_record,
     on_a_map,
+    panels_at,
     speed_bar,
     speed_scale,
     thickness_lost,
@@ -184,30 +185,26 @@ def _draw_figure(
 ) -> None:
     """Draw the overview on the left, and on the right the berg at each of the records."""
     shown, columns = fragment_colours(scene), (len(records) + 1) // 2
-    left, right = style.parts(figure, 1, 2, width_ratios=(0.4, 0.6))
+    halves: Any = figure.subfigures(1, 2, width_ratios=(0.4, 0.6))
+    left, right = halves
     overview = Overview(left.subplots(), scene, water, OVERVIEW, observed)
     depth_bar(overview.panel)
-    style.letter(overview.ax, 0)
     left.legend(handles=overview.handles(), fontsize=8, loc="outside lower left", ncols=2, frameon=False)
     places = list(right.subplots(2, columns, squeeze=False).flat)
     # With an odd number of dates the grid has one place too many.
     for unused in places[len(records) :]:
         unused.remove()
-    boxes = common_boxes(scene, records, margin=0.08)
-    panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(places, boxes, strict=False)]
+    places = places[: len(records)]
+    panels = panels_at(places, scene, water, records, margin=0.08)
     # One scale of speed for all dates, so that they can be compared.
     top, flows = speed_scale(panels, records)
-    for k, (panel, text) in enumerate(zip(panels, style.moment_texts(scene.times, records), strict=True)):
-        panel.ax.set_title(text, fontsize=10, pad=4)
-        style.letter(panel.ax, k + 1)
-    style.outer_names(places[: len(records)], columns)
+    style.letters([overview.ax, *places])
+    style.outer_names(places, columns)
     if flows:
-        speed_bar(places[: len(records)], top)
+        speed_bar(places, top)
     # The colours of fragments tell several pieces apart; those of a single one are free for what it has lost.
     lost = thickness_lost(scene) if len(scene.numbers) == 1 and melts(scene.run) else None
-    scale = (
-        None if lost is None else melt_bar(places[: len(records)], 0.0, float(np.nanmax(lost[records], initial=0.0)))
-    )
+    scale = None if lost is None else melt_bar(places, 0.0, float(np.nanmax(lost[records], initial=0.0)))
     style.put_title(figure, title, size=13.0)
     style.lay_out(figure)
     # Only now, for labels find their places by where the axes came to lie.
@@ -264,7 +261,7 @@ class Overview:
         self.colours = fragment_colours(scene)
         box = widened(scene.box(), scene.latlon, shape, margin=0.05)
         self.panel = Panel(ax, scene, box, water, ticks=6, labels=True)
-        self.grounded = self.panel.draw_ground(shaded=True)
+        self.panel.draw_ground(shaded=True)
 
     def draw(self, records: list[int]) -> None:
         """Draw ice, tracks and labels, once the axes have their place; the records are marked on the track."""
@@ -331,10 +328,7 @@ class Overview:
             Patch(fc=colour, ec=colours.SHORE, lw=0.8, label=name)
             for colour, name in ((colours.LAND, "land"), (colours.SHELF, "ice shelf")) if colour in self.panel.coast
         ]  # fmt: skip
-        if self.grounded:
-            shallow = f"shallower than the keel ({self.scene.draft():.0f} m)"
-            hatch, label = ("//", "grounds here by the set-up; no depths") if self.panel.zone else ("////", shallow)
-            handles.append(Patch(fc="white", ec=colours.GROUND, hatch=hatch, label=label))
+        handles += self.panel.ground_patches()
         if self.observed:
             handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.1, label="observed outline"))
         return handles

@@ -153,6 +153,11 @@ STEPPED: Final = 50
 """A floor of fewer depths than this has steps, such as a zone that is simply declared dry, and no isobaths."""
 
 
+def is_zone(depth: Floats) -> bool:
+    """Whether a part is declared dry, and no depths are known."""
+    return len(np.unique(depth)) < STEPPED and float(depth.min()) <= 0.0 < float(depth.max())
+
+
 class KnownDepth(Protocol):
     """What knows the depth of water."""
 
@@ -196,7 +201,7 @@ class Map:
         else:
             draw_graticule(ax, box, plane, lines=ticks)
         ax.set_facecolor(colours.SEA)
-        self.shaded = self.zone = False
+        self.shaded = False
         # Runs in metres that are no place on the Earth have no coast.
         self.coast = draw_coast(ax, box, plane=plane) if latlon or plane is not None else set()
 
@@ -250,24 +255,20 @@ class Map:
     def draw_floor(
         self, water: KnownDepth | None, *, shaded: bool = False, labels: bool = True, draft: float | None = None,
         hatched: bool = False,
-    ) -> bool:  # fmt: skip
-        """Draw the sea floor: depth in steps of colour if ``shaded``, isobaths, and if ``hatched`` what is above ``draft`` (m).
-
-        Returns whether anything is hatched.
-        """
+    ) -> None:  # fmt: skip
+        """Draw the sea floor: depth in steps of colour if ``shaded``, isobaths, and if ``hatched`` what is above ``draft``, m."""
         from matplotlib.colors import BoundaryNorm
 
         if water is None:
-            return False
+            return
         x, y = self.mesh(FLOOR_POINTS)
         depth = np.ma.masked_invalid(water.depth(x, y))
         if depth.mask.all() or float(depth.max()) <= min(NO_FLOOR, NO_FLOOR if draft is None else draft):
-            return False
+            return
         low, high = float(depth.min()), float(depth.max())
-        stepped = len(np.unique(depth.compressed())) < STEPPED
-        self.zone = stepped and low <= 0.0 < high  # a part is declared dry, and no depths are known
+        stepped, zone = len(np.unique(depth.compressed())) < STEPPED, is_zone(depth.compressed())
         # A floor that is all of one colour needs no scale.
-        coloured = shaded and low < UNKNOWN_DEPTH and not self.zone
+        coloured = shaded and low < UNKNOWN_DEPTH and not zone
         self.shaded = coloured and len(set(np.digitize([low, high], DEPTHS))) > 1
         if coloured:  # also where it is all of one colour: maps side by side have the same sea
             shades = colours.depth_map()
@@ -279,15 +280,14 @@ class Map:
             if labels:
                 self.ax.clabel(lines, fmt="%d m", fontsize=6)
         if not hatched or draft is None or not low < draft:
-            return False
+            return
         filled = self.ax.contourf(
-            x, y, depth, levels=[-1e9, draft], colors="none", hatches=["/" if self.zone else "////"], zorder=3
+            x, y, depth, levels=[-1e9, draft], colors="none", hatches=["/" if zone else "////"], zorder=3
         )
         filled.set_edgecolor(colours.GROUND)
         filled.set_linewidth(0.0)
         if draft < high:  # else the whole map is too shallow
             self.ax.contour(x, y, depth, levels=[draft], colors=colours.GROUND, linewidths=1.2, zorder=6)
-        return True
 
     def draw_scale(self) -> None:
         """Draw a scale bar of about a quarter of the width."""
@@ -373,10 +373,24 @@ class Panel(Map):
             headaxislength=3.4, minshaft=1.6, color=colours.ARROW, minlength=0.4, zorder=2,
         )  # fmt: skip
 
-    def draw_ground(self, *, shaded: bool = False, labels: bool = True) -> bool:
-        """Draw the sea floor, hatched where the keel touches it and it acts on the ice; returns whether it does anywhere."""
+    def draw_ground(self, *, shaded: bool = False, labels: bool = True) -> None:
+        """Draw the sea floor, hatched where the keel touches it and it acts on the ice."""
         scene = self.scene
-        return self.draw_floor(self.water, shaded=shaded, labels=labels, draft=scene.draft(), hatched=scene.has_floor)
+        self.draw_floor(self.water, shaded=shaded, labels=labels, draft=scene.draft(), hatched=scene.has_floor)
+
+    def ground_patches(self) -> list[Patch]:
+        """Return the entry of what `draw_ground` hatches in a legend; none where it hatches nothing."""
+        from matplotlib.patches import Patch
+
+        draft = self.scene.draft()
+        depth = np.full(1, np.nan) if self.water is None else self.water.depth(*self.mesh(FLOOR_POINTS))
+        known = depth[np.isfinite(depth)]
+        if not (self.scene.has_floor and known.size and known.min() < draft and known.max() > min(NO_FLOOR, draft)):
+            return []
+        hatch, label = "////", f"shallower than the keel ({draft:.0f} m)"
+        if is_zone(known):
+            hatch, label = "//", "grounds here by the set-up; no depths"
+        return [Patch(fc="white", ec=colours.GROUND, hatch=hatch, label=label)]
 
     def points_per_metre(self) -> float:
         """Return the size (points) of a metre on the picture, once its axes have their place."""
@@ -570,6 +584,18 @@ def common_boxes(scene: Scene, records: Sequence[int], *, margin: float = 0.12) 
     if shared.north - shared.south <= LARGE_BOX * side:
         return [shared] * len(single)
     return [widened(box, scene.latlon, 1.0, least=side) for box in single]
+
+
+def panels_at(
+    axes: Sequence[Axes], scene: Scene, water: Water | None, records: Sequence[int], *, margin: float = 0.12,
+    texts: Sequence[str] | None = None,
+) -> list[Panel]:  # fmt: skip
+    """Return maps of records on axes of one row or table, under their moments or other texts."""
+    boxes = common_boxes(scene, records, margin=margin)
+    panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(axes, boxes, strict=True)]
+    for panel, text in zip(panels, texts or style.moment_texts(scene.times, records), strict=True):
+        panel.ax.set_title(text, fontsize=10, pad=4)
+    return panels
 
 
 def nearest_record(scene: Scene, moment: np.datetime64) -> int:

@@ -29,6 +29,7 @@ from riftberg.viz.panels import (
     melts,
     nearest_record,
     on_a_map,
+    panels_at,
     speed_bar,
     speed_scale,
     thickness_lost,
@@ -105,20 +106,15 @@ def draw_dates(
     rows = math.ceil(count / columns)
     figure = new_figure(4.3 * columns + 0.6, 4.3 * rows + 1.8, dpi)
     places = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
-    boxes = common_boxes(scene, records)
-    panels = [
-        Panel(ax, scene, box, water, labels=not scene.latlon)
-        for ax, box in zip(places[bool(seen) :], boxes, strict=True)
-    ]
+    panels = panels_at(places[bool(seen) :], scene, water, records)
     top, flows = speed_scale(panels, records)
-    for panel, text in zip(panels, moment_texts(scene.times, records), strict=True):
-        panel.ax.set_title(text, fontsize=10, pad=4)
-    if count > 1:
-        for k, ax in enumerate(places):
-            style.letter(ax, k)
+    style.letters(places)
     style.outer_names(places, columns)
     shown = fragment_colours(scene)
-    handles: list[Any] = fragment_patches(scene)
+    handles: list[Any] = [
+        *fragment_patches(scene),
+        *next(filter(None, (panel.ground_patches() for panel in panels)), []),
+    ]
     if seen:
         handles.append(Line2D([], [], color=colours.OBSERVED, lw=1.4, label="observed outline of the day"))
     figure.legend(handles=handles, fontsize=8, loc="outside lower left", ncols=columns, frameon=False)
@@ -233,16 +229,14 @@ def _bond_maps(
 
     figure, records = new_figure(5.2 * len(values) + 0.8, 6.6, dpi), list(values)
     axes = list(figure.subplots(1, len(values), squeeze=False).flat)
-    boxes = common_boxes(scene, records, margin=0.05)
-    panels = [Panel(ax, scene, box, water, labels=not scene.latlon) for ax, box in zip(axes, boxes, strict=True)]
-    for k, (ax, text) in enumerate(zip(axes, _spans(scene, records), strict=True)):
-        ax.set_title(text, fontsize=10, pad=4)
-        if len(axes) > 1:
-            style.letter(ax, k)
+    panels = panels_at(axes, scene, water, records, margin=0.05, texts=_spans(scene, records))
+    style.letters(axes)
     style.outer_names(axes, len(axes))
     # By the square root: a berg at rest has a tenth of its strength, and few bonds have most of the damage.
     scale = PowerNorm(0.5, 0.0, top)
-    lines = style.wrapped(f"{label}; square-root scale", figure.get_figwidth() - 0.8, size=9)
+    ground = [f"; hatched: {patch.get_label()}" for panel in panels for patch in panel.ground_patches()][:1]
+    text = f"{label}{''.join(ground)}; square-root scale"
+    lines = style.wrapped(text, figure.get_figwidth() - 0.8, size=9)
     bar = style.colour_bar(
         axes,
         ScalarMappable(scale, shades),
@@ -274,7 +268,7 @@ def _spans(scene: Scene, records: Sequence[int]) -> list[str]:
         broke = next((birth for birth in births if before < birth <= after), None)
         when = [before, now] if broke is not None and broke <= now else [now]
         text = " to ".join(moment_texts(scene.times, [int(np.searchsorted(scene.times, date)) for date in when]))
-        known = "" if broke is None else f"; breaks {moment_texts(np.array([broke, *scene.times]), [0])[0]}"
+        known = "" if broke is None else f"; breaks {style.moment_text(scene.times, broke)}"
         texts.append(text + known)
     return texts
 
@@ -345,8 +339,7 @@ def draw_melt(
     scale = melt_bar([ax], low if 0.5 * top < low < 0.99 * top else 0.0, top)
     ax.set_title(moment_texts(scene.times, [record])[0], fontsize=10, pad=4)
     _melt_by_process(curves, scene)
-    for k, one in enumerate((ax, curves)):
-        style.letter(one, k)
+    style.letters([ax, curves])
     style.put_title(figure, "\n".join([figure_title(run, "thickness lost, melt water"), *melt_lines(run)[:1]]))
     style.lay_out(figure)
     panel.draw_ground(shaded=True)
@@ -413,9 +406,9 @@ def draw_fragments(run: xr.Dataset, *, dpi: int = 150) -> Figure:
         lower.set_ylabel("elements\naground", fontsize=9)
         lower.yaxis.get_major_locator().set_params(integer=True)
         lower.set_ylim(0.0, 1.15 * float(ground.max()))
-    for k, ax in enumerate(axes):
+    for ax in axes:
         style.plain_axes(ax)
-        style.letter(ax, k)
+    style.letters(list(axes))
     if len(times) > 1:
         lower.set_xlim(times[0], times[-1])
     style.put_title(figure, figure_title(run, "fragments"))
@@ -478,7 +471,8 @@ def _cut_off_cracks(ax: Axes, times: Any, peak: Any, highest: float) -> None:
     ends = np.flatnonzero(beyond & ~np.concatenate([beyond[1:], [False]])) + 1
     for begin, end in zip(starts, ends, strict=True):
         k = begin + int(np.argmax(peak[begin:end]))
+        late = k > 0.7 * len(times)  # the words would leave the picture
         ax.annotate(
-            "off the scale while it cracks", (times[k], highest), (4, -3), textcoords="offset points", fontsize=7,
-            va="top", color=colours.STRESS_LINE,
+            "off the scale while it cracks", (times[k], highest), (-4 if late else 4, -3), textcoords="offset points",
+            fontsize=7, va="top", ha="right" if late else "left", color=colours.STRESS_LINE,
         )  # fmt: skip

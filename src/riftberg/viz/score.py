@@ -67,8 +67,7 @@ def draw_score(
         plain_axes(axes[k])
         axes[k].tick_params(labelbottom=k == len(curves) - 1)
     date_axis(axes[-1])
-    for k, ax in enumerate((tracks, *axes)):
-        style.letter(ax, k)
+    style.letters([tracks, *axes])
     style.put_title(figure, title or f"Run against {score.observed}")
     _draw_tracks(figure, tracks, score, water)
     return style.save_figure(figure, path)

@@ -22,7 +22,7 @@ from riftberg.viz import colours
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure
 
 P = ParamSpec("P")
 
@@ -113,11 +113,6 @@ def saved_or_shown(draw: Callable[Concatenate[xr.Dataset, P], Figure]) -> Pictur
         parameters=[first, path, *others], return_annotation="Path | Figure"
     )
     return drawn  # type: ignore[return-value]
-
-
-def parts(figure: Figure, rows: int, columns: int, **options: Any) -> list[SubFigure]:
-    """Return the sub-figures of a figure, row by row."""
-    return list(np.ravel(np.asarray(figure.subfigures(rows, columns, **options), object)))
 
 
 def new_figure(width: float, height: float, dpi: int) -> Figure:
@@ -353,9 +348,11 @@ def legend_above(ax: Axes, **options: Any) -> None:
     ax.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, borderaxespad=0.1, **options)
 
 
-def letter(ax: Axes, number: int) -> None:
-    """Name a panel by a letter, above its left end."""
-    ax.set_title(f"({'abcdefghijklmnopqrstuvwxyz'[number % 26]})", loc="left", fontsize=10, fontweight="bold", pad=4)
+def letters(axes: Sequence[Axes]) -> None:
+    """Name the panels of a figure by letters, each above its left end; a single one needs none."""
+    for name, ax in zip("abcdefghijklmnopqrstuvwxyz", axes, strict=False):
+        if len(axes) > 1:
+            ax.set_title(f"({name})", loc="left", fontsize=10, fontweight="bold", pad=4)
 
 
 def outer_names(axes: Sequence[Axes], columns: int) -> None:

@@ -44,10 +44,10 @@ def draw_reasons(reasons: Reasons, path: str | Path, *, dpi: int = 150) -> Path:
     figure = new_figure(15.0, 4.3 * len(shown) + 1.5 if shown else 2.2, dpi)
     if shown:
         grid = figure.subplots(len(shown), 3, squeeze=False, width_ratios=(0.9, 1.2, 1.0))
-        for row, (axes, breakup) in enumerate(zip(grid, shown, strict=True)):
-            for k, draw in enumerate((_draw_forces, _draw_load, _draw_first_bonds)):
-                draw(axes[k], breakup)
-                style.letter(axes[k], 3 * row + k)
+        for axes, breakup in zip(grid, shown, strict=True):
+            for ax, draw in zip(axes, (_draw_forces, _draw_load, _draw_first_bonds), strict=True):
+                draw(ax, breakup)
+        style.letters(list(grid.flat))
         _legend(figure, shown)
     else:
         figure.text(0.5, 0.3, "nothing broke off", ha="center", fontsize=12)
