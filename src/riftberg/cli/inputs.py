@@ -51,6 +51,7 @@ RESULTS = ("sweep.nc", "sweep.json", "sensitivity.csv", "sensitivity.png")
 
 @reported
 def sensitivity(
+    context: typer.Context,
     experiment: ExperimentToRun = None,
     method: Annotated[
         str, typer.Option("--method", help="morris: effects, for a first look at many inputs; sobol: parts of the variance.")
@@ -111,11 +112,7 @@ def sensitivity(
 
     with allow_large(large):
         announce_compilation(quiet)
-        kept = {
-            "--vary": vary, "--output": output, "--seed": seed, "--set": settings, "--days": days, "--data": data,
-            "--without": without, "--numerics": numerics, "--no-default-errors": None if default_errors else True,
-        }  # fmt: skip
-        store = opened("sensitivity", experiment, make, output, RESULTS, resume, draws, kept)
+        store = opened(context, "sensitivity", experiment, make, output, RESULTS, resume, draws)
         plan = store.plan
         for day in at_day or ():
             positive(day, "--at-day", "days", most=plan.days)

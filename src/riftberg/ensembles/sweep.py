@@ -22,7 +22,7 @@ from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import CONTROL, STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.probability import Breaks, with_probabilities
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
-from riftberg.ensembles.uncertain import with_errors
+from riftberg.ensembles.uncertain import check_sizes, with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed, origin, settings_of
@@ -271,8 +271,10 @@ def planned(
     draws = draws or Draws()
     if design:
         varied, members = designed(vary, free=callable(experiment))
+        check_sizes([v.name for v in varied])
     else:
         varied = varied_of(vary_with_file(experiment, vary), free=callable(experiment))
+        check_sizes([v.name for v in varied])
         members = members_of(varied, draws)
     length = options.days
     if isinstance(named, str):

@@ -403,6 +403,11 @@ def designed(columns: Mapping[str, Sequence[Any]], *, free: bool = False) -> tup
         field = find_field(group, key, where=where, settable=settable)
         refuse_bare_numbers([str(value) for value in values], where)
         plain = tuple(given(value, settable[group], key, where=where) for value in values)
+        wrong = next(
+            (k for k, value in enumerate(plain) if key in _POSITIVE and isinstance(value, float) and value <= 0.0), None
+        )
+        if wrong is not None:
+            raise InputError(f"{values[wrong]}, member {wrong}", where=where, remedy="Give numbers above 0")
         varied.append(Varied(f"{group}.{key}", plain, unit_of(field), field.description or ""))
     names = [v.name for v in varied]
     found: dict[str, Any] = {v.name: v.values for v in varied}
