@@ -77,7 +77,7 @@ def dataset_of(
     ds["member"] = (
         "member",
         np.arange(count),
-        {"long_name": "number of the member", "standard_name": "realization"},
+        {"long_name": "number of the member", "standard_name": "realization", "units": "1"},
     )
     ds["fragment"] = ("fragment", np.arange(1, most + 1), {"long_name": "place of the fragment in the tables"})
     ds["time"] = (
