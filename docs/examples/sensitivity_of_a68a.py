@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +48,8 @@ def a68a(
         "bonds": {"youngs_modulus": 5e6 * stiffness},
         "drag": {"ocean_scale": 17.8 * water_drag},
     }
-    ocean = replace(
-        OWN, eddy_spin=OWN.eddy_spin * eddy, wind=(OWN.wind[0] * wind, OWN.wind[1] * wind),
+    ocean = OWN._replace(
+        eddy_spin=OWN.eddy_spin * eddy, wind=(OWN.wind[0] * wind, OWN.wind[1] * wind),
         jet_speed=OWN.jet_speed * shear, counter_speed=OWN.counter_speed * shear, shear_flow=OWN.shear_flow * shear,
     )  # fmt: skip
     return story_model(Options(changes=changes), ocean=StoryOcean(ocean))

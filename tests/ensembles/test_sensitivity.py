@@ -23,6 +23,7 @@ from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import InputError
 from riftberg.verification.sightings import drift_error
 from riftberg.viz.ensemble import draw_sensitivity
+from scripts import loaded
 
 from .made import forecast_of, outcome
 
@@ -238,3 +239,9 @@ def test_the_command_writes_table_and_figure(tmp_path: Path) -> None:
     again = CliRunner().invoke(app, ["sensitivity", "--resume", str(out), "--at-day", "0.1", "--no-figure"])
     assert again.exit_code == 0, again.output
     assert "broken by day 0.1" in again.output
+
+
+def test_the_studies_of_a68a_make_their_models() -> None:
+    """Their ocean became a named tuple, and both studies failed at their first member."""
+    study = loaded("docs/examples/sensitivity_of_a68a.py")
+    assert study.a68a(wind=1.1, eddy=0.9, spacing=6000.0).elements.size > 100

@@ -114,3 +114,18 @@ def test_a_table_of_starts_is_named_among_what_is_varied(file: Path, tmp_path: P
     assert vary_with_file(file, {"starts": path}) == found
     file.write_text(YAML + "vary: {starts: starts.csv}\n")  # beside the file
     assert vary_with_file(file, ["start.turn~normal(0, 5)"]) == {**found, "start.turn": "~normal(0, 5)"}
+
+
+@pytest.mark.parametrize(("date", "lattice"), [("2020-12-09", ""), ("2020-12-10", "packing: hexagonal, ")])
+def test_lattices_of_observed_outlines_have_ice_at_every_bond(
+    date: str, lattice: str, shared: Path, tmp_path: Path
+) -> None:
+    """Forecasts turn and shift the lattice: of A68a's outlines 8 of 18 were refused, "no ice joins the elements"."""
+    outlines = shared / "data" / "observed" / "a68a_daily_outlines.geojson"
+    file = tmp_path / "it.yaml"
+    file.write_text(
+        f"start: {date}\ndays: 1\nforcing: {{kind: constant, current: [0.1, 0]}}\n"
+        f"berg: {{outline: {{file: {outlines}, date: {date}}}, {lattice}thickness: 232 m}}\n"
+    )
+    model = build(str(file))[0]
+    assert model.elements.size > 300

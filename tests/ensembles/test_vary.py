@@ -111,3 +111,16 @@ def test_the_ends_of_what_is_drawn_and_all_listed_combinations_are_checked(monke
     drawn = [member["fracture.normal_strength"] for member in members]
     assert {min(drawn), max(drawn)} <= set(checked)
     assert 2 <= len(checked) <= 4
+
+
+def test_members_are_plain_values_however_they_are_kept() -> None:
+    varied = varied_of({"start.strength": [1.0, 2.0], "stepping.substeps": [3], "damage.enabled": [True, False]})
+    members = members_of(varied)
+    assert len(members) == 4
+    assert members[-1] == members[3] == {"start.strength": 2.0, "stepping.substeps": 3, "damage.enabled": False}
+    assert {name: type(value) for name, value in members[0].items()} == {
+        "start.strength": float, "stepping.substeps": int, "damage.enabled": bool,
+    }  # fmt: skip
+    assert members[1:3] == list(members)[1:3]
+    with pytest.raises(IndexError):
+        members[4]

@@ -15,19 +15,22 @@ import xarray as xr
 from shapely.affinity import rotate
 from typer.testing import CliRunner
 
+from ensembles.made import forecast_of, outcome
 from fakes import FakeModel
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations, read_observed
-from riftberg.diagnostics.outlines import Outline
+from riftberg.diagnostics.outlines import Outline, intersection_over_union
 from riftberg.ensembles.result import write_sweep
 from riftberg.ensembles.sweep import sweep
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.verification.forecast import report, verified
 from riftberg.verification.positions import local, moved
-from riftberg.verification.sightings import outline_of_run, sightings_of
+from riftberg.verification.sightings import Sighting, outline_of_run, outlines_at, pieces_of, sightings_of
 from riftberg.verification.tracks import Case, Start, dressed_without
+
+from .test_calibrate import eddied
 
 START = datetime(2020, 12, 9, 13)
 SPEED = 12.0  # km a day, eastward
@@ -320,7 +323,7 @@ def test_outlines_of_members_are_turned_and_moved_like_them(tmp_path: Path) -> N
     row = report([found], 0.0)["with_error"][0]
     assert row["overlap"] == pytest.approx(1.0, abs=0.02)
     assert row["area_km2"] < 0.02 * RECTANGLE.area
-    assert row["whole"] == 0.5  # every second member breaks after 2.5 days
+    assert row["known"] == 0.5  # every second member breaks after 2.5 days
     for wrong in (turning(ensemble(1, spread=1e-9), 20.0), turning(ensemble(1, spread=4.0), 30.0)):
         other = report([verified(wrong, seen, outline=RECTANGLE)], 0.0)["with_error"][0]
         assert other["overlap"] < row["overlap"] - 0.1
@@ -358,6 +361,38 @@ def drifter(east: float = 0.2, eddy: float = 0.5, spacing: float = 3000.0, step:
     berg = Iceberg.rectangle("30 km", "9 km", radius=0.5 * spacing, thickness=200.0, placement=(-37.0, -56.0))
     sea = Forcing.uniform(current=(east, 0.05)) + Forcing.eddy((-37.1, -56.1), radius=15e3, speed=eddy)
     return Model(berg, sea, Parameters.model_validate({"stepping": {"time_step": step}}), start=START.isoformat())
+
+
+def test_outlines_of_members_that_broke_up() -> None:
+    """A bar of 30 by 10 km loses its eastern third after a day and turns all the time, by 100 degrees in two days.
+
+    Of the last day its outline is that of two thirds, so its axis says; later pieces belong to it until they break off.
+    """
+    day = 86400.0
+    one = outcome(0, [-37.0] * 3, [-56.0] * 3, area=300e6, piece=100e6, broken=1)
+    for row in (row for row in one.track if row[1] == 1):
+        row[6] = (90.0 + 50.0 * row[0] / day) % 180.0  # azimuth: east and west at the start, clockwise
+    thirds = [[[x, -5e3], [x + 10e3, -5e3], [x + 10e3, 5e3], [x, 5e3]] for x in (-15e3, -5e3, 5e3)]
+    one.shapes = [[1, [thirds[0][0], thirds[1][1], thirds[1][2], thirds[0][3]]], [2, thirds[2]]]
+    ds = forecast_of([one], 2)
+    start = shapely.box(-15.0, -5.0, 15.0, 5.0)
+    for k, length in ((0, 30.0), (1, 20.0), (2, 20.0)):
+        seen = Sighting(datetime(2020, 12, 9 + k), -37.0, -56.0, np.nan, None)
+        (found,) = outlines_at(ds, start, seen, lambda number: one.shapes)
+        expected = rotate(shapely.box(-0.5 * length, -5.0, 0.5 * length, 5.0), -50.0 * k, origin=(0.0, 0.0))
+        assert intersection_over_union(found, expected) > 0.98, k
+    assert not outlines_at(ds, start, seen)  # of an ensemble of an earlier version there are none
+
+
+def test_pieces_of_a_real_run_cover_the_berg_at_its_start(tmp_path: Path) -> None:
+    sweep(eddied, {"start.strength": [0.02]}, days="3 h", every_hours=3, workers=0, output=tmp_path / "s")
+    rings = pieces_of(tmp_path / "s", 0)
+    shapes = [shapely.Polygon(np.array(ring) / 1e3) for _, ring in rings]
+    assert len(shapes) > 1
+    assert min(number for number, _ in rings) == 1
+    assert sum(shape.area for shape in shapes) == pytest.approx(270.0, rel=0.05)
+    assert shapely.union_all(shapes).difference(shapely.box(-15.0, -4.5, 15.0, 4.5)).area < 5.0
+    assert pieces_of(tmp_path / "nothing", 0) == []
 
 
 @pytest.mark.slow

@@ -59,6 +59,7 @@ RESULTS = ("forecast.nc", "sweep.json", "control.nc", "forecast.png")
 
 @reported
 def forecast(
+    context: typer.Context,
     experiment: ExperimentToRun = None,
     members: Members = None,
     vary: Annotated[
@@ -101,12 +102,7 @@ def forecast(
     with allow_large(large):
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(quiet)
-        kept = {
-            "--vary": vary, "--plan": plan, "--seed": seed, "--output": output, "--set": settings, "--days": days,
-            "--data": data, "--without": without, "--numerics": numerics, "--every": every,
-            "--no-default-errors": None if default_errors else True,
-        }  # fmt: skip
-        store = opened("forecast", experiment, make, output, RESULTS, resume, members, kept)
+        store = opened(context, "forecast", experiment, make, output, RESULTS, resume, members)
         if not quiet:
             say(errors_line(store.plan.varied))
             if map_:
@@ -200,7 +196,7 @@ def update(
     within(hour, "--hour", 0.0, 24.0)
     if not read_plan(folder).get("forecast"):
         raise InputError("holds a sweep, no forecast", where=str(folder), remedy="Name a folder of 'riftberg forecast'")
-    store = resumed(folder, None, None, {}, "forecast")
+    store = resumed(folder, kind="forecast")
     new = output or folder.with_name(f"{folder.name}-updated")
     seen = None if observed is None else read_observed(observed)
     dates = {

@@ -51,6 +51,7 @@ RESULTS = ("sweep.nc", "sweep.json", "sensitivity.csv", "sensitivity.png")
 
 @reported
 def sensitivity(
+    context: typer.Context,
     experiment: ExperimentToRun = None,
     method: Annotated[
         str, typer.Option("--method", help="morris: effects, for a first look at many inputs; sobol: parts of the variance.")
@@ -111,11 +112,7 @@ def sensitivity(
 
     with allow_large(large):
         announce_compilation(quiet)
-        kept = {
-            "--vary": vary, "--output": output, "--seed": seed, "--set": settings, "--days": days, "--data": data,
-            "--without": without, "--numerics": numerics, "--no-default-errors": None if default_errors else True,
-        }  # fmt: skip
-        store = opened("sensitivity", experiment, make, output, RESULTS, resume, draws, kept)
+        store = opened(context, "sensitivity", experiment, make, output, RESULTS, resume, draws)
         plan = store.plan
         for day in at_day or ():
             positive(day, "--at-day", "days", most=plan.days)
@@ -170,12 +167,16 @@ def summary_lines(found: Any) -> list[str]:
 CALIBRATION = ("calibration.nc", "calibration.csv", "posterior.png", "predictive.png")
 """Files that the command writes into its folder, beside one folder for each wave."""
 
+WHERE = ("output", "scheduler", "workers", "resume", "figure", "quiet", "large", "verbose")
+"""Parameters of the command that do not say what is calibrated."""
+
 ASKED = "calibration.json"
 """File that says what is calibrated, for `--resume`."""
 
 
 @reported
 def calibrate(
+    context: typer.Context,
     experiment: ExperimentToRun = None,
     observed: Annotated[Path | None, typer.Argument(metavar="[OBSERVED]", help="Outlines or positions.")] = None,
     vary: Annotated[
@@ -230,13 +231,10 @@ def calibrate(
     within(azimuth_error, "--azimuth-error", 0.1, 90.0)
     within(model_error, "--model-error", 0.0, 1000.0)
     within(hour, "--hour", 0.0, 24.0)
+    # What is calibrated, as it was given; where and how it runs may be another when it goes on.
     asked: dict[str, Any] = {
-        "experiment": experiment, "observed": None if observed is None else str(observed.absolute()), "vary": vary or [],
-        "broken": broken, "whole_until": whole_until, "one_break_until": one_break_until,
-        "second_break": second_break, "berg": berg, "hour": hour, "error": error,
-        "azimuth_error": azimuth_error, "model_error": model_error, "waves": waves, "members": members,
-        "settings": settings or [], "days": days, "data": None if data is None else str(data.absolute()),
-        "without": without or [], "numerics": numerics, "seed": seed,
+        name: str(value.absolute()) if isinstance(value, Path) else value
+        for name, value in context.params.items() if name not in WHERE
     }  # fmt: skip
     if resume is not None:
         if experiment is not None:
@@ -258,13 +256,14 @@ def calibrate(
     check_folder(folder, names)
     made = make_options(asked["settings"], asked["days"], None if asked["data"] is None else Path(asked["data"]),
                         asked["without"], asked["numerics"])  # fmt: skip
-    # A calibration of an earlier version has no second break-up.
     breaks = ("broken", "whole_until", "one_break_until", "second_break")
     given = {name: asked.get(name) for name in breaks}  # a calibration of an earlier version has no second break-up
     dates: dict[str, Any] = {
         name: None if text is None else parse_date(text, where=f"--{name.replace('_', '-')}")[0] for name, text in given.items()
     }  # fmt: skip
     errors = Errors(asked["error"], asked["azimuth_error"], asked["model_error"])
+    seen = None if asked["observed"] is None else read_observed(asked["observed"])
+    same = {name: asked[name] for name in ("days", "berg", "hour", "waves", "members", "data", "numerics")}
     with allow_large(large), results_folder(folder, names):
         announce_compilation(quiet)
 
@@ -279,11 +278,9 @@ def calibrate(
 
         try:
             found = calibrated(
-                str(asked["experiment"]), None if asked["observed"] is None else read_observed(asked["observed"]), asked["vary"],
-                days=asked["days"], errors=errors, berg=asked["berg"], hour=asked["hour"], waves=asked["waves"],
-                members=asked["members"], output=folder, resume=resume is not None, bar=bar, changes=made.changes,
-                data=asked["data"], without=asked["without"], numerics=asked["numerics"], seed=asked["seed"] or 1,
-                scheduler=scheduler, workers=workers, **dates,
+                str(asked["experiment"]), seen, asked["vary"] or [], errors=errors, output=folder, resume=resume is not None,
+                bar=bar, changes=made.changes, without=asked["without"] or (), seed=asked["seed"] or 1, scheduler=scheduler,
+                workers=workers, **same, **dates,
             )  # fmt: skip
         except (KeyboardInterrupt, SystemExit):
             if (folder / ASKED).exists():

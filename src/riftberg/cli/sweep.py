@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -35,7 +35,7 @@ from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     import xarray as xr
 
@@ -47,6 +47,7 @@ RESULTS = ("sweep.nc", "sweep.json", "sweep.png")
 
 @reported
 def sweep(
+    context: typer.Context,
     experiment: ExperimentToRun = None,
     vary: Annotated[
         list[str] | None,
@@ -99,15 +100,11 @@ def sweep(
     with allow_large(large):
         positive(every, "--every", "hours", most=1e6)
         announce_compilation(quiet)
-        kept = {
-            "--vary": vary, "--design": design, "--plan": plan, "--seed": seed, "--output": output, "--set": settings,
-            "--days": days, "--data": data, "--without": without, "--numerics": numerics, "--every": every, "--cells": cells,
-        }  # fmt: skip
         if join is not None:
-            if any(given not in (None, []) for given in (experiment, resume, part, members, *kept.values())):
+            if options_given(context, *KEPT, "experiment", "resume", "part", "members"):
                 raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
             join_parts(join)
-            store = resumed(join, None, None, {})
+            store = resumed(join)
             store.own = []
             _run(store, scheduler, 0, draw=map_, quiet=quiet)
             return
@@ -127,19 +124,24 @@ def sweep(
             what = (vary or []) if design is None else read_design(design)
             return planned(experiment, what, options, every, cells, draws, design=design is not None)
 
-        store = opened("sweep", experiment, make, output, RESULTS, resume, members, kept, _part(part))
+        store = opened(context, "sweep", experiment, make, output, RESULTS, resume, members, _part(part))
         _run(store, scheduler, workers, draw=map_, quiet=quiet)
 
 
 def opened(
-    command: str, experiment: str | None, make: Callable[[str], Plan], output: Path | None, results: Sequence[str],
-    resume: Path | None, members: int | None, kept: Mapping[str, Any], part: tuple[int, int] | None = None,
+    context: typer.Context, command: str, experiment: str | None, make: Callable[[str], Plan], output: Path | None,
+    results: Sequence[str], resume: Path | None, members: int | None, part: tuple[int, int] | None = None,
 ) -> Store:  # fmt: skip
     """Return an ensemble at its start, checked, or one that goes on in its folder (see `resumed`)."""
     from riftberg.ensembles.sweep import Store
 
     if resume is not None:
-        return resumed(resume, experiment, members, kept, "forecast" if command == "forecast" else "sweep")
+        if changed := options_given(context, *KEPT):
+            raise InputError(
+                "a sweep that goes on stays what it is, in its folder", where="--resume",
+                remedy=f"Leave out {', '.join(changed)}",
+            )  # fmt: skip
+        return resumed(resume, experiment, members, "forecast" if command == "forecast" else "sweep")
     if experiment is None:
         raise InputError(
             "no experiment is named", where=command, remedy="Name one, or go on with one by --resume FOLDER"
@@ -160,22 +162,22 @@ def _part(text: str | None) -> tuple[int, int] | None:
     return int(first), int(second)
 
 
-def resumed(
-    folder: Path, experiment: str | None, members: int | None, kept: Mapping[str, Any], kind: str = "sweep"
-) -> Store:
-    """Return the sweep in a folder with what is done; members that are drawn may be more than before.
+KEPT = ("vary", "design", "plan", "seed", "output", "settings", "days", "data", "without", "numerics", "every", "cells",
+        "default_errors")  # fmt: skip
+"""Parameters of the commands that say what a sweep is, and stay as they are when it goes on."""
 
-    ``kept``: the options that were given for what a sweep keeps, by name.
-    """
+
+def options_given(context: typer.Context, *names: str) -> list[str]:
+    """Return those of the parameters of a command that were given on the command line, as they stand there."""
+    sources = {p: context.get_parameter_source(str(p.name)) for p in context.command.params if p.name in names}
+    return [(p.secondary_opts or p.opts)[0] for p, source in sources.items() if source and source.name == "COMMANDLINE"]
+
+
+def resumed(folder: Path, experiment: str | None = None, members: int | None = None, kind: str = "sweep") -> Store:
+    """Return the sweep in a folder with what is done; members that are drawn may be more than before."""
     from riftberg.ensembles.sweep import Store, draws_of, planned, read_plan
     from riftberg.experiments.registry import Options
 
-    changed = [name for name, given in kept.items() if given not in (None, [])]
-    if changed:
-        raise InputError(
-            "a sweep that goes on stays what it is, in its folder", where="--resume",
-            remedy=f"Leave out {', '.join(changed)}",
-        )  # fmt: skip
     known = read_plan(folder)
     found = "forecast" if known.get("forecast") else "sweep"
     if found != kind:

@@ -62,6 +62,7 @@ def verify(
     from riftberg.system.atomic_files import write_json
     from riftberg.system.input_files import is_folder
     from riftberg.verification.forecast import report, verified
+    from riftberg.verification.sightings import pieces_of
 
     within(error, "--error", 0.0, 100.0)
     within(hour, "--hour", 0.0, 24.0)
@@ -77,6 +78,7 @@ def verify(
         verified(
             open_sweep(pairs[2 * k]), read_observed(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
             whole_until=seen_whole[k], hour=hour, dressed=dressed, outline=_outline(pairs[2 * k]),
+            pieces=partial(pieces_of, pairs[2 * k]),
         )
         for k in range(count)
     ]  # fmt: skip
@@ -162,8 +164,8 @@ def _show(result: dict[str, Any]) -> None:
         if "overlap" in row:
             page.print(
                 f"Outlines, day {row['lead_days']}: overlap {row['overlap']:.2f} ({bare['overlap']:.2f}), squared error of the "
-                f"probability of ice {row['area_km2']:,.0f} km2 ({bare['area_km2']:,.0f}); {row['whole']:.0%} of the members, "
-                "those still whole",
+                f"probability of ice {row['area_km2']:,.0f} km2 ({bare['area_km2']:,.0f}); outlines of "
+                f"{row['known']:.0%} of the members",
                 highlight=False,
             )
     for one in result["forecasts"]:

@@ -117,6 +117,7 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
                         lost[id(job)] += 1
                         waiting.again.append(job)
                     else:
+                        lost.pop(id(job), None)  # the next job may have its place in memory
                         yield future, job
             except BaseException:  # a second Ctrl-C, or the caller wants no more: nobody waits for the members
                 for process in set(multiprocessing.active_children()) - before:

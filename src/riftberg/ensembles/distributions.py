@@ -170,7 +170,8 @@ def read_distribution(
     parts = [part.strip() for part in re.split(r",(?![^\[]*\])", call[2])]  # a list in brackets is one value
     if not all(parts) or (name not in OF_VALUES and len(parts) != len(ARGUMENTS[name])):
         words = ", ".join(ARGUMENTS.get(name, ("value", "value", "...")))
-        raise InputError(f"{value_shown(text)} has {len(parts)} numbers", where=where, remedy=f"Give {name}({words})")
+        many = f"{len(parts)} number{'s' if len(parts) != 1 else ''}"
+        raise InputError(f"{value_shown(text)} has {many}", where=where, remedy=f"Give {name}({words})")
     if name in OF_VALUES:
         return Distribution(name, (), tuple(value(part) for part in parts), text=text)
     return _checked(Distribution(name, _numbers(name, parts, where, number), (), limits, text), where)
@@ -246,9 +247,10 @@ def _checked(d: Distribution, where: str) -> Distribution:
     if what:
         raise InputError(what, where=where, remedy=EXAMPLE)
     if d.cut_off > 0.5:
+        to = f" to {d.limits.high:g}" if np.isfinite(d.limits.high) else " on"
         raise InputError(
             f"{100.0 * d.cut_off:.0f} % of the probability lies at impossible values", where=where,
-            remedy=f"Possible are numbers from {d.limits.low:g} to {d.limits.high:g}",
+            remedy=f"Possible are numbers from {d.limits.low:g}{to}",
         )  # fmt: skip
     return d
 

@@ -335,13 +335,7 @@ def _kml_shape(geometry: dict[str, Any]) -> str:
 def gridded(ds: xr.Dataset) -> xr.Dataset:
     """Return the probabilities on cells and by date as a CF dataset, whose maps other systems find where they belong."""
     names = [name for name in ds.data_vars if str(name).startswith(("p_", "presence", "passes", "cone_", "area_class"))]
-    # Dates first, then latitude and longitude: GDAL, and so QGIS, takes the last two dimensions for those of a map.
-    grid = (
-        ds[names]
-        .drop_vars("weight", errors="ignore")
-        .rename(cell_lon="lon", cell_lat="lat")
-        .transpose(..., "lat", "lon")
-    )
+    grid = ds[names].drop_vars("weight", errors="ignore").rename(cell_lon="lon", cell_lat="lat")
     for axis, name in (("X", "lon"), ("Y", "lat")):
         grid[name].attrs |= {
             "axis": axis,

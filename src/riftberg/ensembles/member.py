@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import shapely
 
 from riftberg.bergs.regions import turned
 from riftberg.constants import SECONDS_PER_DAY
@@ -113,6 +114,9 @@ class Outcome:
     track: list[list[float]] = field(default_factory=list)
     # Broken bonds: time (s), middle east and north of the berg's centre at the start (m), length of the crack across it (m)
     cracks: list[list[float]] = field(default_factory=list)
+    # Of one that broke up the outline of each piece at the end, where its ice lay at the start: number, and corners (m east and
+    # north of the middle of the berg)
+    shapes: list[list[Any]] = field(default_factory=list)
 
 
 class StoppedError(RiftbergError):
@@ -162,6 +166,7 @@ def run_member(job: Job) -> Outcome:
             job.state_file.unlink(missing_ok=True)
             outcome = outcome_of(job.number, model, track)
             outcome.cracks = _cracks(model, fresh, job.values)
+            outcome.shapes = _shapes(model, fresh)
     except StoppedError:
         _forget_files(job)
         return Outcome(job.number, "stopped")
@@ -315,22 +320,52 @@ def _cracks(model: BareModel, start: tuple[Any, Any, Any], values: Mapping[str, 
     broken = np.flatnonzero(np.isfinite(bonds.break_time))
     if not broken.size:
         return []
-    earth = model.parameters.earth
-    plane = EqualAreaPlane(float(lon.mean()), float(lat.mean()), earth.radius, earth.latlon)
-    x, y = turned(*plane.forward(lon, lat), -float(values.get("start.turn", 0.0)))
+    x, y = turned(*_about_middle(model, lon, lat), -float(values.get("start.turn", 0.0)))
     size = float(values.get("start.size", 1.0))
-    order = np.argsort(ids)
-    ends = [e.id[bonds.first[broken]], e.id[bonds.second[broken]]]
-    places = [order[np.clip(np.searchsorted(ids[order], end), 0, ids.size - 1)] for end in ends]
-    # Elements that came during the run were nowhere at the start.
-    known = (ids[places[0]] == ends[0]) & (ids[places[1]] == ends[1])
-    i, j = places[0][known], places[1][known]
+    i, j = _rows_of(e.id[bonds.first[broken]], ids), _rows_of(e.id[bonds.second[broken]], ids)
+    known = (i >= 0) & (j >= 0)
+    i, j = i[known], j[known]
     # The side of a square is the root of its area, that of a hexagon 0.62 of it.
     of = bonds.first[broken][known]
     across = np.sqrt((e.length * e.width)[of]) * np.where(e.sides[of] == 6, 0.6204, 1.0)
     middles = 0.5 * (x[i] + x[j]) / size, 0.5 * (y[i] + y[j]) / size
     rows = np.column_stack([bonds.break_time[broken][known], *middles, across / size])
     found: list[list[float]] = rows[np.argsort(rows[:, 0], kind="stable")].tolist()
+    return found
+
+
+def _about_middle(model: BareModel, lon: Any, lat: Any) -> tuple[Any, Any]:
+    """Return metres east and north of the middle of a berg."""
+    earth = model.parameters.earth
+    return EqualAreaPlane(float(lon.mean()), float(lat.mean()), earth.radius, earth.latlon).forward(lon, lat)
+
+
+def _rows_of(wanted: Any, ids: Any) -> Any:
+    """Return the rows of elements at the start; -1 for those that came during the run, and were nowhere then."""
+    order = np.argsort(ids)
+    rows = order[np.clip(np.searchsorted(ids[order], wanted), 0, ids.size - 1)]
+    return np.where(ids[rows] == wanted, rows, -1)
+
+
+def _shapes(model: BareModel, start: tuple[Any, Any, Any]) -> list[list[Any]]:
+    """Return the outlines of the pieces at the end where their ice lay at the start; none of a berg that is whole."""
+    if not model.fragments.breakups:
+        return []
+    ids, lon, lat = start
+    e, (x, y) = model.elements, _about_middle(model, lon, lat)
+    area = e.length * e.width
+    side, rows = float(np.sqrt(area.mean())), _rows_of(e.id, ids)
+    found = []
+    for number in np.unique(e.berg[rows >= 0]).tolist():
+        own = (e.berg == number) & (rows >= 0)
+        if area[own].sum() < 0.01 * area.sum():  # crumbs, as for scenarios
+            continue
+        # Discs that overlap, and what they reach too far taken off again: as good for squares as for hexagons, however turned.
+        # The edge of such discs side by side lies 0.74 of their distance from their middles, on average.
+        ice = shapely.union_all(shapely.buffer(shapely.points(x[rows[own]], y[rows[own]]), 0.8 * side, quad_segs=4))
+        shape = max(shapely.get_parts(shapely.buffer(ice, -0.24 * side)), key=lambda part: part.area)
+        corners = shapely.get_coordinates(shapely.simplify(shape, 0.1 * side).exterior)
+        found.append([int(number), np.round(corners).tolist()])
     return found
 
 

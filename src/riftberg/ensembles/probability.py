@@ -213,7 +213,8 @@ def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
         "units": "1",
         "long_name": "probability that ice lies over the cell then, fragments as ellipses of their areas and axes",
     }
-    ds["presence"] = (("cell_lat", "cell_lon", "time"), np.clip(np.moveaxis(presence, 0, 2), 0.0, 1.0), about)
+    # Dates first: GDAL, and so QGIS, takes the last two dimensions for those of a map.
+    ds["presence"] = (("time", "cell_lat", "cell_lon"), np.clip(presence, 0.0, 1.0), about)
     about = {"units": "1", "long_name": "probability that ice lies over the cell at one of the times"}
     ds["passes"] = (("cell_lat", "cell_lon"), np.clip(passes, 0.0, 1.0), about)
 
@@ -252,8 +253,16 @@ def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
         np.array(CONES),
         {"units": "1", "long_name": "part of the probability inside of the ellipse"},
     )
-    ds["cone_lon"] = ("time", middle[0], {"units": "degrees_east", "long_name": "mean longitude of the first berg"})
-    ds["cone_lat"] = ("time", middle[1], {"units": "degrees_north", "long_name": "mean latitude of the first berg"})
+    ds["cone_lon"] = (
+        "time",
+        middle[0],
+        {"units": "degrees_east", "standard_name": "longitude", "long_name": "mean longitude of the first berg"},
+    )
+    ds["cone_lat"] = (
+        "time",
+        middle[1],
+        {"units": "degrees_north", "standard_name": "latitude", "long_name": "mean latitude of the first berg"},
+    )
     for name, row, word in (("cone_major", 0, "major"), ("cone_minor", 1, "minor")):
         about = {"units": "m", "long_name": f"semi-{word} axis of the ellipse of the position"}
         ds[name] = (("cone", "time"), factor[:, None] * axes[row], about)

@@ -77,7 +77,7 @@ def dataset_of(
     ds["member"] = (
         "member",
         np.arange(count),
-        {"long_name": "number of the member", "standard_name": "realization"},
+        {"long_name": "number of the member", "standard_name": "realization", "units": "1"},
     )
     ds["fragment"] = ("fragment", np.arange(1, most + 1), {"long_name": "place of the fragment in the tables"})
     ds["time"] = (
@@ -217,41 +217,44 @@ def _add_fragments(
         ds[f"fragment_{shown}"] = (dims, table[name], {**about, "long_name": f"{about['long_name']} at birth"})
 
 
+TRACK: Final = {
+    "area": ("m2", "plan area of the fragment"),
+    "aground": ("1", "1 where an element of the fragment is aground"),
+    "azimuth": ("degree", "long axis, clockwise from north, 0 to 180"),
+    "stress_ratio_so_far": ("1", "largest stress over strength of a bond so far, until the first break-up"),
+    "elongation": ("1", "length over width, of the second moments of the fragment"),
+    "stress_ratio_again": ("1", "the same since the first break-up, until the second; 0 before"),
+}
+"""Columns of tracks after the place, in the order of `Outcome.track`: unit and meaning."""
+
+OF_MEMBER: Final = ("stress_ratio_so_far", "stress_ratio_again")
+"""Those that are one number of all fragments of a member."""
+
+
 def _add_tracks(
     ds: xr.Dataset, outcomes: Mapping[int, Outcome], listed: Mapping[int, list[int]], times: Floats, later: Floats,
     latlon: bool,
 ) -> None:  # fmt: skip
-    shape = ds.sizes["member"], ds.sizes["fragment"], len(times)
-    lon, lat, area, touching, azimuth, long = (np.full(shape, np.nan) for _ in range(6))
-    stress, again = (np.full((shape[0], shape[2]), np.nan) for _ in range(2))
+    places = list(_place(latlon).values())
+    about = {**dict(places), **{name: {"units": unit, "long_name": meaning} for name, (unit, meaning) in TRACK.items()}}
+    about["area"]["coordinates"] = f"{places[1][0]} {places[0][0]}"
+    dims = {name: ("member", "time") if name in OF_MEMBER else ("member", "fragment", "time") for name in about}
+    found = {name: np.full([ds.sizes[dim] for dim in dims[name]], np.nan) for name in about}
+    interval = times[1] if len(times) > 1 else 1.0
     for number, outcome in outcomes.items():
-        places = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
-        for time, fragment, x, y, size, *more in outcome.track:
-            k = round((time + later[number]) / (times[1] if len(times) > 1 else 1.0))
-            if fragment in places and 0 <= k < len(times):
-                at = number, places[fragment], k
-                lon[at], lat[at], area[at] = x, y, size
-                # What an earlier version did not note is missing.
-                touching[at], azimuth[at], stress[number, k], long[at], again[number, k] = (*more, *[np.nan] * 5)[:5]
-    dims = ("member", "fragment", "time")
-    (x_name, x_about), (y_name, y_about) = _place(latlon).values()
-    ds[x_name], ds[y_name] = (dims, lon, x_about), (dims, lat, y_about)
-    ds["area"] = (
-        dims,
-        area,
-        {"units": "m2", "long_name": "plan area of the fragment", "coordinates": f"{y_name} {x_name}"},
-    )
-    ds["aground"] = (dims, touching, {"units": "1", "long_name": "1 where an element of the fragment is aground"})
-    ds["azimuth"] = (dims, azimuth, {"units": "degree", "long_name": "long axis, clockwise from north, 0 to 180"})
-    ds["elongation"] = (
-        dims,
-        long,
-        {"units": "1", "long_name": "length over width, of the second moments of the fragment"},
-    )
-    about = {"units": "1", "long_name": "largest stress over strength of a bond so far, until the first break-up"}
-    ds["stress_ratio_so_far"] = (("member", "time"), stress, about)
-    about = {"units": "1", "long_name": "the same since the first break-up, until the second; 0 before"}
-    ds["stress_ratio_again"] = (("member", "time"), again, about)
+        if not outcome.track:
+            continue
+        # What an earlier version did not note is missing.
+        width = 2 + len(about)
+        rows = np.array([[*row, *[np.nan] * (width - len(row))] for row in outcome.track])
+        place_of = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
+        at = np.array([place_of.get(fragment, -1) for fragment in rows[:, 1].tolist()])
+        k = np.rint((rows[:, 0] + later[number]) / interval).astype(int)
+        known = (at >= 0) & (k >= 0) & (k < len(times))
+        for name, column in zip(about, rows[known, 2:].T, strict=True):
+            found[name][(number, k[known]) if name in OF_MEMBER else (number, at[known], k[known])] = column
+    for name, values in found.items():
+        ds[name] = (dims[name], values, about[name])
 
 
 def write_sweep(ds: xr.Dataset, path: str | Path, *, more: bool = False) -> Path:

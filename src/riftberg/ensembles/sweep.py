@@ -22,7 +22,7 @@ from riftberg.ensembles.distributions import PLANS
 from riftberg.ensembles.member import CONTROL, STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.probability import Breaks, with_probabilities
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
-from riftberg.ensembles.uncertain import with_errors
+from riftberg.ensembles.uncertain import check_sizes, with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
 from riftberg.experiments.changes import changed, origin, settings_of
@@ -271,8 +271,10 @@ def planned(
     draws = draws or Draws()
     if design:
         varied, members = designed(vary, free=callable(experiment))
+        check_sizes([v.name for v in varied])
     else:
         varied = varied_of(vary_with_file(experiment, vary), free=callable(experiment))
+        check_sizes([v.name for v in varied])
         members = members_of(varied, draws)
     length = options.days
     if isinstance(named, str):
@@ -563,33 +565,23 @@ def _since(cracks: list[list[float]], lag: float) -> np.ndarray[Any, Any]:
 
 def join_parts(folder: Path) -> int:
     """Bring the members of all parts below a folder together in it, as one sweep, and return how many are there."""
+
+    def refuse(what: str, remedy: str) -> None:
+        raise InputError(what, where=f"--join {folder}", remedy=remedy)
+
     parts = sorted(folder.glob("part-*-of-*")) if is_folder(folder) else []
     plans = {path.name: read_plan(path) for path in parts}
     if not plans:
-        raise InputError(
-            "holds no parts of a sweep", where=f"--join {folder}", remedy="Run them by --part 1/4 and the same --output"
-        )
+        refuse("holds no parts of a sweep", "Run them by --part 1/4 and the same --output")
     first, *others = plans.items()
     for name, plan in others:
         if plan != first[1]:
-            raise InputError(
-                f"{first[0]} and {name} are parts of different sweeps",
-                where=f"--join {folder}",
-                remedy="Run them alike",
-            )
+            refuse(f"{first[0]} and {name} are parts of different sweeps", "Run them alike")
     counts = {name.rpartition("-")[2] for name in plans}
     if len(counts) > 1:
-        raise InputError(
-            f"parts of {' and '.join(sorted(counts))}",
-            where=f"--join {folder}",
-            remedy="Remove those that do not belong",
-        )
+        refuse(f"parts of {' and '.join(sorted(counts))}", "Remove those that do not belong")
     if (folder / PLAN).exists() and read_plan(folder) != first[1]:
-        raise InputError(
-            "holds another sweep than its parts",
-            where=f"--join {folder}",
-            remedy="Move the parts to a folder of their own",
-        )
+        refuse("holds another sweep than its parts", "Move the parts to a folder of their own")
     members = folder / MEMBERS
     members.mkdir(exist_ok=True)
     found = 0

@@ -6,7 +6,7 @@ These are keys of `--vary` like the parameters, and hold for any experiment: the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -85,6 +85,18 @@ def is_uncertain(name: str) -> bool:
 def has_fields(names: Any) -> bool:
     """Whether members with these inputs have random fields."""
     return any(name.endswith(("_error.speed", "_error.spread", "_error.share", "_error.field")) for name in names)
+
+
+def check_sizes(names: Collection[str]) -> None:
+    """Refuse the length or time of a random error that has no size: it would do nothing."""
+    sizes = {"current_error": ("speed", "field"), "wind_error": ("speed",), "floor_error": ("spread", "share")}
+    for group, own in sizes.items():
+        scales = [name for name in names if name in (f"{group}.length", f"{group}.time")]
+        if scales and not any(f"{group}.{size}" in names for size in own):
+            raise InputError(
+                "the scale of an error that has no size", where=f"--vary {scales[0]}",
+                remedy=f"Give {' or '.join(f'{group}.{size}' for size in own)} too, or leave it out",
+            )  # fmt: skip
 
 
 def with_errors(model: Model, values: Mapping[str, Any]) -> Model:

@@ -156,26 +156,33 @@ def _free(name: str, values: Any, where: str) -> Varied:
     return Varied(name, _distinct(native(list(values)), where))
 
 
-def _of_parameter(name: str, values: Any, where: str) -> Varied:
+def _field_of(name: str, where: str) -> tuple[Any, FieldInfo]:
+    """Return the section of a parameter, and its field there."""
     group, dot, key = name.partition(".")
-    if is_of_file(name):
-        if isinstance(values, str) and values.startswith("~"):
-            return _drawn_of_file(name, values[1:], where)
-        return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
     if not dot:
         raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
     settable = {**SETTABLE, **UNCERTAIN}
     field = find_field(group, key, where=where, settable=settable)
+    return settable[group], field
+
+
+def _of_parameter(name: str, values: Any, where: str) -> Varied:
+    group, _, key = name.partition(".")
+    if is_of_file(name):
+        if isinstance(values, str) and values.startswith("~"):
+            return _drawn_of_file(name, values[1:], where)
+        return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
+    section, field = _field_of(name, where)
     if isinstance(values, str) and values.startswith("~"):
 
         def value(part: str) -> Any:  # a place in brackets, as the file has it, or a number with its unit
-            return given(file_value(part, where) if part[:1] == "[" else part, settable[group], key, where=where)
+            return given(file_value(part, where) if part[:1] == "[" else part, section, key, where=where)
 
         return _drawn(f"{group}.{key}", values[1:], field, value, where)
     if any(get_origin(kind) is tuple for kind in kinds_of(field.annotation)) and isinstance(values, str):
         values = _of_file(values, where)  # such as [-39, -55],[-38, -55]
     several = _read(values, field, where) if isinstance(values, str) else _listed(values, where)
-    plain = [given(value, settable[group], key, where=where) for value in several]
+    plain = [given(value, section, key, where=where) for value in several]
     return Varied(f"{group}.{key}", _distinct(plain, where), unit_of(field), field.description or "")
 
 
@@ -183,19 +190,29 @@ def _of_file(values: Any, where: str) -> list[Any]:
     """Read values of a key of the experiment file: a range, or a list with commas, in which lists stand in brackets."""
     if not isinstance(values, str):
         return _listed(values, where)
-    bounds = _RANGE.match(values)
-    if bounds is None:
-        parts = [part.strip() for part in re.split(r",(?![^\[{]*[\]}])", values)]
-        return [file_value(part, where) for part in with_unit_of_last(parts, where)]
-    low, high, count = bounds.groups()
-    unit = re.sub(r"^[-+.\deE]+\s*", "", high)
-    if count is None or not count.strip().isdigit() or not 2 <= int(count) <= MOST_MEMBERS:
-        raise InputError(
-            "does not say how many values", where=where, remedy=f"Write the number, 2 or more: {low}..{high}:11"
-        )
-    first, last = (number(end.removesuffix(unit).strip(), "1", where=where) for end in (low, high))
-    spaced = np.linspace(first, last, int(count)).tolist()
+    parts, count = _parts(values, where)
+    if not count:
+        return [file_value(part, where) for part in parts]
+    unit = re.sub(r"^[-+.\deE]+\s*", "", parts[1])
+    first, last = (number(end.removesuffix(unit).strip(), "1", where=where) for end in parts)
+    spaced = np.linspace(first, last, count).tolist()
     return [f"{value:.12g} {unit}" if unit else value for value in spaced]
+
+
+def _parts(text: str, where: str) -> tuple[list[str], int]:
+    """Return the values of a list with commas and 0, or the ends of a range ``LOW..HIGH:COUNT`` and its number of values.
+
+    A unit at the end is that of all; lists stand in brackets.
+    """
+    bounds = _RANGE.match(text)
+    if bounds is None:
+        return with_unit_of_last([part.strip() for part in re.split(r",(?![^\[{]*[\]}])", text)], where), 0
+    low, high, count = bounds.groups()
+    if count is None or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
+        said = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"
+        raise InputError(said, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
+    refuse_large(int(count), MOST_MEMBERS, "members", where=where, remedy="Give fewer values", kind=InputError)
+    return with_unit_of_last([low.strip(), high.strip()], where), int(count)
 
 
 def _drawn_of_file(name: str, text: str, where: str) -> Varied:
@@ -250,28 +267,16 @@ def _listed(values: Any, where: str) -> list[Any]:
 
 
 def _read(text: str, field: FieldInfo, where: str) -> list[Any]:
-    """Read a range ``LOW..HIGH:COUNT`` or a list with commas; a unit at the end is that of all."""
-    bounds = _RANGE.match(text)
-    if bounds is None:
-        parts = [part.strip() for part in text.split(",")]
-        return with_unit_of_last(parts, where)
-    low, high, count = bounds.groups()
-    low, high = with_unit_of_last([low.strip(), high.strip()], where)
-    if count is None or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
-        said = "does not say how many values" if count is None else f"{value_shown(count)} is no number of values"
-        raise InputError(said, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
+    """Read evenly spaced values of a range, or the values of a list."""
+    parts, count = _parts(text, where)
+    if not count:
+        return list(parts)
     whole = int in kinds_of(field.annotation) and float not in kinds_of(field.annotation)
     if not whole and float not in kinds_of(field.annotation):
         raise InputError("a range of what is no number", where=where, remedy=f"{allowed(field)}. Give them with commas")
-    return _spaced(low, high, int(count), field, whole, where)
-
-
-def _spaced(low: str, high: str, count: int, field: FieldInfo, whole: bool, where: str) -> list[Any]:
-    """Return evenly spaced values between two ends."""
-    first, last = (number(end, unit_of(field), where=where) for end in (low, high))
+    first, last = (number(end, unit_of(field), where=where) for end in parts)
     if not first < last:
-        raise InputError(f"{low} is not below {high}", where=where, remedy="The smaller number stands first")
-    refuse_large(count, MOST_MEMBERS, "members", where=where, remedy="Give fewer values", kind=InputError)
+        raise InputError(f"{parts[0]} is not below {parts[1]}", where=where, remedy="The smaller number stands first")
     values = np.linspace(first, last, count)
     if whole and not (values == np.round(values)).all():
         raise InputError("a range with steps that are no whole numbers", where=where, remedy=f"{allowed(field)}")
@@ -395,15 +400,11 @@ def designed(columns: Mapping[str, Sequence[Any]], *, free: bool = False) -> tup
         if free and not is_uncertain(name):
             varied.append(Varied(name, tuple(values)))
             continue
-        group, dot, key = name.partition(".")
-        settable = {**SETTABLE, **UNCERTAIN}
-        where = f"--design, {name}"
-        if not dot:
-            raise InputError(f"{name!r} is not of the form group.name", where=where, remedy=EXAMPLE)
-        field = find_field(group, key, where=where, settable=settable)
+        where, key = f"--design, {name}", name.rpartition(".")[2]
+        section, field = _field_of(name, where)
         refuse_bare_numbers([str(value) for value in values], where)
-        plain = tuple(given(value, settable[group], key, where=where) for value in values)
-        varied.append(Varied(f"{group}.{key}", plain, unit_of(field), field.description or ""))
+        plain = tuple(given(value, section, key, where=where) for value in values)
+        varied.append(Varied(name, plain, unit_of(field), field.description or ""))
     names = [v.name for v in varied]
     found: dict[str, Any] = {v.name: v.values for v in varied}
     count = len(varied[0].values)

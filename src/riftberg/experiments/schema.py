@@ -5,7 +5,7 @@ Quantities may carry units (``thickness: 200 m``, ``time_step: 30 min``); plain 
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import date, datetime
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
@@ -32,7 +32,17 @@ SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "field")
 """Ways to give the shape of a berg."""
 
 
-class OutlineFile(Section):
+class Dated(Section):
+    """A file with several dates, of which one is named; in YAML a date stands without quotes."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _date_as_text(cls, data: Any) -> Any:
+        written = data.get("date") if isinstance(data, dict) else None
+        return {**data, "date": written.isoformat()} if isinstance(written, date) else data
+
+
+class OutlineFile(Dated):
     """Shape from a polygon."""
 
     file: str = key(..., "", "GeoJSON, shapefile, CSV (lon, lat) or KML")
@@ -42,7 +52,7 @@ class OutlineFile(Section):
     repair: bool = key(False, "", "mend an outline that crosses itself")
 
 
-class Mask(Section):
+class Mask(Dated):
     """Shape from a grid of ones and zeros, or of thickness."""
 
     file: str = key(
@@ -53,7 +63,7 @@ class Mask(Section):
     date: str | None = key(None, "", "time of the file")
 
 
-class Shelf(Section):
+class Shelf(Dated):
     """Ice shelf that calves: the berg has its mass, and its thickness."""
 
     file: str = key(..., "", "map of thickness (m) on longitude and latitude or in a map projection; NetCDF or GeoTIFF")

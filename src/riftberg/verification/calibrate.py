@@ -30,7 +30,6 @@ from riftberg.ensembles.uncertain import SEED, has_fields
 from riftberg.ensembles.vary import Varied, varied_of
 from riftberg.errors import InputError
 from riftberg.state import Floats
-from riftberg.system.input_files import value_shown
 from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
 from riftberg.verification.sightings import DAY, away_from, check_dates, sightings_of, turned_from
 
@@ -365,7 +364,7 @@ def check_within(plan: Plan, varied: Sequence[Varied], options: Options) -> None
         if not 0.001 < share < 0.999:
             unit = f" {v.unit}" if v.unit not in ("", "1") else ""
             raise InputError(
-                f"{v.distribution.text} excludes the {value_shown(value)}{unit} of the experiment", where=f"--vary {v.name}",
+                f"{v.distribution.text} excludes the {value:g}{unit} of the experiment", where=f"--vary {v.name}",
                 remedy="Widen it, or set another value with --set",
             )  # fmt: skip
 
@@ -453,7 +452,9 @@ def calibrate(
         count = options.get("members") or PER_INPUT * len(inputs)
         if count < len(inputs) + 4:
             raise InputError(
-                f"{count} members for {len(inputs)} inputs", where="members", remedy=f"Give {len(inputs) + 4} or more"
+                f"{count} members for {len(inputs)} input{'s' if len(inputs) > 1 else ''}",
+                where="members",
+                remedy=f"Give {len(inputs) + 4} or more",
             )
         plan = made.plan(0, np.full((1, len(inputs)), 0.5))
         if not plan.first.parameters.earth.latlon:

@@ -68,6 +68,7 @@ def verified(
     ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, broken: datetime | None = None,
     whole_until: datetime | None = None, hour: float | None = None,
     dressed: dict[str, Dressed] | Callable[[str], dict[str, Dressed]] | None = None, outline: Any = None,
+    pieces: Callable[[int], list[list[Any]]] | None = None,
 ) -> Verified:  # fmt: skip
     """Put an ensemble beside what was observed.
 
@@ -90,6 +91,8 @@ def verified(
         for the name of the berg that is verified, without those of its family.
     outline : shapely.Polygon, optional
         Outline of the berg at the start (`riftberg.verification.sightings.outline_of_run`), to compare outlines with.
+    pieces : callable, optional
+        Gives the outlines of the pieces of a member that broke up, by its number (`riftberg.ensembles.member.Outcome`).
 
     Returns
     -------
@@ -146,7 +149,7 @@ def verified(
         if "cone_major" in ensemble:
             own.setdefault(lead, []).append(_own_area(ensemble, when, place))
         if outline is not None and sighting.shape is not None:
-            shapes = outlines_at(ds, outline, sighting)
+            shapes = outlines_at(ds, outline, sighting, pieces)
             if len(shapes) >= LEAST:
                 outlines.setdefault(lead, []).append(Outlines(shapes, sighting.shape, len(shapes) / len(lon)))
         for name, made in _baselines(Start(named, first, *origin, before), heading, when, others).items():

@@ -40,7 +40,7 @@ class Outlines(NamedTuple):
 
     members: list[Any]
     observed: Any
-    whole: float  # Part of the members, those that have not broken up; of the others no outline is kept
+    known: float  # Part of the members whose outlines are known
 
 
 USUAL_ERROR: Final = 6.0
@@ -134,7 +134,7 @@ def outline_scores(outlines: Sequence[Outlines], error: float, *, seed: int = 1)
         x, y = np.meshgrid(np.arange(west, east + step, step), np.arange(south, north + step, step))
         inside = np.stack([shapely.contains_xy(shape, x, y) for shape in (*members, one.observed)])
         area.append(step**2 * fair_brier(inside[:-1], inside[-1]).sum())
-    return {"outlines": len(outlines), "whole": float(np.mean([one.whole for one in outlines])),
+    return {"outlines": len(outlines), "known": float(np.mean([one.known for one in outlines])),
             "overlap": float(np.mean(overlap)), "area_km2": float(np.mean(area))}  # fmt: skip
 
 

@@ -6,6 +6,7 @@ A fragment keeps its number when something breaks off, so the first row of the t
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -18,7 +19,7 @@ from shapely.affinity import rotate, scale, translate
 from riftberg.diagnostics.observed import Observations
 from riftberg.diagnostics.outlines import axis_difference, polygon_moments, polygon_on
 from riftberg.ensembles.probability import effective
-from riftberg.ensembles.sweep import WEIGHTS, Plan, Store
+from riftberg.ensembles.sweep import MEMBERS, WEIGHTS, Plan, Store
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
@@ -26,6 +27,7 @@ from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
+from riftberg.system.input_files import shortened
 from riftberg.verification.positions import AZIMUTH_ERROR, local
 
 DAY: Final = np.timedelta64(1, "D")
@@ -79,7 +81,9 @@ def sightings_of(
     chosen = next((name for name in names if berg is not None and name.lower() == berg.lower()), None)
     if chosen is None and (berg is not None or (len(names) > 1 and not observed.outlines)):
         what = "several bergs" if berg is None else f"no positions of {berg}"
-        raise InputError(what, where=str(observed.source), remedy=f"Name one with --berg: {', '.join(names[:10])}")
+        named = ", ".join(name for name in names if name)
+        remedy = f"Name one with --berg: {shortened(named, 100)}" if named else "It names no berg: leave --berg out"
+        raise InputError(what, where=str(observed.source), remedy=remedy)
     seen = {when: Sighting(when, f.lon, f.lat, f.azimuth, None) for name, when, f in fixes if chosen in (None, name)}
     sizes: dict[datetime, float] = {}
     for name, when, outline in found:
@@ -173,25 +177,85 @@ def outline_of_run(file: Path) -> Any:
     return translate(whole, -whole.centroid.x, -whole.centroid.y)
 
 
-def outlines_at(ds: xr.Dataset, start: Any, seen: Sighting) -> list[Any]:
-    """Return the outlines of the members that are whole at a sighting, kilometres east and north of its centroid.
+def outlines_at(
+    ds: xr.Dataset, start: Any, seen: Sighting, pieces: Callable[[int], list[list[Any]]] | None = None
+) -> list[Any]:  # fmt: skip
+    """Return the outlines of the first berg of the members at a sighting, kilometres east and north of its centroid.
 
-    ``start``: outline at the start of the run in which nothing is varied. A berg that is whole is rigid: its place is that of
-    the centroid, its turn that of its long axis, its size that of its area.
+    ``start``: outline at the start of the run in which nothing is varied; ``pieces``: gives those of a member that broke up,
+    as `riftberg.ensembles.member.Outcome` has them. A berg is rigid until it breaks: its place is that of the centroid, its turn
+    that of its long axis, its size that of its area.
     """
     (first, after), part = between(times_of(ds), seen.when)
-    whole = ~(ds["first_breakup"].values <= np.datetime64(seen.when, "ns"))
+    broke = ds["first_breakup"].values <= np.datetime64(seen.when, "ns")
+    place = away_from(ds, seen.when, seen.place)
     azimuth = ds["azimuth"].isel(fragment=0).values.astype(float)
+    # Of one that broke between two records the area is that after it.
+    area = 1e-6 * ds["area"].isel(fragment=0).values.astype(float)
+    area = np.where(broke, area[:, after], area[:, first])
     # An axis has no direction, so a turn is known but for 180 degrees: at the start the smaller one, then continued.
     turn = np.unwrap(azimuth, period=180.0, axis=1) - azimuth[:, :1]
-    turn += axis_difference(azimuth[:, :1], polygon_moments(np.asarray(start.exterior.coords))[2])
-    turn = (1.0 - part) * turn[:, first] + part * turn[:, after]
-    size = np.sqrt(ds["area"].values[:, 0, first].astype(float) / (1e6 * start.area))
-    place = away_from(ds, seen.when, seen.place)
-    return [
-        translate(scale(rotate(start, -turn[m], origin=(0.0, 0.0)), size[m], size[m], origin=(0.0, 0.0)), *place[m])
-        for m in np.flatnonzero(whole & np.isfinite(place).all(axis=1))
-    ]
+    turn += axis_difference(azimuth[:, :1], axis_of(start))
+    found = []
+    for m in np.flatnonzero(np.isfinite(place).all(axis=1)).tolist():
+        shape, turns = start, turn[m]
+        if broke[m]:
+            rings = [] if pieces is None else pieces(int(ds["member"].values[m]))
+            if not any(number == 1 for number, _ in rings):
+                continue
+            shape, turns = broken_outline(ds.isel(member=m), rings, after, seen.when)
+        size = np.sqrt(area[m] / shape.area)
+        turned = rotate(shape, -((1.0 - part) * turns[first] + part * turns[after]), origin=(0.0, 0.0))
+        found.append(translate(scale(turned, size, size, origin=(0.0, 0.0)), *place[m]))
+    return found
+
+
+def pieces_of(ensemble: Path, number: int) -> list[list[Any]]:
+    """Return the outlines of the pieces of a member that broke up, from the folder of its ensemble; none where it keeps none."""
+    file = (ensemble if ensemble.is_dir() else ensemble.parent) / MEMBERS / f"{number:05d}.json"
+    found: list[list[Any]] = json.loads(file.read_text("utf-8")).get("shapes", []) if file.exists() else []
+    return found
+
+
+def axis_of(shape: Any) -> float:
+    """Return the azimuth of the long axis of a polygon, degrees."""
+    return polygon_moments(np.asarray(shape.exterior.coords))[2]
+
+
+def broken_outline(member: xr.Dataset, rings: list[list[Any]], last: int, when: datetime) -> tuple[Any, Floats]:
+    """Return what is left of the first berg of a member at a date (km about its centroid), and how far it has turned by record.
+
+    ``rings``: outlines at the end where their ice lay at the start; what broke off later belongs to the berg before;
+    ``last``: record after the date.
+    """
+    names = ("number", "parent", "birth_time")
+    rows = zip(*(member[f"fragment_{name}"].values for name in names), strict=True)
+    parents = {int(number): (int(parent), born) for number, parent, born in rows if np.isfinite(number)}
+
+    def owner(number: int, now: Any) -> int:
+        while number in parents and parents[number][0] > 0 and parents[number][1] > now:
+            number = parents[number][0]
+        return number
+
+    known: dict[tuple[int, ...], Any] = {}
+
+    def shape_at(now: Any) -> Any:
+        own = tuple(k for k, (number, _) in enumerate(rings) if owner(number, now) == 1)
+        if own not in known:
+            # Pieces of one lattice meet, but for what rounding their corners took: closed by a hundredth of the berg.
+            parts = [shapely.Polygon(np.array(rings[k][1]) / 1e3) for k in own]
+            seam = 0.02 * float(np.sqrt(sum(part.area for part in parts)))
+            ice = shapely.buffer(shapely.buffer(shapely.union_all(parts), seam), -seam)
+            shape = max(shapely.get_parts(ice), key=lambda part: part.area)
+            known[own] = translate(shape, -shape.centroid.x, -shape.centroid.y)
+        return known[own]
+
+    turns, now = np.zeros(last + 1), 0.0
+    azimuth = member["azimuth"].isel(fragment=0).values.astype(float)
+    for k, time in enumerate(times_of(member)[: last + 1]):
+        now += axis_difference(azimuth[k] - axis_of(shape_at(time)), now)
+        turns[k] = now
+    return shape_at(np.datetime64(when, "ns")), turns
 
 
 # --- weights -----------------------------------------------------------------------------------------------------------

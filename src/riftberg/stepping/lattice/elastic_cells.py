@@ -40,6 +40,10 @@ DISC = 0.2
 """Part of its radius by which the ice reaches beyond the centre of a cell at least, also where the outline does not."""
 
 
+MOST_MESHES = 4
+"""Meshes that are made of a lattice, each with ice where the one before had left a bond without."""
+
+
 class ElasticCells(NamedTuple):
     """The mesh of all bergs, and whose cells and bonds its are."""
 
@@ -133,6 +137,11 @@ def ice_on_plane(
     return shapely.unary_union([ice, *discs[outside]])
 
 
+def _widened(ice: Any, lines: Any, facet: float) -> Any:
+    """Return ice that reaches a facet to either side of lines."""
+    return shapely.unary_union([ice, *shapely.buffer(lines, facet, cap_style="flat")]) if lines.size else ice
+
+
 def _mesh_of(
     el: Elements, bonds: Bonds, rows: Ints, radius: Floats, outline: Any, p: KernelParameters
 ) -> tuple[CellMesh, Ints]:
@@ -157,17 +166,21 @@ def _mesh_of(
     ice = ice_on_plane(plane, xy, radius, outline, xy[pairs[0, 1]] - xy[pairs[0, 0]], hexagonal=hexagonal)
     # Bonded cells are joined by ice, also where the outline has a narrow inlet between them or they lie a little apart.
     across = shapely.linestrings(xy[ends])
-    across = across[~shapely.covers(ice, across)]
-    if across.size:
-        facet = float(radius.mean()) * (1.0 / np.sqrt(3.0) if hexagonal else 1.0)
-        ice = shapely.unary_union([ice, *shapely.buffer(across, facet, cap_style="flat")])
+    facet = float(radius.mean()) * (1.0 / np.sqrt(3.0) if hexagonal else 1.0)
+    ice = _widened(ice, across[~shapely.covers(ice, across)], facet)
     if ice.geom_type != "Polygon":
         raise BergError(
             "a berg whose elements do not touch each other has no elastic cells",
             where="bonds.elasticity", remedy="Set it to 'bonds', or place elements two radii apart",
         )  # fmt: skip
-    mesh = cell_mesh(xy, pairs[:, 0], pairs[:, 1], ice, spacing, both_diagonals=not hexagonal)
-    without = np.setdiff1d(np.arange(len(ends)), mesh.edge_bond)
+    without = np.zeros(0, np.int64)
+    for _ in range(MOST_MESHES):
+        # A line within the ice may still pass so near to its edge that no edge of a triangle joins the cells.
+        ice = _widened(ice, across[without], facet)
+        mesh = cell_mesh(xy, pairs[:, 0], pairs[:, 1], ice, spacing, both_diagonals=not hexagonal)
+        without = np.setdiff1d(np.arange(len(ends)), mesh.edge_bond)
+        if not without.size:
+            break
     if without.size:
         a, b = el.body.id[rows[ends[without[0]]]]
         raise BergError(
