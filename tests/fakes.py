@@ -16,6 +16,7 @@ from riftberg.errors import RunError
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
+from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.process import held
 
@@ -28,6 +29,7 @@ class FakeTree:
     """Family tree of the fragments."""
 
     rows: list[Fragment] = field(default_factory=list)
+    bergs: tuple[tuple[str, int], ...] = ()
 
 
 class FakeForcing:
@@ -54,6 +56,7 @@ class FakeModel:
     """Berg of ``nx`` by ``ny`` square elements; its last columns break off at ``break_time`` seconds."""
 
     life: Any = None  # nothing melts
+    contacts = ContactLog()  # nothing touches
 
     def __init__(
         self,

@@ -49,7 +49,6 @@ from riftberg.config.units import area_text
 from riftberg.life.ledger import PROCESSES, melt_of
 from riftberg.runs.layout import called, forcing_text
 from riftberg.runs.progress import Stopwatch
-from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.stepping.fragments.tree import centroid
@@ -108,13 +107,13 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
         return None
     assert model.life is not None
     balance = model.life.balance(model)
-    rows = fragment_rows(model)
-    water = melt_of(model.remembered, np.array([int(row["number"]) for row in rows], np.int64))
+    rows = model.fragments.rows
+    water = melt_of(model.remembered, np.array([row.number for row in rows], np.int64))
     order = np.argsort(-water.sum(axis=1), kind="stable")[:MOST_FRAGMENTS].tolist()
     by_fragment = [
         {
-            "fragment": int(rows[k]["number"]),
-            "name": _name_of_row(rows[k]),
+            "fragment": rows[k].number,
+            "name": called(rows[k].number, rows[k].parent, rows[k].name),
             **dict(zip(PROCESSES, water[k].tolist(), strict=True)),
         }
         for k in order
@@ -152,21 +151,36 @@ def fragment_areas(model: BareModel) -> list[float]:
 
 def breakups(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per fragment that split from its parent, in order of time."""
-    born = [row for row in fragment_rows(model) if row["parent"] > 0]
-    names = {int(row["number"]): str(row.get("name", "")) for row in fragment_rows(model)}
-    return [_breakup(model.start, row, names) for row in sorted(born, key=lambda row: float(row["birth_time"]))]
+    rows = model.fragments.rows
+    names = {row.number: row.name for row in rows}
+    return [
+        {
+            "time": (model.start + timedelta(seconds=row.birth_time)).isoformat(),
+            "lon": row.lon,
+            "lat": row.lat,
+            "area_km2": row.area / 1e6,
+            "bonds": row.bonds_broken,
+            "grounded": row.grounded,
+            "fragment": row.number,
+            "parent": row.parent,
+            "name": row.name,
+            "parent_name": names.get(row.parent, ""),
+        }
+        for row in sorted(rows, key=lambda row: row.birth_time)
+        if row.parent > 0
+    ]
 
 
 def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per berg of the start, and per one that was added later."""
-    rows = {int(row["number"]): row for row in fragment_rows(model)}
+    rows = {row.number: row for row in model.fragments.rows}
     e = model.elements
     area, earth = e.length * e.width, model.parameters.earth
 
     def origin(number: int) -> int:
         """Up the family tree to the berg that it comes from."""
-        while number in rows and rows[number]["parent"] > 0:
-            number = int(rows[number]["parent"])
+        while number in rows and rows[number].parent > 0:
+            number = rows[number].parent
         return number
 
     pieces: dict[int, list[tuple[float, int]]] = {}
@@ -180,18 +194,18 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
             melted[origin(number)] = melted.get(origin(number), 0.0) + float(water)
     entries: list[dict[str, Any]] = []
     for number, row in rows.items():
-        if row["parent"] > 0:
+        if row.parent > 0:
             continue
         mine = sorted(pieces.get(number, []), reverse=True)
         entry = {
-            "number": number, "name": str(row.get("name", "")), "area_km2": float(row["area"]) / 1e6,
+            "number": number, "name": row.name, "area_km2": row.area / 1e6,
             "fragments": len(mine), "largest_km2": mine[0][0] if mine else 0.0, "areas_km2": [size for size, _ in mine[:NAMED]],
             "melted_kg": melted.get(number, 0.0), **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat")),
         }  # fmt: skip
         if mine:
             inside = e.berg == mine[0][1]
             lon, lat = centroid(e.lon[inside], e.lat[inside], area[inside], earth.period)
-            here = np.array([lon]), np.array([lat]), np.array([float(row["lon"])]), np.array([float(row["lat"])])
+            here = np.array([lon]), np.array([lat]), np.array([row.lon]), np.array([row.lat])
             east, north = separations(Metric(earth.latlon, earth.radius, earth.period), *here)
             entry |= {
                 "drift_east_km": float(east[0]) / 1e3,
@@ -205,37 +219,18 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
 
 def collisions(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per collision of two bergs or fragments, in order of time."""
-    names = {int(row["number"]): _name_of_row(row) for row in fragment_rows(model)}
+    names = {row.number: called(row.number, row.parent, row.name) for row in model.fragments.rows}
     return [
         {
-            "time": (model.start + timedelta(seconds=float(row["time"]))).isoformat(),
-            "end": (model.start + timedelta(seconds=float(row["end"]))).isoformat(),
-            "bergs": [names.get(int(row[k]), str(row[k])) for k in ("first", "second")],
-            "lon": float(row["lon"]),
-            "lat": float(row["lat"]),
-            "speed": float(row["speed"]),
+            "time": (model.start + timedelta(seconds=row.time)).isoformat(),
+            "end": (model.start + timedelta(seconds=row.end)).isoformat(),
+            "bergs": [names.get(number, str(number)) for number in (row.first, row.second)],
+            "lon": row.lon,
+            "lat": row.lat,
+            "speed": row.speed,
         }
-        for row in contact_rows(model)
+        for row in model.contacts.rows
     ]
-
-
-def _name_of_row(row: dict[str, Any]) -> str:
-    return called(row["number"], row["parent"], str(row.get("name", "")))
-
-
-def _breakup(start: datetime, row: dict[str, Any], names: dict[int, str]) -> dict[str, Any]:
-    return {
-        "time": (start + timedelta(seconds=float(row["birth_time"]))).isoformat(),
-        "lon": float(row["lon"]),
-        "lat": float(row["lat"]),
-        "area_km2": float(row["area"]) / 1e6,
-        "bonds": int(row.get("bonds_broken", 0)),
-        "grounded": bool(row.get("grounded", False)),
-        "fragment": int(row["number"]),
-        "parent": int(row["parent"]),
-        "name": str(row.get("name", "")),
-        "parent_name": names.get(int(row["parent"]), ""),
-    }
 
 
 NAMED: Final = 6

@@ -69,7 +69,6 @@ from riftberg.runs.layout import (
     run_attributes,
     texts,
 )
-from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.tracks import ELEMENT_COLUMNS, berg_rows, blocks_of, ragged, write_tracks
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
@@ -335,7 +334,7 @@ class RunWriter:
                 file.set_auto_mask(False)
                 self._write(file, model)
                 if last and self._tracks and self._add_tracks:  # a berg lies in one piece, and cannot be appended to
-                    fragments = {int(row["number"]): row for row in fragment_rows(model)}
+                    fragments = {row.number: vars(row) for row in model.fragments.rows}
                     write_tracks(file, ragged(self._tracks, fragments, _since(model), not self._names))
                 if last and self.background:
                     add_background(file, model)
@@ -648,16 +647,13 @@ def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]
     layout.refresh(model.elements, model.bonds, BOND_LATEST)
     for name in BOND_LATEST:
         file[name][:] = layout.latest[name]
-    tables = ("fragment", FRAGMENT_VARIABLES, fragment_rows(model)), ("contact", CONTACT_VARIABLES, contact_rows(model))
-    for kind, variables, rows in tables:
+    fragments, contacts = model.fragments.rows, model.contacts.rows
+    for kind, variables, rows in (
+        ("fragment", FRAGMENT_VARIABLES, fragments),
+        ("contact", CONTACT_VARIABLES, contacts),
+    ):
         for v in variables if rows else ():
-            file[f"{kind}_{names.get(v.name, v.name)}"][: len(rows)] = _column(rows, v)
+            values = [getattr(row, v.name) for row in rows]
+            column = texts(values) if v.dtype == "str" else np.array(values, v.dtype)
+            file[f"{kind}_{names.get(v.name, v.name)}"][: len(rows)] = column
     write_fragment_melt(file, model)
-
-
-def _column(rows: Iterable[dict[str, Any]], v: Variable) -> NDArray[Any]:
-    if v.dtype == "str":
-        return texts(str(row.get(v.name, "")) for row in rows)
-    missing = -1 if v.dtype == "i8" else np.nan
-    values = [row.get(v.name) for row in rows]
-    return np.array([missing if value is None else value for value in values], dtype=v.dtype)
