@@ -103,9 +103,8 @@ def summarize(
 
 def ledger_of(model: BareModel) -> dict[str, Any] | None:
     """Return the ledger of melt as the summary holds it."""
-    if getattr(model, "life", None) is None:
+    if model.life is None:
         return None
-    assert model.life is not None
     balance = model.life.balance(model)
     rows = model.fragments.rows
     water = melt_of(model.remembered, np.array([row.number for row in rows], np.int64))
@@ -127,7 +126,7 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
 
 def motion_of(model: BareModel) -> dict[str, Any] | None:
     """Return the ledger of momentum and mechanical energy as the summary holds it."""
-    if getattr(model, "motion", None) is None:
+    if model.motion is None:
         return None
     balance = model.motion.balance(model, model.remembered)
     return {**balance.as_dict(), "closing": balance.closing(), "lines": balance.lines()}
@@ -187,7 +186,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     for number, size in by_area(e.berg, area).items():
         pieces.setdefault(origin(number), []).append((size / 1e6, number))
     melted: dict[int, float] = {}
-    if getattr(model, "life", None) is not None:
+    if model.life is not None:
         for number, water in zip(
             rows, melt_of(model.remembered, np.array(list(rows), np.int64)).sum(axis=1), strict=True
         ):

@@ -19,7 +19,6 @@ from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.population import by_identifier
 from riftberg.stepping.forces.media import FORCES
-from riftberg.stepping.laws import Laws
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel
@@ -66,8 +65,7 @@ APPLIED: Final = Derived(
 
 def own_applied(model: BareModel) -> list[Derived]:
     """Return the mean force of each of several laws of the user on each element."""
-    laws: Laws = getattr(model, "laws", Laws())
-    names = laws.several()
+    names = model.laws.several()
     variables = tuple(
         Variable(
             f"force_{name}_{axis}", "N", f"mean {word} force of {name}, a law of the user, since the record before"
@@ -190,12 +188,12 @@ FRAGMENT_MELT: Final = "fragment_melt_water"
 
 def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
     """Return the ledgers that a model keeps; not all models that may be written keep any."""
-    motion: tuple[Derived, ...] = MOTION if getattr(model, "motion", None) is not None else ()
+    motion: tuple[Derived, ...] = MOTION if model.motion is not None else ()
     if motion and (names := model.laws.several()):
         motion = (*motion, _own_totals(names))
     if motion and bonds_vibrate(model):
         motion = (*motion, IN_BONDS)
-    return motion if getattr(model, "life", None) is None else (*motion, *ICE)
+    return motion if model.life is None else (*motion, *ICE)
 
 
 # ---- how it is written ------------------------------------------------------------------------------------------------
@@ -271,7 +269,7 @@ def define_ledgers(file: netCDF4.Dataset, model: BareModel) -> None:
         for v in entry.variables:
             variable = file.createVariable(v.name, "f8", (entry.over, "time"), fill_value=False)
             variable.setncatts({"units": v.units, "long_name": v.long_name})
-    if getattr(model, "life", None) is not None:
+    if model.life is not None:
         by_fragment = file.createVariable(FRAGMENT_MELT, "f8", ("fragment", "process"), fill_value=np.nan)
         by_fragment.setncatts(
             {"units": "kg", "long_name": "melt water of elements while they belonged to the fragment, by process"}
@@ -280,6 +278,6 @@ def define_ledgers(file: netCDF4.Dataset, model: BareModel) -> None:
 
 def write_fragment_melt(file: netCDF4.Dataset, model: BareModel) -> None:
     """Write the melt water of all fragments so far, where something melts."""
-    if getattr(model, "life", None) is not None and len(model.fragments.rows):
+    if model.life is not None and len(model.fragments.rows):
         numbers = np.array([row.number for row in model.fragments.rows], np.int64)
         file[FRAGMENT_MELT][: numbers.size] = melt_of(model.remembered, numbers)

@@ -240,16 +240,11 @@ class RunWriter:
 
     def _remember(self, model: BareModel) -> None:
         """Leave with the model what the record of this moment holds beyond its state, and when it is due."""
-        kept: dict[str, Floats] | None = getattr(model, "remembered", None)
-        if kept is not None:
-            kept[self._key("peak_stress")] = self._peak.copy()
-            for name, value in self._means.kept.items():
-                kept[self._key(name)] = value
-            kept[self._key("times")] = np.array([model.time, self._next])
-            layout = self._layout
-            rows: dict[str, Any] = {"rows_of_elements": layout.ids, "rows_of_bonds": layout.bond_ids}
-            kept.update({self._key(name): ids for name, ids in rows.items()})
-            kept[self._key("rows_change")] = np.array([layout.gaps, *(name in layout.moving for name in SHAPE)], float)
+        kept: dict[str, Any] = {"peak_stress": self._peak.copy(), "times": np.array([model.time, self._next])}
+        layout = self._layout
+        kept |= {**self._means.kept, "rows_of_elements": layout.ids, "rows_of_bonds": layout.bond_ids}
+        kept["rows_change"] = np.array([layout.gaps, *(name in layout.moving for name in SHAPE)], float)
+        model.remembered.update({self._key(name): value for name, value in kept.items()})
 
     def _key(self, name: str) -> str:
         return f"record_{name}_every_{self.interval:g}_s"
@@ -260,7 +255,7 @@ class RunWriter:
 
     def _take_up(self, model: BareModel) -> None:
         """Take the first record; one that goes on is that of the run that never stopped, and so are the ones after it."""
-        kept: dict[str, Floats] = getattr(model, "remembered", {})
+        kept = model.remembered
         now, due = kept.get(self._key("times"), (np.nan, np.nan))
         peak = kept.get(self._key("peak_stress"), np.zeros(0))
         goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
@@ -284,7 +279,7 @@ class RunWriter:
 
     def _take_up_file(self, model: BareModel) -> None:
         """Lay the file out as it was when the state of the model was saved, with the records from before."""
-        kept: dict[str, Any] = getattr(model, "remembered", {})
+        kept: dict[str, Any] = model.remembered
         layout, place = self._layout, f"{self.path}, going on with it"
         with open_netcdf(self.path) as old:
             old.set_auto_mask(False)
