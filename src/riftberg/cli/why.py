@@ -163,7 +163,7 @@ def _control(
     times = run["time"].values
     days = float((times[-1] - times[0]) / np.timedelta64(1, "s")) / 86400.0
     every = float(np.median(np.diff(times)) / np.timedelta64(1, "s")) / 3600.0
-    same: dict[str, Any] = Parameters.from_json(run.attrs["parameters_json"]).model_dump()
+    same: dict[str, Any] = Parameters.model_validate_json(run.attrs["parameters_json"]).model_dump()
     stepping = same["stepping"]
     stepping["time_step"] /= split
     if stepping["substeps"] is not None:

@@ -132,7 +132,7 @@ def read_parameters(text: Any, file: Path) -> Parameters:
     if not isinstance(text, str):
         raise _error("missing, or no text", file, place)
     try:
-        return Parameters.from_json(text)
+        return Parameters.model_validate_json(text)
     except InputError as error:
         raise _error(
             f"no parameters of Riftberg ({error.where}: {error.what[:100]})", file, place,

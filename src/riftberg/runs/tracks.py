@@ -436,7 +436,7 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
     """Return the tracks of all bergs and fragments of a run that was opened, or of a part of it."""
     import xarray as xr
 
-    parameters = Parameters.from_json(run.attrs["parameters_json"])
+    parameters = Parameters.model_validate_json(run.attrs["parameters_json"])
     start = np.datetime64(run.attrs["start"])
 
     def seconds(dates: Any) -> Floats:
