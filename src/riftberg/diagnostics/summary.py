@@ -38,7 +38,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -52,7 +51,6 @@ from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.stepping.fragments.tree import centroid
-from riftberg.system.atomic_files import write_json
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -130,11 +128,6 @@ def motion_of(model: BareModel) -> dict[str, Any] | None:
         return None
     balance = model.motion.balance(model, model.remembered)
     return {**balance.as_dict(), "closing": balance.closing(), "lines": balance.lines()}
-
-
-def write_summary(summary: dict[str, Any], path: str | Path) -> Path:
-    """Write a summary as JSON."""
-    return write_json(summary, path)
 
 
 def bonds_broken(model: BareModel) -> int:

@@ -69,7 +69,7 @@ def open_checked(file: Path, *, own: bool = False) -> xr.Dataset:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)
             parameters_of(dataset, file)
-            stated_start(dataset, file)
+            read_start(dataset.attrs.get("start"), file)
             decoded = _with_dates(dataset, file)
             if not own:
                 _check_values(decoded, file)
@@ -147,11 +147,6 @@ def read_parameters(text: Any, file: Path) -> Parameters:
             place,
             "The file is damaged, or was written by another version of Riftberg",
         ) from error
-
-
-def stated_start(run: xr.Dataset, file: Path) -> datetime:
-    """Return the start of a run from its attribute."""
-    return read_start(run.attrs.get("start"), file)
 
 
 def read_start(text: Any, file: Path) -> datetime:

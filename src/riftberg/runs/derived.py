@@ -87,11 +87,11 @@ def _own_totals(names: Sequence[str]) -> Derived:
             ("work", "", "J", "work of"),
         )
     )  # fmt: skip
-    return Derived(variables, lambda model: [v for given in _own_balance(model).values() for v in given], "total")
 
+    def values(model: BareModel) -> list[float]:
+        return [value for given in model.motion.balance(model, model.remembered).own.values() for value in given]
 
-def _own_balance(model: BareModel) -> dict[str, tuple[float, float, float]]:
-    return dict(model.motion.balance(model, model.remembered).own)
+    return Derived(variables, values, "total")
 
 
 def added(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
