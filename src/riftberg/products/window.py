@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from riftberg.config.units import box_text
-from riftberg.config.values import nanoseconds
+from riftberg.config.values import moment, nanoseconds
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
 from riftberg.products.mesh import CurvilinearMesh, Located, NodeMesh
@@ -25,12 +24,9 @@ REACH = 1.5
 
 def utc(value: Any) -> np.datetime64:
     """Return a moment as ``datetime64[ns]`` in UTC; text, `datetime` (naive means UTC) and ``datetime64`` are taken."""
-    if isinstance(value, datetime) and value.tzinfo is not None:
-        value = value.astimezone(UTC).replace(tzinfo=None)
-    if isinstance(value, str):
-        value = value.removesuffix("Z")
-    moment: np.datetime64 = nanoseconds([value], where="date", kind=ForcingError)[0]
-    return moment
+    plain = value if isinstance(value, np.datetime64) else moment(value, where="date")
+    dated: np.datetime64 = nanoseconds([plain], where="date", kind=ForcingError)[0]
+    return dated
 
 
 def window(
