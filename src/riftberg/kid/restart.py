@@ -263,22 +263,6 @@ def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
     refuse(flagged, life.fl_k, "fl_k", "0 or more, or -1 or -2 of a child of footloose calving")
 
 
-def _columns(elements: Elements, grid: Grid) -> dict[str, NDArray[Any]]:
-    """Return all variables by KID's names.
-
-    In the order in which the elements have come into their cells: that in which a reader puts them there again.
-    """
-    elements = elements.taken(np.lexsort((np.arange(elements.size), elements.place.entered)))
-    columns: dict[str, NDArray[Any]] = {name: getattr(elements, f) for name, f in {**REQUIRED, **OPTIONAL}.items()}
-    columns.update({name: getattr(elements.life, name) for name in LIFE})
-    columns["ine"], columns["jne"] = cell_indices(elements, grid)
-    columns["id_cnt"], columns["id_ij"] = split_id(elements.id)
-    columns["static_berg"] = np.where(
-        elements.static >= 0.5, 1.0, np.where(elements.in_contact != 0, CONTACT_FLAG, 0.0)
-    )
-    return columns
-
-
 _BASE: Final = (
     Column("lon", "f8", "longitude", "degrees_E"),
     Column("lat", "f8", "latitude", "degrees_N"),
@@ -336,7 +320,13 @@ def write_restart(path: Path, elements: Elements, grid: Grid, parameters: Parame
     ``static_berg`` only where an element is static, as KID does (marks of the contact iteration alone do not count:
     the reference's restarts lack them).
     """
-    values = _columns(elements, grid)
+    # In the order in which the elements have come into their cells: that in which a reader puts them there again.
+    e = elements.taken(np.lexsort((np.arange(elements.size), elements.place.entered)))
+    values: dict[str, NDArray[Any]] = {name: getattr(e, field) for name, field in {**REQUIRED, **OPTIONAL}.items()}
+    values |= {name: getattr(e.life, name) for name in LIFE}
+    values["ine"], values["jne"] = cell_indices(e, grid)
+    values["id_cnt"], values["id_ij"] = split_id(e.id)
+    values["static_berg"] = np.where(e.static >= 0.5, 1.0, np.where(e.in_contact != 0, CONTACT_FLAG, 0.0))
     scheme = parameters.stepping.scheme
     layout = [*_BASE]
     layout += _VERLET if scheme != "runge_kutta" else ()

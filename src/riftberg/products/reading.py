@@ -204,7 +204,9 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
     raw = _with_attributes(raw, {name: {**raw[name].attrs, **said} for name, said in named.items()}) if named else raw
     decoded = _decoded(product.mend(raw))
     if product.member is not None:
-        decoded = of_member(decoded, product.member)
+        # A file with fewer members begins anew, so that files of two ensembles go together.
+        one = {dim: product.member % size for dim, size in members_in(decoded).items()}
+        decoded = decoded.isel(one, drop=True)
     ds = product.reshape(within_valid_range(decoded))
     ds.encoding["source"] = path
     # The undecoded heading says these: decoding takes units and bounds out of the attributes.
@@ -441,11 +443,6 @@ def members_in(ds: xr.Dataset) -> dict[str, int]:
         str(dim): int(size) for dim, size in ds.sizes.items()
         if size > 1 and (role_of(dim, ds[dim].variable) if dim in ds.variables else role_of_name(dim)) == "member"
     }  # fmt: skip
-
-
-def of_member(ds: xr.Dataset, member: int) -> xr.Dataset:
-    """Return a file with one of its members; one with fewer begins anew, so that files of two ensembles go together."""
-    return ds.isel({dim: member % size for dim, size in members_in(ds).items()}, drop=True)
 
 
 def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> list[str]:

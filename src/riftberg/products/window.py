@@ -59,7 +59,10 @@ def window(
             where=str(ds.attrs.get("source", "")),
             remedy="Give a file that covers the box; check the sign of west longitudes",
         )
-    part = with_positions(part) if "crs_wkt" in ds.attrs else part
+    if "crs_wkt" in ds.attrs and not {"lat", "lon"} <= set(part.variables):
+        x, y = np.meshgrid(part["x"].values, part["y"].values)
+        degrees = to_degrees(ds.attrs["crs_wkt"], x, y)
+        part = part.assign_coords(lon=(("y", "x"), degrees[0], EAST), lat=(("y", "x"), degrees[1], NORTH))
     return window_in_time(part, time) if time is not None and "time" in part.dims else part
 
 
@@ -82,14 +85,6 @@ def longitudes_near(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
     turns = [turn for turn in (-720.0, -360.0, 0.0, 360.0, 720.0)]
     overlap = [min(east, axis[-1] + turn) - max(west, axis[0] + turn) for turn in turns]
     return ds.assign_coords(lon=("lon", axis + turns[int(np.argmax(overlap))], ds["lon"].attrs))
-
-
-def with_positions(ds: xr.Dataset) -> xr.Dataset:
-    """Return a projected dataset with the latitudes and longitudes of its points."""
-    if {"lat", "lon"} <= set(ds.variables):
-        return ds
-    lon, lat = to_degrees(ds.attrs["crs_wkt"], *np.meshgrid(ds["x"].values, ds["y"].values))
-    return ds.assign_coords(lon=(("y", "x"), lon, EAST), lat=(("y", "x"), lat, NORTH))
 
 
 def _scattered(ds: xr.Dataset, west: float, east: float, south: float, north: float) -> xr.Dataset:
