@@ -329,14 +329,12 @@ def known_at(berg: str, fixes: list[Fix], date: datetime, *, sized: bool = True)
         sizes, key=lambda s: (not timedelta(0) <= date - s.when <= SIZE_WITHIN, abs(s.when - date)), default=None
     )
     if sized and (size is None or abs(size.when - date) > SIZE_WITHIN):
-        when = "none is listed at all" if size is None else f"the nearest is of {size.when:%Y-%m-%d}: {_axes(size)}"
+        when = "none is listed at all"
+        if size is not None and size.axes is not None:
+            axes = " x ".join(f"{axis / 1e3:.0f} km" for axis in size.axes)
+            when = f"the nearest is of {size.when:%Y-%m-%d}: {axes}"
         raise InputError(
             f"no size of {berg} within {SIZE_WITHIN.days} days of {date:%Y-%m-%d}; {when}", where="--date",
             remedy="Give --size 'LENGTH,WIDTH', such as --size '60 km,30 km', or --outline FILE",
         )  # fmt: skip
     return Known(fix, size)
-
-
-def _axes(fix: Fix) -> str:
-    assert fix.axes is not None
-    return f"{fix.axes[0] / 1e3:.0f} km x {fix.axes[1] / 1e3:.0f} km"

@@ -262,7 +262,12 @@ def melt_lines(run: xr.Dataset) -> list[str]:
     if not lost:
         return []
     every = {name: sum(water[name] for water in lost.values()) for name in next(iter(lost.values()))}
-    lines = ["; ".join([f"Melted: {_amounts(every)}", *_bits(run, sum(every.values())), *_births(run)]) + "."]
+    said = [f"Melted: {_amounts(every)}"]
+    # What is afloat as bits at the last record; older files do not say.
+    ice = float(run["ice_in_bits"].isel(time=-1).sum()) if "ice_in_bits" in run and run.sizes["time"] else 0.0
+    if ice > LEAST * sum(every.values()):
+        said.append(f"{ice / 1e12:.3g} Gt more are afloat as bits")
+    lines = ["; ".join([*said, *_births(run)]) + "."]
     if len(lost) > 1:
         shown = list(lost.items())[:NAMED]
         rest = sum(sum(water.values()) for water in list(lost.values())[NAMED:])
@@ -272,12 +277,6 @@ def melt_lines(run: xr.Dataset) -> list[str]:
             "Of this " + "; ".join(f"{scene.name(number)} {_amounts(water)}" for number, water in shown) + more + "."
         )
     return lines
-
-
-def _bits(run: xr.Dataset, melted: float) -> list[str]:
-    """Return what is afloat as bits at the last record; files of earlier versions do not say."""
-    ice = float(run["ice_in_bits"].isel(time=-1).sum()) if "ice_in_bits" in run and run.sizes["time"] else 0.0
-    return [f"{ice / 1e12:.3g} Gt more are afloat as bits"] if ice > LEAST * melted else []
 
 
 def _births(run: xr.Dataset) -> list[str]:
