@@ -82,22 +82,20 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
     """Read outlines or positions."""
     path = check_file(path, most=_MOST, remedy=f"Name a file {', '.join(KINDS)}")
     with reading(path, "no observations that can be read", f"Give outlines or positions: {', '.join(KINDS)}"):
-        return _read(path, date, variable)
+        kind = path.suffix.lower()
+        if kind in _DRAWINGS:
+            return Observations(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
+        if kind in _GRIDS:
+            return Observations(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
+        if kind not in _TABLES:
+            raise InputError(
+                f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}"
+            )
+        return _table(path)
 
 
 _MOST: Final = 2**31
 """Bytes of a file of observations, grids among them."""
-
-
-def _read(path: Path, date: str | None, variable: str | None) -> Observations:
-    kind = path.suffix.lower()
-    if kind in _DRAWINGS:
-        return Observations(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
-    if kind in _GRIDS:
-        return Observations(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
-    if kind not in _TABLES:
-        raise InputError(f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}")
-    return _table(path)
 
 
 def _table(path: Path) -> Observations:
