@@ -27,7 +27,7 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
 
     Runs with the reference's numerics take what their driver hands over.
     """
-    missing = [] if p.compatibility.zero_start else missing_water(p, provided(forcing))
+    missing = {} if p.compatibility.zero_start else missing_water(p, provided(forcing))
     if missing:
         fields = " and ".join(missing.values())
         raise InputError(
