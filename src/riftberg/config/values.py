@@ -446,7 +446,7 @@ def moment(value: Any, *, where: str) -> datetime:
     """
     plain = native(value)
     if isinstance(plain, str):
-        return parse_date(plain.strip(), where=where)[0]
+        return parse_date(plain.strip(), where=where, model_years=True)[0]
     if not isinstance(plain, date) or plain != plain:  # NaT differs from itself
         raise InputError(f"{value_shown(value)} is not a date", where=where, remedy=DATE_REMEDY)
     if not isinstance(plain, datetime):
@@ -457,7 +457,7 @@ def moment(value: Any, *, where: str) -> datetime:
         raise InputError(str(error), where=where, remedy=DATE_REMEDY) from error
 
 
-def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
+def parse_date(text: str, *, where: str = "", model_years: bool = False) -> tuple[datetime, bool]:
     """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD; tell whether it is a day alone."""
     day_only = True
     try:
@@ -474,7 +474,8 @@ def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
     except (ValueError, OverflowError) as error:
         raise InputError(f"{value_shown(text)} is not a date", where=where, remedy=DATE_REMEDY) from error
     when = moment(when, where=where)
-    nanoseconds(when, where=where)  # it must be comparable with the dates of a run, which are kept so
+    if not model_years:  # it must be comparable with the dates of a run, which are kept so
+        nanoseconds(when, where=where)
     return when, day_only
 
 
