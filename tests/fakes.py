@@ -15,7 +15,9 @@ from riftberg.errors import RunError
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
+from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.tree import Fragment
+from riftberg.stepping.laws import Laws
 from riftberg.system.process import held
 
 SIDE = 3000.0
@@ -27,6 +29,7 @@ class FakeTree:
     """Family tree of the fragments."""
 
     rows: list[Fragment] = field(default_factory=list)
+    bergs: tuple[tuple[str, int], ...] = ()
 
 
 class FakeForcing:
@@ -53,6 +56,9 @@ class FakeModel:
     """Berg of ``nx`` by ``ny`` square elements; its last columns break off at ``break_time`` seconds."""
 
     life: Any = None  # nothing melts
+    motion: Any = None
+    contacts = ContactLog()  # nothing touches
+    laws = Laws()
 
     def __init__(
         self,
@@ -71,6 +77,7 @@ class FakeModel:
             parameters = parameters.changed(earth={"latlon": False})
         self.parameters, self.start, self.forcing = parameters, start, FakeForcing()
         self.time, self.step_number, self.substeps = 0.0, 0, 90
+        self.remembered: dict[str, Any] = {}
         self.fail_at, self.failure = math.inf, RunError("the contact iteration does not converge")
         self.origin, self.turn, self.break_time = (lon, lat), math.radians(turn_per_day) / 86_400.0, break_time
         i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")

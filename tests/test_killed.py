@@ -72,12 +72,12 @@ for _ in range(steps):
     write_restart_file(out / "kid.nc", columns, 5000, counter=True)
 """,
     "summary": """
-from riftberg.diagnostics.summary import write_summary
+from riftberg.system.atomic_files import write_json
 summary = {"numbers": list(range(200_000))}
-write_summary(summary, out / "summary.json")
+write_json(summary, out / "summary.json")
 tell()
 for _ in range(steps):
-    write_summary(summary, out / "summary.json")
+    write_json(summary, out / "summary.json")
 """,
     "picture": """
 from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -116,20 +116,8 @@ class SpeedError(RunError):
         super().__init__(what)
 
 
-GONE: Final = {
-    "mirrored_bilinear": "",
-    "depth_even_parity": "",
-    "stream_of_draws": "",
-    "coastal_drift": "Forcing from files has a coastal_drift of its own. ",
-    "tidal_drift": "",
-}
-"""Parameters that were taken and documented, but that nothing read, and what acts instead; files of older runs hold them."""
-
-
 def nearest(name: str, choices: Iterable[str]) -> str:
     """Return a question that names the most similar choice, or nothing where none is similar."""
-    if name in GONE:
-        return f"{name} never changed anything and is gone: delete it. {GONE[name]}"
     alike = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.6)
     return f"Did you mean {alike[0]!r}? " if alike else ""
 

@@ -7,7 +7,6 @@ tuple of scalars that compiled code reads. The sets of the published run stand a
 from __future__ import annotations
 
 import html
-import json
 import math
 from collections.abc import Mapping
 from operator import attrgetter
@@ -38,7 +37,6 @@ from riftberg.config.parameter_groups import (
 )
 from riftberg.config.usual_ranges import PUBLISHED_SPRINGS
 from riftberg.config.values import unit_of
-from riftberg.errors import GONE
 
 __all__ = [
     "A68A_2022",
@@ -196,18 +194,6 @@ class Parameters(Group):
     @classmethod
     def _scheme_that_is_asked(cls, values: Any) -> Any:
         return _explicit_if_asked(values) if isinstance(values, dict) else values
-
-    @classmethod
-    def from_json(cls, text: str) -> Parameters:
-        """Return the parameters that a file holds, without those that never did anything."""
-        try:
-            values = json.loads(text)
-            for group in ("drag", "compatibility"):
-                # Files of old versions name parameters that never did anything; they are no mistake of the user.
-                values[group] = {name: value for name, value in values[group].items() if name not in GONE}
-        except (ValueError, KeyError, TypeError, AttributeError):
-            return cls.model_validate_json(text)  # which says what is wrong
-        return cls.model_validate(values)
 
     @model_validator(mode="after")
     def _combinations(self) -> Parameters:

@@ -18,10 +18,11 @@ import pytest
 from fakes import FakeModel
 from riftberg.diagnostics.compare import Known, aligned, compare, observed_part, read_compared, with_hours
 from riftberg.diagnostics.observed import Fix
-from riftberg.diagnostics.summary import summarize, write_summary
+from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
+from riftberg.system.atomic_files import write_json
 
 METRES = math.radians(1.0) * 6_363_827.0
 WHOLE, REST, END = 216.0, 162.0, 54.0
@@ -33,7 +34,7 @@ def make_run(folder: Path, **changes: float) -> Path:
     model = FakeModel(**changes)  # type: ignore[arg-type]
     folder.mkdir(parents=True)
     model.advance(4, recorders=[RunWriter(folder / "run.nc", every_hours=3, experiment="fake")])
-    write_summary(summarize(model, experiment="fake"), folder / "summary.json")  # type: ignore[arg-type]
+    write_json(summarize(model, experiment="fake"), folder / "summary.json")  # type: ignore[arg-type]
     return folder
 
 

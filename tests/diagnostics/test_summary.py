@@ -11,9 +11,10 @@ import pytest
 from fakes import FakeModel
 from riftberg import __version__
 from riftberg.diagnostics import summary as module
-from riftberg.diagnostics.summary import summarize, write_summary
+from riftberg.diagnostics.summary import summarize
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.tracks import DailyTrack
+from riftberg.system.atomic_files import write_json
 
 
 @pytest.fixture
@@ -53,7 +54,7 @@ def test_every_key_is_documented(result: dict[str, object]) -> None:
 
 
 def test_json_comes_back(result: dict[str, object], tmp_path: Path) -> None:
-    assert json.loads(write_summary(result, tmp_path / "summary.json").read_text()) == result
+    assert json.loads(write_json(result, tmp_path / "summary.json").read_text()) == result
 
 
 def test_a_run_of_one_step_has_no_speed() -> None:

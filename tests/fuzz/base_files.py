@@ -15,9 +15,10 @@ import xarray as xr
 
 from fakes import FakeModel
 from kid.conftest import namelist_text, restart_variables, write_nc
-from riftberg.diagnostics.summary import summarize, write_summary
+from riftberg.diagnostics.summary import summarize
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter
+from riftberg.system.atomic_files import write_json
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00
@@ -70,7 +71,7 @@ def store() -> Path:
     FakeModel(6, 3).advance(2, recorders=[writer := RunWriter(folder / "run.nc", every_hours=6, experiment="fake")])
     model = FakeModel(6, 3)
     model.advance(2)
-    write_summary(summarize(model, experiment="fake"), folder / "summary.json")  # type: ignore[arg-type]
+    write_json(summarize(model, experiment="fake"), folder / "summary.json")  # type: ignore[arg-type]
     assert writer.records > 2
     real, _ = build(str(folder / "good.yaml"))
     real.advance(steps=1)

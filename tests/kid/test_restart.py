@@ -137,8 +137,8 @@ def test_new_identifiers_are_unique(grid: Grid, tmp_path: Path) -> None:
     ("changes", "drop", "words"),
     [
         ({"lat": np.array([5500.0, np.nan, 5500.0])}, (), ["variable lat", "nan of record 2", "finite"]),
-        ({"mass": np.array([1e9, 1e9, 0.0])}, (), ["variable mass", "0.0 of record 3", "positive"]),
-        ({"thickness": np.array([-1.0, 1.0, 1.0])}, (), ["variable thickness", "-1.0 of record 1"]),
+        ({"mass": np.array([1e9, 1e9, 0.0])}, (), ["variable mass", "mass = 0 of record 3", "positive"]),
+        ({"thickness": np.array([-1.0, 1.0, 1.0])}, (), ["variable thickness", "-1 of record 1"]),
         ({"fl_k": np.array([0.0, -1.5, 0.0])}, (), ["variable fl_k", "footloose"]),
         ({"mass_of_fl_bits": np.array([0.0, -1.0, 0.0])}, (), ["variable mass_of_fl_bits", "0 or more"]),
         ({"lon": np.array([5100.0, 5500.0, 99_000.0])}, (), ["outside the grid"]),

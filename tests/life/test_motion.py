@@ -10,7 +10,7 @@ import pytest
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.run import ledger_lines
-from riftberg.diagnostics.summary import summarize, write_summary
+from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, elastic_energy, stock
@@ -19,6 +19,7 @@ from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
 from riftberg.stepping.forces.media import FORCES
+from riftberg.system.atomic_files import write_json
 from stepping.test_media import SCHEMES
 from stepping.test_media import model as adrift
 from verification.setups import energy, lattice, parameters, shake
@@ -238,7 +239,7 @@ def test_each_run_stores_and_prints_it(tmp_path: Path) -> None:
     assert summary["motion"]["impulse"]["water"] == b.impulse["water"]
     assert any("momentum closes to" in line for line in ledger_lines(summary))  # with --verbose
     assert "momentum (east, north; N s)" in "\n".join(summary["motion"]["lines"])
-    write_summary(summary, tmp_path / "summary.json")
+    write_json(summary, tmp_path / "summary.json")
     assert json.loads((tmp_path / "summary.json").read_text())["motion"]["kinetic_now"] == b.kinetic_now
 
 

@@ -72,6 +72,56 @@ class BondedBerg:
     bergs: tuple[tuple[str, int], ...] = ()
     outlines: tuple[Any, ...] = ()
 
+    def __repr__(self) -> str:
+        e = self.elements
+        lon, lat = self.centroid
+        place = place_text(lon, lat, latlon=self.latlon)
+        bonds, pieces = int((self.bonds.status == 0).sum()), int(e.berg.max())
+        return (
+            f"<{type(self).__name__}: {len(e.id)} {_kinds(self)} elements of radius {_radii(self)} m, {self.area / 1e6:.6g} km2, "
+            f"{self.mass / 1e12:.4g} Gt, {bonds} bonds, {pieces} piece{'s' if pieces != 1 else ''}, at {place}>"
+        )
+
+    def _repr_html_(self) -> str:
+        picture = portrait(self.elements, latlon=self.latlon, hexagonal=self.packing == "hexagonal")
+        return card(picture, self.describe())
+
+    def describe(self) -> str:
+        """Return one line per property of a berg: size, place, bonds, initial strain."""
+        e, b = self.elements, self.bonds
+        lon, lat = self.centroid
+        lines = [f"Iceberg from {self.report.get('source', 'unknown source')}"]
+        if self.report.get("feature"):
+            lines.append(f"  feature: {self.report['feature']}")
+        lines += _each(self)
+        lines.append(f"  elements: {len(e.id)} {_kinds(self)}, radius {_radii(self)} m")
+        area = f"  area: {self.area / 1e6:.6g} km2"
+        if "outline_area" in self.report:
+            outline, error = self.report["outline_area"], self.report["area_error"]
+            area += f" (outline {outline / 1e6:.6g} km2, error {100 * error:+.2f} %)"
+        lines.append(area)
+        lines.append(f"  mass: {self.mass / 1e12:.6g} Gt")
+        draft = draft_of(e.thickness, self.density)
+        lines.append(
+            f"  thickness: {_range(e.thickness)} m, draft {_range(draft)} m, freeboard {_range(e.thickness - draft)} m"
+        )
+        place = place_text(lon, lat, latlon=self.latlon, digits=4)
+        lines.append(f"  centroid: {place}")
+        long_axis, short_axis, azimuth = principal_axes(self)
+        lines.append(
+            f"  extents: {long_axis / 1e3:.4g} km x {short_axis / 1e3:.4g} km, long axis {azimuth:.0f} degrees from north"
+        )
+        gone, weak = int((b.status != 0).sum()), int(((b.strength < 1) & (b.status == 0)).sum())
+        lines.append(f"  bonds: {len(b.first) - gone} ({gone} removed, {weak} weaker than nominal)")
+        count = int(e.berg.max())
+        drawn = self.report.get("outline_pieces", count)
+        drawn_text = f" (the outline has {drawn})" if drawn != count else ""
+        lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{drawn_text}")
+        lines.append(
+            f"  largest initial strain: {self.initial_strain:.2g} (1e-5 is 50 Pa at a Young's modulus of 5 MPa)"
+        )
+        return "\n".join(lines)
+
     def named(self, name: str) -> Self:
         """Return the berg with a name, which its fragments, counts, maps and files bear."""
         check_name(name)
@@ -296,41 +346,6 @@ def _joined_bonds(bergs: Sequence[BondedBerg]) -> Bonds:
     return Bonds(**whole)
 
 
-def describe(berg: BondedBerg) -> str:
-    """Return one line per property of a berg: size, place, bonds, initial strain."""
-    e, b = berg.elements, berg.bonds
-    lon, lat = berg.centroid
-    lines = [f"Iceberg from {berg.report.get('source', 'unknown source')}"]
-    if berg.report.get("feature"):
-        lines.append(f"  feature: {berg.report['feature']}")
-    lines += _each(berg)
-    lines.append(f"  elements: {len(e.id)} {_kinds(berg)}, radius {_radii(berg)} m")
-    area = f"  area: {berg.area / 1e6:.6g} km2"
-    if "outline_area" in berg.report:
-        outline, error = berg.report["outline_area"], berg.report["area_error"]
-        area += f" (outline {outline / 1e6:.6g} km2, error {100 * error:+.2f} %)"
-    lines.append(area)
-    lines.append(f"  mass: {berg.mass / 1e12:.6g} Gt")
-    draft = draft_of(e.thickness, berg.density)
-    lines.append(
-        f"  thickness: {_range(e.thickness)} m, draft {_range(draft)} m, freeboard {_range(e.thickness - draft)} m"
-    )
-    place = place_text(lon, lat, latlon=berg.latlon, digits=4)
-    lines.append(f"  centroid: {place}")
-    long_axis, short_axis, azimuth = principal_axes(berg)
-    lines.append(
-        f"  extents: {long_axis / 1e3:.4g} km x {short_axis / 1e3:.4g} km, long axis {azimuth:.0f} degrees from north"
-    )
-    gone, weak = int((b.status != 0).sum()), int(((b.strength < 1) & (b.status == 0)).sum())
-    lines.append(f"  bonds: {len(b.first) - gone} ({gone} removed, {weak} weaker than nominal)")
-    count = int(e.berg.max())
-    drawn = berg.report.get("outline_pieces", count)
-    drawn_text = f" (the outline has {drawn})" if drawn != count else ""
-    lines.append(f"  pieces: {count}{', not bonded to each other' if count > 1 else ''}{drawn_text}")
-    lines.append(f"  largest initial strain: {berg.initial_strain:.2g} (1e-5 is 50 Pa at a Young's modulus of 5 MPa)")
-    return "\n".join(lines)
-
-
 MOST_LISTED = 10
 """Bergs that are reported one by one."""
 
@@ -345,18 +360,6 @@ def _each(berg: BondedBerg) -> list[str]:
         row += count
     more = len(berg.bergs) - MOST_LISTED
     return [*lines, f"  and {more} more"] if more > 0 else lines
-
-
-def one_line(berg: BondedBerg) -> str:
-    """Return elements, size, bonds, pieces and place of a berg in one line."""
-    e = berg.elements
-    lon, lat = berg.centroid
-    place = place_text(lon, lat, latlon=berg.latlon)
-    bonds, pieces = int((berg.bonds.status == 0).sum()), int(e.berg.max())
-    return (
-        f"{len(e.id)} {_kinds(berg)} elements of radius {_radii(berg)} m, {berg.area / 1e6:.6g} km2, "
-        f"{berg.mass / 1e12:.4g} Gt, {bonds} bonds, {pieces} piece{'s' if pieces != 1 else ''}, at {place}"
-    )
 
 
 def _kinds(berg: BondedBerg) -> str:

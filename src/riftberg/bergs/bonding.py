@@ -264,20 +264,12 @@ def within_pieces(bonds: Bonds, piece: Ints) -> Bonds:
     return kept
 
 
-def crossed_by_lines(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bool) -> Booleans:
-    """Return which bonds a line crosses.
-
-    A bond that a line only touches counts to one side of it, so that a line through element centres cuts on one side.
-
-    ``lines``: each of shape (n, 2): longitude and latitude (m on a Cartesian grid).
-    """
-    return crossings(elements, bonds, lines, latlon)[0] >= 0
-
-
 def crossings(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bool) -> tuple[Ints, Floats, Floats]:
     """Return the first line that crosses each bond (-1 for none), where along the line, and where along the bond.
 
-    Along a line its points have the places 0, 1, 2, ...; along a bond its ends have 0 and 1.
+    A bond that a line only touches counts to one side of it, so that a line through element centres cuts on one side. Along a
+    line, of shape (n, 2) in degrees (m on a Cartesian grid), its points have the places 0, 1, 2, ...; along a bond its ends have
+    0 and 1.
     """
     lon0, lat0 = (float(a.mean()) for a in (elements.lon, elements.lat))
     # In plane coordinates about the middle of the berg: whether lines cross does not depend on the scale, but on the
@@ -337,7 +329,7 @@ def crossed_by(
         mask = rift if isinstance(rift, Raster) else read_raster(rift)
         crossed = crossed_by_mask(elements, bonds, mask, threshold)
     else:
-        crossed = crossed_by_lines(elements, bonds, lines, latlon)
+        crossed = crossings(elements, bonds, lines, latlon)[0] >= 0
     crossed &= bonds.status == 0
     if not crossed.any():
         raise BergError(

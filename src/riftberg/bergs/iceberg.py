@@ -12,7 +12,7 @@ import shapely.affinity
 
 from riftberg.bergs import fields
 from riftberg.bergs import outline as outlines
-from riftberg.bergs.bonded import BondedBerg, card, describe, join, one_line, portrait, seed_of
+from riftberg.bergs.bonded import BondedBerg, join, seed_of
 from riftberg.bergs.bonding import (
     BondRule,
     Metric,
@@ -88,17 +88,6 @@ class Iceberg(BondedBerg):
     >>> Iceberg.rectangle("60 km", "20 km", thickness="200 m", placement=(-37.0, -56.0))
     <Iceberg: 147 square elements of radius 1428.57 m, 1200 km2, 204 Gt, 266 bonds, 1 piece, at 56.000 S, 37.000 W>
     """
-
-    def __repr__(self) -> str:
-        return f"<Iceberg: {one_line(self)}>"
-
-    def _repr_html_(self) -> str:
-        picture = portrait(self.elements, latlon=self.latlon, hexagonal=self.packing == "hexagonal")
-        return card(picture, self.describe())
-
-    def describe(self) -> str:
-        """Return what the berg is, in plain words."""
-        return describe(self)
 
     @classmethod
     def from_outline(

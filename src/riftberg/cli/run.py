@@ -489,11 +489,12 @@ class Session:
 
     def report(self, *, draw: bool = True) -> None:
         """Write summary and map, and print the summary."""
-        from riftberg.diagnostics.summary import summarize, write_summary
+        from riftberg.diagnostics.summary import summarize
+        from riftberg.system.atomic_files import write_json
 
         rows = self.track.rows if self.track else ()
         summary = summarize(self.model, experiment=self.info.name, track=rows, stopwatch=self.stopwatch)
-        write_summary(summary, self.folder / "summary.json")
+        write_json(summary, self.folder / "summary.json")
         files = ["run.nc", "summary.json", *(path.name for path in self.gridded if path.exists())]
         if draw:
             self._draw()

@@ -445,14 +445,10 @@ def moment(value: Any, *, where: str) -> datetime:
 
     """
     plain = native(value)
-    wrong = InputError(f"{value_shown(value)} is not a date", where=where, remedy=DATE_REMEDY)
     if isinstance(plain, str):
-        try:
-            plain = datetime.fromisoformat(plain.strip().replace("Z", "+00:00"))
-        except ValueError as error:
-            raise wrong from error
+        return parse_date(plain.strip(), where=where, model_years=True)[0]
     if not isinstance(plain, date) or plain != plain:  # NaT differs from itself
-        raise wrong
+        raise InputError(f"{value_shown(value)} is not a date", where=where, remedy=DATE_REMEDY)
     if not isinstance(plain, datetime):
         return datetime(plain.year, plain.month, plain.day)
     try:
@@ -461,7 +457,7 @@ def moment(value: Any, *, where: str) -> datetime:
         raise InputError(str(error), where=where, remedy=DATE_REMEDY) from error
 
 
-def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
+def parse_date(text: str, *, where: str = "", model_years: bool = False) -> tuple[datetime, bool]:
     """Read ISO dates with or without time, YYYY/MM/DD, YYYYMMDD and YYYYDDD; tell whether it is a day alone."""
     day_only = True
     try:
@@ -474,10 +470,12 @@ def parse_date(text: str, *, where: str = "") -> tuple[datetime, bool]:
             when = datetime.strptime(text, "%Y%m%d")
         else:
             text = text.replace("/", "-") if re.match(r"\d{4}/\d\d/\d\d", text) else text
-            when, day_only = in_utc(datetime.fromisoformat(text.replace("Z", "+00:00"))), len(text) <= 10
+            when, day_only = datetime.fromisoformat(text.replace("Z", "+00:00")), len(text) <= 10
     except (ValueError, OverflowError) as error:
-        raise InputError(f"{text!r} is not a date", where=where, remedy="Use 2020-12-17 or 2020-12-17T13:00") from error
-    nanoseconds(when, where=where)  # it must be comparable with the dates of a run, which are kept so
+        raise InputError(f"{value_shown(text)} is not a date", where=where, remedy=DATE_REMEDY) from error
+    when = moment(when, where=where)
+    if not model_years:  # it must be comparable with the dates of a run, which are kept so
+        nanoseconds(when, where=where)
     return when, day_only
 
 

@@ -106,7 +106,13 @@ class BmiRiftberg(Bmi):
         self._origin = (float(box["south"]) + 0.5 * self._spacing[0], float(box["west"]) + 0.5 * self._spacing[1])
         self._shape = rows, columns
         forcing = OceanForcing(grid, grid.fields(depth=box["depth"]))
-        model = Model(_berg(said.get("berg", {})), forcing, Parameters(**said.get("parameters", {})))
+        known = {"length": "2 km", "width": "2 km", "thickness": "200 m", "lon": 0.0, "lat": 0.0}
+        asked = {**known, **said.get("berg", {})}
+        if unknown := [name for name in asked if name not in known]:
+            raise InputError(f"unknown {unknown[0]!r} of the berg", where="berg", remedy=f"Give {', '.join(known)}")
+        place = asked["lon"], asked["lat"]
+        berg = Iceberg.rectangle(asked["length"], asked["width"], thickness=asked["thickness"], placement=place)
+        model = Model(berg, forcing, Parameters(**said.get("parameters", {})))
         grid.locate(model.elements)  # refuses a berg beyond the grid
         self._exchange = Exchange(model, staggering="A", wind_staggering="A")
         self._end = 86400.0 * number(said.get("days", 1.0), "day", where=f"{config_file}, days")
@@ -366,13 +372,3 @@ def _box(said: dict[str, Any], path: str) -> dict[str, float]:
             remedy="Give west below east, south below north, and whole numbers of columns and rows",
         )  # fmt: skip
     return box
-
-
-def _berg(said: dict[str, Any]) -> Iceberg:
-    known = {"length": "2 km", "width": "2 km", "thickness": "200 m", "lon": 0.0, "lat": 0.0}
-    unknown = [name for name in said if name not in known]
-    if unknown:
-        raise InputError(f"unknown {unknown[0]!r} of the berg", where="berg", remedy=f"Give {', '.join(known)}")
-    asked = {**known, **said}
-    place = asked["lon"], asked["lat"]
-    return Iceberg.rectangle(asked["length"], asked["width"], thickness=asked["thickness"], placement=place)

@@ -19,7 +19,7 @@ from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.ledger import PROCESSES, stocks
 from riftberg.life.melt import scaled_mass
-from riftberg.life.process import LifeModel, date_of_birth
+from riftberg.life.process import LifeModel, date_of_birth, missing_water
 from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
@@ -292,7 +292,12 @@ class Exchange:
         wide = {*CORNER_FIELDS, "taux", "tauy"}
         shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
         arrays = taken(items, shapes, g.mask[self.grid.domain])
-        self._check_water(arrays)
+        for lacking, field in missing_water(self.model.parameters, arrays).items():
+            name = next(name for name, q in TAKEN.items() if q.field == field)
+            raise ForcingError(
+                f"no {name}, but bergs melt", where="exchange",
+                remedy=f"Hand it over, give melt.{lacking} as a number, or set melt.enabled = false",
+            )  # fmt: skip
         for pair in (("uo", "vo"), ("ui", "vi"), ("ua", "va"), ("taux", "tauy")):
             if (pair[0] in arrays) != (pair[1] in arrays):
                 raise InputError(
@@ -301,22 +306,6 @@ class Exchange:
         if "taux" in arrays and "ua" in arrays:
             raise InputError("wind and its stress", where="exchange", remedy="Hand over one of them")
         return arrays
-
-    def _check_water(self, arrays: dict[str, Floats]) -> None:
-        """Refuse a step of bergs that melt without what their laws need of the water."""
-        p = self.model.parameters
-        melt = p.melt
-        if not melt.enabled or p.compatibility.zero_rates:
-            return
-        salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
-        for field, said, needed in (("sst", melt.temperature, True), ("sss", melt.salinity, salty)):
-            if needed and said is None and field not in arrays:
-                name = next(name for name, q in TAKEN.items() if q.field == field)
-                raise ForcingError(
-                    f"no {name}, but bergs melt",
-                    where="exchange",
-                    remedy=f"Hand it over, give melt.{name.split('_')[-1]} as a number, or set melt.enabled = false",
-                )
 
     def _flux(self, arrays: dict[str, Floats]) -> tuple[Floats, Floats]:
         shape = self.grid.arrays.nj, self.grid.arrays.ni
@@ -352,7 +341,7 @@ class Exchange:
         fluxes["left"] = got.left / area
         fluxes["left_heat"] = got.heat_left / area - LATENT_HEAT * fluxes["left"]
         others = self.model.elements if self.model.parameters.stepping.interactions else None
-        births = self.calving.bear(*date_of_birth(_next_step(self.model)), self.ocean_step, others)
+        births = self.calving.bear(*date_of_birth(self.model, coming=True), self.ocean_step, others)
         if births.ids.size:
             self._bear(births.elements)
 
@@ -410,7 +399,7 @@ class Exchange:
         self.grid.locate(new)
         refuse_ice_on_bergs(model.elements, new, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
         new.life.start_mass[:], new.life.start_lon[:], new.life.start_lat[:] = new.mass, new.lon, new.lat
-        year, day = date_of_birth(_next_step(model))
+        year, day = date_of_birth(model, coming=True)
         new.life.start_year[:], new.life.start_day[:] = year, day
         # What the cells bear with and without the new berg, both now: their difference is what has still to settle.
         before = self._borne()[0] + self._settling.rest
@@ -608,15 +597,3 @@ def ocean_grid(
             raise InputError("areas of cells that are not positive numbers on the grid", where="ocean_grid")
         grid.arrays.area[:] = grid.extended(areas)
     return grid
-
-
-class _AtNextStep(NamedTuple):
-    """What `date_of_birth` reads of a model that is about to step."""
-
-    start: Any
-    time: float
-    parameters: Any
-
-
-def _next_step(model: BareModel) -> Any:
-    return _AtNextStep(model.start, model.time + model.parameters.stepping.time_step, model.parameters)

@@ -214,7 +214,17 @@ class IceShelf:
                     f"another grid than that of the thickness ({height.name})", where=part.name,
                     remedy="Bring mask and thickness to the same cells",
                 )  # fmt: skip
-        height, part = _cut(height, part)
+        there = np.nan_to_num(part.values) > 0.0
+        if not there.any():
+            raise InputError("no ice: the mask is 0 everywhere", where=part.name)
+        # Both maps are cut around the ice that calves, with a ring of cells, their longitudes in one go.
+        height, part = unbroken(height, there), unbroken(part, there)
+        calves = np.nonzero(np.nan_to_num(part.values) > 0.0)
+        rows, columns = (slice(max(int(k.min()) - 1, 0), int(k.max()) + 2) for k in calves)
+        height, part = (
+            replace(map_, lon=map_.lon[columns], lat=map_.lat[rows], values=map_.values[rows, columns])
+            for map_ in (height, part)
+        )
         return cls.of(_cells(height, earth_radius), part.values, height.values, density)
 
     @property
@@ -374,18 +384,6 @@ def _raster(source: Any, variable: str | None, date: str | None) -> Raster:
             remedy="Give a file, a DataArray or a Dataset; or arrays on a grid to IceShelf.of",
         )  # fmt: skip
     return source if isinstance(source, Raster) else read_raster(source, variable, date=date)
-
-
-def _cut(height: Raster, part: Raster) -> tuple[Raster, Raster]:
-    """Return the part of both maps around the ice that calves, with a ring of cells, its longitudes in one go."""
-    there = np.nan_to_num(part.values) > 0.0
-    if not there.any():
-        raise InputError("no ice: the mask is 0 everywhere", where=part.name)
-    height, part = unbroken(height, there), unbroken(part, there)
-    box = tuple(slice(max(int(k.min()) - 1, 0), int(k.max()) + 2) for k in np.nonzero(np.nan_to_num(part.values) > 0.0))
-    return tuple(  # type: ignore[return-value]
-        replace(map_, lon=map_.lon[box[1]], lat=map_.lat[box[0]], values=map_.values[box]) for map_ in (height, part)
-    )
 
 
 def _edges(middle: Floats) -> Floats:

@@ -437,7 +437,11 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
 def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparison:
     """Return runs side by side."""
     known = known or Known()
-    seen = {minute_text(fix.when.isoformat()): _place_of_fix(fix) for fix in known.fixes}
+    seen = {}
+    for fix in known.fixes:
+        turned = "" if math.isnan(fix.azimuth) else f", {fix.azimuth:.0f}°"
+        place = place_text(fix.lon, fix.lat, latlon=True, digits=2)
+        seen[minute_text(fix.when.isoformat())] = f"{place}{turned}"
     beside = {name: texts for name, texts in (("published", known.published), ("observed", known.observed)) if texts}
     if seen:
         beside["observed"] = {**known.observed, **seen}
@@ -486,7 +490,9 @@ def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, st
     rows["bonds broken"] = f"{s['bonds_broken']}{of}"
     if s["seconds_per_day"] is not None:
         rows["wall time a day"] = f"{s['seconds_per_day']:.3g} s"
-    rows |= {minute_text(day.time): _apart(day.distance_km, day.azimuth_difference) for day in run.days}
+    for day in run.days:
+        turned = "" if day.azimuth_difference is None else f", {day.azimuth_difference:+.0f}°"
+        rows[minute_text(day.time)] = f"{day.distance_km:.1f} km off{turned}"
     means = run.rms()
     if means is not None:
         rows["rms of the days"] = f"{means[0]:.1f} km" + ("" if means[1] is None else f", {means[1]:.0f}°")
@@ -498,15 +504,6 @@ def _event(event: dict[str, Any], latlon: bool) -> str:
     ground = "aground" if event["grounded"] else "afloat"
     place = place_text(event["lon"], event["lat"], latlon=latlon, digits=2)
     return f"{when.day} {when:%b %H:%M} {ground}: {event['area_km2']:.0f} km², {event['bonds']} bonds, at {place}"
-
-
-def _place_of_fix(fix: Fix) -> str:
-    turned = "" if math.isnan(fix.azimuth) else f", {fix.azimuth:.0f}°"
-    return f"{place_text(fix.lon, fix.lat, latlon=True, digits=2)}{turned}"
-
-
-def _apart(kilometres: float, turned: float | None) -> str:
-    return f"{kilometres:.1f} km off" + ("" if turned is None else f", {turned:+.0f}°")
 
 
 def between(one: xr.Dataset, other: xr.Dataset, berg: str | None = None) -> xr.Dataset:

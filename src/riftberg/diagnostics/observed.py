@@ -82,22 +82,20 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
     """Read outlines or positions."""
     path = check_file(path, most=_MOST, remedy=f"Name a file {', '.join(KINDS)}")
     with reading(path, "no observations that can be read", f"Give outlines or positions: {', '.join(KINDS)}"):
-        return _read(path, date, variable)
+        kind = path.suffix.lower()
+        if kind in _DRAWINGS:
+            return Observations(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
+        if kind in _GRIDS:
+            return Observations(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
+        if kind not in _TABLES:
+            raise InputError(
+                f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}"
+            )
+        return _table(path)
 
 
 _MOST: Final = 2**31
 """Bytes of a file of observations, grids among them."""
-
-
-def _read(path: Path, date: str | None, variable: str | None) -> Observations:
-    kind = path.suffix.lower()
-    if kind in _DRAWINGS:
-        return Observations(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
-    if kind in _GRIDS:
-        return Observations(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
-    if kind not in _TABLES:
-        raise InputError(f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}")
-    return _table(path)
 
 
 def _table(path: Path) -> Observations:
@@ -329,14 +327,12 @@ def known_at(berg: str, fixes: list[Fix], date: datetime, *, sized: bool = True)
         sizes, key=lambda s: (not timedelta(0) <= date - s.when <= SIZE_WITHIN, abs(s.when - date)), default=None
     )
     if sized and (size is None or abs(size.when - date) > SIZE_WITHIN):
-        when = "none is listed at all" if size is None else f"the nearest is of {size.when:%Y-%m-%d}: {_axes(size)}"
+        when = "none is listed at all"
+        if size is not None and size.axes is not None:
+            axes = " x ".join(f"{axis / 1e3:.0f} km" for axis in size.axes)
+            when = f"the nearest is of {size.when:%Y-%m-%d}: {axes}"
         raise InputError(
             f"no size of {berg} within {SIZE_WITHIN.days} days of {date:%Y-%m-%d}; {when}", where="--date",
             remedy="Give --size 'LENGTH,WIDTH', such as --size '60 km,30 km', or --outline FILE",
         )  # fmt: skip
     return Known(fix, size)
-
-
-def _axes(fix: Fix) -> str:
-    assert fix.axes is not None
-    return f"{fix.axes[0] / 1e3:.0f} km x {fix.axes[1] / 1e3:.0f} km"

@@ -218,9 +218,12 @@ def pieces_of(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[t
             f"values from {values.min():g} to {values.max():g} are no mask", where=where,
             remedy="A mask has 0 and 1, fractions between, per cent (with units), or whole numbers that number the pieces",
         )  # fmt: skip
-    areas = [_ring_area(ring) for _, ring in pieces]
     if not pieces:
         raise BergError("no ice in the mask", where=where, remedy="Cells of ice have values above one half")
+    areas = []  # in squares of a degree of latitude
+    for _, ring in pieces:
+        x, y = ring[:, 0] * np.cos(np.radians(ring[:, 1].mean())), ring[:, 1]
+        areas.append(0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))))
     return [piece for piece, area in zip(pieces, areas, strict=True) if area >= SMALLEST * sum(areas)]
 
 
@@ -235,12 +238,6 @@ def _rings_at_half(mask: Raster, values: Floats) -> list[Floats]:
     points, offsets = contours.filled(0.5, np.inf)[:2]
     rings = [p[o[0] : o[1] - 1] for p, o in zip(points, offsets, strict=True) if p is not None and o is not None]
     return [np.asarray(ring, np.float64) for ring in rings if len(ring) >= 3]
-
-
-def _ring_area(ring: Floats) -> float:
-    """Return the area of a ring, in squares of a degree of latitude."""
-    x, y = ring[:, 0] * np.cos(np.radians(ring[:, 1].mean())), ring[:, 1]
-    return 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
 
 
 def best_pairs(cost: Floats, alone: float) -> list[tuple[int, int]]:

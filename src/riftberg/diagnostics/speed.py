@@ -138,8 +138,9 @@ def measure(model: Model, *, experiment: str = "", days: float = 1.0, seconds: f
     ``seconds``: stop after this wall time even if fewer days are done, s.
     """
     dt = model.parameters.stepping.time_step
-    first = _timed_step(model)
-    steps = 0
+    before = clock.perf_counter()
+    model.advance(steps=1)
+    first, steps = clock.perf_counter() - before, 0
     with held() as hold:  # as in a run: each step by itself would hold signals back anew
         before = clock.perf_counter()
         while steps < 1 or (steps < days * SECONDS_PER_DAY / dt and clock.perf_counter() - before < seconds):
@@ -213,12 +214,6 @@ def _processor_days(model: Model, days: float) -> list[float]:
             model.step()
             spent[int(np.ceil(end - 1e-9)) - 1] += clock.process_time() - before
     return spent
-
-
-def _timed_step(model: Model) -> float:
-    before = clock.perf_counter()
-    model.advance(steps=1)
-    return clock.perf_counter() - before
 
 
 def memory_mb() -> float | None:

@@ -38,7 +38,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -49,11 +48,9 @@ from riftberg.config.units import area_text
 from riftberg.life.ledger import PROCESSES, melt_of
 from riftberg.runs.layout import called, forcing_text
 from riftberg.runs.progress import Stopwatch
-from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.stepping.fragments.tree import centroid
-from riftberg.system.atomic_files import write_json
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -104,17 +101,16 @@ def summarize(
 
 def ledger_of(model: BareModel) -> dict[str, Any] | None:
     """Return the ledger of melt as the summary holds it."""
-    if getattr(model, "life", None) is None:
+    if model.life is None:
         return None
-    assert model.life is not None
     balance = model.life.balance(model)
-    rows = fragment_rows(model)
-    water = melt_of(model.remembered, np.array([int(row["number"]) for row in rows], np.int64))
+    rows = model.fragments.rows
+    water = melt_of(model.remembered, np.array([row.number for row in rows], np.int64))
     order = np.argsort(-water.sum(axis=1), kind="stable")[:MOST_FRAGMENTS].tolist()
     by_fragment = [
         {
-            "fragment": int(rows[k]["number"]),
-            "name": _name_of_row(rows[k]),
+            "fragment": rows[k].number,
+            "name": called(rows[k].number, rows[k].parent, rows[k].name),
             **dict(zip(PROCESSES, water[k].tolist(), strict=True)),
         }
         for k in order
@@ -128,15 +124,10 @@ def ledger_of(model: BareModel) -> dict[str, Any] | None:
 
 def motion_of(model: BareModel) -> dict[str, Any] | None:
     """Return the ledger of momentum and mechanical energy as the summary holds it."""
-    if getattr(model, "motion", None) is None:
+    if model.motion is None:
         return None
     balance = model.motion.balance(model, model.remembered)
     return {**balance.as_dict(), "closing": balance.closing(), "lines": balance.lines()}
-
-
-def write_summary(summary: dict[str, Any], path: str | Path) -> Path:
-    """Write a summary as JSON."""
-    return write_json(summary, path)
 
 
 def bonds_broken(model: BareModel) -> int:
@@ -152,46 +143,61 @@ def fragment_areas(model: BareModel) -> list[float]:
 
 def breakups(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per fragment that split from its parent, in order of time."""
-    born = [row for row in fragment_rows(model) if row["parent"] > 0]
-    names = {int(row["number"]): str(row.get("name", "")) for row in fragment_rows(model)}
-    return [_breakup(model.start, row, names) for row in sorted(born, key=lambda row: float(row["birth_time"]))]
+    rows = model.fragments.rows
+    names = {row.number: row.name for row in rows}
+    return [
+        {
+            "time": (model.start + timedelta(seconds=row.birth_time)).isoformat(),
+            "lon": row.lon,
+            "lat": row.lat,
+            "area_km2": row.area / 1e6,
+            "bonds": row.bonds_broken,
+            "grounded": row.grounded,
+            "fragment": row.number,
+            "parent": row.parent,
+            "name": row.name,
+            "parent_name": names.get(row.parent, ""),
+        }
+        for row in sorted(rows, key=lambda row: row.birth_time)
+        if row.parent > 0
+    ]
 
 
 def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per berg of the start, and per one that was added later."""
-    rows = {int(row["number"]): row for row in fragment_rows(model)}
+    rows = {row.number: row for row in model.fragments.rows}
     e = model.elements
     area, earth = e.length * e.width, model.parameters.earth
 
     def origin(number: int) -> int:
         """Up the family tree to the berg that it comes from."""
-        while number in rows and rows[number]["parent"] > 0:
-            number = int(rows[number]["parent"])
+        while number in rows and rows[number].parent > 0:
+            number = rows[number].parent
         return number
 
     pieces: dict[int, list[tuple[float, int]]] = {}
     for number, size in by_area(e.berg, area).items():
         pieces.setdefault(origin(number), []).append((size / 1e6, number))
     melted: dict[int, float] = {}
-    if getattr(model, "life", None) is not None:
+    if model.life is not None:
         for number, water in zip(
             rows, melt_of(model.remembered, np.array(list(rows), np.int64)).sum(axis=1), strict=True
         ):
             melted[origin(number)] = melted.get(origin(number), 0.0) + float(water)
     entries: list[dict[str, Any]] = []
     for number, row in rows.items():
-        if row["parent"] > 0:
+        if row.parent > 0:
             continue
         mine = sorted(pieces.get(number, []), reverse=True)
         entry = {
-            "number": number, "name": str(row.get("name", "")), "area_km2": float(row["area"]) / 1e6,
+            "number": number, "name": row.name, "area_km2": row.area / 1e6,
             "fragments": len(mine), "largest_km2": mine[0][0] if mine else 0.0, "areas_km2": [size for size, _ in mine[:NAMED]],
             "melted_kg": melted.get(number, 0.0), **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat")),
         }  # fmt: skip
         if mine:
             inside = e.berg == mine[0][1]
             lon, lat = centroid(e.lon[inside], e.lat[inside], area[inside], earth.period)
-            here = np.array([lon]), np.array([lat]), np.array([float(row["lon"])]), np.array([float(row["lat"])])
+            here = np.array([lon]), np.array([lat]), np.array([row.lon]), np.array([row.lat])
             east, north = separations(Metric(earth.latlon, earth.radius, earth.period), *here)
             entry |= {
                 "drift_east_km": float(east[0]) / 1e3,
@@ -205,37 +211,18 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
 
 def collisions(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per collision of two bergs or fragments, in order of time."""
-    names = {int(row["number"]): _name_of_row(row) for row in fragment_rows(model)}
+    names = {row.number: called(row.number, row.parent, row.name) for row in model.fragments.rows}
     return [
         {
-            "time": (model.start + timedelta(seconds=float(row["time"]))).isoformat(),
-            "end": (model.start + timedelta(seconds=float(row["end"]))).isoformat(),
-            "bergs": [names.get(int(row[k]), str(row[k])) for k in ("first", "second")],
-            "lon": float(row["lon"]),
-            "lat": float(row["lat"]),
-            "speed": float(row["speed"]),
+            "time": (model.start + timedelta(seconds=row.time)).isoformat(),
+            "end": (model.start + timedelta(seconds=row.end)).isoformat(),
+            "bergs": [names.get(number, str(number)) for number in (row.first, row.second)],
+            "lon": row.lon,
+            "lat": row.lat,
+            "speed": row.speed,
         }
-        for row in contact_rows(model)
+        for row in model.contacts.rows
     ]
-
-
-def _name_of_row(row: dict[str, Any]) -> str:
-    return called(row["number"], row["parent"], str(row.get("name", "")))
-
-
-def _breakup(start: datetime, row: dict[str, Any], names: dict[int, str]) -> dict[str, Any]:
-    return {
-        "time": (start + timedelta(seconds=float(row["birth_time"]))).isoformat(),
-        "lon": float(row["lon"]),
-        "lat": float(row["lat"]),
-        "area_km2": float(row["area"]) / 1e6,
-        "bonds": int(row.get("bonds_broken", 0)),
-        "grounded": bool(row.get("grounded", False)),
-        "fragment": int(row["number"]),
-        "parent": int(row["parent"]),
-        "name": str(row.get("name", "")),
-        "parent_name": names.get(int(row["parent"]), ""),
-    }
 
 
 NAMED: Final = 6
@@ -275,7 +262,12 @@ def melt_lines(run: xr.Dataset) -> list[str]:
     if not lost:
         return []
     every = {name: sum(water[name] for water in lost.values()) for name in next(iter(lost.values()))}
-    lines = ["; ".join([f"Melted: {_amounts(every)}", *_bits(run, sum(every.values())), *_births(run)]) + "."]
+    said = [f"Melted: {_amounts(every)}"]
+    # What is afloat as bits at the last record; older files do not say.
+    ice = float(run["ice_in_bits"].isel(time=-1).sum()) if "ice_in_bits" in run and run.sizes["time"] else 0.0
+    if ice > LEAST * sum(every.values()):
+        said.append(f"{ice / 1e12:.3g} Gt more are afloat as bits")
+    lines = ["; ".join([*said, *_births(run)]) + "."]
     if len(lost) > 1:
         shown = list(lost.items())[:NAMED]
         rest = sum(sum(water.values()) for water in list(lost.values())[NAMED:])
@@ -285,12 +277,6 @@ def melt_lines(run: xr.Dataset) -> list[str]:
             "Of this " + "; ".join(f"{scene.name(number)} {_amounts(water)}" for number, water in shown) + more + "."
         )
     return lines
-
-
-def _bits(run: xr.Dataset, melted: float) -> list[str]:
-    """Return what is afloat as bits at the last record; files of earlier versions do not say."""
-    ice = float(run["ice_in_bits"].isel(time=-1).sum()) if "ice_in_bits" in run and run.sizes["time"] else 0.0
-    return [f"{ice / 1e12:.3g} Gt more are afloat as bits"] if ice > LEAST * melted else []
 
 
 def _births(run: xr.Dataset) -> list[str]:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric
 from riftberg.coupling.fields import OceanForcing
@@ -241,17 +240,13 @@ def without_idle_life(p: Parameters, elements: Elements, bonds: Bonds, passive: 
         return p
     count = np.bincount(np.concatenate([bonds.first, bonds.second]), minlength=elements.size)
     free = (elements.static < 0.5) & ((count == 0) | p.fracture.enabled)
-    return p if p.rolling.enabled and (free & _would_roll(elements, p)).any() else off
-
-
-def _would_roll(elements: Elements, p: Parameters) -> NDArray[np.bool_]:
-    """Whether elements without bonds would roll at once."""
-    values, body = life_values(p), elements.body
-    shapes = zip(body.thickness.tolist(), body.width.tolist(), body.length.tolist(), strict=True)
-    rolled = [
-        roll(t, w, q, values.rolling_scheme, values.tip, values.rho_ice, values.rolls_on)[0] != t for t, w, q in shapes
-    ]
-    return np.asarray(rolled, np.bool_)
+    # Whether an element without bonds would roll at once.
+    v, body = life_values(p), elements.body
+    shapes = zip(free.tolist(), body.thickness.tolist(), body.width.tolist(), body.length.tolist(), strict=True)
+    rolls = p.rolling.enabled and any(
+        alone and roll(t, w, q, v.rolling_scheme, v.tip, v.rho_ice, v.rolls_on)[0] != t for alone, t, w, q in shapes
+    )
+    return p if rolls else off
 
 
 def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path, ranks: tuple[int, int]) -> None:
@@ -294,18 +289,6 @@ OCEAN: Final = {
     "incr_mass": ("kg m-2", "kg m-2, from icebergs_incr_mass"),
 }
 """Fields of ``ocean.nc`` with units and comment."""
-
-
-def _clock(namelist: KidNamelist) -> Clock:
-    """Return length and calendar."""
-    driver = namelist.driver
-    steps = driver.whole("nsteps")
-    refuse_large(
-        steps, MOST_STEPS, "long steps", where=driver.where, remedy="Give a smaller nsteps", kind=NamelistError
-    )
-    if steps < 1:
-        raise driver.error(f"nsteps = {steps}", "Give a positive number")
-    return Clock(time_step(namelist), steps, 0.0)
 
 
 def _grid(driver: NamelistGroup, icebergs: NamelistGroup) -> Grid:
@@ -380,7 +363,13 @@ class CoupledRun:
             raise group.error(
                 "iceberg_bonds_on = T with drv_nml", "Set iceberg_bonds_on = .false.: this driver has no bonds"
             )
-        clock, grid = _clock(namelist), _grid(driver, group)
+        steps = driver.whole("nsteps")
+        refuse_large(
+            steps, MOST_STEPS, "long steps", where=driver.where, remedy="Give a smaller nsteps", kind=NamelistError
+        )
+        if steps < 1:
+            raise driver.error(f"nsteps = {steps}", "Give a positive number")
+        clock, grid = Clock(time_step(namelist), steps, 0.0), _grid(driver, group)
         restarts = folder / group.text("restart_input_dir")
         elements = _bergs(restarts / RESTART, grid, group)
         earth = parameters.earth

@@ -215,13 +215,11 @@ def check_supported(namelist: KidNamelist) -> None:
     group = namelist.icebergs
     refusals = refused(GROUPS[group.name], group.values)
     if refusals:
-        what = "; ".join(f"{e.name} = {_fortran(value)}: {e.note}" for e, value in refusals)
+        written = {True: ".true.", False: ".false."}
+        shown = [(e, written[value] if isinstance(value, bool) else value) for e, value in refusals]
+        what = "; ".join(f"{e.name} = {value}: {e.note}" for e, value in shown)
         remedy = "; ".join(f"{e.name}: {e.remedy}" for e, _ in refusals)
         raise group.error(what, f"Remedy: {remedy}")
-
-
-def _fortran(value: Value) -> str:
-    return (".true." if value else ".false.") if isinstance(value, bool) else str(value)
 
 
 def _read_group(name: str, groups: list[tuple[str, str]], path: Path) -> NamelistGroup:

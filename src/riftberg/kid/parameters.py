@@ -70,11 +70,6 @@ def time_step(namelist: KidNamelist) -> float:
     return dt
 
 
-def uses_dem(group: NamelistGroup) -> bool:
-    """Whether DEM bonds act; without ``mts`` they do not (quirk Q25)."""
-    return group.flag("dem") and group.flag("mts") and group.flag("iceberg_bonds_on")
-
-
 def scheme(group: NamelistGroup) -> Scheme:
     """Return the stepping scheme; ``mts`` overrides ``Runge_not_Verlet``."""
     if group.flag("mts"):
@@ -113,15 +108,10 @@ def substeps(group: NamelistGroup, dt: float) -> int:
     return math.ceil(dt / (0.3 / math.sqrt(spring)))
 
 
-def is_plain_kid(group: NamelistGroup) -> bool:
-    """Whether repulsion comes from the cell search and attraction from the bonds (branch B of section 5.1)."""
-    far = group.number("contact_distance") > 0
-    return not (group.flag("mts") or far or contact_stiffness(group) != group.number("spring_coef"))
-
-
 def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     """Parameters by group, entry by entry; melt, rolling, footloose and calving follow in `_groups_of_life`."""
-    flag, number, dem, mts = group.flag, group.number, uses_dem(group), group.flag("mts")
+    flag, number, mts = group.flag, group.number, group.flag("mts")
+    dem = mts and flag("dem") and flag("iceberg_bonds_on")  # without ``mts`` they do not act (quirk Q25)
     # Thresholds of fracture (equations 7.1, 7.2; quirks Q8, Q9): in sub-steps they count as they stand. After the long step
     # one of 0 or less means never, and two of them mean that nothing is tested, whatever the criterion.
     inline = flag("break_bonds_on_sub_steps")
@@ -135,7 +125,8 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
         )
     if not inline:
         normal, shear = (value if value > 0 else NEVER for value in (normal, shear))
-    plain = is_plain_kid(group)
+    # Repulsion comes from the cell search and attraction from the bonds (branch B of section 5.1).
+    plain = not (mts or number("contact_distance") > 0 or contact_stiffness(group) != number("spring_coef"))
     return {
         "ice": {"density": number("rho_bergs")},
         "drag": {

@@ -149,7 +149,13 @@ def read_restart(path: Path, grid: Grid, *, seam: bool = False) -> Elements:
                 array[:] = column(dataset, path, name, elements.size, default)
         _check_values(elements, path, grid)
         grid.locate(elements)
-        elements.id[:] = _read_identifiers(dataset, path, elements, grid, seam)
+        if (
+            "iceberg_num" in dataset.variables
+        ):  # of before identifiers had two parts; KID numbers such elements anew too
+            elements.id[:] = new_identifiers(elements, grid, seam)
+        else:
+            parts = (whole_column(dataset, path, name, elements.size) for name in ("id_cnt", "id_ij"))
+            elements.id[:] = join_id(*parts)
     unique, counts = np.unique(elements.id, return_counts=True)
     if (counts > 1).any():
         raise BergError(
@@ -197,14 +203,6 @@ def _read_bergs(dataset: netCDF4.Dataset, path: Path) -> Elements:
     return elements
 
 
-def _read_identifiers(dataset: netCDF4.Dataset, path: Path, elements: Elements, grid: Grid, seam: bool) -> Ints:
-    # Before identifiers had two parts; KID numbers such elements anew too.
-    if "iceberg_num" in dataset.variables:
-        return new_identifiers(elements, grid, seam)
-    size = len(elements.id)
-    return join_id(whole_column(dataset, path, "id_cnt", size), whole_column(dataset, path, "id_ij", size))
-
-
 _LARGEST: Final = {"thickness": 5000.0, "length": 1e6, "width": 1e6, "uvel": 100.0, "vvel": 100.0, "ang_vel": 1.0}
 """Sizes (m) and speeds (m s-1, rad s-1) that no element has."""
 
@@ -216,26 +214,21 @@ DENSITIES: Final = (200.0, 1100.0)
 
 
 def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
-    """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers too."""
+    """Refuse elements that cannot be: flipped bits and slips of units leave finite numbers, which are all that was read."""
     fields, life = {**REQUIRED, **OPTIONAL}, elements.life
 
-    def refuse(
-        bad: NDArray[np.bool_], values: Floats, name: str, demand: str, shown: str = "g", meant: str = ""
-    ) -> None:
+    def refuse(bad: NDArray[np.bool_], values: Floats, name: str, demand: str, meant: str = "") -> None:
         if bad.any():
             k = int(np.argmax(bad))
             raise BergError(
-                f"{name} = {values[k]:{shown}} of record {k + 1} is not {demand}",
+                f"{name} = {values[k]:g} of record {k + 1} is not {demand}",
                 where=f"{path}, variable {name}",
                 remedy=f"Correct the record, or remove that element{meant}",
             )
 
-    for name, field in fields.items():
-        values = getattr(elements, field)
-        good, demand = np.isfinite(values), "a finite number"
-        if name in _POSITIVE:
-            good, demand = good & (values > 0), "a positive number"
-        refuse(~good, values, name, demand, "")
+    for name in _POSITIVE:
+        values = getattr(elements, fields[name])
+        refuse(values <= 0.0, values, name, "a positive number")
     for name, most in _LARGEST.items():
         values = getattr(elements, fields[name])
         refuse(np.abs(values) > most, values, name, f"a number of at most {most:g}")
@@ -262,31 +255,12 @@ def _check_values(elements: Elements, path: Path, grid: Grid) -> None:
             where=f"{path}, variable mass",
             remedy=f"Correct mass, thickness, length or width: ice has {DENSITIES[0]:g} to {DENSITIES[1]:g} kg m-3",
         )
-    for name in LIFE:
-        values = getattr(life, name)
-        refuse(~np.isfinite(values), values, name, "a finite number")
     refuse(~(life.mass_scaling > 0.0), life.mass_scaling, "mass_scaling", "a number above 0")
     for name in ("start_mass", "mass_of_bits", "start_day", "mass_of_fl_bits", "mass_of_fl_bergy_bits"):
         values = getattr(life, name)
         refuse(values < 0.0, values, name, "0 or more")
     flagged = (life.fl_k < 0.0) & ~np.isin(life.fl_k, CHILD_FLAGS)
     refuse(flagged, life.fl_k, "fl_k", "0 or more, or -1 or -2 of a child of footloose calving")
-
-
-def _columns(elements: Elements, grid: Grid) -> dict[str, NDArray[Any]]:
-    """Return all variables by KID's names.
-
-    In the order in which the elements have come into their cells: that in which a reader puts them there again.
-    """
-    elements = elements.taken(np.lexsort((np.arange(elements.size), elements.place.entered)))
-    columns: dict[str, NDArray[Any]] = {name: getattr(elements, f) for name, f in {**REQUIRED, **OPTIONAL}.items()}
-    columns.update({name: getattr(elements.life, name) for name in LIFE})
-    columns["ine"], columns["jne"] = cell_indices(elements, grid)
-    columns["id_cnt"], columns["id_ij"] = split_id(elements.id)
-    columns["static_berg"] = np.where(
-        elements.static >= 0.5, 1.0, np.where(elements.in_contact != 0, CONTACT_FLAG, 0.0)
-    )
-    return columns
 
 
 _BASE: Final = (
@@ -346,7 +320,13 @@ def write_restart(path: Path, elements: Elements, grid: Grid, parameters: Parame
     ``static_berg`` only where an element is static, as KID does (marks of the contact iteration alone do not count:
     the reference's restarts lack them).
     """
-    values = _columns(elements, grid)
+    # In the order in which the elements have come into their cells: that in which a reader puts them there again.
+    e = elements.taken(np.lexsort((np.arange(elements.size), elements.place.entered)))
+    values: dict[str, NDArray[Any]] = {name: getattr(e, field) for name, field in {**REQUIRED, **OPTIONAL}.items()}
+    values |= {name: getattr(e.life, name) for name in LIFE}
+    values["ine"], values["jne"] = cell_indices(e, grid)
+    values["id_cnt"], values["id_ij"] = split_id(e.id)
+    values["static_berg"] = np.where(e.static >= 0.5, 1.0, np.where(e.in_contact != 0, CONTACT_FLAG, 0.0))
     scheme = parameters.stepping.scheme
     layout = [*_BASE]
     layout += _VERLET if scheme != "runge_kutta" else ()

@@ -106,7 +106,11 @@ def follow_outlines(
         np.array([piece for piece, _ in ices], np.int64), np.array([ice for _, ice in ices], object),
         fronts.element[own], now, fronts.area[own], fronts.whole[own], fronts.cell[own],
     )  # fmt: skip
-    remembered.update(_arrays(fronts))
+    shapes = shapely.to_wkb(shapely.GeometryCollection([*fronts.ice, *fronts.cell]))
+    remembered.update({
+        SHAPES: np.frombuffer(shapes, np.uint8), OF_SHAPES: fronts.berg,
+        CELLS: np.column_stack([fronts.element, fronts.part]), SIZES: np.column_stack([fronts.area, fronts.whole]),
+    })  # fmt: skip
 
 
 def hand_on_feet(el: Elements, gone: NDArray[np.bool_]) -> None:
@@ -203,15 +207,6 @@ def _front(ice: Any, fronts: IceFronts, own: Ints, area: Floats) -> Floats:
         return np.full(own.size, ALONE)
     front[edge] = total * due / due.sum()
     return front
-
-
-def _arrays(fronts: IceFronts) -> dict[str, Any]:
-    """Return what a restart keeps."""
-    shapes = shapely.to_wkb(shapely.GeometryCollection([*fronts.ice, *fronts.cell]))
-    return {
-        SHAPES: np.frombuffer(shapes, np.uint8), OF_SHAPES: fronts.berg,
-        CELLS: np.column_stack([fronts.element, fronts.part]), SIZES: np.column_stack([fronts.area, fronts.whole]),
-    }  # fmt: skip
 
 
 def _taken(remembered: Mapping[str, Any]) -> IceFronts:

@@ -418,7 +418,12 @@ def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float], o
     life.retreat[:] += np.where(life.front >= 0.0, result.retreat, 0.0)
     if values.keep_shape:
         return step
-    _store(elements, result)
+    # The longer side is the length (files, 1.12).
+    body.mass[:], body.thickness[:] = result.mass, result.thickness
+    body.width[:] = np.minimum(result.width, result.length)
+    body.length[:] = np.maximum(result.width, result.length)
+    life.mass_of_bits[:], life.mass_of_fl_bits[:] = result.bits, result.fl_bits
+    life.mass_of_fl_bergy_bits[:] = result.fl_bergy_bits
     empty = result.mass <= 0.0
     if empty.any():
         from riftberg.life.ice_fronts import hand_on_feet  # with shapely and scipy.spatial, half a second
@@ -429,16 +434,6 @@ def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float], o
         _let_bits_replace(elements, result, replaced, values.rho_ice, born)
     step.gone[:] = empty & ~replaced
     return step
-
-
-def _store(elements: Elements, result: Melted) -> None:
-    """Take mass, sizes and bits over; the longer side is the length (files, 1.12)."""
-    body, life = elements.body, elements.life
-    body.mass[:], body.thickness[:] = result.mass, result.thickness
-    body.width[:] = np.minimum(result.width, result.length)
-    body.length[:] = np.maximum(result.width, result.length)
-    life.mass_of_bits[:], life.mass_of_fl_bits[:] = result.bits, result.fl_bits
-    life.mass_of_fl_bergy_bits[:] = result.fl_bergy_bits
 
 
 def _let_bits_replace(

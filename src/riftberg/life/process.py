@@ -6,7 +6,7 @@ A run whose forcing lacks what melt needs is refused before its first step.
 from __future__ import annotations
 
 import calendar
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from datetime import datetime
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -27,25 +27,25 @@ def check_water(forcing: Forcing, p: Parameters) -> None:
 
     Runs with the reference's numerics take what their driver hands over.
     """
-    melt = p.melt
-    if not melt.enabled or p.compatibility.zero_rates or p.compatibility.zero_start:
-        return
-    known = provided(forcing)
-    missing = []
-    if melt.temperature is None and "sst" not in known:
-        missing.append(("temperature", "sst", "melt.temperature"))
-    needs_salt = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
-    if needs_salt and melt.salinity is None and "sss" not in known:
-        missing.append(("salinity", "sss", "melt.salinity"))
+    missing = {} if p.compatibility.zero_start else missing_water(p, provided(forcing))
     if missing:
-        what = " and no ".join(name for name, _, _ in missing)
-        fields = " and ".join(field for _, field, _ in missing)
-        numbers = " and ".join(number for _, _, number in missing)
+        fields = " and ".join(missing.values())
         raise InputError(
-            f"bergs are to melt, but there is no {what} of the sea",
+            f"bergs are to melt, but there is no {' and no '.join(missing)} of the sea",
             where=f"forcing: {forcing.describe()}",
-            remedy=f"Give files with {fields}, or numbers: {numbers}; or set melt.enabled = false",
+            remedy=f"Give files with {fields}, or numbers: {' and '.join(f'melt.{name}' for name in missing)}; "
+            "or set melt.enabled = false",
         )
+
+
+def missing_water(p: Parameters, known: Container[str]) -> dict[str, str]:
+    """Return what melt needs of the sea and has neither as a number nor from the known fields: field by name."""
+    melt = p.melt
+    if not melt.enabled or p.compatibility.zero_rates:
+        return {}
+    salty = melt.base != "turbulent" and melt.mode != "berg" and melt.salinity_from_ocean
+    wanted = [("temperature", "sst", melt.temperature), *([("salinity", "sss", melt.salinity)] if salty else [])]
+    return {name: field for name, field, number in wanted if number is None and field not in known}
 
 
 def provided(forcing: Forcing) -> frozenset[str]:
@@ -171,10 +171,10 @@ class LifeProcess:
         return calved
 
 
-def date_of_birth(model: LifeModel) -> tuple[int, float]:
-    """Year, and days since its beginning, of the start of the step that has just ended."""
+def date_of_birth(model: LifeModel, *, coming: bool = False) -> tuple[int, float]:
+    """Year, and days since its beginning, of the start of the step that has just ended, or of the coming one."""
     date = model.start.replace(tzinfo=None)
-    seconds = model.time - model.parameters.stepping.time_step
+    seconds = model.time - (0.0 if coming else model.parameters.stepping.time_step)
     days = (date - datetime(date.year, 1, 1)).total_seconds() / 86400.0 + seconds / 86400.0
     year = date.year
     while days >= (length := 366 if calendar.isleap(year) else 365):

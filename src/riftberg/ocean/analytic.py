@@ -172,7 +172,7 @@ def _checked_water(temperature: Any, salinity: Any, ice_fraction: Any) -> tuple[
 
 def steady(name: str, value: Any) -> Any:
     """Return a value of a steady environment without unit, or refuse it in the words that an experiment file gets."""
-    return steady_value(ConstantForcing, name, value)
+    return given(value, ConstantForcing, name, kind=ForcingError)
 
 
 class Convergence(Steady):
@@ -235,8 +235,3 @@ class ConstantForcing(Section):
     )
     sea_ice: SeaIce = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice", **ICE_UNITS)
     depth: float = key(1e4, "m", "depth of water", gt=0, le=1e5)
-
-
-def steady_value(part: Any, name: str, value: Any) -> Any:
-    """Return a value of a section without unit, or refuse it in the words that an experiment file gets."""
-    return given(value, part, name, kind=ForcingError)

@@ -269,7 +269,14 @@ class DatasetForcing(DescribedForcing):
         if sea_level != "files":
             given = [rest for ds in given if (rest := ds.drop_vars("ssh", errors="ignore")).data_vars]
         check_pairs(given)
-        begin = begin or _first_date(given)
+        if begin is None:  # the first date at which all have begun
+            first = [ds["time"].values.min() for ds in given if "time" in ds and ds["time"].size]
+            if not first:
+                raise ForcingError(
+                    "no dataset has dates", where="Forcing.from_xarray",
+                    remedy="Give start, the date of the model's time 0",
+                )  # fmt: skip
+            begin = moment(max(first), where="start")
         for ds in given:
             if "unread" in ds.attrs:
                 _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
@@ -483,16 +490,6 @@ def _nodes(part: Part, name: str, time: float) -> Floats:
     """Return a field at all points of an unstructured product (its uppermost level)."""
     moment = part.records.moment(name, time)
     return np.asarray((1.0 - moment.weight) * moment.before[0, 0] + moment.weight * moment.after[0, 0])
-
-
-def _first_date(products: Sequence[xr.Dataset]) -> datetime:
-    """Return the first date at which all canonical datasets have begun; refuses datasets without dates."""
-    first = [ds["time"].values.min() for ds in products if "time" in ds and ds["time"].size]
-    if not first:
-        raise ForcingError(
-            "no dataset has dates", where="Forcing.from_xarray", remedy="Give start, the date of the model's time 0"
-        )
-    return moment(max(first), where="start")
 
 
 def _flat(values: Floats) -> Floats:

@@ -88,7 +88,9 @@ class Formula(DescribedForcing):
         clear_environment(elements)
         self.add_to(elements, time)
         _add_inertial_slope(self._flows(), elements, time)
-        fill_open_depth(elements)
+        # Elements under which no part has a sea floor get the depth of an open ocean.
+        depth = elements.environment.depth
+        depth[np.isinf(depth)] = FIELD_DEFAULTS["depth"]
 
     def _flows(self) -> tuple[Flow, ...]:
         """Return the parts whose currents the sea surface balances."""
@@ -139,12 +141,6 @@ def clear_environment(elements: Elements) -> None:
     for name in UNKNOWN:
         getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
     environment.wave_height[:] = FIELD_DEFAULTS["wave_height"]
-
-
-def fill_open_depth(elements: Elements) -> None:
-    """Give elements under which no part has a sea floor the depth of an open ocean."""
-    depth = elements.environment.depth
-    depth[np.isinf(depth)] = FIELD_DEFAULTS["depth"]
 
 
 MATERIAL_STEP: Final = 10.0

@@ -378,17 +378,13 @@ def _shifted(q: Floats, rows: int, columns: int) -> Floats:
     return np.pad(q, ((0, rows), (0, columns)), mode="edge")[rows:, columns:]
 
 
-def corner_mask(mask: Floats) -> Floats:
-    """Return 1 at north-east corners that no land cell touches, else 0 (equations 3.1 rule 1)."""
-    parts = (mask, _shifted(mask, 0, 1), _shifted(mask, 1, 0), _shifted(mask, 1, 1))
-    return np.asarray(np.minimum.reduce(parts))
-
-
 def at_corners(u: Floats, v: Floats, grid: Grid, staggering: Staggering) -> tuple[Floats, Floats]:
     """Return a vector field at north-east corners (B-grid) from any of the usual staggerings (equations 3.1)."""
     if staggering == "B":
         return u.copy(), v.copy()
-    wet = corner_mask(grid.arrays.mask)
+    # 1 at north-east corners that no land cell touches (rule 1).
+    mask = grid.arrays.mask
+    wet = np.minimum.reduce((mask, _shifted(mask, 0, 1), _shifted(mask, 1, 0), _shifted(mask, 1, 1)))
     if staggering == "C":
         return wet * (0.5 * (u + _shifted(u, 1, 0))), wet * (0.5 * (v + _shifted(v, 0, 1)))
     mean_u, mean_v = (0.25 * ((q + _shifted(q, 1, 1)) + (_shifted(q, 0, 1) + _shifted(q, 1, 0))) for q in (u, v))

@@ -30,6 +30,7 @@ from riftberg.compiled.kernels import borrower, kernel, plain
 from riftberg.config.units import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
 from riftberg.ocean.forcing import DescribedForcing
+from riftberg.ocean.formulas import MATERIAL_STEP
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 
@@ -252,10 +253,6 @@ def _fill(
         behind_x *= scale / math.cos(lat[e] * math.pi / 180.0 - north / EARTH_RADIUS_A68)
         slope_x[e] += (ahead_y - behind_y) / (2.0 * MATERIAL_STEP * GRAVITY)
         slope_y[e] -= (ahead_x - behind_x) / (2.0 * MATERIAL_STEP * GRAVITY)
-
-
-MATERIAL_STEP = 10.0
-"""Time (s) before and after the present over which the change along the path of the water is found."""
 
 
 @borrower

@@ -40,24 +40,19 @@ def _is_oscar_v2(heading: Heading) -> bool:
     return _has_oscar_fields(heading) and not _is_oscar_v3(heading)
 
 
-def _without_oscar_level(ds: xr.Dataset) -> xr.Dataset:
-    """Drop the single level at 15 m: OSCAR is a mean over the top 30 m."""
-    return without_single(ds, "depth", "year", what="OSCAR v1 has one level at 15 m; give the original file")
-
-
 def _drop_year_axis(ds: xr.Dataset) -> xr.Dataset:
-    """Drop the decimal year, a second name of the time axis with a dimension of its own."""
-    return _without_oscar_level(ds.drop_vars("year", errors="ignore"))
+    """Drop the decimal year, a second name of the time axis with a dimension of its own, and the single level at 15 m.
+
+    OSCAR is a mean over the top 30 m.
+    """
+    ds = ds.drop_vars("year", errors="ignore")
+    return without_single(ds, "depth", "year", what="OSCAR v1 has one level at 15 m; give the original file")
 
 
 def _by_coordinate(ds: xr.Dataset) -> xr.Dataset:
     """Use the coordinate variables ``lat`` and ``lon`` as axes: dimensions are called otherwise, in changing order."""
     pairs = {"latitude": "lat", "longitude": "lon"}
     return ds.swap_dims({dim: name for dim, name in pairs.items() if name in ds.variables and dim in ds.dims})
-
-
-def _finish_v2(ds: xr.Dataset) -> xr.Dataset:
-    return stamped_at_noon(ds)
 
 
 _OSCAR_NOTES = (
@@ -84,7 +79,7 @@ OSCAR_V2 = Product(
     matches=_is_oscar_v2,
     sources=_OSCAR_CURRENTS,
     reshape=_by_coordinate,
-    finish=_finish_v2,
+    finish=stamped_at_noon,
     averaging=DAY,
     notes=(*_OSCAR_NOTES, "daily means: stamps put at 12:00 UTC", "file order is (time, longitude, latitude)"),
 )
@@ -96,7 +91,7 @@ OSCAR_V3 = Product(
     matches=_is_oscar_v3,
     sources=_OSCAR_CURRENTS,
     reshape=_by_coordinate,
-    finish=_finish_v2,
+    finish=stamped_at_noon,
     averaging=DAY,
     notes=(*_OSCAR_NOTES, "daily means: stamps put at 12:00 UTC", "not released when this reader was written"),
 )

@@ -251,7 +251,7 @@ def _projected(
         [c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == set(rest)] for kind in ("lat", "lon")
     ]
     pair = tuple(names[0] for names in both) if all(both) else ()
-    radius = ready or mapping is None or states_radius(mapping)
+    radius = ready or mapping is None or not {*RADII, *_TEXTS}.isdisjoint(mapping.attrs)
     off = _distance(ds, crs, x, y, pair, (y_dim, x_dim)) if pair else 0.0
     spacing = max((float(abs(axis[1] - axis[0])) for axis in (x, y) if axis.size > 1), default=0.0)
     spacing *= METRES_PER_DEGREE if degrees else 1.0
@@ -306,11 +306,6 @@ RADII = frozenset((
     "horizontal_datum_name", "geographic_crs_name",
 ))  # fmt: skip
 """Attributes of a grid mapping that say how large the Earth is."""
-
-
-def states_radius(mapping: xr.Variable) -> bool:
-    """Tell whether a grid mapping says how large the Earth is, by itself or in a text."""
-    return bool({*RADII, *_TEXTS} & set(mapping.attrs))
 
 
 def projected(ds: xr.Dataset, fallback: str) -> xr.Dataset:

@@ -211,7 +211,9 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
     raw = _with_attributes(raw, {name: {**raw[name].attrs, **said} for name, said in named.items()}) if named else raw
     decoded = _decoded(product.mend(raw))
     if product.member is not None:
-        decoded = of_member(decoded, product.member)
+        # A file with fewer members begins anew, so that files of two ensembles go together.
+        one = {dim: product.member % size for dim, size in members_in(decoded).items()}
+        decoded = decoded.isel(one, drop=True)
     ds = product.reshape(within_valid_range(decoded))
     ds.encoding["source"] = path
     # The undecoded heading says these: decoding takes units and bounds out of the attributes.
@@ -242,26 +244,23 @@ def canonical_parts(raw: xr.Dataset, product: Product, path: str) -> list[xr.Dat
 
 def _decoded(raw: xr.Dataset) -> xr.Dataset:
     """Return the file with packing, fill values and dates decoded; that is xarray's work."""
-
-    def decode(ds: xr.Dataset) -> xr.Dataset:
-        decoded = xr.decode_cf(ds, decode_timedelta=False)
-        decoded.encoding.update(ds.encoding)
-        return decoded
-
     with own_filters():
         warnings.filterwarnings("ignore", message="Ambiguous reference date string", category=xr.SerializationWarning)
         # Only dates that pandas cannot hold come back as cftime objects.
         warnings.filterwarnings("ignore", message="Unable to decode time axis", category=xr.SerializationWarning)
         warnings.filterwarnings("ignore", message=".*has multiple fill values", category=xr.SerializationWarning)
         warnings.filterwarnings("ignore", category=FutureWarning)
+        kept: dict[Hashable, dict[str, Any]] = {}
         try:
-            return decode(raw)
+            decoded = xr.decode_cf(raw, decode_timedelta=False)
         except (ValueError, OverflowError):
             # Dates that cannot be decoded are reported where they matter; the rest of the file is read, other dates too.
             counting = {n: v for n, v in raw.variables.items() if " since " in str(v.attrs.get("units", ""))}
             kept = {n: v.attrs for n, v in counting.items() if not _decodes(n, v)}
             bare = {n: {key: value for key, value in attrs.items() if key != "units"} for n, attrs in kept.items()}
-            return _with_attributes(decode(_with_attributes(raw, bare)), kept)
+            decoded = xr.decode_cf(_with_attributes(raw, bare), decode_timedelta=False)
+        decoded.encoding.update(raw.encoding)
+        return _with_attributes(decoded, kept) if kept else decoded
 
 
 def _decodes(name: Hashable, variable: xr.Variable) -> bool:
@@ -401,7 +400,7 @@ def _canonical(
     field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
     field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
-    field, one = _one_member(ds, name, field, where)
+    one = _one_member(ds, name, field, where)
     field, remarks = judged(ds, name, field, quantity, where=where)
     field = positioned(ds, name, field, where=where)
 
@@ -453,13 +452,8 @@ def members_in(ds: xr.Dataset) -> dict[str, int]:
     }  # fmt: skip
 
 
-def of_member(ds: xr.Dataset, member: int) -> xr.Dataset:
-    """Return a file with one of its members; one with fewer begins anew, so that files of two ensembles go together."""
-    return ds.isel({dim: member % size for dim, size in members_in(ds).items()}, drop=True)
-
-
-def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> tuple[xr.DataArray, list[str]]:
-    """Return the only member of an ensemble and a remark; refuse several."""
+def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> list[str]:
+    """Return a remark where a field is a member of an ensemble; refuse several."""
     member_remarks: list[str] = []
     for other, role, _ in coordinates_of(ds, name):
         if role != "member" or (ds[other].size != 1 and not set(ds[other].dims) <= set(field.dims)):
@@ -475,4 +469,4 @@ def _one_member(ds: xr.Dataset, name: str, field: xr.DataArray, where: str) -> t
         value = np.ravel(ds[other].values)[0]
         if value != 0:
             member_remarks.append(f"{name} is member {value} ({other}) of an ensemble")
-    return field, member_remarks
+    return member_remarks

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from riftberg.config.units import box_text
-from riftberg.config.values import nanoseconds
+from riftberg.config.values import moment, nanoseconds
 from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
 from riftberg.products.mesh import CurvilinearMesh, Located, NodeMesh
@@ -25,12 +24,9 @@ REACH = 1.5
 
 def utc(value: Any) -> np.datetime64:
     """Return a moment as ``datetime64[ns]`` in UTC; text, `datetime` (naive means UTC) and ``datetime64`` are taken."""
-    if isinstance(value, datetime) and value.tzinfo is not None:
-        value = value.astimezone(UTC).replace(tzinfo=None)
-    if isinstance(value, str):
-        value = value.removesuffix("Z")
-    moment: np.datetime64 = nanoseconds([value], where="date", kind=ForcingError)[0]
-    return moment
+    plain = value if isinstance(value, np.datetime64) else moment(value, where="date")
+    dated: np.datetime64 = nanoseconds([plain], where="date", kind=ForcingError)[0]
+    return dated
 
 
 def window(
@@ -63,7 +59,10 @@ def window(
             where=str(ds.attrs.get("source", "")),
             remedy="Give a file that covers the box; check the sign of west longitudes",
         )
-    part = with_positions(part) if "crs_wkt" in ds.attrs else part
+    if "crs_wkt" in ds.attrs and not {"lat", "lon"} <= set(part.variables):
+        x, y = np.meshgrid(part["x"].values, part["y"].values)
+        degrees = to_degrees(ds.attrs["crs_wkt"], x, y)
+        part = part.assign_coords(lon=(("y", "x"), degrees[0], EAST), lat=(("y", "x"), degrees[1], NORTH))
     return window_in_time(part, time) if time is not None and "time" in part.dims else part
 
 
@@ -86,14 +85,6 @@ def longitudes_near(ds: xr.Dataset, west: float, east: float) -> xr.Dataset:
     turns = [turn for turn in (-720.0, -360.0, 0.0, 360.0, 720.0)]
     overlap = [min(east, axis[-1] + turn) - max(west, axis[0] + turn) for turn in turns]
     return ds.assign_coords(lon=("lon", axis + turns[int(np.argmax(overlap))], ds["lon"].attrs))
-
-
-def with_positions(ds: xr.Dataset) -> xr.Dataset:
-    """Return a projected dataset with the latitudes and longitudes of its points."""
-    if {"lat", "lon"} <= set(ds.variables):
-        return ds
-    lon, lat = to_degrees(ds.attrs["crs_wkt"], *np.meshgrid(ds["x"].values, ds["y"].values))
-    return ds.assign_coords(lon=(("y", "x"), lon, EAST), lat=(("y", "x"), lat, NORTH))
 
 
 def _scattered(ds: xr.Dataset, west: float, east: float, south: float, north: float) -> xr.Dataset:

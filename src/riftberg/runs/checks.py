@@ -80,7 +80,7 @@ def open_checked(file: Path, *, own: bool = False) -> xr.Dataset:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)
             parameters_of(dataset, file)
-            stated_start(dataset, file)
+            read_start(dataset.attrs.get("start"), file)
             decoded = _with_dates(dataset, file)
             if not own:
                 _check_values(decoded, file)
@@ -143,7 +143,7 @@ def read_parameters(text: Any, file: Path) -> Parameters:
     if not isinstance(text, str):
         raise _error("missing, or no text", file, place)
     try:
-        return Parameters.from_json(text)
+        return Parameters.model_validate_json(text)
     except InputError as error:
         raise _error(
             f"no parameters of Riftberg ({error.where}: {error.what[:100]})", file, place,
@@ -158,11 +158,6 @@ def read_parameters(text: Any, file: Path) -> Parameters:
             place,
             "The file is damaged, or was written by another version of Riftberg",
         ) from error
-
-
-def stated_start(run: xr.Dataset, file: Path) -> datetime:
-    """Return the start of a run from its attribute."""
-    return read_start(run.attrs.get("start"), file)
 
 
 def read_start(text: Any, file: Path) -> datetime:
@@ -330,14 +325,9 @@ class State(Protocol):
     step_number: int
     extra: dict[str, Any]
     forcing: str
-    fragments: list[dict[str, Any]]
+    fragments: list[Any]
     bergs: list[tuple[str, int]]
-
-    def fragment_rows(self) -> list[Any]:
-        """Rows of the family tree."""
-
-    def contact_log(self) -> Any:
-        """Collisions of bergs."""
+    contacts: Any
 
 
 def _damaged(what: str, path: Path, place: str = "") -> InputError:
@@ -360,8 +350,8 @@ def check_restart(state: State, path: Path) -> None:
     # A run whose elements have all gone knows the next identifier.
     if state.elements.mass.size == 0 and "next_element" not in state.extra:
         raise _damaged("no elements", path)
-    check_fragment_rows(state.fragment_rows(), path, "attribute fragments_json")
-    check_fragment_rows(state.contact_log().rows, path, "attribute contacts_json")
+    check_fragment_rows(state.fragments, path, "attribute fragments_json")
+    check_fragment_rows(state.contacts.rows, path, "attribute contacts_json")
     if any(count < 0 for _, count in state.bergs):
         raise _damaged("a berg with less than no elements", path, "attribute bergs_json")
     bonds, count = state.bonds, state.elements.mass.size
@@ -466,7 +456,7 @@ def check_extra(state: State, path: Path) -> None:
             raise _damaged(f"numbers are needed, not values of type {values.dtype}", path, place)
     # Sizes by which others are bounded; those that arrays say themselves are added as they are met.
     sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
-    sizes["fragments"] = max((row["number"] for row in state.fragments), default=LARGEST_WHOLE)
+    sizes["fragments"] = max((row.number for row in state.fragments), default=LARGEST_WHOLE)
     following = {name: np.asarray(state.extra.get(name)) for name in ("next_element", "next_bond")}
     sizes |= {name: int(value) for name, value in following.items() if value.dtype.kind in "iu" and value.ndim == 0}
     ends = {f"beyond {table}_id": int(ids.max()) + 1 if ids.size else 0
@@ -544,7 +534,7 @@ def _check_tables(state: State, path: Path) -> None:
     sizes = {
         "elements": state.elements.size, "bonds": 2 * len(state.bonds.first),
         # Numbers of fragments rise by one from 1; runs of the reference's numerics keep no tree.
-        "fragments": max((row["number"] for row in state.fragments), default=LARGEST_WHOLE),
+        "fragments": max((row.number for row in state.fragments), default=LARGEST_WHOLE),
     }  # fmt: skip
     tables = (("element", ELEMENT_VARIABLES, state.elements), ("bond", BOND_VARIABLES, state.bonds))
     for table, variables, arrays in tables:
@@ -579,7 +569,7 @@ def check_same_run(state: State, fresh: Any, path: Path, *, named: str) -> None:
     ours, theirs = state.elements, fresh.elements
     # The run may have changed the density of the ice (--set), which the named experiment does not know.
     denser = state.parameters.ice.density / fresh.parameters.ice.density
-    born = [(row.elements, row.area, row.mass) for row in state.fragment_rows() if row.parent <= 0 >= row.birth_time]
+    born = [(row.elements, row.area, row.mass) for row in state.fragments if row.parent <= 0 >= row.birth_time]
     if born:  # bergs that melt, calve or are added to are recognised by what they were at the start
         start = theirs.mass.size, (theirs.length * theirs.width).sum(), denser * theirs.mass.sum()
         same = np.allclose(np.sum(born, axis=0), start, rtol=1e-6)

@@ -19,7 +19,6 @@ from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.population import by_identifier
 from riftberg.stepping.forces.media import FORCES
-from riftberg.stepping.laws import Laws
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel
@@ -70,8 +69,7 @@ USER_LAW: Final = "a law of the user"
 
 def own_applied(model: BareModel) -> list[Derived]:
     """Return the mean force of each of several laws of the user on each element."""
-    laws: Laws = getattr(model, "laws", Laws())
-    names = laws.several()
+    names = model.laws.several()
     variables = tuple(
         Variable(f"force_{name}_{axis}", "N", f"mean {word} force of {name}, {USER_LAW}, since the record before")
         for name in names
@@ -91,11 +89,11 @@ def _own_totals(names: Sequence[str]) -> Derived:
             ("work", "", "J", "work of"),
         )
     )  # fmt: skip
-    return Derived(variables, lambda model: [v for given in _own_balance(model).values() for v in given], "total")
 
+    def values(model: BareModel) -> list[float]:
+        return [value for given in model.motion.balance(model, model.remembered).own.values() for value in given]
 
-def _own_balance(model: BareModel) -> dict[str, tuple[float, float, float]]:
-    return dict(model.motion.balance(model, model.remembered).own)
+    return Derived(variables, values, "total")
 
 
 def added(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
@@ -192,12 +190,12 @@ FRAGMENT_MELT: Final = "fragment_melt_water"
 
 def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
     """Return the ledgers that a model keeps; not all models that may be written keep any."""
-    motion: tuple[Derived, ...] = MOTION if getattr(model, "motion", None) is not None else ()
+    motion: tuple[Derived, ...] = MOTION if model.motion is not None else ()
     if motion and (names := model.laws.several()):
         motion = (*motion, _own_totals(names))
     if motion and bonds_vibrate(model):
         motion = (*motion, IN_BONDS)
-    return motion if getattr(model, "life", None) is None else (*motion, *ICE)
+    return motion if model.life is None else (*motion, *ICE)
 
 
 # ---- how it is written ------------------------------------------------------------------------------------------------
@@ -273,7 +271,7 @@ def define_ledgers(file: netCDF4.Dataset, model: BareModel) -> None:
         for v in entry.variables:
             variable = file.createVariable(v.name, "f8", (entry.over, "time"), fill_value=False)
             variable.setncatts({"units": v.units, "long_name": v.long_name})
-    if getattr(model, "life", None) is not None:
+    if model.life is not None:
         by_fragment = file.createVariable(FRAGMENT_MELT, "f8", ("fragment", "process"), fill_value=np.nan)
         by_fragment.setncatts(
             {"units": "kg", "long_name": "melt water of elements while they belonged to the fragment, by process"}
@@ -282,6 +280,6 @@ def define_ledgers(file: netCDF4.Dataset, model: BareModel) -> None:
 
 def write_fragment_melt(file: netCDF4.Dataset, model: BareModel) -> None:
     """Write the melt water of all fragments so far, where something melts."""
-    if getattr(model, "life", None) is not None and len(model.fragments.rows):
+    if model.life is not None and len(model.fragments.rows):
         numbers = np.array([row.number for row in model.fragments.rows], np.int64)
         file[FRAGMENT_MELT][: numbers.size] = melt_of(model.remembered, numbers)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
 from riftberg.state.population import rows_of
 from riftberg.state.variables import GONE, LARGEST, LARGEST_WHOLE
-from riftberg.stepping.laws import Laws
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -270,7 +269,7 @@ def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None =
         "start": model.start.isoformat(),
         "forcing": forcing_text(model.forcing),
         "forcing_title": forcing_title(model.forcing),
-        **({"laws": laws} if (laws := getattr(model, "laws", Laws()).named()) else {}),
+        **({"laws": laws} if (laws := model.laws.named()) else {}),
         "parameters": model.parameters.describe(),
         "parameters_json": model.parameters.model_dump_json(),
         "versions_json": json.dumps(library_versions()),

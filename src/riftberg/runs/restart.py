@@ -6,10 +6,9 @@ of the fragments as columns, and whatever else a model needs to go on exactly in
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -55,27 +54,16 @@ class RestartState:
     start: datetime  # Date of time zero
     time: float  # Seconds since the start
     step_number: int  # Long steps taken
-    # Rows of the family tree of the fragments, a dictionary of fields each
-    fragments: list[dict[str, Any]] = field(default_factory=list)
+    fragments: list[Fragment] = field(default_factory=list)  # The family tree
     extra: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)  # Arrays that the model added by name
     forcing: str = ""  # Description of the forcing that the run used
     bergs: list[tuple[str, int]] = field(default_factory=list)  # Name and number of elements of each berg of the start
-    contacts: dict[str, Any] = field(default_factory=dict)  # Collisions of bergs, and which contacts are none
+    contacts: ContactLog = field(default_factory=ContactLog)  # Collisions of bergs, and which contacts are none
 
     def population(self) -> Population:
         """Return the elements and bonds, with the identifiers that come next."""
         following = (int(self.extra.get(name, 0)) for name in ("next_element", "next_bond"))
         return Population(self.elements, self.bonds, *following)
-
-    def fragment_rows(self) -> list[Fragment]:
-        """Return the rows of the family tree."""
-        return [Fragment(**row) for row in self.fragments]
-
-    def contact_log(self) -> ContactLog:
-        """Return the collisions of bergs so far."""
-        rows = [ContactEvent(**row) for row in self.contacts.get("rows", [])]
-        suppressed = {(int(a), int(b)): float(time) for a, b, time in self.contacts.get("quiet", [])}
-        return ContactLog(rows, suppressed)
 
 
 def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None = None) -> Path:
@@ -100,12 +88,12 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
         _write_table(file, "element", ELEMENT_VARIABLES, model.elements)
         _write_table(file, "bond", BOND_VARIABLES, model.bonds)
         # JSON keeps 64-bit floats exactly (shortest repr) and says "null" for a fragment without parent.
-        file.setncattr("fragments_json", json.dumps(fragment_rows(model), default=_plain))
-        bergs = getattr(getattr(model, "fragments", None), "bergs", ())
-        file.setncattr("bergs_json", json.dumps([list(berg) for berg in bergs]))
+        file.setncattr("fragments_json", json.dumps([vars(row) for row in model.fragments.rows], default=_plain))
+        file.setncattr("bergs_json", json.dumps([list(berg) for berg in model.fragments.bergs]))
         # Pairs that are in contact since they parted from each other: no collisions of their own.
-        quiet = [[*pair, time] for pair, time in getattr(getattr(model, "contacts", None), "suppressed", {}).items()]
-        file.setncattr("contacts_json", json.dumps({"rows": contact_rows(model), "quiet": quiet}, default=_plain))
+        quiet = [[*pair, time] for pair, time in model.contacts.suppressed.items()]
+        collisions = {"rows": [vars(row) for row in model.contacts.rows], "quiet": quiet}
+        file.setncattr("contacts_json", json.dumps(collisions, default=_plain))
         _write_extra(file, extra or {})
     _LOG.info("state of %s saved in %s", f"{model.date:%Y-%m-%d %H:%M}", path)
     return path
@@ -134,6 +122,8 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             )
         # Only the number of bonds counts here: their ends are read with the rest of the table.
         ends = np.zeros(file.dimensions["bond"].size, np.int64)
+        collisions = dict(json.loads(file.contacts_json))
+        suppressed = {(int(a), int(b)): float(time) for a, b, time in collisions.get("quiet", [])}
         state = RestartState(
             elements=_filled(file, "element", ELEMENT_VARIABLES, new_elements(file.dimensions["element"].size), path),
             bonds=_filled(file, "bond", BOND_VARIABLES, new_bonds(ends, ends), path),
@@ -141,30 +131,17 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             start=read_start(getattr(file, "start", None), path),
             time=float(file["time"][...]),
             step_number=int(file["step_number"][...]),
-            fragments=_read_fragments(file),
+            fragments=[Fragment(**row) for row in json.loads(file.fragments_json)],
             extra={name: variable[...] for name, variable in file["extra"].variables.items()},
             forcing=str(file.getncattr("forcing")),
             bergs=[(str(name), int(count)) for name, count in json.loads(file.bergs_json)],
-            contacts=dict(json.loads(file.contacts_json)),
+            contacts=ContactLog([ContactEvent(**row) for row in collisions.get("rows", [])], suppressed),
         )
         if lost := set(str(getattr(file, "extra_variables", "")).split()) - set(state.extra):
             raise InputError(f"variable extra/{min(lost)} is missing", where=str(path), remedy=DAMAGED)
-        state.fragment_rows()  # rows that are no fragments are found here
-        state.contact_log()
         if check:
             check_restart(state, path)
         return state
-
-
-def fragment_rows(model: BareModel) -> list[dict[str, Any]]:
-    """Return the rows of the family tree as dictionaries; empty where the model keeps none."""
-    rows: Sequence[Any] = getattr(getattr(model, "fragments", None), "rows", ())
-    return [row if isinstance(row, dict) else dataclasses.asdict(row) for row in rows]
-
-
-def contact_rows(model: BareModel) -> list[dict[str, Any]]:
-    """Return the collisions of bergs as dictionaries."""
-    return [dataclasses.asdict(row) for row in getattr(getattr(model, "contacts", None), "rows", ())]
 
 
 def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
@@ -227,10 +204,3 @@ def _filled(file: netCDF4.Dataset, table: str, variables: Iterable[Variable], ar
     if not written:
         raise InputError(f"attribute {table}_variables is missing", where=str(path), remedy=DAMAGED)
     return arrays
-
-
-def _read_fragments(file: netCDF4.Dataset) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = json.loads(file.getncattr("fragments_json"))
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise ValueError("attribute fragments_json is no list of fragments")
-    return rows

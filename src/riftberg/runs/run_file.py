@@ -70,7 +70,6 @@ from riftberg.runs.layout import (
     run_attributes,
     texts,
 )
-from riftberg.runs.restart import contact_rows, fragment_rows
 from riftberg.runs.tracks import ELEMENT_COLUMNS, berg_rows, blocks_of, ragged, write_tracks
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
@@ -242,16 +241,11 @@ class RunWriter:
 
     def _remember(self, model: BareModel) -> None:
         """Leave with the model what the record of this moment holds beyond its state, and when it is due."""
-        kept: dict[str, Floats] | None = getattr(model, "remembered", None)
-        if kept is not None:
-            kept[self._key("peak_stress")] = self._peak.copy()
-            for name, value in self._means.kept.items():
-                kept[self._key(name)] = value
-            kept[self._key("times")] = np.array([model.time, self._next])
-            layout = self._layout
-            rows: dict[str, Any] = {"rows_of_elements": layout.ids, "rows_of_bonds": layout.bond_ids}
-            kept.update({self._key(name): ids for name, ids in rows.items()})
-            kept[self._key("rows_change")] = np.array([layout.gaps, *(name in layout.moving for name in SHAPE)], float)
+        kept: dict[str, Any] = {"peak_stress": self._peak.copy(), "times": np.array([model.time, self._next])}
+        layout = self._layout
+        kept |= {**self._means.kept, "rows_of_elements": layout.ids, "rows_of_bonds": layout.bond_ids}
+        kept["rows_change"] = np.array([layout.gaps, *(name in layout.moving for name in SHAPE)], float)
+        model.remembered.update({self._key(name): value for name, value in kept.items()})
 
     def _key(self, name: str) -> str:
         return f"record_{name}_every_{self.interval:g}_s"
@@ -262,7 +256,7 @@ class RunWriter:
 
     def _take_up(self, model: BareModel) -> None:
         """Take the first record; one that goes on is that of the run that never stopped, and so are the ones after it."""
-        kept: dict[str, Floats] = getattr(model, "remembered", {})
+        kept = model.remembered
         now, due = kept.get(self._key("times"), (np.nan, np.nan))
         peak = kept.get(self._key("peak_stress"), np.zeros(0))
         goes_on = now == model.time and peak.shape == model.bonds.normal_stress.shape
@@ -286,7 +280,7 @@ class RunWriter:
 
     def _take_up_file(self, model: BareModel) -> None:
         """Lay the file out as it was when the state of the model was saved, with the records from before."""
-        kept: dict[str, Any] = getattr(model, "remembered", {})
+        kept: dict[str, Any] = model.remembered
         layout, place = self._layout, f"{self.path}, going on with it"
         with open_netcdf(self.path) as old:
             old.set_auto_mask(False)
@@ -338,7 +332,7 @@ class RunWriter:
                 file.set_auto_mask(False)
                 self._write(file, model)
                 if last and self._tracks and self._add_tracks:  # a berg lies in one piece, and cannot be appended to
-                    fragments = {int(row["number"]): row for row in fragment_rows(model)}
+                    fragments = {row.number: vars(row) for row in model.fragments.rows}
                     write_tracks(file, ragged(self._tracks, fragments, _since(model), not self._names))
                 if last and self.background:
                     add_background(file, model)
@@ -653,16 +647,13 @@ def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]
     layout.refresh(model.elements, model.bonds, BOND_LATEST)
     for name in BOND_LATEST:
         file[in_file(name)][:] = layout.latest[name]
-    tables = ("fragment", FRAGMENT_VARIABLES, fragment_rows(model)), ("contact", CONTACT_VARIABLES, contact_rows(model))
-    for kind, variables, rows in tables:
+    fragments, contacts = model.fragments.rows, model.contacts.rows
+    for kind, variables, rows in (
+        ("fragment", FRAGMENT_VARIABLES, fragments),
+        ("contact", CONTACT_VARIABLES, contacts),
+    ):
         for v in variables if rows else ():
-            file[f"{kind}_{names.get(v.name, v.name)}"][: len(rows)] = _column(rows, v)
+            values = [getattr(row, v.name) for row in rows]
+            column = texts(values) if v.dtype == "str" else np.array(values, v.dtype)
+            file[f"{kind}_{names.get(v.name, v.name)}"][: len(rows)] = column
     write_fragment_melt(file, model)
-
-
-def _column(rows: Iterable[dict[str, Any]], v: Variable) -> NDArray[Any]:
-    if v.dtype == "str":
-        return texts(str(row.get(v.name, "")) for row in rows)
-    missing = -1 if v.dtype == "i8" else np.nan
-    values = [row.get(v.name) for row in rows]
-    return np.array([missing if value is None else value for value in values], dtype=v.dtype)

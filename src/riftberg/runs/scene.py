@@ -132,7 +132,7 @@ class Scene:
                 remedy="Give what Model.run or riftberg.open_run returns",
             )
         self.run = run
-        self.parameters = Parameters.from_json(run.attrs["parameters_json"])
+        self.parameters = Parameters.model_validate_json(run.attrs["parameters_json"])
         self.latlon = self.parameters.earth.latlon
         self.radius = self.parameters.earth.radius
         x, y = ("lon", "lat") if self.latlon else ("x", "y")

@@ -185,7 +185,7 @@ class DailyTrack:
     def start(self, model: BareModel) -> None:
         """Keep the first position; a resumed run knows the days before, and goes on at its next full day."""
         day = constants.SECONDS_PER_DAY
-        known = getattr(model, "remembered", {}).get(_REMEMBERED, np.zeros((0, 5))).tolist()
+        known = model.remembered.get(_REMEMBERED, np.zeros((0, 5))).tolist()
         self.rows = [
             (model.start + timedelta(seconds=row[0]), Position(*row[1:])) for row in known if row[0] <= model.time
         ]
@@ -201,9 +201,8 @@ class DailyTrack:
             position = main_position(model)
             self.rows.append((model.start + timedelta(seconds=model.time), position))
             self._next += constants.SECONDS_PER_DAY
-            if hasattr(model, "remembered"):
-                row = np.array([[model.time, position.lon, position.lat, position.azimuth, position.area]])
-                model.remembered[_REMEMBERED] = np.concatenate([model.remembered.get(_REMEMBERED, row[:0]), row])
+            row = np.array([[model.time, position.lon, position.lat, position.azimuth, position.area]])
+            model.remembered[_REMEMBERED] = np.concatenate([model.remembered.get(_REMEMBERED, row[:0]), row])
 
     def finish(self, model: BareModel) -> None:
         """Do nothing: the last day may be incomplete."""
@@ -437,7 +436,7 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
     """Return the tracks of all bergs and fragments of a run that was opened, or of a part of it."""
     import xarray as xr
 
-    parameters = Parameters.from_json(run.attrs["parameters_json"])
+    parameters = Parameters.model_validate_json(run.attrs["parameters_json"])
     start = np.datetime64(run.attrs["start"])
 
     def seconds(dates: Any) -> Floats:
