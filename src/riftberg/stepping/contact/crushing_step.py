@@ -118,8 +118,6 @@ class CrushingWorkspace(NamedTuple):
     size: Floats  # Sum of the forces on its faces, N; shape (bodies,)
     peak: Floats  # shape (bodies,)
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
-    clear: Floats  # The gap as it was last measured, m, with how far any two could have come nearer by then; shape (pairs,)
-    nearer: Floats  # How far any two could have come nearer since the start, m; shape (1,)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
@@ -171,7 +169,7 @@ def integrate_faces(
         bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
         work = CrushingWorkspace(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
-            np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.zeros(pairs), np.zeros(1), np.empty(pairs),
+            np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
             np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
@@ -228,12 +226,9 @@ def _integrate_island(
         _record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
-                twist[b, i] = 0.5 * (twist[b, i] + work.new[b, i])
-                about.twist_integral[b, i] += h * twist[b, i]
-                result.path[b, i] += h * twist[b, i]
-        work.nearer[0] += h * approach_bound(twist, work.arm)
-        for b in range(twist.shape[0]):
-            for i in range(3):
+                mean = 0.5 * (twist[b, i] + work.new[b, i])
+                about.twist_integral[b, i] += h * mean
+                result.path[b, i] += h * mean
                 twist[b, i] = work.new[b, i]
         accumulate_floor_impulse(island, twist, h, result.applied)
         elapsed += h
@@ -360,8 +355,8 @@ def _longest_substep(
     island: Island, faces: Faces, pair_state: Floats, result: IslandResult, left: float, before: float, law: CrushingLaw,
     work: CrushingWorkspace,
 ) -> float:  # fmt: skip
-    """Find the longest sub-step (s): by the frequency of the bodies that meet, then by the gaps of those that may."""
-    twist, mobility, limit = result.twist, island.matrices.mobility, left
+    """Find the longest sub-step (s): by the gaps of the bodies that may meet, and by the frequency of those that do."""
+    twist, path, mobility, limit = result.twist, result.path, island.matrices.mobility, left
     for b in range(twist.shape[0]):
         work.stiffness[b] = 0.0
         for i in range(3):
@@ -369,96 +364,81 @@ def _longest_substep(
             for j in range(3):
                 work.acceleration[b, i] += mobility[b, i, j] * work.net_force[b, j]
     fastest, quickest = approach_bound(twist, work.arm), approach_bound(work.acceleration, work.arm)
-    for apart in (False, True):
-        for k in range(island.first.size):
-            if (pair_state[k, PHASE] == APART) == apart:
-                limit = _limit_by_pair(
-                    island, faces, pair_state, result, k, limit, before, fastest, quickest, law, work
-                )
+    impact = False
+    for k in range(island.first.size):
+        i, j = island.first[k], island.second[k]
+        m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
+        if pair_state[k, PHASE] == REST:
+            # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
+            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * before)
+            continue
+        work.gap[k] = np.inf
+        ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
+        far, reach = math.hypot(x1 - x2, y1 - y2), faces.reach[i] + faces.reach[j]
+        if far > reach + limit * (fastest + 0.5 * limit * quickest):
+            _set_apart(pair_state[k])
+            continue
+        nearest, nx, ny = np.inf, 1.0, 0.0
+        for p in range(faces.begin[i], faces.end[i]):
+            corners = _place(faces, p, x1, y1, ca, sa, work.one)
+            for q in range(faces.begin[j], faces.end[j]):
+                others = _place(faces, q, x2, y2, cb, sb, work.two)
+                g, gx, gy = gap(work.one[:corners], work.two[:others])
+                if g < nearest:
+                    nearest, nx, ny = g, gx, gy
+        mx, my = spin_lever(m, ca, sa)
+        ox, oy = spin_lever(n, cb, sb)
+        rx, ry = x1 - x2, y1 - y2
+        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry)
+        # Two bodies that turn together do not meet.
+        closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * reach
+        thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0
+        for body in (a, b):
+            inverse += max(mobility[body, 0, 0], mobility[body, 1, 1])
+        if inverse == 0.0:
+            continue
+        # Where no contact says how long the face is, that of an element.
+        stiffness = face_stiffness(law.strength, thickness, min(faces.reach[i], faces.reach[j]), law.depth)
+        entry = ENTRY_PHASE / math.sqrt(stiffness * inverse)
+        one, two = work.acceleration[a], work.acceleration[b]
+        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
+        driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
+        if nearest <= 0.0:
+            work.gap[k], work.bound[k] = 0.0, 0.0
+            if pair_state[k, PHASE] == APART and pair_state[k, SPEED] < 0.0:
+                # Faces that overlap and part are no limit before they can close faster than faces touch without an impact:
+                # as far as the media drive them, and as other faces did in the last sub-step.
+                rate = max(driven, pair_state[k, SINCE])
+                turns = (SLOW - pair_state[k, SPEED]) / rate if rate > 0.0 else REST_STEP
+                limit = min(limit, max(min(turns, REST_STEP), entry))
+            else:
+                limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
+            if pair_state[k, PHASE] != APART:
+                limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
+            if pair_state[k, PHASE] == IMPACT:
+                impact = True
+                stiffness = face_stiffness(law.strength, thickness, pair_state[k, CHORD], law.depth)
+                # An impact off the centre turns the body, too: it gives way by up to four times as much.
+                work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
+                work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
+            continue
+        _set_apart(pair_state[k])
+        # The gap is crossed no sooner than after the smallest root t of gap = closing t + driven t^2 / 2.
+        meets = math.sqrt(closing * closing + 2.0 * driven * nearest)
+        work.gap[k], work.bound[k] = nearest, closing + driven * limit
+        if meets > 0.0:
+            least = entry if meets > SLOW else REST_STEP
+            limit = min(limit, max(GAP_PART * 2.0 * nearest / (closing + meets), least))
+    if impact:
         most = 0.0
         for k in range(island.first.size):
             if pair_state[k, PHASE] == IMPACT and work.gap[k] == 0.0:
-                a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
-                most = max(most, work.stiffness[a] + work.stiffness[b])
+                most = max(
+                    most,
+                    work.stiffness[island.body_of[island.first[k]]] + work.stiffness[island.body_of[island.second[k]]],
+                )
         if most > 0.0:
             limit = min(limit, IMPACT_PHASE / math.sqrt(most))
-    return limit
-
-
-@borrower
-def _limit_by_pair(
-    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, k: int, limit: float, before: float, fastest: float,
-    quickest: float, law: CrushingLaw, work: CrushingWorkspace,
-) -> float:  # fmt: skip
-    """Longest sub-step (s) by one pair, at most ``limit``; measures its gap, and adds up the stiffness of an impact."""
-    twist, path, mobility = result.twist, result.path, island.matrices.mobility
-    i, j = island.first[k], island.second[k]
-    m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
-    if pair_state[k, PHASE] == REST:
-        # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
-        work.gap[k], work.bound[k] = 0.0, 0.0
-        return min(limit, REST_STEP, 2.0 * before)
-    work.gap[k] = np.inf
-    # Too far to meet, by the gap when it was last measured and the way that any two may have come nearer since.
-    if GAP_PART * GAP_PART * (work.clear[k] - work.nearer[0]) > limit * (fastest + 0.5 * limit * quickest):
-        _set_apart(pair_state[k])
-        return limit
-    ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
-    far, reach = math.hypot(x1 - x2, y1 - y2), faces.reach[i] + faces.reach[j]
-    if far > reach + limit * (fastest + 0.5 * limit * quickest):
-        _set_apart(pair_state[k])
-        return limit
-    nearest, nx, ny = np.inf, 1.0, 0.0
-    for p in range(faces.begin[i], faces.end[i]):
-        corners = _place(faces, p, x1, y1, ca, sa, work.one)
-        for q in range(faces.begin[j], faces.end[j]):
-            others = _place(faces, q, x2, y2, cb, sb, work.two)
-            g, gx, gy = gap(work.one[:corners], work.two[:others])
-            if g < nearest:
-                nearest, nx, ny = g, gx, gy
-    work.clear[k] = nearest + work.nearer[0]
-    mx, my = spin_lever(m, ca, sa)
-    ox, oy = spin_lever(n, cb, sb)
-    rx, ry = x1 - x2, y1 - y2
-    du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry)
-    # Two bodies that turn together do not meet.
-    closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * reach
-    thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0
-    for body in (a, b):
-        inverse += max(mobility[body, 0, 0], mobility[body, 1, 1])
-    if inverse == 0.0:
-        return limit
-    # Where no contact says how long the face is, that of an element.
-    stiffness = face_stiffness(law.strength, thickness, min(faces.reach[i], faces.reach[j]), law.depth)
-    entry = ENTRY_PHASE / math.sqrt(stiffness * inverse)
-    one, two = work.acceleration[a], work.acceleration[b]
-    au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
-    driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
-    if nearest <= 0.0:
-        work.gap[k], work.bound[k] = 0.0, 0.0
-        if pair_state[k, PHASE] == APART and pair_state[k, SPEED] < 0.0:
-            # Faces that overlap and part are no limit before they can close faster than faces touch without an impact:
-            # as far as the media drive them, and as other faces did in the last sub-step.
-            rate = max(driven, pair_state[k, SINCE])
-            turns = (SLOW - pair_state[k, SPEED]) / rate if rate > 0.0 else REST_STEP
-            limit = min(limit, max(min(turns, REST_STEP), entry))
-        else:
-            limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
-        if pair_state[k, PHASE] != APART:
-            limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
-        if pair_state[k, PHASE] == IMPACT:
-            stiffness = face_stiffness(law.strength, thickness, pair_state[k, CHORD], law.depth)
-            # An impact off the centre turns the body, too: it gives way by up to four times as much.
-            work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
-            work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
-        return limit
-    _set_apart(pair_state[k])
-    # The gap is crossed no sooner than after the smallest root t of gap = closing t + driven t^2 / 2.
-    meets = math.sqrt(closing * closing + 2.0 * driven * nearest)
-    work.gap[k], work.bound[k] = nearest, closing + driven * limit
-    if meets > 0.0:
-        least = entry if meets > SLOW else REST_STEP
-        limit = min(limit, max(GAP_PART * 2.0 * nearest / (closing + meets), least))
     return limit
 
 
