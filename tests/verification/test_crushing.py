@@ -235,11 +235,11 @@ class Converging(Steady):
         elements.uo[:], elements.vo[:] = -0.3 * elements.lon / 40e3, -0.3 * elements.lat / 40e3
 
 
-def broken_in_converging_current(strength: str, dt: float, modulus: float) -> int:
-    """Bonds that break of three bergs of 16 x 10 km, which a current brings together within two days."""
+def broken_in_converging_current(strength: str, dt: float, modulus: float, aside: float = 0.0) -> int:
+    """Bonds that break of three bergs of 16 x 10 km, which a current brings together in two days; ``aside`` (m): of the first."""
     bergs = [
         Iceberg.rectangle(16e3, 10e3, thickness=200.0, radius=1000.0, latlon=False, placement=place, rotation=turn)
-        for place, turn in (((-16e3, -3e3), 10.0), ((12e3, 8e3), 70.0), ((6e3, -16e3), -30.0))
+        for place, turn in (((-16e3 + aside, -3e3), 10.0), ((12e3, 8e3), 70.0), ((6e3, -16e3), -30.0))
     ]
     p = Parameters(
         earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt},
@@ -259,17 +259,21 @@ CASES = [(10800.0, 5e6), (1800.0, 9e9), (450.0, 5e6), (1800.0, 5e6), (1800.0, 1e
 )
 def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
     """At 700 Pa, half the largest stress of the impacts, 40 of 201 bonds break."""
-    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 40) <= 3
+    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 40) <= 1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dt", [450.0, 1800.0, 10800.0])
-@pytest.mark.parametrize(("strength", "broken", "few"), [("500 Pa", 76, 4), ("300 Pa", 80, 5)])
-def test_what_shatters_in_a_converging_current_does_not_depend_on_the_step(
-    strength: str, broken: int, few: int, dt: float
+@pytest.mark.parametrize(
+    ("strength", "dt", "modulus"),
+    [("500 Pa", 450.0, 5e6), ("500 Pa", 1800.0, 5e6), ("500 Pa", 10800.0, 5e6), ("500 Pa", 1800.0, 9e9), ("300 Pa", 1800.0, 5e6),
+     ("300 Pa", 1800.0, 9e9)],
+)  # fmt: skip
+def test_what_shatters_in_a_converging_current_hangs_on_neither_step_nor_modulus(
+    strength: str, dt: float, modulus: float
 ) -> None:
-    """10 to 20 s each. With stiffer ice the count scatters by a sixth: see the limits on the page."""
-    assert abs(broken_in_converging_current(strength, dt, 5e6) - broken) <= few
+    """30 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count by a tenth: means over three."""
+    found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 1.0)]
+    assert abs(np.mean(found) - 84.0) <= 5.0
 
 
 def in_mts(speed: float, dt: float, modulus: float, *, aside: float = 0.0, strength: float = 0.0) -> Model:

@@ -248,36 +248,6 @@ def accumulate_forces(
 
 
 @kernel
-def acceleration_by_media(
-    forcing: ElementForcing, e: int, u: float, v: float, part: float, applied: Floats
-) -> tuple[float, float, float, float, float, float]:
-    """Acceleration (m s-2) of an element by Coriolis force and media, without the linear drag of the sea floor.
-
-    Then come minus its derivatives xx, xy and yy (s-1), and the Coriolis parameter, which enters beside xy with both signs.
-    ``part`` of each acceleration is added to ``applied`` (elements, forces, 2), if it is not 0.
-    """
-    media, ax, ay, xx, xy, yy, f = forcing.media, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if forcing.media_act:
-        f = forcing.coriolis[e]
-        ax, ay = f * v, -f * u
-        if part != 0.0:
-            applied[e, CORIOLIS, 0] += part * ax
-            applied[e, CORIOLIS, 1] += part * ay
-    for k in range(len(MEDIA)):
-        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-            dx, dy, dxx, dxy, dyy = drag_and_jacobian(media[e, k], u, v)
-            ax += dx
-            ay += dy
-            xx += dxx
-            xy += dxy
-            yy += dyy
-            if part != 0.0:
-                applied[e, k, 0] += part * dx
-                applied[e, k, 1] += part * dy
-    return ax, ay, xx, xy, yy, f
-
-
-@kernel
 def spin_torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float]:
     """Torque (N m) of the water on an element that spins, and minus its derivative."""
     spin = w - forcing.water_spin[e]
@@ -297,14 +267,23 @@ def add_forces(
 ) -> None:
     """Find the forces on all elements but those of contact and the linear drag of the sea floor.
 
-    Those by each force (m s-2) are added to ``accelerations`` (elements, forces, 2); ``force`` (elements, 3) takes the force and
-    the torque about the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
+    ``accelerations`` (elements, forces, 2) takes those by each force (m s-2), ``force`` (elements, 3) the force and the
+    torque about the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
     """
-    mass = forcing.mass
+    media, mass = forcing.media, forcing.mass
     for e in range(body.size):
         b, m = body[e], levers[e]
         u, v, w = element_velocity(m, twist[b])
-        ax, ay, _, _, _, _ = acceleration_by_media(forcing, e, u, v, 1.0, accelerations)
+        ax = ay = 0.0
+        if forcing.media_act:
+            ax, ay = forcing.coriolis[e] * v, -forcing.coriolis[e] * u
+            accelerations[e, CORIOLIS, 0], accelerations[e, CORIOLIS, 1] = ax, ay
+        for k in range(len(MEDIA)):
+            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+                dx, dy, _, _, _ = drag_and_jacobian(media[e, k], u, v)
+                accelerations[e, k, 0], accelerations[e, k, 1] = dx, dy
+                ax += dx
+                ay += dy
         fx, fy, torque = (
             mass[e] * ax + forcing.push_x[e],
             mass[e] * ay + forcing.push_y[e],
@@ -358,14 +337,25 @@ def assemble_force_and_jacobian(
     The loop over the entries of both products is written out, and all is read before anything is written: the compiler
     cannot know that the arrays do not overlap, and would read the levers again for each number.
     """
-    mass = forcing.mass
+    media, mass = forcing.media, forcing.mass
     for e in range(body.size):
         b, m, q = body[e], levers[e], twist[body[e]]
         if not active[b]:
             continue
         m0, m1, m2, m3, m4, m5, m6, m7, m8 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
         u, v = m0 * q[0] + m1 * q[1] + m2 * q[2], m3 * q[0] + m4 * q[1] + m5 * q[2]
-        ax, ay, jxx, jxy, jyy, f = acceleration_by_media(forcing, e, u, v, 0.0, forcing.media)
+        ax = ay = jxx = jxy = jyy = f = 0.0
+        if forcing.media_act:
+            f = forcing.coriolis[e]
+            ax, ay = f * v, -f * u
+        for k in range(len(MEDIA)):
+            if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+                dx, dy, dxx, dxy, dyy = drag_and_jacobian(media[e, k], u, v)
+                ax += dx
+                ay += dy
+                jxx += dxx
+                jxy += dxy
+                jyy += dyy
         torque, turning = spin_torque(forcing, e, m6 * q[0] + m7 * q[1] + m8 * q[2])
         fx, fy, weight = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e], mass[e]
         t, s = net_force[b], jacobian[b]

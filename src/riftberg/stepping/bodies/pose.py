@@ -239,13 +239,14 @@ def _frame_at(x: float, y: float, z: float) -> Floats:
     return q
 
 
-def split_bodies(bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon: bool, radius: float) -> Bodies:
+def split_bodies(bodies: Bodies, body: Ints, mass: Floats, latlon: bool, radius: float) -> Bodies:
     """Make the pieces of fragments that have parted bodies of their own; nothing moves.
 
-    The pose of a piece takes in the mean displacement and rotation that load had given it, its twist is that of its centre.
-    ``body``: new fragment of each element; ``mass``, ``inertia``: of the elements, kg and kg m2.
+    The pose of a piece is that of its part of the unloaded fragment, so the faces of a crack lie on each other however soft the
+    ice is; what load had moved it by stays in the displacements of its elements. Its twist is that of its centre. ``body``: new
+    fragment of each element; ``mass``: of the elements, kg.
     """
-    return Bodies(*_split_bodies(bodies, body, mass, inertia, latlon, radius))
+    return Bodies(*_split_bodies(bodies, body, mass, latlon, radius))
 
 
 @kernel
@@ -259,7 +260,7 @@ def _number_of(body: Ints) -> int:
 
 @kernel
 def _split_bodies(
-    bodies: Bodies, body: Ints, mass: Floats, inertia: Floats, latlon: bool, radius: float
+    bodies: Bodies, body: Ints, mass: Floats, latlon: bool, radius: float
 ) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """Return the fields of `Bodies` (no named tuple: see `riftberg.compiled.kernels`)."""
     count = _number_of(body)
@@ -304,9 +305,7 @@ def _split_bodies(
                 + to[2, i] * bodies.reference[e, 2]
             )
         _change_axes(bodies.reference[e], reference[e], to, displacement[e])
-    new = Bodies(body, reference, pose, twist, displacement)
-    _absorb_mean_displacement(new, mass, inertia, latlon, radius)
-    return new.body, new.reference, new.pose, new.twist, new.displacement
+    return body, reference, pose, twist, displacement
 
 
 @kernel
@@ -378,33 +377,6 @@ def subtract_mean(body: Ints, xy: Floats, displacement: Floats, mean: Floats, mo
         displacement[e, 0] -= mean[b, 0] - mean[b, 2] * y
         displacement[e, 1] -= mean[b, 1] + mean[b, 2] * x
         displacement[e, 2] -= mean[b, 2]
-
-
-@kernel
-def _absorb_mean_displacement(bodies: Bodies, mass: Floats, inertia: Floats, latlon: bool, radius: float) -> None:
-    """Move the poses by the mean displacement and rotation of their elements, and subtract these from the elements."""
-    xy = tangent_coordinates(bodies.reference, latlon, radius)
-    mean, moments = np.empty((bodies.pose.shape[0], 3)), np.empty((bodies.pose.shape[0], 4))
-    mean_displacement(bodies.body, xy, bodies.displacement, mass, inertia, mean, moments)
-    subtract_mean(bodies.body, xy, bodies.displacement, mean, moments)
-    for b in range(mean.shape[0]):
-        q, dx, dy, turn = bodies.pose[b], mean[b, 0], mean[b, 1], mean[b, 2]
-        if latlon:
-            x, y = -dy / radius, dx / radius
-            _rotate_about(
-                q,
-                q[0, 0] * x + q[0, 1] * y + q[0, 2] * turn,
-                q[1, 0] * x + q[1, 1] * y + q[1, 2] * turn,
-                q[2, 0] * x + q[2, 1] * y + q[2, 2] * turn,
-            )
-            _orthonormalise(q)
-            continue
-        q[0, 2] += q[0, 0] * dx + q[0, 1] * dy
-        q[1, 2] += q[1, 0] * dx + q[1, 1] * dy
-        c, s = math.cos(turn), math.sin(turn)
-        x, y = q[0, 0], q[1, 0]
-        q[0, 0], q[1, 0] = c * x - s * y, s * x + c * y
-        q[0, 1], q[1, 1] = -q[1, 0], q[0, 0]
 
 
 def bodies_from_elements(

@@ -127,6 +127,7 @@ class CrushingWorkspace(NamedTuple):
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
     # closing speed (m s-1) and force across (N) before
     face: Floats  # shape (pairs, 25)
+    accelerations: Floats  # By each force, m s-2; shape (elements, forces, 2)
     force: Floats
     net_force: Floats
     contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)
@@ -172,7 +173,7 @@ def integrate_faces(
         work = CrushingWorkspace(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
-            np.empty(pairs, np.int64), np.empty((pairs, 25)),
+            np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
         )  # fmt: skip
@@ -211,7 +212,7 @@ def _integrate_island(
             if left <= 0.0:
                 _remember_depths(island, faces, pair_state, result, work)
                 return shortest
-            evaluate_media(island, twist, about, work.everyone, work.force)
+            evaluate_media(island, twist, about, work.everyone, work.accelerations, work.force)
             elapsed = 0.0
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
         h = _longest_substep(island, faces, pair_state, result, left, h, law, work)
@@ -318,8 +319,8 @@ def may_meet(
 def _align(island: Island, faces: Faces, pair_state: Floats, result: IslandResult, work: CrushingWorkspace) -> None:
     """Take the pairs on from where the last step saw them: no force from a depth that has changed without a motion.
 
-    A sub-step moves bodies on a plane of its own, a step on the sphere; pieces that part stand where the load had bent the ice.
-    Both shift faces by millimetres to metres, of which unloading would make the force of an impact.
+    A sub-step moves bodies on a plane of its own, a step on the sphere: that shifts faces by millimetres, of which unloading
+    would make the force of an impact.
     """
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:

@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.state import Floats
 from riftberg.stepping.bodies.dynamics import (
-    acceleration_by_media,
+    add_forces,
     assemble_force_and_jacobian,
     drag_and_jacobian,
     element_velocity,
-    spin_torque,
 )
 from riftberg.stepping.contact.islands import Island, IslandResult
 from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR
@@ -55,7 +54,7 @@ def allocate_linearisation(twist: Floats) -> Linearisation:
 
 @borrower
 def evaluate_media(
-    island: Island, twist: Floats, about: Linearisation, everyone: NDArray[np.bool_], force: Floats
+    island: Island, twist: Floats, about: Linearisation, everyone: NDArray[np.bool_], accelerations: Floats, force: Floats
 ) -> None:  # fmt: skip
     """Evaluate the media at ``twist``; ``force`` takes what acts on the elements (N, N, N m)."""
     forcing = island.forcing
@@ -63,12 +62,8 @@ def evaluate_media(
     for b in range(twist.shape[0]):
         for i in range(3):
             about.twist[b, i] = twist[b, i]
-    for e in range(island.body_of.size):
-        u, v, w = element_velocity(island.levers[e], twist[island.body_of[e]])
-        ax, ay, _, _, _, _ = acceleration_by_media(forcing, e, u, v, 0.0, forcing.media)
-        force[e, 0] = forcing.mass[e] * ax + forcing.push_x[e]
-        force[e, 1] = forcing.mass[e] * ay + forcing.push_y[e]
-        force[e, 2] = spin_torque(forcing, e, w)[0]
+    add_forces(island.body_of, island.levers, twist, forcing, accelerations, force, about.force)
+    about.force[:, :] = 0.0
     assemble_force_and_jacobian(island.body_of, island.levers, twist, forcing, everyone, about.force, about.jacobian)
 
 

@@ -24,9 +24,9 @@ from riftberg.stepping.bodies.dynamics import (
     MAX_ITERATIONS,
     Booleans,
     ElementForcing,
-    acceleration_by_media,
     allocate_forcing,
     check_converged,
+    drag_and_jacobian,
     evaluate_forcing,
     has_converged,
     longest_trial_step,
@@ -37,7 +37,7 @@ from riftberg.stepping.bodies.pose import Bodies, move_poses, place_elements
 from riftberg.stepping.contact.broad_phase import candidate_pairs
 from riftberg.stepping.contact.faces import FaceContact
 from riftberg.stepping.contact.land import land_corrections
-from riftberg.stepping.forces.media import MEDIA, SEA_FLOOR, ForcedElements
+from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR, ForcedElements
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.run_state import RunState
 
@@ -180,10 +180,32 @@ def _evaluate(model: RunState, sizes: Sizes, forcing: ElementForcing) -> None:
 def _acceleration(
     forcing: ElementForcing, e: int, u: float, v: float, part: float, applied: Floats
 ) -> tuple[float, float, float, float, float, float]:
-    """Acceleration as that of `acceleration_by_media`, with a given force."""
-    ax, ay, jxx, jxy, jyy, f = acceleration_by_media(forcing, e, u, v, part, applied)
-    mass = forcing.mass[e]
-    return ax + forcing.push_x[e] / mass, ay + forcing.push_y[e] / mass, jxx, jxy, jyy, f
+    """Acceleration (m s-2) of an element by all forces but the linear drag of the sea floor, with what follows from it.
+
+    Then come minus its derivatives xx, xy and yy (s-1), and the Coriolis parameter, which enters beside xy with both signs.
+    ``part`` of each acceleration goes into ``applied``, if it is not 0. Forces are summed in the order of
+    `riftberg.stepping.bodies.dynamics.add_forces`.
+    """
+    media, mass = forcing.media, forcing.mass
+    ax = ay = jxx = jxy = jyy = f = 0.0
+    if forcing.media_act:
+        f = forcing.coriolis[e]
+        ax, ay = f * v, -f * u
+        if part != 0.0:
+            applied[e, CORIOLIS, 0] += part * ax
+            applied[e, CORIOLIS, 1] += part * ay
+    for k in range(len(MEDIA)):
+        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            dx, dy, dxx, dxy, dyy = drag_and_jacobian(media[e, k], u, v)
+            ax += dx
+            ay += dy
+            jxx += dxx
+            jxy += dxy
+            jyy += dyy
+            if part != 0.0:
+                applied[e, k, 0] += part * dx
+                applied[e, k, 1] += part * dy
+    return ax + forcing.push_x[e] / mass[e], ay + forcing.push_y[e] / mass[e], jxx, jxy, jyy, f
 
 
 @kernel

@@ -927,17 +927,12 @@ class TimeStep:
         el.bond_count[j] -= 1
         body = connected_parts(el.mass.size, bonds.first, bonds.second, bonds.status)
         if int(body.max()) + 1 != state.bodies.pose.shape[0]:
-            # Pieces part where they are, with the displacements at the start of the time step: on their last bonds
+            # Elements stay where they are, with the displacements at the start of the time step: on their last bonds
             # alone they would be found turned by up to 30 degrees, for which a crack leaves no time.
-            forcing, frozen = state.operators.forcing, self.frozen_displacement
+            frozen = self.frozen_displacement
             el.rotation[:] += frozen[:, 2] - state.bodies.displacement[:, 2]
             bodies = split_bodies(
-                state.bodies._replace(displacement=frozen),
-                body,
-                forcing.mass,
-                forcing.inertia,
-                c.latlon,
-                c.earth_radius,
+                state.bodies._replace(displacement=frozen), body, state.operators.forcing.mass, c.latlon, c.earth_radius
             )
             self.frozen_displacement = bodies.displacement
             self.lattice = self._factored_lattice(bodies, self.tips)

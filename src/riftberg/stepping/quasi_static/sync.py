@@ -15,7 +15,6 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.bodies.pose import Bodies, bodies_from_elements, place_elements, split_bodies
-from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 
 
@@ -88,13 +87,8 @@ def sync_bodies(
         inside = parted[body]
         was = row[inside]
         of_old = Bodies(old.body[was], old.reference[was], old.pose, old.twist, old.displacement[was])
-        mass = el.body.mass[inside]
-        inertia = 0.5 * mass * interaction_sizes(el, p).bond_radius[inside] ** 2
-        _insert(
-            new,
-            parted,
-            split_bodies(of_old, _renumbered(parted)[body[inside]], mass, inertia, p.latlon, p.earth_radius),
-        )
+        numbers, mass = _renumbered(parted)[body[inside]], el.body.mass[inside]
+        _insert(new, parted, split_bodies(of_old, numbers, mass, p.latlon, p.earth_radius))
     if anew.any():
         inside = anew[body]
         lon, lat = _without_load(el, old, snapshot, row, known, p)
