@@ -6,7 +6,7 @@
 
 Each commit is checked out beside this one and measured by a process of its own with a kernel cache of its own. A round
 times every commit once; the least of all rounds counts, since other work on a machine only ever adds to it. The table of
-docs/explanation/checks.md is one such run.
+docs/explanation/speed.md is one such run.
 """
 
 from __future__ import annotations

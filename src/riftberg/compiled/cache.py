@@ -23,7 +23,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from llvmlite.binding import address_of_symbol
+from llvmlite.binding import address_of_symbol, parse_assembly
 from numba.core import serialize
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
@@ -83,16 +83,19 @@ _DIGEST: Final = hashlib.sha256().digest_size
 class KernelCache(NullCache):
     """What numba asks for the kept code of one function.
 
-    ``folders``: gives the folders to look in; code is kept in the last of them. ``caller``: source of a function that calls
-    this one, where its code is kept.
+    ``folders``: gives the folders to look in; code is kept in the last of them. ``linked``: callers take up the code that is
+    kept, which needs that of LLVM beside the machine code. ``caller``: source of a function that calls this one, where its
+    code is kept.
     """
 
-    def __init__(self, function: Callable[..., Any], folders: Callable[[], list[Path]], caller: str = "") -> None:
-        self._function, self._folders, self._caller = function, folders, caller
+    def __init__(
+        self, function: Callable[..., Any], folders: Callable[[], list[Path]], *, linked: bool, caller: str = ""
+    ) -> None:
+        self._function, self._folders, self._linked, self._caller = function, folders, linked, caller
 
     def of_caller(self, text: str) -> KernelCache:
         """Return the cache of a function of this source that calls this one."""
-        return KernelCache(self._function, self._folders, text)
+        return KernelCache(self._function, self._folders, linked=self._linked, caller=text)
 
     @cached_property
     def _source(self) -> str | None:
@@ -128,7 +131,7 @@ class KernelCache(NullCache):
             return
         from riftberg.system.atomic_files import replacing  # not at the top: its sources do not decide on machine code
 
-        data = serialize.dumps(_reduced(cres))
+        data = serialize.dumps(_reduced(cres, self._linked))
         with suppress(OSError), replacing(self._folders()[-1] / self._name(sig)) as path:
             path.write_bytes(data + hashlib.sha256(data).digest())
 
@@ -139,17 +142,23 @@ def _fields(kinds: Iterable[Any]) -> list[Any]:
     return [(getattr(kind, "fields", ()), _fields(kind)) for kind in tuples]
 
 
-def _reduced(cres: Any) -> Any:
+def _reduced(cres: Any, linked: bool) -> Any:
     """Return what is kept of compiled code, beside the names that it expects to find outside.
 
     Of the environments of the functions in it those are left out that hold no objects of Python: nothing asks for them,
-    and to bring them back loads the modules of NumPy's functions, and SciPy with them.
+    and to bring them back loads the modules of NumPy's functions, and SciPy with them. To read LLVM's code takes half of the
+    time of loading; where it is not ``linked`` numba asks it but for the names that the machine code defines.
     """
-    *kept, environments = cres._reduce()
+    library, *kept, environments = cres._reduce()
+    if not linked:
+        name, kind, (machine_code, _) = library
+        defined = cres.fndesc.llvm_func_name, cres.fndesc.llvm_cpython_wrapper_name
+        names_alone = "\n".join(f'define void @"{one}"() {{ ret void }}' for one in defined)
+        library = name, kind, (machine_code, parse_assembly(names_alone).as_bitcode())
     needed = tuple(environment for environment in environments if environment.consts)
     module = cres.library._final_module
     names = [one.name for kind in (module.functions, module.global_variables) for one in kind if one.is_declaration]
-    return [name for name in names if not name.startswith("llvm.")], (*kept, needed)
+    return [name for name in names if not name.startswith("llvm.")], (library, *kept, needed)
 
 
 def _rebuilt(payload: Any, target_context: Any) -> Any:

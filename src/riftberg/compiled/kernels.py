@@ -163,9 +163,10 @@ def _compiled(function: _F, **options: Any) -> _F:
         return function
     # Without the last option each kernel is compiled for C, too.
     wanted = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **options}
-    compiled = _in_parts(function, wanted) if numba.__version__.startswith(KNOWN_NUMBA) else _whole(function, wanted)
+    in_parts = numba.__version__.startswith(KNOWN_NUMBA)
+    compiled = _in_parts(function, wanted) if in_parts else _whole(function, wanted)
     # Ours stands in for numba's cache, whose files go by times and paths, and which two processes could mix up.
-    compiled._cache = KernelCache(function, code_folders)
+    compiled._cache = KernelCache(function, code_folders, linked=not in_parts)
     return cast("_F", compiled)
 
 

@@ -665,9 +665,10 @@ def _update_faces(
         if force == 0.0 and closing <= 0.0:
             state[PHASE], state[SPEED], state[SINCE] = APART, closing, np.inf
         elif state[PHASE] == REST:
-            if closing > AGAIN:
+            if closing > AGAIN and force > 0.0:
                 state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0
-        elif closing < max(IMPACT_OVER * state[SPEED], SLOW):
+        # Faces that slide or turn past each other may close without a force for hours: that is no impact either.
+        elif closing < max(IMPACT_OVER * state[SPEED], SLOW) or force == 0.0:
             frequency = math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
             if state[SINCE] * frequency > SETTLING:
                 state[PHASE] = REST

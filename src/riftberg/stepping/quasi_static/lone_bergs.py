@@ -51,9 +51,8 @@ def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceCo
     None where they are too few, or fewer than the others.
     """
     el, body = model.elements, bodies.body
-    alone = np.bincount(body)[body] == 1
     least = max(FEWEST, el.size // 2 + 1)
-    if np.count_nonzero(alone) < least:
+    if el.size < least or np.count_nonzero(alone := np.bincount(body)[body] == 1) < least:
         return None
     alone &= (el.body.static < 0.5) & (el.body.free_y >= 0.5)
     sizes = sizes._replace(radius=np.maximum(sizes.radius, faces.reach(model)))
@@ -151,8 +150,9 @@ def step_lone_bergs(
     rows, twist = lone[quiet], twist[quiet]
     stays = np.ones(el.size, np.bool_)
     stays[rows] = False
+    others = np.flatnonzero(stays)  # a few: found once, not for each array
     for array, before in zip((a for group in (el.place, el.shown, el.environment) for a in group), start, strict=True):
-        array[stays] = before[stays]
+        array[others] = before[others]
     u, v, spin = twist.T
     motion, shown = el.motion, el.shown
     for array, values in (

@@ -942,7 +942,7 @@ class TimeStep:
             self.lattice = self._factored_lattice(state.bodies, self.tips)
         else:
             lattice.solver.downdate(bond)
-            lattice.intact = lattice.intact[lattice.intact != bond]
+            lattice.intact, lattice.fresh = lattice.intact[lattice.intact != bond], False
         self.state = self._in_equilibrium(self.state)
 
     def _renumber(self) -> None:
@@ -953,7 +953,8 @@ class TimeStep:
         else:
             drop_broken_bonds(bonds)
         model.fragments.update(el, bonds, self.state.time, self.c)
-        self.lattice = self._factored_lattice(self.state.bodies, self.tips)
+        if not self.lattice.fresh:  # the last break has parted pieces, as most do at which a crack ends
+            self.lattice = self._factored_lattice(self.state.bodies, self.tips)
         self.state = self._state_at(self.state.bodies, self.state.time)
 
     # Set-up and output
@@ -1051,6 +1052,7 @@ class FactoredLattice:
     criterion: Criterion
     cells: CellStiffness | None = None  # Where the ice is elastic in cells; else along its bonds
     paths: CrackPaths | None = None  # Of cracks through elastic cells
+    fresh: bool = True  # No bond has broken since it was factored
     _latest: Equilibrium | None = None
     _strengths: tuple[tuple[int, bytes, bytes], Strengths] | None = None
 
@@ -1063,8 +1065,8 @@ class FactoredLattice:
 
     def equilibrium(self, displacement: Floats, load: Floats, p: KernelParameters) -> Equilibrium:
         """Return the equilibrium with these displacements; the latest is cached, so that its stresses are found once."""
-        latest = self._latest
-        if latest is None or latest.displacement is not displacement or latest.intact is not self.intact:
+        latest, asked = self._latest, (displacement, load, self.intact)
+        if latest is None or any(a is not b for a, b in zip((latest.displacement, latest.load, latest.intact), asked)):
             self._latest = latest = self.moment(displacement, load, p)
         return latest
 
