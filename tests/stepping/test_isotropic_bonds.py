@@ -383,3 +383,23 @@ def test_every_explicit_scheme_drifts_with_them(scheme: str, law: str) -> None:
     after = np.hypot(*(np.subtract.outer(v, v) for v in (el.lon, el.lat)))
     assert np.hypot(el.u, el.v).min() > 0.0
     assert abs(after - before).max() < 0.01
+
+
+def test_diagonals_pull_as_the_law_of_all_bonds_says() -> None:
+    """Bit for bit: their tiles leave out what is 0 for them, slip, bending and dampers; a lane without a bond bears nothing."""
+    rng = np.random.default_rng(4)
+    bond, scratch, ends = (rng.uniform(0.5, 1.5, size) for size in (tile.BOND_TILE, tile.SCRATCH_TILE, tile.END_TILE))
+    lanes = slice(0, tile.LANES)
+    bond[tile.DAMPING :][lanes], bond[tile.SLIP :][lanes] = 0.0, 0.0
+    bond[tile.INTACT :][lanes] = np.arange(tile.LANES) != 7
+    scratch[tile.HALF :][lanes] *= rng.choice([-1.0, 1.0], tile.LANES)
+    bond[tile.MODULUS + 7] = np.nan
+    kind = np.array(tile.bond_kind(4, True, isotropic("square").kernel_values()))
+    assert kind[1:].tolist() == [0.0, 0.0, 0.0]
+    every, few = (bond.copy(), scratch.copy()), (bond.copy(), scratch.copy())
+    tile_kernels.forces(*every, ends, kind, 10.0, 0.3, True, False, True)
+    tile_kernels.pull_diagonals(*few)
+    for table, quantity in ((0, tile.FX), (0, tile.FY), (0, tile.TORQUE2), (1, tile.TORQUE1)):
+        np.testing.assert_array_equal(every[table][quantity:][lanes], few[table][quantity:][lanes])
+    assert abs(few[0][tile.FX :][lanes]).max() > 0.1
+    assert few[0][tile.FX + 7] == 0.0

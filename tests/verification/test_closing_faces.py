@@ -297,8 +297,9 @@ def stored(model: Model) -> tuple[float, np.ndarray]:
     return elastic_energy(moved, state.load), cells.faces.closed(cells.displacements(moved))
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
-@pytest.mark.parametrize("bending", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("bending", [False, True])
 def test_faces_close_in_a_berg_that_a_bed_of_sediment_holds(bending) -> None:
     """A current that pushes it onto the bed closes the crack, and it is as whole; one that pulls it off opens the crack."""
     ratio, faces = {}, {}

@@ -267,13 +267,14 @@ def _apply_bonds(
         else:
             gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
         apply_bond_law(bond, scratch, ends, tiles.kinds[b // width], flags.dt, p, flags.period)
-        if flags.grow_damage:
+        bears = tiles.kinds[b // width, 2] > 0.0  # diagonals have neither a stress nor a strength
+        if bears and flags.grow_damage:
             grow_damage(bond, scratch, flags.dt, p)
-        if flags.may_break and count_loaded(bond, scratch, 1.0) > 0:
+        if bears and flags.may_break and count_loaded(bond, scratch, 1.0) > 0:
             broken += break_overloaded(
                 tiles.bond_ids[first:end], bond, scratch, ends, tiles.rotation, bonds, aground, flags.time
             )
-        if flags.last:
+        if bears and flags.last:
             store_bonds(tiles.bond_ids[first:end], bonds, bond, scratch, tiles.rotation)
         accumulate_first_ends(bond, scratch, tiles.sums[e * tile.SUM_TILE : (e + 1) * tile.SUM_TILE])
     return broken

@@ -285,14 +285,6 @@ def _copy_bond(bond: Floats, at: int, b: int, bonds: Bonds, p: KernelParameters)
 
 
 @kernel
-def _begin_diagonal(bond: Floats, at: int) -> None:
-    """What stands for the state of a diagonal, which has none: it never breaks by itself."""
-    bond[at + INTACT], bond[at + PEAK_STRESS], bond[at + SLIP] = 1.0, 0.0, 0.0
-    bond[at + STRENGTH], bond[at + DAMAGE] = 1.0, 0.0
-    bond[at + NORMAL_LIMIT] = bond[at + SHEAR_LIMIT] = math.inf
-
-
-@kernel
 def _thickness_rule(
     r1: float, r2: float, t1: float, t2: float, first_is_earlier: bool, quirk: bool
 ) -> tuple[float, float]:
@@ -363,7 +355,7 @@ def pack_bonds(
             _fill_place(bond, at, first[b], second[b], sx[b], sy[b], elements, p)
         elif b != EMPTY:
             d = diagonal_of(b)
-            _begin_diagonal(bond, at)
+            bond[at + INTACT] = 1.0
             length = diagonal_length(way, d, rest, bonds.status)
             _fill_constants(bond, at, begin[d], end[d], length, normal, elements, sizes, rank, p)
             # The rows damp whatever moves; more would shorten the sub-step for nothing.

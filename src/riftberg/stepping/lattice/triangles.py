@@ -204,19 +204,20 @@ def shares_of_gap(vertex: Floats, freed: Booleans, faces: Booleans, normal: Floa
     A crack through two edges parts the vertex that they share from the other two. The gap is that along the normal of the
     crack, so its faces slip freely, while edge by edge they would lock like the teeth of the lattice that they are made of.
     """
-    shares = freed.astype(np.float64)
-    for t in np.flatnonzero(freed.sum(axis=1) == 2):
-        i, j = np.flatnonzero(freed[t])
-        k = 3 - i - j
-        toward = np.zeros((3, 2))  # the parted vertex, along each of the freed edges
-        toward[i], toward[j] = vertex[t, k] - vertex[t, j], vertex[t, k] - vertex[t, i]
-        toward[[i, j]] /= np.hypot(*toward[[i, j]].T)[:, None]
-        away = toward[i] + toward[j]
-        mean = (np.where(normal[t] @ away < 0.0, -1.0, 1.0)[:, None] * normal[t] * faces[t][:, None]).sum(axis=0)
-        mean = mean if mean.any() else (toward * faces[t][:, None]).sum(axis=0)
-        mean /= np.hypot(*mean)
-        # No share below 0: what was no gap on one edge alone is none on both, so that no break stores energy.
-        shares[t, [i, j]] = np.maximum(np.linalg.solve(toward[[i, j]].T, mean), 0.0)
+    shares, rows = freed.astype(np.float64), np.flatnonzero(freed.sum(axis=1) == 2)
+    edge = np.argsort(~freed[rows], axis=1, kind="stable")[:, :2]  # the two, shape (rows, 2)
+    parted = (3 - edge.sum(axis=1))[:, None]
+    # Along each of them to the parted vertex, from the one that is opposite the other.
+    toward = vertex[rows[:, None], parted] - vertex[rows[:, None], edge[:, ::-1]]
+    toward /= np.hypot(toward[..., 0], toward[..., 1])[..., None]
+    counts, crack = faces[rows[:, None], edge][..., None], normal[rows[:, None], edge]
+    crack = np.where((crack * toward.sum(axis=1, keepdims=True)).sum(axis=2, keepdims=True) < 0.0, -crack, crack)
+    mean = (crack * counts).sum(axis=1)
+    mean = np.where(mean.any(axis=1, keepdims=True), mean, (toward * counts).sum(axis=1))
+    mean /= np.hypot(*mean.T)[:, None]
+    # No share below 0: what was no gap on one edge alone is none on both, so that no break stores energy.
+    of_two = np.linalg.solve(toward.transpose(0, 2, 1), mean[..., None])[..., 0]
+    shares[rows[:, None], edge] = np.maximum(of_two, 0.0)
     return shares
 
 
