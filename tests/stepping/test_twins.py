@@ -173,10 +173,14 @@ def test_pair_order_quirks_equal_twin(quirk):
         compare(el, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
 
 
+SPRINGS: dict[str, dict[str, str]] = {"stepping": {"scheme": "mts"}, "bonds": {"elasticity": "bonds"}}
+"""Contact by springs belongs to the explicit schemes; the twin has the published bonds."""
+
+
 @pytest.mark.parametrize("touching", [True, False])
 def test_skipped_and_contact_free_steps_equal_twin(touching):
     """Spec 6.4, skip_first_outer_mts_step, and the exit after one pass."""
-    p = parameters()
+    p = parameters(**SPRINGS)
     for seed in SEEDS:
         el, bonds = lattice(seed, p, touching=touching)
         other, other_bonds = copy_state(el, bonds)
@@ -191,7 +195,7 @@ def test_skipped_and_contact_free_steps_equal_twin(touching):
 
 def test_flags_left_from_earlier_steps_enter_the_norm():
     """Q2: with the flags kept, an element that is no longer in contact still counts."""
-    p = parameters(compatibility={"sticky_collision_flags": True}, contact={"tolerance": 1e-3})
+    p = parameters(compatibility={"sticky_collision_flags": True}, contact={"tolerance": 1e-3}, **SPRINGS)
     counts = set()
     for flagged in (0.0, 1.0):
         el, bonds = lattice(3, p)
