@@ -65,9 +65,9 @@ def leading_elements(
     count = int(part.max()) + 1
     leader = _largest_correction(distance, part, count)
     first, second, reach = _pairs_in_the_way(el, lon, lat, part, float(distance.max()), c)
-    met = (el.static[touched[0]] < 0.5) & (el.static[touched[1]] < 0.5)
-    first, second = np.append(first, touched[0][met]), np.append(second, touched[1][met])
-    reach = np.append(reach, np.full(np.count_nonzero(met), np.inf))
+    mobile = (el.static[touched[0]] < 0.5) & (el.static[touched[1]] < 0.5)
+    first, second = np.append(first, touched[0][mobile]), np.append(second, touched[1][mobile])
+    reach = np.append(reach, np.full(np.count_nonzero(mobile), np.inf))
     if first.size == 0:
         return leader
     dx, dy = separations(metric_of(c), lon[first], lat[first], lon[second], lat[second])

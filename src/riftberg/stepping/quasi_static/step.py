@@ -217,8 +217,8 @@ class QuasiStaticStepper:
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
         if self._last_start[0] == model.time:  # the model has taken the last step back
-            (_, self._bodies, self._snapshot, self._cells, self._tips, memory), self._state = self._last_start, None
-            self._laws.rollback(memory)
+            (_, self._bodies, self._snapshot, self._cells, self._tips, law_states), self._state = self._last_start, None
+            self._laws.rollback(law_states)
         self._last_start = (
             model.time, self._bodies, self._snapshot, self._cells, self._tips, self._laws.checkpoint()
         )  # fmt: skip
