@@ -462,8 +462,8 @@ class Parameters(Group):
             land_inset=0.05 if p.compatibility.elements_stopped_alone else 1e-3,
             modulus=p.bonds.youngs_modulus / p.ice.density,
             contact_spring=FROM_ELEMENTS if p.contact.spring is None else p.contact.spring,
-            # What a long step can resolve, where contact between bergs acts in it.
             contact_distance=p.contact_distance,
+            # What a long step can resolve, where contact between bergs acts in it.
             contact_stiffest=math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
             contact_on_substeps=fast_contact,
             dem=p.bonds.law == "dem",

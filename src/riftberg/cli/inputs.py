@@ -76,7 +76,7 @@ def sensitivity(
     observed: Annotated[
         Path | None, typer.Option("--observed", metavar="FILE", help="Outlines or positions: the error of the drift too.")
     ] = None,
-    berg: Annotated[str | None, typer.Option("--berg", help="Name of the berg in that file, where it has several.")] = None,
+    berg: BergInFile = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-sensitivity]")
     ] = None,

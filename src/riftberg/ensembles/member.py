@@ -27,6 +27,7 @@ from riftberg.ocean.files_forcing import sharing_forcings
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.tracks import Shapes
+from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import aground
 from riftberg.system.input_files import value_shown
 from riftberg.system.limits import allow_large
@@ -322,8 +323,9 @@ def _cracks(model: BareModel, start: tuple[Any, Any, Any], values: Mapping[str, 
         return []
     x, y = turned(*_about_middle(model, lon, lat), -float(values.get("start.turn", 0.0)))
     size = float(values.get("start.size", 1.0))
-    i, j = _rows_of(e.id[bonds.first[broken]], ids), _rows_of(e.id[bonds.second[broken]], ids)
-    known = (i >= 0) & (j >= 0)
+    # Elements that came during the run were nowhere at the start.
+    (i, i_known), (j, j_known) = (rows_of(ids, e.id[end[broken]]) for end in (bonds.first, bonds.second))
+    known = i_known & j_known
     i, j = i[known], j[known]
     # The side of a square is the root of its area, that of a hexagon 0.62 of it.
     of = bonds.first[broken][known]
@@ -340,13 +342,6 @@ def _about_middle(model: BareModel, lon: Any, lat: Any) -> tuple[Any, Any]:
     return EqualAreaPlane(float(lon.mean()), float(lat.mean()), earth.radius, earth.latlon).forward(lon, lat)
 
 
-def _rows_of(wanted: Any, ids: Any) -> Any:
-    """Return the rows of elements at the start; -1 for those that came during the run, and were nowhere then."""
-    order = np.argsort(ids)
-    rows = order[np.clip(np.searchsorted(ids[order], wanted), 0, ids.size - 1)]
-    return np.where(ids[rows] == wanted, rows, -1)
-
-
 def _shapes(model: BareModel, start: tuple[Any, Any, Any]) -> list[list[Any]]:
     """Return the outlines of the pieces at the end where their ice lay at the start; none of a berg that is whole."""
     if not model.fragments.breakups:
@@ -354,10 +349,10 @@ def _shapes(model: BareModel, start: tuple[Any, Any, Any]) -> list[list[Any]]:
     ids, lon, lat = start
     e, (x, y) = model.elements, _about_middle(model, lon, lat)
     area = e.length * e.width
-    side, rows = float(np.sqrt(area.mean())), _rows_of(e.id, ids)
+    side, (rows, known) = float(np.sqrt(area.mean())), rows_of(ids, e.id)
     found = []
-    for number in np.unique(e.berg[rows >= 0]).tolist():
-        own = (e.berg == number) & (rows >= 0)
+    for number in np.unique(e.berg[known]).tolist():
+        own = (e.berg == number) & known
         if area[own].sum() < 0.01 * area.sum():  # crumbs, as for scenarios
             continue
         # Discs that overlap, and what they reach too far taken off again: as good for squares as for hexagons, however turned.

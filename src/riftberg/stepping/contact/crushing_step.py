@@ -77,7 +77,10 @@ IMPACT_OVER: Final = 0.02
 SETTLING: Final = 3.0
 
 LEAST_CHORD: Final = 1e-6
-"""Square of the chord of an overlap over its area, below which one face lies wholly in the other."""
+"""Square of the chord of an overlap over its area, below which one face lies wholly in the other.
+
+Round-off leaves some 1e-30; an overlap that opens to one side has 1 and more until it is deeper than wide.
+"""
 
 REST_STEP: Final = 60.0
 """Longest sub-step of faces that overlap, s."""
@@ -429,17 +432,12 @@ def _longest_substep(
                 # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
                 area, _, _, _, _ = _overlap_of_pair(island, faces, path, k, work)
                 to_go = max(pair_state[k, CRUSHED] - area / pair_state[k, CHORD], 0.0)
-                meets = math.sqrt(closing * closing + 2.0 * driven * to_go)
-                if meets > 0.0:
-                    limit = min(limit, max(GAP_PART * 2.0 * to_go / (closing + meets), entry))
+                limit = min(limit, max(_most_of_way(to_go, closing, driven)[0], entry))
             continue
         _set_apart(pair_state[k])
-        # The gap is crossed no sooner than after the smallest root t of gap = closing t + driven t^2 / 2.
-        meets = math.sqrt(closing * closing + 2.0 * driven * nearest)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
-        if meets > 0.0:
-            least = entry if meets > SLOW else REST_STEP
-            limit = min(limit, max(GAP_PART * 2.0 * nearest / (closing + meets), least))
+        crossed, meets = _most_of_way(nearest, closing, driven)
+        limit = min(limit, max(crossed, entry if meets > SLOW else REST_STEP))
     if impact:
         most = 0.0
         for k in range(island.first.size):
@@ -451,6 +449,16 @@ def _longest_substep(
         if most > 0.0:
             limit = min(limit, IMPACT_PHASE / math.sqrt(most))
     return limit
+
+
+@kernel
+def _most_of_way(way: float, closing: float, driven: float) -> tuple[float, float]:
+    """Time (s) in which no more than `GAP_PART` of a way (m) is crossed, and the speed (m s-1) at its end.
+
+    The way is crossed no sooner than after the smallest root t of way = closing t + driven t^2 / 2.
+    """
+    meets = math.sqrt(closing * closing + 2.0 * driven * way)
+    return GAP_PART * 2.0 * way / (closing + meets) if meets > 0.0 else math.inf, meets
 
 
 @kernel
