@@ -13,7 +13,7 @@ import shapely
 from riftberg.config.parameter_groups import Grounding
 from riftberg.constants import GRAVITY, RHO_SEAWATER
 from riftberg.physics.seabed import bending_length
-from riftberg.stepping.ground.balance import Bed, Bending, hull_of, press
+from riftberg.stepping.ground.balance import Bed, Bending, column_stiffness, hull_of, press, share_of_ice
 from riftberg.stepping.ground.floor import Floor, Patches
 from riftberg.stepping.ground.landing import bed_of, bent_bonds
 from riftberg.stepping.lattice.footprints import BodyFootprint
@@ -251,6 +251,40 @@ def bed(*, bends: bool = True, modulus: float = 9e9, shear_strength: float = 0.0
 def pressure(how: Bed, **where: Any) -> tuple[Any, Any]:
     patches, hull, thickness, first, second = lattice(**where)
     return press(patches, thickness.size, hull, how, thickness, first, second, np.zeros(3)), hull
+
+
+def test_the_share_of_ice_is_the_area_within_its_outline() -> None:
+    """Beside shapely, for two pieces of ice, one of them with a bay and a hole, and polygons inside, outside and across."""
+    bay = shapely.Polygon(
+        [(0, 0), (9, 1), (8, 4), (4, 3), (8, 8), (1, 7)], [[(2, 2), (2, 4), (3.5, 4.5), (3, 2)]]
+    )  # fmt: skip
+    ice = shapely.orient_polygons(shapely.MultiPolygon([bay, shapely.box(11, 0, 14, 9)]))
+    rings = [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(shapely.get_parts(ice))]
+    start, ring = np.cumsum([0, *(len(line) for line in rings)]), np.vstack(rings)
+    rng, seen = np.random.default_rng(3), []
+    for _ in range(200):
+        convex = shapely.orient_polygons(
+            shapely.MultiPoint(rng.uniform(-2, 15, 2) + rng.normal(0, 3, (7, 2))).convex_hull
+        )
+        share = share_of_ice(shapely.get_coordinates(convex)[:-1], start, ring)
+        assert share == pytest.approx(shapely.intersection(convex, ice).area / convex.area, abs=1e-12)
+        seen.append(share)
+    assert min(seen) < 1e-12 < 0.3 < max(seen)
+
+
+def test_columns_give_way_by_their_line_their_ends_and_the_deepest_point() -> None:
+    """Beside the sums of the law: the line and its ends, or the point if that is stiffer, less what heave and tilt do."""
+    line, width, first_end, last_end = 3.0, 2.0, 5.0, 7.0
+    u, load, out = np.array([0.0, 1.0, 3.0, 2.0, 0.0]), np.array([0.0, 4.0, 8.0, 1.0, 0.0]), np.empty(5)
+    total = line * width * u.sum()
+    ends = first_end * (1.5 * 1.0 - 0.5 * 3.0) + last_end * (1.5 * 2.0 - 0.5 * 3.0)
+    for point, factor in [(1.0, (total + ends) / total), (40.0, 40.0 * 3.0 / total)]:
+        patch = factor * total / ((u @ load) / load.sum())
+        for rigid in (0.0, 0.3 / patch):
+            column_stiffness(line, width, point, first_end, last_end, rigid, u, load, out)
+            np.testing.assert_allclose(out, line * width * factor / (1.0 - rigid * patch), rtol=1e-14)
+    column_stiffness(line, width, 1e5, first_end, last_end, 0.0, u, 0.0 * load, out)
+    assert (out == 100.0).all()
 
 
 @pytest.mark.parametrize("bends", [False, True])

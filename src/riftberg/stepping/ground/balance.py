@@ -41,8 +41,8 @@ from riftberg.stepping.mat3 import solve
 MAX_ITERATIONS: Final = 100
 """Of Newton's method; five to ten are usual."""
 
-ROUNDS: Final = 12
-"""Of loads and stiffness of the bending in turns."""
+ROUNDS: Final = 8
+"""Of loads and stiffness of the bending in turns, at most."""
 
 SETTLED: Final = 1e-4
 """Relative change of the load of the floor at which the rounds end."""
@@ -53,8 +53,8 @@ COLUMNS_PER_LAMBDA: Final = 8.0
 LEAST_COLUMNS: Final = 6
 """Columns of a patch at least, so that it shows where bending falls to zero."""
 
-DISC: Final = np.array([[math.cos(a), math.sin(a)] for a in np.arange(64) * (math.pi / 32.0)])
-"""Circle of radius 1 about a point."""
+DISC_CORNERS: Final = 64
+"""Of the polygon that stands for the circle about the deepest point."""
 
 RIGID: Final = 1e40
 """Stiffness against tilt (N m) of a fragment that takes none."""
@@ -78,7 +78,8 @@ class Hull(NamedTuple):
 
     centre: Floats  # Centroid of the water plane, m; shape (2,)
     stiffness: Floats  # Against heave and both tilts; shape (3, 3)
-    ice: Any  # Outline of its ice (shapely)
+    start: Ints  # Where the rings of the outline of its ice begin; holes go round clockwise
+    ring: Floats  # Corners of these, m; shape (corners, 2)
 
 
 class Bending(NamedTuple):
@@ -93,6 +94,46 @@ class Bending(NamedTuple):
     inside: NDArray[np.bool_]  # Whether an element belongs to the patch; shape (elements,)
 
 
+class Patch(NamedTuple):
+    """The line of a patch of loaded elements, and how the ice gives way along it."""
+
+    axis_x: float  # Its direction
+    axis_y: float
+    begin: float  # Where its first column begins, m along the direction: on both sides beyond what is loaded
+    width: float  # Of the columns, m
+    columns: int
+    line: float  # K_l, Pa
+    point: float  # K_0, N m-1
+    first_end: float  # Stiffness of the ice beyond the ends, N m-1; 0 where there is none
+    last_end: float
+    rigid: float  # Compliance of the rigid fragment at the load, m N-1
+    reach: float  # l, m
+    share: float  # Of the disc about the deepest point that is ice
+    thickness: float  # Of the ice, m
+
+
+class Loaded(NamedTuple):
+    """Polygons cut by the columns of the patches, and the part of them that is loaded."""
+
+    start: Ints
+    corner: Floats
+    origin: Ints  # The polygon from which each comes
+    column: Ints  # -1: none
+    overlap: Floats  # Of the corners, m
+    area: Floats  # Area of the loaded part, its moments by x and y, second moments xx, xy, yy; shape (polygons, 6)
+
+
+class Bent(NamedTuple):
+    """How the ice bends over the patches of a fragment."""
+
+    group: Ints  # Patch of each element; -1: none
+    patches: list[Patch]
+    columns: Ints  # Where the columns of each patch begin
+    u: Floats  # Bending of the columns, m
+    springs: Floats  # Their stiffness, N m-1
+    loaded: Loaded  # What the patches were measured by
+
+
 class Pressure(NamedTuple):
     """What the floor does to the elements of a fragment."""
 
@@ -104,12 +145,22 @@ class Pressure(NamedTuple):
     slope: Floats  # Push by the slope of the floor, east and north, N; shape (elements, 2)
     excess: Floats  # Volume in which the overlap exceeds what the bed bears, m3; of each polygon
     patches: Patches  # The polygons, with the overlap that was found
-    bending: list[Bending]  # Of each patch
+    bent: Bent | None  # None where the ice does not bend
 
     @property
     def touches(self) -> bool:
         """Whether the floor carries anything."""
         return bool((self.load > 0.0).any())
+
+    def bending(self) -> list[Bending]:
+        """How the ice bends over each patch."""
+        if self.bent is None:
+            return []
+        group, shape, columns, u, _, loaded = self.bent
+        return [
+            _bending(patch, group == g, float(u[columns[g] : columns[g + 1]].max()), loaded, self.patches.owner)
+            for g, patch in enumerate(shape)
+        ]
 
 
 def hull_of(corner: Floats, start: Ints, owner: Ints, thickness: Floats, draft: Floats) -> Hull:
@@ -132,7 +183,9 @@ def hull_of(corner: Floats, start: Ints, owner: Ints, thickness: Floats, draft: 
         stiffness[1:, 1:] = tilts
     rings = [shapely.Polygon(corner[a:b]) for a, b in pairwise(start.tolist())]
     # Neighbours share their edges but for round-off.
-    return Hull(np.array([x, y]), stiffness, shapely.unary_union(shapely.buffer(rings, 0.01, join_style="mitre")))
+    ice = shapely.orient_polygons(shapely.unary_union(shapely.buffer(rings, 0.01, join_style="mitre")))
+    lines = [shapely.get_coordinates(line)[:-1] for line in shapely.get_rings(shapely.get_parts(ice))]
+    return Hull(np.array([x, y]), stiffness, np.cumsum([0, *(len(line) for line in lines)]), np.vstack(lines))
 
 
 # Many arguments: the nine arrays at the end are filled anew in each iteration of `minimise`, which makes them once.
@@ -357,15 +410,6 @@ def _loads(
             excess[origin[k]] += sums[0]
 
 
-class _Columns(NamedTuple):
-    """Polygons cut by the columns of the patches."""
-
-    start: Ints
-    corner: Floats
-    origin: Ints
-    column: Ints
-
-
 def press(
     patches: Patches, elements: int, hull: Hull, bed: Bed, thickness: Floats, first: Ints, second: Ints, rise: Floats
 ) -> Pressure:
@@ -373,71 +417,62 @@ def press(
 
     ``thickness``: of its elements, m; ``first``, ``second``: intact bonds between them; ``rise``: where the search begins.
     """
-    top = bed.strength / bed.stiffness
+    top, count = bed.strength / bed.stiffness, patches.owner.size
     grip = friction_depth(bed.stiffness, bed.strength, bed.friction, bed.shear_strength)
-    count, (xc, yc) = patches.owner.size, hull.centre.tolist()
-    cut_up = _Columns(patches.start, patches.corner, np.arange(count), np.full(count, -1))
-    q, u, springs = rise.copy(), np.zeros(0), np.zeros(0)
-    bending: list[Bending] = []
+    xc, yc = hull.centre.tolist()
+    q, u, springs, bent = rise.copy(), np.zeros(0), np.zeros(0), None
 
-    def evaluate() -> tuple[Pressure, Floats, Floats]:
+    def minimised() -> Floats:
+        iterations, loads = minimise(
+            cut_up.start, cut_up.corner, cut_up.column, xc, yc, q, u, bed.stiffness, top, hull.stiffness, springs
+        )
+        if iterations < 0:
+            raise FloatingPointError
+        return loads
+
+    def evaluate() -> Pressure:
         load, x, y, capacity = np.zeros((4, elements))
         push, excess = np.zeros((elements, 2)), np.zeros(count)
-        overlap, area = np.zeros(len(cut_up.corner)), np.zeros((cut_up.column.size, 6))
         _loads(
             cut_up.start, cut_up.corner, cut_up.origin, patches.owner, patches.gradient, cut_up.column, xc, yc, q, u,
-            bed.stiffness, top, grip, load, x, y, capacity, push, excess, overlap, area,
+            bed.stiffness, top, grip, load, x, y, capacity, push, excess, cut_up.overlap, cut_up.area,
         )  # fmt: skip
         some = np.where(load > 0.0, load, 1.0)
         x, y = np.where(load > 0.0, x / some, 0.0), np.where(load > 0.0, y / some, 0.0)
-        found = Pressure(q, load, x, y, bed.friction * capacity, push, excess, patches, bending)
-        return found, overlap, area
+        return Pressure(q, load, x, y, bed.friction * capacity, push, excess, patches, bent)
 
-    _minimised(cut_up, xc, yc, q, u, bed, top, hull, springs)
-    found, overlap, area = evaluate()
+    overlap, area = np.zeros(len(patches.corner)), np.zeros((count, 6))
+    cut_up = Loaded(patches.start, patches.corner, np.arange(count), np.full(count, -1), overlap, area)
+    minimised()
+    found = evaluate()
     if not (bed.bends and found.touches):
         return found
-    before = found.load.sum()
-    for n in range(ROUNDS):
+    for _ in range(ROUNDS):
+        before = found.load.sum()
         group = _groups(found.load, first, second)
         shape = [
-            _Patch.of(g, group, found, cut_up, patches, overlap, area, hull, bed, thickness)
+            Patch(*_measure(
+                group == g, found.load, found.x, found.y, thickness, bed.modulus, bed.poisson, patches.owner, cut_up.origin,
+                cut_up.start, cut_up.corner, cut_up.overlap, cut_up.area, hull.centre, hull.stiffness, hull.start, hull.ring,
+            ))
             for g in range(group.max() + 1)
-        ]
-        columns = np.cumsum([0, *(len(patch.length) for patch in shape)])
-        if n < ROUNDS - 4:  # then the polygons stay, and the stiffness settles
-            cut_up = _cut_up(patches, group, shape, columns)
-        else:
-            break
-        u, springs = np.zeros(columns[-1]), np.concatenate([patch.springs for patch in shape])
-        if np.isinf(springs).all():
-            break
-        loads = _minimised(cut_up, xc, yc, q, u, bed, top, hull, springs)
+        ]  # fmt: skip
+        columns = np.cumsum([0, *(patch.columns for patch in shape)])
+        u, springs = np.zeros(columns[-1]), np.empty(columns[-1])
+        bent = Bent(group, shape, columns, u, springs, cut_up)
+        cut_up = _cut_up(patches, bent)
+        even = np.ones(columns[-1])
+        _set_springs(bent, even, even)
+        loads = minimised()
         # The distribution of the bending along the lines decides on their stiffness.
         for _ in range(4):
-            for patch, a, b in zip(shape, columns, columns[1:], strict=False):
-                springs[a:b] = patch.stiffness(u[a:b], loads[a:b])
-            loads = _minimised(cut_up, xc, yc, q, u, bed, top, hull, springs)
-        bending = [
-            patch.bent_by(float(u[a:b].max())) for patch, (a, b) in zip(shape, pairwise(columns.tolist()), strict=True)
-        ]
-        found, overlap, area = evaluate()
+            _set_springs(bent, u, loads)
+            loads = minimised()
+        found = evaluate()
         now = found.load.sum()
         if not found.touches or abs(now - before) <= SETTLED * now:
             break
-        before = now
     return found
-
-
-def _minimised(
-    polygons: _Columns, xc: float, yc: float, q: Floats, u: Floats, bed: Bed, top: float, hull: Hull, springs: Floats
-) -> Floats:
-    iterations, loads = minimise(
-        polygons.start, polygons.corner, polygons.column, xc, yc, q, u, bed.stiffness, top, hull.stiffness, springs
-    )
-    if iterations < 0:
-        raise FloatingPointError
-    return loads
 
 
 def _groups(load: Floats, first: Ints, second: Ints) -> Ints:
@@ -450,136 +485,220 @@ def _groups(load: Floats, first: Ints, second: Ints) -> Ints:
     return group
 
 
-def _cut_up(patches: Patches, group: Ints, shape: list[_Patch], columns: Ints) -> _Columns:
+def _cut_up(patches: Patches, bent: Bent) -> Loaded:
     """Cut the polygons by the columns of the patches."""
-    axis = np.array([patch.axis for patch in shape])
-    begin, width = np.array([[patch.begin, patch.width] for patch in shape]).T.copy()
+    axis_x, axis_y, begin, width = np.array([patch[:4] for patch in bent.patches]).T.copy()
     room = 2 * patches.owner.size + 64
     while True:
         start, out = np.zeros(room + 1, np.int64), np.empty((8 * room, 3))
         origin, column = np.empty(room, np.int64), np.empty(room, np.int64)
         count = _split(
-            patches.start, patches.corner, patches.owner, group, axis[:, 0].copy(), axis[:, 1].copy(), begin, width,
-            columns.astype(np.int64), start, out, origin, column,
+            patches.start, patches.corner, patches.owner, bent.group, axis_x, axis_y, begin, width, bent.columns, start, out,
+            origin, column,
         )  # fmt: skip
         if count >= 0:
-            return _Columns(start[: count + 1], out[: start[count]], origin[:count], column[:count])
+            corners = int(start[count])
+            return Loaded(
+                start[: count + 1],
+                out[:corners],
+                origin[:count],
+                column[:count],
+                np.zeros(corners),
+                np.zeros((count, 6)),
+            )
         room *= 2
 
 
-class _Patch(NamedTuple):
-    """The line of a patch of loaded elements, and how the ice gives way along it."""
-
-    axis: tuple[float, float]  # Its direction
-    begin: float  # Where its first column begins, m along the direction: on both sides beyond what is loaded
-    width: float  # Of the columns, m
-    length: Floats  # Length of the line in each column, m
-    line: float  # K_l, Pa
-    point: float  # K_0, N m-1
-    ends: tuple[float, float]  # Stiffness of the ice beyond both ends, N m-1; 0 where there is none
-    rigid: float  # Compliance of the rigid fragment at the load, m N-1
-    springs: Floats  # First guess of the stiffness of the columns, N m-1
-    reach: float  # l, m
-    share: float  # Of the disc about the deepest point that is ice
-    thickness: float  # Of the ice, m
-    corners: Floats  # Of the loaded area, m
-    inside: NDArray[np.bool_]  # Elements
-
-    @classmethod
-    def of(
-        cls, number: int, group: Ints, found: Pressure, cut_up: _Columns, patches: Patches, overlap: Floats, area: Floats,
-        hull: Hull, bed: Bed, thickness: Floats,
-    ) -> _Patch:  # fmt: skip
-        """Measure a patch and the ice around it."""
-        inside = group == number
-        mean_thickness = float(np.average(thickness[inside], weights=found.load[inside]))
-        reach = bending_length(bed.modulus, bed.poisson, mean_thickness)
-        around = math.sqrt(2.0) * reach
-        mine = np.flatnonzero(inside[patches.owner[cut_up.origin]] & (area[:, 0] > 0.0))
-        pressed_parts = _pressed_corners(cut_up.start, cut_up.corner, overlap, mine)
-        corners = pressed_parts[:, :2]
-        # Its line is the major axis of the loaded area, by exact moments: means over corners would depend on the cuts.
-        whole, x, y, xx, xy, yy = area[mine].sum(axis=0)
-        axis = np.linalg.eigh([[xx - x * x / whole, xy - x * y / whole], [xy - x * y / whole, yy - y * y / whole]])[1][
-            :, 1
-        ]
-        across = np.array([-axis[1], axis[0]])
-        s, t = corners @ axis, corners @ across
-        s0, s1, t0, t1 = s.min(), max(s.max(), s.min() + 1e-3), t.min(), t.max()
-
-        # Parts of the neighbourhood that are ice: strips on both sides of the line, short ones beyond its ends, and a disc.
-        wide, deepest = max(t1 - t0, 1.0), corners[np.argmax(pressed_parts[:, 2])]
-        boxes = np.array([
-            (s0, s1, t1, t1 + around), (s0, s1, t0 - around, t0), (s0 - 0.25 * around, s0, t0 - 0.5 * wide, t1 + 0.5 * wide),
-            (s1, s1 + 0.25 * around, t0 - 0.5 * wide, t1 + 0.5 * wide),
-        ])  # fmt: skip
-        strips = boxes[:, [0, 1, 1, 0], None] * axis + boxes[:, [2, 2, 3, 3], None] * across
-        shapes = np.append(shapely.polygons(strips), shapely.Polygon(deepest + around * DISC))
-        left, right, *over, at_point = (
-            shapely.area(shapely.intersection(shapes, hull.ice)) / shapely.area(shapes)
-        ).tolist()
-        inner = 0.5 * (left + right)
-        end = WATER_STIFFNESS * reach * reach * (1.08 + (4.0 - 1.08) * min(max(2.0 * inner - 1.0, 0.0), 1.0))
-        beyond = [end * min(part / max(inner, 0.05), 1.0) for part in over]
-        load = found.load[inside]
-        x, y = np.average(found.x[inside], weights=load), np.average(found.y[inside], weights=load)
-        centre = x * across[0] + y * across[1]
-        lever = np.array([1.0, y - hull.centre[1], -(x - hull.centre[0])])
-        rigid = float(lever @ np.linalg.solve(hull.stiffness, lever))
-        count = max(LEAST_COLUMNS, math.ceil((s1 - s0) * COLUMNS_PER_LAMBDA / around))
-        width, pad = (s1 - s0) / count, (count + 1) // 2
-        length = np.full(count + 2 * pad, width)
-        # At an edge the ice gives way by 1 - x / lambda at a distance x; a wide patch lifts all of its water.
-        line = line_stiffness(reach, max(inner, 0.05))
-        further_in = (t1 - centre) if left < right else (centre - t0)
-        line += WATER_STIFFNESS * abs(right - left) * further_in
-        line = max(line, WATER_STIFFNESS * whole / (s1 - s0))
-        patch = cls(
-            (float(axis[0]), float(axis[1])), float(s0 - pad * width), width, length, line, point_stiffness(reach, at_point),
-            (beyond[0], beyond[1]), rigid, np.zeros(0), reach, at_point, mean_thickness, corners, inside,
+def _set_springs(bent: Bent, bending: Floats, load: Floats) -> None:
+    """Set the stiffness of all columns by their bending and load."""
+    for patch, (a, b) in zip(bent.patches, pairwise(bent.columns.tolist()), strict=True):
+        column_stiffness(
+            patch.line, patch.width, patch.point, patch.first_end, patch.last_end, patch.rigid, bending[a:b], load[a:b],
+            bent.springs[a:b],
         )  # fmt: skip
-        even = np.ones(length.size)
-        return patch._replace(springs=patch.stiffness(even, even))
 
-    def bent_by(self, largest: float) -> Bending:
-        """Return what a bending (m) means."""
-        stress = bending_stress(self.reach, self.share, self.thickness, largest)
-        area = shapely.MultiPoint(self.corners).convex_hull
-        return Bending(largest, stress, self.share, math.sqrt(2.0) * self.reach, self.axis, area, self.inside)
 
-    def stiffness(self, bending: Floats, load: Floats) -> Floats:
-        """Stiffness of the columns (N m-1) by bending and load: none gives way where heave and tilt do all."""
-        if not load.sum() > 0.0 or not bending.max() > 0.0:
-            return np.maximum(self.line * self.length, 1e-3 * self.point)
-        total = self.line * float((bending * self.length).sum())
-        bent = bending[load > 0.0]
-        first, last = (
-            (max(1.5 * bent[a] - 0.5 * bent[b], 0.0) for a, b in ((0, 1), (-1, -2))) if bent.size > 1 else (0.0, 0.0)
-        )
-        at_ends = total + self.ends[0] * first + self.ends[1] * last
-        factor = max(self.point * float(bending.max()), at_ends) / total
-        patch = factor * total / float((bending * load).sum() / load.sum())
-        left = max(1.0 - self.rigid * patch, 1e-9)
-        return self.length * self.line * factor / left
+# Many arguments: elements, polygons and the hull are arrays apart, which is what `press` has at hand.
+@kernel
+def _measure(
+    inside: NDArray[np.bool_], load: Floats, load_x: Floats, load_y: Floats, thickness: Floats, modulus: float, poisson: float,
+    owner: Ints, origin: Ints, start: Ints, corner: Floats, overlap: Floats, area: Floats, centre: Floats, stiffness: Floats,
+    ring_start: Ints, ring: Floats,
+) -> tuple[float, float, float, float, int, float, float, float, float, float, float, float, float]:  # fmt: skip
+    """Measure a patch and the ice around it; returns the fields of `Patch`.
+
+    ``inside``: whether an element belongs to it; ``area``: moments of the loaded part of each polygon, as `_loads` finds them.
+    """
+    weight, thick, x, y = 0.0, 0.0, 0.0, 0.0
+    for e in range(load.size):
+        if inside[e]:
+            weight += load[e]
+            thick += load[e] * thickness[e]
+            x += load[e] * load_x[e]
+            y += load[e] * load_y[e]
+    thick, x, y = thick / weight, x / weight, y / weight
+    reach = bending_length(modulus, poisson, thick)
+    around = math.sqrt(2.0) * reach
+
+    # Its line is the major axis of the loaded area, by exact moments: means over corners would depend on the cuts.
+    whole, mx, my, mxx, mxy, myy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    most = CORNERS
+    for k in range(origin.size):
+        if inside[owner[origin[k]]] and area[k, 0] > 0.0:
+            whole, mx, my = whole + area[k, 0], mx + area[k, 1], my + area[k, 2]
+            mxx, mxy, myy = mxx + area[k, 3], mxy + area[k, 4], myy + area[k, 5]
+            most = max(most, 2 * (start[k + 1] - start[k]) + 4)
+    angle = 0.5 * math.atan2(2.0 * (mxy - mx * my / whole), (mxx - mx * mx / whole) - (myy - my * my / whole))
+    ax, ay = math.cos(angle), math.sin(angle)
+
+    # How far what is loaded reaches along the line (s) and across (t), and its deepest point without any rise.
+    s0, s1, t0, t1, deepest, deep_x, deep_y = math.inf, -math.inf, math.inf, -math.inf, -math.inf, 0.0, 0.0
+    piece, room = np.empty((most, 4)), np.empty((most, 4))
+    for k in range(origin.size):
+        if not (inside[owner[origin[k]]] and area[k, 0] > 0.0):
+            continue
+        for n in range(_loaded_part(start, corner, overlap, k, piece, room)):
+            px, py = room[n, 0], room[n, 1]
+            s, t = px * ax + py * ay, py * ax - px * ay
+            s0, s1, t0, t1 = min(s0, s), max(s1, s), min(t0, t), max(t1, t)
+            if room[n, 2] > deepest:
+                deepest, deep_x, deep_y = room[n, 2], px, py
+    s1 = max(s1, s0 + 1e-3)
+
+    # Parts of the neighbourhood that are ice: strips on both sides of the line, short ones beyond its ends, and a disc.
+    wide, beyond = max(t1 - t0, 1.0), 0.25 * around
+    left = _ice_in_box(ax, ay, s0, s1, t1, t1 + around, ring_start, ring)
+    right = _ice_in_box(ax, ay, s0, s1, t0 - around, t0, ring_start, ring)
+    before = _ice_in_box(ax, ay, s0 - beyond, s0, t0 - 0.5 * wide, t1 + 0.5 * wide, ring_start, ring)
+    after = _ice_in_box(ax, ay, s1, s1 + beyond, t0 - 0.5 * wide, t1 + 0.5 * wide, ring_start, ring)
+    disc = np.empty((DISC_CORNERS, 2))
+    for n in range(DISC_CORNERS):
+        turn = 2.0 * math.pi * n / DISC_CORNERS
+        disc[n, 0], disc[n, 1] = deep_x + around * math.cos(turn), deep_y + around * math.sin(turn)
+    share = share_of_ice(disc, ring_start, ring)
+
+    inner = max(0.5 * (left + right), 0.05)
+    end = WATER_STIFFNESS * reach * reach * (1.08 + (4.0 - 1.08) * min(max(left + right - 1.0, 0.0), 1.0))
+    matrix, lever = stiffness.copy(), np.array([1.0, y - centre[1], centre[0] - x])
+    compliance = lever.copy()
+    z, tilt_x, tilt_y = solve(matrix, compliance)
+    rigid = lever[0] * z + lever[1] * tilt_x + lever[2] * tilt_y
+    count = max(LEAST_COLUMNS, math.ceil((s1 - s0) * COLUMNS_PER_LAMBDA / around))
+    width, pad = (s1 - s0) / count, (count + 1) // 2
+    # At an edge the ice gives way by 1 - x / lambda at a distance x; a wide patch lifts all of its water.
+    line, middle = line_stiffness(reach, inner), y * ax - x * ay
+    line += WATER_STIFFNESS * abs(right - left) * ((t1 - middle) if left < right else (middle - t0))
+    line = max(line, WATER_STIFFNESS * whole / (s1 - s0))
+    return (
+        ax, ay, s0 - pad * width, width, count + 2 * pad, line, point_stiffness(reach, share), end * min(before / inner, 1.0),
+        end * min(after / inner, 1.0), rigid, reach, share, thick,
+    )  # fmt: skip
 
 
 @kernel
-def _pressed_corners(start: Ints, corner: Floats, overlap: Floats, mine: Ints) -> Floats:
-    """Corners of the loaded part of some polygons: x, y, overlap without any rise, m."""
+def _loaded_part(start: Ints, corner: Floats, overlap: Floats, k: int, piece: Floats, out: Floats) -> int:
+    """Write the corners of the loaded part of a polygon to ``out``: x, y, overlap without any rise, overlap."""
+    size = start[k + 1] - start[k]
+    for n in range(size):
+        for i in range(3):
+            piece[n, i] = corner[start[k] + n, i]
+        piece[n, 3] = overlap[start[k] + n]
+    return cut(piece, size, 3, 0.0, 1.0, out)
+
+
+@kernel
+def _ice_in_box(ax: float, ay: float, s0: float, s1: float, t0: float, t1: float, start: Ints, ring: Floats) -> float:
+    """Share of a box that is ice; ``s`` along the direction (ax, ay), ``t`` to its left, m."""
+    box = np.empty((4, 2))
+    box[0, 0], box[0, 1] = s0 * ax - t0 * ay, s0 * ay + t0 * ax
+    box[1, 0], box[1, 1] = s1 * ax - t0 * ay, s1 * ay + t0 * ax
+    box[2, 0], box[2, 1] = s1 * ax - t1 * ay, s1 * ay + t1 * ax
+    box[3, 0], box[3, 1] = s0 * ax - t1 * ay, s0 * ay + t1 * ax
+    return share_of_ice(box, start, ring)
+
+
+@kernel
+def share_of_ice(convex: Floats, start: Ints, ring: Floats) -> float:
+    """Part of a convex polygon (corners counter-clockwise) that is ice: the rings of its outline, cut by each side."""
+    ice, size = 0.0, len(convex)
+    for r in range(start.size - 1):
+        count = start[r + 1] - start[r]
+        one, other = np.empty((2 * count, 3)), np.empty((2 * count, 3))
+        for n in range(count):
+            one[n, 0], one[n, 1] = ring[start[r] + n, 0] - convex[0, 0], ring[start[r] + n, 1] - convex[0, 1]
+        for side in range(size):
+            x, y = convex[side, 0] - convex[0, 0], convex[side, 1] - convex[0, 1]
+            last = convex[(side + 1) % size]
+            dx, dy = last[0] - convex[side, 0], last[1] - convex[side, 1]
+            for n in range(count):
+                one[n, 2] = dx * (one[n, 1] - y) - dy * (one[n, 0] - x)
+            if len(other) < 2 * count:  # a cut leaves at most twice as many corners
+                other = np.empty((2 * count, 3))
+            count = cut(one, count, 2, 0.0, 1.0, other)
+            one, other = other, one
+        for n in range(count):
+            m = n + 1 if n + 1 < count else 0
+            ice += 0.5 * (one[n, 0] * one[m, 1] - one[m, 0] * one[n, 1])
+    whole = 0.0
+    for n in range(1, size - 1):
+        ux, uy = convex[n, 0] - convex[0, 0], convex[n, 1] - convex[0, 1]
+        vx, vy = convex[n + 1, 0] - convex[0, 0], convex[n + 1, 1] - convex[0, 1]
+        whole += 0.5 * (ux * vy - vx * uy)
+    return ice / whole
+
+
+@kernel
+def column_stiffness(
+    line: float, width: float, point: float, first_end: float, last_end: float, rigid: float, bending: Floats, load: Floats,
+    out: Floats,
+) -> None:  # fmt: skip
+    """Write the stiffness of the columns of a patch (N m-1) by their bending and load to ``out``.
+
+    None gives way where heave and tilt do all.
+    """
+    total, largest, whole, work = 0.0, 0.0, 0.0, 0.0
+    one, two, second, last = -1, -1, -1, -1  # loaded columns at both ends
+    for c in range(bending.size):
+        total += line * width * bending[c]
+        largest = max(largest, bending[c])
+        whole += load[c]
+        work += bending[c] * load[c]
+        if load[c] > 0.0:
+            two = c if one >= 0 > two else two
+            one = c if one < 0 else one
+            second, last = last, c
+    if not (whole > 0.0 and largest > 0.0):
+        out[:] = max(line * width, 1e-3 * point)
+        return
+    at_ends = total
+    if two >= 0:
+        at_ends += first_end * max(1.5 * bending[one] - 0.5 * bending[two], 0.0)
+        at_ends += last_end * max(1.5 * bending[last] - 0.5 * bending[second], 0.0)
+    factor = max(point * largest, at_ends) / total
+    patch = factor * total / (work / whole)
+    out[:] = width * line * factor / max(1.0 - rigid * patch, 1e-9)
+
+
+def _bending(patch: Patch, inside: NDArray[np.bool_], largest: float, loaded: Loaded, owner: Ints) -> Bending:
+    """Return what the largest bending (m) of a patch means."""
+    mine = np.flatnonzero(inside[owner[loaded.origin]] & (loaded.area[:, 0] > 0.0))
+    corners = _loaded_corners(loaded.start, loaded.corner, loaded.overlap, mine)
+    stress = bending_stress(patch.reach, patch.share, patch.thickness, largest)
+    area, length = shapely.MultiPoint(corners).convex_hull, math.sqrt(2.0) * patch.reach
+    return Bending(largest, stress, patch.share, length, (patch.axis_x, patch.axis_y), area, inside)
+
+
+@kernel
+def _loaded_corners(start: Ints, corner: Floats, overlap: Floats, mine: Ints) -> Floats:
+    """Corners of the loaded part of some polygons, m."""
     size, most = 0, CORNERS
     for k in mine:
         size += 2 * (start[k + 1] - start[k]) + 4
         most = max(most, 2 * (start[k + 1] - start[k]) + 4)
-    out = np.empty((size, 3))
-    piece, room, count = np.empty((most, 4)), np.empty((most, 4)), 0
+    out, count = np.empty((size, 2)), 0
+    piece, room = np.empty((most, 4)), np.empty((most, 4))
     for k in mine:
-        n = start[k + 1] - start[k]
-        for i in range(n):
-            for j in range(3):
-                piece[i, j] = corner[start[k] + i, j]
-            piece[i, 3] = overlap[start[k] + i]
-        for i in range(cut(piece, n, 3, 0.0, 1.0, room)):
-            for j in range(3):
-                out[count, j] = room[i, j]
+        for n in range(_loaded_part(start, corner, overlap, k, piece, room)):
+            out[count, 0], out[count, 1] = room[n, 0], room[n, 1]
             count += 1
     return out[:count]

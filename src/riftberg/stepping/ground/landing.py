@@ -504,7 +504,7 @@ class _Landing:
             self.peak, self.peak_axes, self.peak_spin = size, levers[:, 9:11], float(friction.velocity[2])
             self.peak_force = force + np.column_stack([friction.force, friction.torque])
         if self.bends and self.flexure.size:
-            for patch in end.bending:
+            for patch in end.bending():
                 cut = bent_bonds(patch, self.fragment.xy, self.fragment.first, self.fragment.second)
                 self.flexure[cut] = np.maximum(self.flexure[cut], patch.stress)
         self.seabed.floor.plough(end.patches, end.excess)
