@@ -166,7 +166,7 @@ class Seabed:
             rows = np.flatnonzero(bodies.body == b)
             footprint = body_footprint(self._footprints.follow(model), el, rows, xy)
             thickness = el.thickness[rows]
-            draft = np.array([draft_of(h, c.rho_ice) for h in thickness])
+            draft = draft_of(thickness, c.rho_ice)
             place = np.full(el.size, -1)
             place[rows] = np.arange(rows.size)
             first, second = place[bonds.first], place[bonds.second]
@@ -213,7 +213,7 @@ class Seabed:
     ) -> NDArray[np.bool_]:  # fmt: skip
         """Which elements of a fragment may come near the floor in the step."""
         el, p, twist = model.elements, model.constants, bodies.twist[b]
-        draft = np.array([draft_of(x, p.rho_ice) for x in el.body.thickness[rows]])
+        draft = draft_of(el.body.thickness[rows], p.rho_ice)
         size = np.sqrt(el.body.length[rows] * el.body.width[rows])
         # By the depth in their middle first, so that deep water is never asked for its blocks: half of the diagonal of an
         # element, the way of the step, and a level of some metres.
