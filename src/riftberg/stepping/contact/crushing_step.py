@@ -2,7 +2,7 @@
 
     M (V1 - V0) = h (G(V) - sum J^T F(V1))
 
-with the media G as in `riftberg.stepping.contact.island_media`, and the forces F of the faces at the depth that the new
+with the media G as in `riftberg.stepping.contact.islands`, and the forces F of the faces at the depth that the new
 velocities lead to. Normals, lever arms and overlaps are those of the predicted middle, at one common point for both bodies, so
 momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
 
@@ -22,24 +22,22 @@ from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import gap, overlap
 from riftberg.state import Floats, Ints
-from riftberg.stepping.contact.island_media import (
-    Linearisation,
-    accumulate_floor_impulse,
-    accumulate_impulse,
-    allocate_linearisation,
-    evaluate_media,
-    is_stale,
-    linearised_force,
-    record_loads,
-)
 from riftberg.stepping.contact.islands import (
     Island,
     IslandResult,
     Islands,
+    Linearisation,
+    accumulate_floor_impulse,
+    accumulate_impulse,
+    allocate_linearisation,
     allocate_result,
     approach_bound,
     element_path,
+    evaluate_media,
+    is_stale,
     island_part,
+    linearised_force,
+    record_loads,
     result_part,
     spin_lever,
 )
@@ -48,8 +46,7 @@ from riftberg.stepping.mat3 import solve
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, SEEN = range(13)
 """Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
 since touching (s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques
-(N m); depth at the end of the last step (m). Of faces that overlap and part: closing speed, below 0, and in place of the time
-its rate (m s-2)."""
+(N m); depth at the end of the last step (m). Of faces that overlap and part the closing speed now, below 0."""
 
 COLUMNS: Final = 13
 
@@ -81,6 +78,9 @@ LEAST_CHORD: Final = 1e-6
 
 Round-off leaves some 1e-30; an overlap that opens to one side has 1 and more until it is deeper than wide.
 """
+
+SKIN: Final = 0.01
+"""Gap (m) up to which faces stand on each other. Those of a crack do, and what drives them together meets a force at once."""
 
 REST_STEP: Final = 60.0
 """Longest sub-step of faces that overlap, s."""
@@ -125,6 +125,7 @@ class CrushingWorkspace(NamedTuple):
     peak: Floats  # shape (bodies,)
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
+    skin: Floats  # Way (m) of the first of each pair at which faces that stand on each other overlap; shape (pairs, 2)
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
@@ -176,7 +177,8 @@ def integrate_faces(
         work = CrushingWorkspace(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
-            np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
+            np.empty((pairs, 2)), np.empty(pairs, np.int64), np.empty((pairs, 25)),
+            np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
         )  # fmt: skip
@@ -208,11 +210,13 @@ def _integrate_island(
     """Take one island through the step; returns its shortest sub-step, s."""
     twist = result.twist
     left, shortest, elapsed, h = dt, dt, np.inf, np.inf
+    work.skin[:, :] = 0.0
     _align(island, faces, pair_state, result, work)
     while True:
         if left <= 0.0 or is_stale(about, twist, work.arm, elapsed, dt):
             accumulate_impulse(island, about, elapsed, result.applied)
             if left <= 0.0:
+                work.skin[:, :] = 0.0
                 _remember_depths(island, faces, pair_state, result, work)
                 return shortest
             evaluate_media(island, twist, about, work.everyone, work.accelerations, work.force)
@@ -228,7 +232,7 @@ def _integrate_island(
                 work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
         count = _find_faces(island, faces, pair_state, result, h, law, work)
         _sweep(island, faces, pair_state, count, h, law, work)
-        _update_faces(island, faces, pair_state, count, h, law, work)
+        _update_faces(island, faces, pair_state, count, h, law, work, result.touched)
         _record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
@@ -274,9 +278,10 @@ def _places_of_pair(
 def _overlap_of_pair(
     island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
 ) -> tuple[float, float, float, float, float]:
-    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path``."""
+    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin."""
     i, j = island.first[k], island.second[k]
     ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
+    x1, y1 = x1 + work.skin[k, 0], y1 + work.skin[k, 1]
     area = moment_x = moment_y = chord_x = chord_y = 0.0
     for p in range(faces.begin[i], faces.end[i]):
         corners = _place(faces, p, x1, y1, ca, sa, work.one)
@@ -291,31 +296,24 @@ def _overlap_of_pair(
     return area, moment_x, moment_y, chord_x, chord_y
 
 
-DRIVEN: Final = 2e-4
-"""Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
-
-
 @kernel
-def may_meet(
-    first: Ints, second: Ints, apart: Floats, velocity: Floats, faces: Faces, h: float
-) -> NDArray[np.bool_]:  # fmt: skip
-    """Whether the faces of each pair may overlap within ``h`` s.
+def face_gaps(first: Ints, second: Ints, apart: Floats, faces: Faces) -> Floats:
+    """Gap (m) between the faces of each pair, below 0 where they overlap, and its normal from first to second; shape (pairs, 3).
 
-    ``velocity``: of the elements, east, north and spin; shape (elements, 3).
+    ``apart``: from the second to the first element, m.
     """
-    near, most = np.ones(first.size, np.bool_), _most_corners(faces)
-    one, two = np.empty((most, 2)), np.empty((most, 2))
+    most = _most_corners(faces)
+    one, two, out = np.empty((most, 2)), np.empty((most, 2)), np.full((first.size, 3), np.inf)
     for k in range(first.size):
         i, j = first[k], second[k]
-        v, w, reach = velocity[i], velocity[j], faces.reach[i] + faces.reach[j]
-        way = h * (math.hypot(v[0] - w[0], v[1] - w[1]) + abs(v[2] - w[2]) * reach + 0.5 * DRIVEN * h)
-        near[k] = False
         for p in range(faces.begin[i], faces.end[i]):
             corners = _place(faces, p, apart[k, 0], apart[k, 1], 1.0, 0.0, one)
             for q in range(faces.begin[j], faces.end[j]):
                 others = _place(faces, q, 0.0, 0.0, 1.0, 0.0, two)
-                near[k] = near[k] or gap(one[:corners], two[:others])[0] <= way
-    return near
+                g, nx, ny = gap(one[:corners], two[:others])
+                if g < out[k, 0]:
+                    out[k, 0], out[k, 1], out[k, 2] = g, nx, ny
+    return out
 
 
 @borrower
@@ -374,6 +372,7 @@ def _longest_substep(
     for k in range(island.first.size):
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
+        work.skin[k, 0] = work.skin[k, 1] = 0.0
         if pair_state[k, PHASE] == REST:
             # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * before)
@@ -409,16 +408,17 @@ def _longest_substep(
         one, two = work.acceleration[a], work.acceleration[b]
         au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
         driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
+        free, parting = pair_state[k, PHASE] == APART, pair_state[k, SPEED] < 0.0
+        if nearest <= SKIN and free and (closing <= SLOW or parting):
+            # They stand on each other, or part: whatever drives them together, the force of the sub-step answers.
+            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP)
+            work.skin[k, 0], work.skin[k, 1] = SKIN * nx, SKIN * ny
+            if closing > SLOW and driven > 0.0:
+                # They part where they stand on each other, and close beside it.
+                limit = min(limit, max((SLOW - pair_state[k, SPEED]) / driven, entry))
+            continue
         if nearest <= 0.0:
-            work.gap[k], work.bound[k] = 0.0, 0.0
-            if pair_state[k, PHASE] == APART and pair_state[k, SPEED] < 0.0:
-                # Faces that overlap and part are no limit before they can close faster than faces touch without an impact:
-                # as far as the media drive them, and as other faces did in the last sub-step.
-                rate = max(driven, pair_state[k, SINCE])
-                turns = (SLOW - pair_state[k, SPEED]) / rate if rate > 0.0 else REST_STEP
-                limit = min(limit, max(min(turns, REST_STEP), entry))
-            else:
-                limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
+            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, entry if free else REST_STEP)
             if pair_state[k, PHASE] != APART:
                 limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
             if pair_state[k, PHASE] == IMPACT:
@@ -548,9 +548,10 @@ def _find_faces(
             _set_apart(pair_state[k])
             if area > 0.0:
                 # One lies wholly in the other: its chord closes to nothing but round-off, and nothing says which way is out.
-                # Like faces that part it is no limit to the sub-steps.
-                pair_state[k, SPEED], pair_state[k, SINCE] = -np.inf, 0.0
+                # It is no limit to the sub-steps.
+                pair_state[k, SPEED] = -np.inf
             continue
+        skin = math.hypot(work.skin[k, 0], work.skin[k, 1])
         nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
         row = work.face[count]
         mx, my = spin_lever(m, ca, sa)
@@ -562,14 +563,13 @@ def _find_faces(
         closing = _speed(row, ROW_N, twist[a], twist[b])
         state = pair_state[k]
         if state[PHASE] == APART:
-            if closing <= 0.0:
-                state[SINCE] = (closing - state[SPEED]) / h if state[SPEED] < 0.0 else np.inf
-                state[SPEED] = closing
-                continue
             # Faces meet where they stand: what was crushed before is rubble that fills the gap.
-            state[TOUCHED] = state[CRUSHED] = area / chord
+            state[TOUCHED] = area / chord - skin
+            state[PHASE] = IMPACT if closing > (AGAIN if skin > 0.0 else SLOW) else REST
+            if state[PHASE] == REST:
+                state[TOUCHED] -= 0.5 * h * closing
+            state[CRUSHED] = state[TOUCHED]
             state[CHORD], state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = chord, 0.0, closing, 0.0, 0.0
-            state[PHASE] = IMPACT if closing > SLOW else REST
         # A chord that shrinks while the load is released would make energy.
         state[CHORD] = max(state[CHORD], chord)
         row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
@@ -579,12 +579,11 @@ def _find_faces(
         row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
         if row[GIVE_N] <= 0.0:
             continue
-        depth = area / state[CHORD]
+        depth = area / state[CHORD] - skin
         if state[PHASE] == REST:
             row[DEPTH], row[FOLLOW] = depth - 0.5 * h * closing, h
         else:
             row[DEPTH], row[FOLLOW] = depth, 0.5 * h
-        result.touched[k] = True
         work.active[count] = k
         count += 1
     return count
@@ -644,8 +643,9 @@ def _sweep(
 
 @borrower
 def _update_faces(
-    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
-) -> None:
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
+    touched: NDArray[np.bool_],
+) -> None:  # fmt: skip
     """Crush the faces as far as their forces say, and pass on from impact to rest, or apart."""
     for f in range(count):
         k, row = work.active[f], work.face[f]
@@ -656,6 +656,7 @@ def _update_faces(
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
         sliding = 0.5 * (row[SLIDING] + _speed(row, ROW_T, work.new[a], work.new[b]))
         depth, force, slide = row[DEPTH] + row[FOLLOW] * closing, state[FORCE], state[FRICTION]
+        touched[k] = touched[k] or force > 0.0
         crushed = depth - force / (law.ratio * stiffness)
         if force > 0.0 and crushed > state[CRUSHED]:
             stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (law.ratio * stiffness)
@@ -675,7 +676,7 @@ def _update_faces(
         state[TORQUE_1] = -(row[OFFSET] * fy - row[OFFSET + 1] * fx)
         state[TORQUE_2] = row[OFFSET + 2] * fy - row[OFFSET + 3] * fx
         if force == 0.0 and closing <= 0.0:
-            state[PHASE], state[SPEED], state[SINCE] = APART, closing, np.inf
+            state[PHASE], state[SPEED] = APART, closing
         elif state[PHASE] == REST:
             if closing > AGAIN:
                 state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0
@@ -694,11 +695,10 @@ def _record_peak(island: Island, pair_state: Floats, count: int, result: IslandR
     work.size[:] = 0.0
     for f in range(count):
         k = work.active[f]
-        size, impact = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y]), pair_state[k, PHASE] == IMPACT
+        size = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y])
         for b in (body_of[island.first[k]], body_of[island.second[k]]):
             work.size[b] += size
-            # At rest loads change slowly, and are those of the end of the step.
-            harder = harder or (bonded[b] and impact and work.size[b] > work.peak[b])
+            harder = harder or (bonded[b] and work.size[b] > work.peak[b])
     if not harder:
         return
     work.contact_force[:, :] = 0.0

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.state import Floats, Ints
+from riftberg.bergs.bonding import separations
+from riftberg.state import Elements, Floats, Ints
+from riftberg.state.neighbours import near_pairs
 from riftberg.state.population import rows_of
 from riftberg.stepping.bodies.dynamics import BodyOperators
-from riftberg.stepping.bodies.pose import Bodies, tangent_coordinates
-from riftberg.stepping.contact.broad_phase import candidate_pairs
+from riftberg.stepping.bodies.pose import Bodies, fill_levers, tangent_coordinates
+from riftberg.stepping.contact.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
 from riftberg.stepping.contact.crushing_step import (
     APART,
     COLUMNS,
@@ -22,8 +24,8 @@ from riftberg.stepping.contact.crushing_step import (
     TORQUE_2,
     CrushingLaw,
     Faces,
+    face_gaps,
     integrate_faces,
-    may_meet,
 )
 from riftberg.stepping.contact.islands import (
     ContactPhase,
@@ -32,9 +34,13 @@ from riftberg.stepping.contact.islands import (
     pair_separations,
     phase_of,
 )
+from riftberg.stepping.contact.land import NearPairs, metric_of, movable
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.footprints import FootprintBook, Footprints, body_footprint
 from riftberg.stepping.run_state import RunState
+
+DRIVEN: Final = 2e-4
+"""Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
 
 
 class FacePairs(NamedTuple):
@@ -122,21 +128,13 @@ class FaceContact:
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:
             return None
-        shown, axis, count = el.shown, op.levers[:, 9:11], op.matrices.mobility.shape[0]
-        if turned is not None:
-            alone = (np.bincount(op.body, minlength=count)[op.body] == 1) * turned
-            c_turn, s_turn = np.cos(alone), np.sin(alone)
-            axis = np.column_stack(
-                [axis[:, 0] * c_turn - axis[:, 1] * s_turn, axis[:, 1] * c_turn + axis[:, 0] * s_turn]
-            )
-        axis = axis[polygons.element]
-        x, y = polygons.corner.T
-        corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
-        faces = Faces(
-            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
-        )  # fmt: skip
+        faces = self._laid_out(polygons, el, op.body, op.levers, turned)
         apart = pair_separations(el, first, second, c)
-        near = may_meet(first, second, apart, np.column_stack([shown.u_pair, shown.v_pair, el.motion.spin]), faces, h)
+        # As far as both can come in the step by themselves and by what drives them.
+        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, el.motion.spin])
+        u, v, spin = np.abs(velocity[first] - velocity[second]).T
+        way = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
+        near = face_gaps(first, second, apart, faces)[:, 0] <= way
         if not near.any():
             return None
         first, second = first[near], second[near]
@@ -153,6 +151,45 @@ class FaceContact:
         kept = pair_state[:, PHASE] != APART
         self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[8])
         return phase_of(op, lists, first, second, found, outcome[7], h)
+
+    def find_near(
+        self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, turned: Floats | None, within: float
+    ) -> NearPairs:
+        """Find faces of different bodies that are at most ``within`` m from each other, with elements at ``lon``, ``lat``.
+
+        ``turned``: as in `resolve`.
+        """
+        el, c, free = model.elements, model.constants, movable(model.elements)
+        polygons, levers = self._faces_of(model, bodies), np.empty((el.size, 11))
+        fill_levers(bodies, c.latlon, c.earth_radius, levers)
+        first, second = NO_PAIRS
+        if c.interactions:
+            reach = polygons.reach[free] + 0.5 * within
+            first, second = near_pairs(
+                lon[free], lat[free], bodies.body[free], SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
+            )
+        first, second = free[first], free[second]
+        apart = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
+        found = face_gaps(first, second, apart, self._laid_out(polygons, el, bodies.body, levers, turned))
+        near = found[:, 0] <= within
+        return NearPairs(first[near], second[near], found[near, 0], found[near, 1:])
+
+    @staticmethod
+    def _laid_out(polygons: _Polygons, el: Elements, body: Ints, levers: Floats, turned: Floats | None) -> Faces:
+        """Turn the footprints to where the axes of the bodies stand; ``turned`` as in `resolve`."""
+        axis = levers[:, 9:11]
+        if turned is not None:
+            alone = (np.bincount(body)[body] == 1) * turned
+            c_turn, s_turn = np.cos(alone), np.sin(alone)
+            axis = np.column_stack(
+                [axis[:, 0] * c_turn - axis[:, 1] * s_turn, axis[:, 1] * c_turn + axis[:, 0] * s_turn]
+            )
+        axis = axis[polygons.element]
+        x, y = polygons.corner.T
+        corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
+        return Faces(
+            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
+        )  # fmt: skip
 
     def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
         """Footprints about the centres of their elements, found anew where elements or fragments have changed."""
