@@ -7,7 +7,8 @@ velocities lead to. Normals, lever arms and overlaps are those of the predicted 
 momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
 
 Free bodies go as far as most of their gap. An impact takes some 75 sub-steps, whatever the length of the time step. At rest a
-sub-step takes up to a minute, and the depth follows the new velocity alone (backward Euler).
+sub-step takes up to a minute, the depth follows the new velocity alone (backward Euler), and the force is damped as much as lets
+it come to its value without a swing: faces of a crack begin without force, though the ice bore it a moment before.
 """
 
 from __future__ import annotations
@@ -82,6 +83,12 @@ Round-off leaves some 1e-30; an overlap that opens to one side has 1 and more un
 SKIN: Final = 0.01
 """Gap (m) up to which faces stand on each other. Those of a crack do, and what drives them together meets a force at once."""
 
+LEAST_FACE: Final = 1.0
+"""Chord (m) from which on faces can stand on each other."""
+
+UNSEEN: Final = 0.1
+"""Way (m) by which faces that part in one place may close in another within a sub-step."""
+
 REST_STEP: Final = 60.0
 """Longest sub-step of faces that overlap, s."""
 
@@ -117,6 +124,7 @@ class CrushingWorkspace(NamedTuple):
 
     acceleration: Floats  # shape (bodies, 3)
     arm: Floats  # shape (bodies,)
+    alone: Floats  # Where the whole step takes the bodies, m, m, rad; shape (bodies, 3)
     compliance: Floats  # shape (bodies, 3, 3)
     new: Floats  # Twists at the end of the sub-step; shape (bodies, 3)
     middle: Floats  # Paths at its predicted middle; shape (bodies, 3)
@@ -163,7 +171,7 @@ NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, B
 @kernel
 def integrate_faces(
     lists: Islands, whole: Island, twist: Floats, faces: Faces, pair_state: Floats, dt: float, law: CrushingLaw
-) -> tuple[Floats, Floats, NDArray[np.bool_], Floats, Floats, Floats, Floats, float, float]:
+) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], Floats, Floats, Floats, Floats, float, float]:
     """Take all islands, ``whole``, through a step of ``dt`` s.
 
     ``pair_state``: one row for each pair, changed in place. Returns what `IslandResult` has, the shortest sub-step (s) and the
@@ -175,7 +183,8 @@ def integrate_faces(
         island, result = island_part(lists, k, whole), result_part(lists, k, r)
         bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
         work = CrushingWorkspace(
-            np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
+            np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)),
+            np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
             np.empty((pairs, 2)), np.empty(pairs, np.int64), np.empty((pairs, 25)),
             np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
@@ -190,7 +199,7 @@ def integrate_faces(
         about = allocate_linearisation(result.twist)
         shortest = min(shortest, _integrate_island(island, of_rows, of_pairs, result, about, dt, law, work))
         dissipated += work.dissipated[0]
-    return r.twist, r.path, r.touched, r.applied, r.peak_force, r.peak_axes, r.peak_spin, shortest, dissipated
+    return r.twist, r.path, r.touched, r.close, r.applied, r.peak_force, r.peak_axes, r.peak_spin, shortest, dissipated
 
 
 @kernel
@@ -218,10 +227,13 @@ def _integrate_island(
             if left <= 0.0:
                 work.skin[:, :] = 0.0
                 _remember_depths(island, faces, pair_state, result, work)
+                _find_close_pairs(island, faces, result, work)
                 return shortest
             evaluate_media(island, twist, about, work.everyone, work.accelerations, work.force)
             elapsed = 0.0
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
+        if left == dt:
+            _go_alone(island, twist, dt, work)
         h = _longest_substep(island, faces, pair_state, result, left, h, law, work)
         if left - h < 1e-9 * dt:
             h = left
@@ -243,6 +255,49 @@ def _integrate_island(
         accumulate_floor_impulse(island, twist, h, result.applied)
         elapsed += h
         left = left - h if left > h else 0.0
+
+
+@kernel
+def _go_alone(island: Island, twist: Floats, dt: float, work: CrushingWorkspace) -> None:
+    """Find where the whole step takes the bodies: by the half kick of its start."""
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            work.alone[b, i] = dt * twist[b, i]
+            for j in range(3):
+                work.alone[b, i] += 0.5 * dt * dt * island.matrices.mobility[b, i, j] * work.net_force[b, j]
+
+
+@borrower
+def _find_close_pairs(island: Island, faces: Faces, result: IslandResult, work: CrushingWorkspace) -> None:
+    """Mark the pairs that did not touch, but are nearer than the whole step and the sub-steps are from each other."""
+    path, alone = result.path, work.alone
+    for k in range(island.first.size):
+        i, j = island.first[k], island.second[k]
+        a, b, reach = island.body_of[i], island.body_of[j], faces.reach[i] + faces.reach[j]
+        dx = alone[a, 0] - path[a, 0] - alone[b, 0] + path[b, 0]
+        dy = alone[a, 1] - path[a, 1] - alone[b, 1] + path[b, 1]
+        other = math.hypot(dx, dy) + (abs(alone[a, 2] - path[a, 2]) + abs(alone[b, 2] - path[b, 2])) * reach
+        _, _, _, _, x1, y1, x2, y2 = _places_of_pair(island, path, k)
+        if not result.touched[k] and math.hypot(x1 - x2, y1 - y2) < reach + other:
+            result.close[k] = _gap_of_pair(island, faces, path, k, work)[0] < other
+
+
+@borrower
+def _gap_of_pair(
+    island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
+) -> tuple[float, float, float]:
+    """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
+    i, j = island.first[k], island.second[k]
+    ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
+    nearest, nx, ny = np.inf, 1.0, 0.0
+    for p in range(faces.begin[i], faces.end[i]):
+        corners = _place(faces, p, x1, y1, ca, sa, work.one)
+        for q in range(faces.begin[j], faces.end[j]):
+            others = _place(faces, q, x2, y2, cb, sb, work.two)
+            g, gx, gy = gap(work.one[:corners], work.two[:others])
+            if g < nearest:
+                nearest, nx, ny = g, gx, gy
+    return nearest, nx, ny
 
 
 @kernel
@@ -344,10 +399,11 @@ def _remember_depths(
 
 @kernel
 def _relative_velocity(
-    m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float, rx: float, ry: float
-) -> tuple[float, float]:
-    """Velocity (m s-1) of the first body relative to the second, half way between their elements; r: from second to first."""
-    spin = 0.5 * (v[2] + w[2])
+    m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float, rx: float, ry: float,
+    first_larger: bool,
+) -> tuple[float, float]:  # fmt: skip
+    """Velocity (m s-1) of the first body relative to the second in the centre of the smaller element; r: from second to first."""
+    spin = v[2] if first_larger else w[2]
     return (
         m[0] * v[0] + m[1] * v[1] + mx * v[2] - (n[0] * w[0] + n[1] * w[1] + qx * w[2]) + spin * ry,
         m[3] * v[0] + m[4] * v[1] + my * v[2] - (n[3] * w[0] + n[4] * w[1] + qy * w[2]) - spin * rx,
@@ -383,39 +439,32 @@ def _longest_substep(
         if far > reach + limit * (fastest + 0.5 * limit * quickest):
             _set_apart(pair_state[k])
             continue
-        nearest, nx, ny = np.inf, 1.0, 0.0
-        for p in range(faces.begin[i], faces.end[i]):
-            corners = _place(faces, p, x1, y1, ca, sa, work.one)
-            for q in range(faces.begin[j], faces.end[j]):
-                others = _place(faces, q, x2, y2, cb, sb, work.two)
-                g, gx, gy = gap(work.one[:corners], work.two[:others])
-                if g < nearest:
-                    nearest, nx, ny = g, gx, gy
+        nearest, nx, ny = _gap_of_pair(island, faces, path, k, work)
         mx, my = spin_lever(m, ca, sa)
         ox, oy = spin_lever(n, cb, sb)
         rx, ry = x1 - x2, y1 - y2
-        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry)
-        # Two bodies that turn together do not meet.
-        closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * reach
+        # They meet in a point of the smaller one, and two bodies that turn together do not.
+        larger, smaller = faces.reach[i] > faces.reach[j], min(faces.reach[i], faces.reach[j])
+        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry, larger)
+        closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * smaller
         thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0
         for body in (a, b):
             inverse += max(mobility[body, 0, 0], mobility[body, 1, 1])
         if inverse == 0.0:
             continue
         # Where no contact says how long the face is, that of an element.
-        stiffness = face_stiffness(law.strength, thickness, min(faces.reach[i], faces.reach[j]), law.depth)
+        stiffness = face_stiffness(law.strength, thickness, smaller, law.depth)
         entry = ENTRY_PHASE / math.sqrt(stiffness * inverse)
         one, two = work.acceleration[a], work.acceleration[b]
-        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
-        driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
+        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry, larger)
+        driven = math.hypot(au, av) + abs(one[2] - two[2]) * smaller
         free, parting = pair_state[k, PHASE] == APART, pair_state[k, SPEED] < 0.0
         if nearest <= SKIN and free and (closing <= SLOW or parting):
             # They stand on each other, or part: whatever drives them together, the force of the sub-step answers.
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP)
             work.skin[k, 0], work.skin[k, 1] = SKIN * nx, SKIN * ny
-            if closing > SLOW and driven > 0.0:
-                # They part where they stand on each other, and close beside it.
-                limit = min(limit, max((SLOW - pair_state[k, SPEED]) / driven, entry))
+            if closing > SLOW:  # they part where they stand on each other, and turn into each other beside it
+                limit = min(limit, max(UNSEEN / closing, entry))
             continue
         if nearest <= 0.0:
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, entry if free else REST_STEP)
@@ -544,6 +593,9 @@ def _find_faces(
         ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         area, moment_x, moment_y, chord_x, chord_y = _overlap_of_pair(island, faces, path, k, work)
         chord = math.hypot(chord_x, chord_y)
+        skin = math.hypot(work.skin[k, 0], work.skin[k, 1])
+        if skin > 0.0 and chord < LEAST_FACE:  # a corner, until it is in the other face
+            continue
         if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
             _set_apart(pair_state[k])
             if area > 0.0:
@@ -551,7 +603,6 @@ def _find_faces(
                 # It is no limit to the sub-steps.
                 pair_state[k, SPEED] = -np.inf
             continue
-        skin = math.hypot(work.skin[k, 0], work.skin[k, 1])
         nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
         row = work.face[count]
         mx, my = spin_lever(m, ca, sa)
@@ -581,7 +632,10 @@ def _find_faces(
             continue
         depth = area / state[CHORD] - skin
         if state[PHASE] == REST:
-            row[DEPTH], row[FOLLOW] = depth - 0.5 * h * closing, h
+            stiffness = face_stiffness(
+                law.strength, min(faces.thickness[i], faces.thickness[j]), state[CHORD], law.depth
+            )
+            row[DEPTH], row[FOLLOW] = depth - 0.5 * h * closing, h + 2.0 / math.sqrt(stiffness * row[GIVE_N])
         else:
             row[DEPTH], row[FOLLOW] = depth, 0.5 * h
         work.active[count] = k
@@ -655,7 +709,8 @@ def _update_faces(
         stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
         sliding = 0.5 * (row[SLIDING] + _speed(row, ROW_T, work.new[a], work.new[b]))
-        depth, force, slide = row[DEPTH] + row[FOLLOW] * closing, state[FORCE], state[FRICTION]
+        depth = row[DEPTH] + (h if state[PHASE] == REST else 0.5 * h) * closing
+        force, slide = state[FORCE], state[FRICTION]
         touched[k] = touched[k] or force > 0.0
         crushed = depth - force / (law.ratio * stiffness)
         if force > 0.0 and crushed > state[CRUSHED]:

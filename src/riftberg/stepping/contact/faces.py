@@ -145,12 +145,12 @@ class FaceContact:
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
         outcome = integrate_faces(lists, whole, bodies.twist[lists.members], faces, pair_state, h, self._law)
-        found = IslandResult(*outcome[:7])
+        found = IslandResult(*outcome[:8])
         if not np.isfinite(found.twist).all():
             raise FloatingPointError
         kept = pair_state[:, PHASE] != APART
-        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[8])
-        return phase_of(op, lists, first, second, found, outcome[7], h)
+        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[9])
+        return phase_of(op, lists, first, second, found, outcome[8], h)
 
     def find_near(
         self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, turned: Floats | None, within: float

@@ -2,8 +2,9 @@
 
 Bodies that may touch each other in a step, directly or by way of others, form an island, and each island goes through the
 step by itself, in sub-steps (`riftberg.stepping.contact.crushing_step`). Bodies that touch nothing on the way keep the result of
-the whole step, as if alone. The others get their twist from the sub-steps, corrected here for the forces of the media at
-the end of the step.
+the whole step, as if alone, unless it would take them into each other: a long step swings about the speed that a small berg
+takes up within minutes, and goes another way than the sub-steps. The others get their twist from the sub-steps, corrected here
+for the forces of the media at the end of the step.
 
 In the sub-steps media and sea floor are those of the start of the step, linear about the velocities at which they were evaluated
 last:
@@ -80,6 +81,9 @@ class IslandResult(NamedTuple):
     twist: Floats  # Now; shape (bodies, 3)
     path: Floats  # Since the start, m, m, rad; shape (bodies, 3)
     touched: NDArray[np.bool_]  # Candidate pairs that touched; shape (pairs,)
+    close: NDArray[
+        np.bool_
+    ]  # Pairs that did not, but might overlap where the whole step takes their bodies; shape (pairs,)
     applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (elements, forces, 2)
     peak_force: Floats  # On the elements when contact pressed their body hardest, N, N, N m; shape (elements, 3)
     peak_axes: Floats  # Cosine and sine of the axis of their fragment then; shape (elements, 2)
@@ -160,12 +164,13 @@ def phase_of(
     ``first``, ``second``: elements of the candidate pairs, as they were given.
     """
     first, second = first[i.order], second[i.order]
-    after, path, touched, applied, force, axes, spin = result
-    if not touched.any():
+    after, path, touched, close, applied, force, axes, spin = result
+    together = touched | close
+    if not together.any():
         return None
     count = op.matrices.mobility.shape[0]
     took_part = np.zeros(count, bool)
-    took_part[op.body[first[touched]]] = took_part[op.body[second[touched]]] = True
+    took_part[op.body[first[together]]] = took_part[op.body[second[together]]] = True
     members, rows = took_part[i.members], took_part[op.body[i.rows]]
     loaded = np.zeros(count, bool)
     pressed = np.bincount(op.body[i.rows], np.abs(force).sum(axis=1), count)[i.members] > 0.0
@@ -248,7 +253,7 @@ def allocate_result(whole: Island, twist: Floats) -> IslandResult:
     """Return the results of all islands at the start of the step."""
     bodies, rows = twist.shape[0], whole.body_of.size
     return IslandResult(
-        twist.copy(), np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_),
+        twist.copy(), np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_), np.zeros(whole.first.size, np.bool_),
         np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), whole.levers[:, 9:11].copy(),
         np.zeros(bodies),
     )  # fmt: skip
@@ -260,7 +265,7 @@ def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
     n = slice(lists.pair_start[k], lists.pair_start[k + 1])
     return IslandResult(
-        r.twist[b], r.path[b], r.touched[n], r.applied[e], r.peak_force[e], r.peak_axes[e], r.peak_spin[b]
+        r.twist[b], r.path[b], r.touched[n], r.close[n], r.applied[e], r.peak_force[e], r.peak_axes[e], r.peak_spin[b]
     )
 
 
