@@ -400,10 +400,13 @@ def _remember_depths(
 @kernel
 def _relative_velocity(
     m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float, rx: float, ry: float,
-    first_larger: bool,
+    share: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Velocity (m s-1) of the first body relative to the second in the centre of the smaller element; r: from second to first."""
-    spin = v[2] if first_larger else w[2]
+    """Velocity (m s-1) of the first body relative to the second, by a share of the way from the first element to the second.
+
+    r: from the second to the first element, m.
+    """
+    spin = share * v[2] + (1.0 - share) * w[2]
     return (
         m[0] * v[0] + m[1] * v[1] + mx * v[2] - (n[0] * w[0] + n[1] * w[1] + qx * w[2]) + spin * ry,
         m[3] * v[0] + m[4] * v[1] + my * v[2] - (n[3] * w[0] + n[4] * w[1] + qy * w[2]) - spin * rx,
@@ -443,9 +446,12 @@ def _longest_substep(
         mx, my = spin_lever(m, ca, sa)
         ox, oy = spin_lever(n, cb, sb)
         rx, ry = x1 - x2, y1 - y2
-        # They meet in a point of the smaller one, and two bodies that turn together do not.
-        larger, smaller = faces.reach[i] > faces.reach[j], min(faces.reach[i], faces.reach[j])
-        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry, larger)
+        # They meet in a point of the smaller one, of two of one size about the middle. Two bodies that turn together do not meet.
+        share, smaller = (
+            faces.reach[i] ** 4 / (faces.reach[i] ** 4 + faces.reach[j] ** 4),
+            min(faces.reach[i], faces.reach[j]),
+        )
+        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry, share)
         closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * smaller
         thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0
         for body in (a, b):
@@ -456,7 +462,7 @@ def _longest_substep(
         stiffness = face_stiffness(law.strength, thickness, smaller, law.depth)
         entry = ENTRY_PHASE / math.sqrt(stiffness * inverse)
         one, two = work.acceleration[a], work.acceleration[b]
-        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry, larger)
+        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry, share)
         driven = math.hypot(au, av) + abs(one[2] - two[2]) * smaller
         free, parting = pair_state[k, PHASE] == APART, pair_state[k, SPEED] < 0.0
         if nearest <= SKIN and free and (closing <= SLOW or parting):
@@ -750,10 +756,11 @@ def _record_peak(island: Island, pair_state: Floats, count: int, result: IslandR
     work.size[:] = 0.0
     for f in range(count):
         k = work.active[f]
-        size = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y])
+        size, impact = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y]), pair_state[k, PHASE] == IMPACT
         for b in (body_of[island.first[k]], body_of[island.second[k]]):
             work.size[b] += size
-            harder = harder or (bonded[b] and work.size[b] > work.peak[b])
+            # At rest loads change slowly, and are those of the end of the step.
+            harder = harder or (bonded[b] and impact and work.size[b] > work.peak[b])
     if not harder:
         return
     work.contact_force[:, :] = 0.0
