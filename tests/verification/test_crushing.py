@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg, Model, Parameters
+from riftberg.diagnostics.summary import fragment_areas
 from riftberg.errors import InputError
+from riftberg.experiments import Options, build
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.stepping.contact import faces
@@ -235,6 +237,25 @@ def test_faces_that_stand_on_each_other_come_to_their_load_without_a_swing() -> 
         found.append(model._stepper.state_dict()["meeting_state"][:, FORCE].sum())
     assert max(found) < 1.05 * 5e8
     assert found[-1] == pytest.approx(5e8, rel=0.01)
+
+
+@pytest.mark.parametrize("dt", [100.0, 300.0])
+def test_contact_at_rest_loads_the_ice_once_it_has_lasted(dt: float) -> None:
+    """After ten minutes, whatever the step. Bug: what a piece of A68a that had broken off bore for minutes hung on the step."""
+    model = pressed(False, between=0.0, dt=dt)
+    behind = model.bonds.first >= 4  # of the berg that no force is given to
+    for n in range(round(1200.0 / dt)):
+        model.advance(steps=1)
+        assert (model.bonds.peak_stress[behind].max() > 1.0) == ((n + 1) * dt >= 600.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dt", [225.0, 450.0])
+def test_shorter_steps_break_the_same_pieces_off_a68a(dt: float) -> None:
+    """Bug: with 450 s and less one element more broke off beside the tip, and the finger 12 minutes earlier."""
+    model, info = build("a68a", Options(changes={"stepping": {"time_step": dt}}))
+    model.advance(info.days)
+    assert [round(area) for area in fragment_areas(model)] == [3330, 657, 261]
 
 
 def braked_bars(seconds: float) -> tuple[float, float]:

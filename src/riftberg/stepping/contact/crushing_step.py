@@ -397,6 +397,7 @@ def _remember_depths(
             pair_state[k, SEEN] = area / pair_state[k, CHORD]
 
 
+# Many arguments: levers and twists of both, which the caller has at hand; a tuple of them would be made for each pair.
 @kernel
 def _relative_velocity(
     m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float, rx: float, ry: float,
