@@ -90,8 +90,8 @@ def test_grounding_fracture_ends_in_more_than_one_fragment(numerics: Any) -> Non
     areas = fragment_areas(model)
     assert len(areas) >= 2
     assert areas[0] < 450.0
-    # The rest runs into the piece that the ground holds, and both shatter; with springs it broke in two.
-    assert areas[1] > (30.0 if numerics == "own" else 100.0)
+    # Bug: the rest ran into the piece that the ground held, 2 m in a minute before it met a force, and both shattered.
+    assert areas[1] > 100.0
 
 
 @pytest.mark.parametrize("numerics", ["own", "reference"])

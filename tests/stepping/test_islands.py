@@ -234,3 +234,17 @@ def test_a_step_is_divided_by_the_inertial_period() -> None:
     one, two = advanced(single(0.0, 0.3), 10_800.0, earth=earth), advanced(single(0.0, 0.3), 5400.0, earth=earth)
     np.testing.assert_allclose(one.elements.lon, two.elements.lon, rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(one.elements.u, two.elements.u, rtol=0.0, atol=1e-9)
+
+
+def test_a_small_berg_does_not_jump_through_a_larger_one() -> None:
+    """Bug: half an hour took a berg of 49 m through one of 285 m that its sub-steps never touched, or left it inside.
+
+    It takes up the speed of the water within minutes; a step of half an hour swings about that, and goes 1.7 km in place of 0.3.
+    """
+    shape = {"latlon": False, "placement": (-467.0, 0.0), "velocity": (-0.1, 0.0)}
+    small = Iceberg.rectangle(49.0, 49.0, thickness=40.0, radius=24.5, **shape)
+    large = Iceberg.rectangle(285.0, 285.0, thickness=175.0, radius=142.5, latlon=False, velocity=(0.3, 0.0))
+    model = Model(Iceberg.join([small, large]), Steady(current=(0.3, 0.0)), parameters())
+    for _ in range(4):
+        model.advance(steps=1)
+        assert np.diff(model.elements.lon) > 467.0

@@ -16,8 +16,7 @@ from riftberg.ocean.cells import round_trip, settle_elements
 from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import enter_cells
-from riftberg.stepping.contact.broad_phase import NO_PAIRS
-from riftberg.stepping.contact.land import apply_land_constraint
+from riftberg.stepping.contact.land import FindFaces, apply_land_constraint
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.run_state import RunState
@@ -85,11 +84,11 @@ def publish_positions(el: Elements) -> None:
 
 
 def apply_boundaries(
-    run: RunState, cells: tuple[Ints, Ints] | None = None, touched: tuple[Ints, Ints] = NO_PAIRS
+    run: RunState, cells: tuple[Ints, Ints] | None = None, find_faces: FindFaces | None = None
 ) -> None:
     """Find the cells after a move from ``cells``, stop bergs at land, wrap longitudes (equations 8).
 
-    ``touched``: elements whose faces have met in the step.
+    ``find_faces``: of a run in which bergs crush each other's faces.
     """
     el, grid = run.elements, run.forcing.grid
     if grid is not None:
@@ -98,7 +97,7 @@ def apply_boundaries(
             settle_elements(el, grid.arrays, run.constants)
             enter_cells(el, columns, rows)
         else:
-            apply_land_constraint(el, run.bonds, grid.arrays, run.constants, touched)
+            apply_land_constraint(el, run.bonds, grid.arrays, run.constants, find_faces)
         if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)

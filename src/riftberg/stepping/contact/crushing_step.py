@@ -2,12 +2,13 @@
 
     M (V1 - V0) = h (G(V) - sum J^T F(V1))
 
-with the media G as in `riftberg.stepping.contact.island_media`, and the forces F of the faces at the depth that the new
+with the media G as in `riftberg.stepping.contact.islands`, and the forces F of the faces at the depth that the new
 velocities lead to. Normals, lever arms and overlaps are those of the predicted middle, at one common point for both bodies, so
 momentum and angular momentum hold to rounding. The law is monotone, so sweeps over the faces find the velocities.
 
 Free bodies go as far as most of their gap. An impact takes some 75 sub-steps, whatever the length of the time step. At rest a
-sub-step takes up to a minute, and the depth follows the new velocity alone (backward Euler).
+sub-step takes up to a minute, the depth follows the new velocity alone (backward Euler), and the force is damped as much as lets
+it come to its value without a swing: faces of a crack begin without force, though the ice bore it a moment before.
 """
 
 from __future__ import annotations
@@ -22,24 +23,22 @@ from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import gap, overlap
 from riftberg.state import Floats, Ints
-from riftberg.stepping.contact.island_media import (
-    Linearisation,
-    accumulate_floor_impulse,
-    accumulate_impulse,
-    allocate_linearisation,
-    evaluate_media,
-    is_stale,
-    linearised_force,
-    record_loads,
-)
 from riftberg.stepping.contact.islands import (
     Island,
     IslandResult,
     Islands,
+    Linearisation,
+    accumulate_floor_impulse,
+    accumulate_impulse,
+    allocate_linearisation,
     allocate_result,
     approach_bound,
     element_path,
+    evaluate_media,
+    is_stale,
     island_part,
+    linearised_force,
+    record_loads,
     result_part,
     spin_lever,
 )
@@ -48,8 +47,7 @@ from riftberg.stepping.mat3 import solve
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, SEEN = range(13)
 """Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
 since touching (s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques
-(N m); depth at the end of the last step (m). Of faces that overlap and part: closing speed, below 0, and in place of the time
-its rate (m s-2)."""
+(N m); depth at the end of the last step (m). Of faces that overlap and part the closing speed now, below 0."""
 
 COLUMNS: Final = 13
 
@@ -81,6 +79,15 @@ LEAST_CHORD: Final = 1e-6
 
 Round-off leaves some 1e-30; an overlap that opens to one side has 1 and more until it is deeper than wide.
 """
+
+SKIN: Final = 0.01
+"""Gap (m) up to which faces stand on each other. Those of a crack do, and what drives them together meets a force at once."""
+
+LEAST_FACE: Final = 1.0
+"""Chord (m) from which on faces can stand on each other."""
+
+UNSEEN: Final = 0.1
+"""Way (m) by which faces that part in one place may close in another within a sub-step."""
 
 REST_STEP: Final = 60.0
 """Longest sub-step of faces that overlap, s."""
@@ -117,6 +124,7 @@ class CrushingWorkspace(NamedTuple):
 
     acceleration: Floats  # shape (bodies, 3)
     arm: Floats  # shape (bodies,)
+    alone: Floats  # Where the whole step takes the bodies, m, m, rad; shape (bodies, 3)
     compliance: Floats  # shape (bodies, 3, 3)
     new: Floats  # Twists at the end of the sub-step; shape (bodies, 3)
     middle: Floats  # Paths at its predicted middle; shape (bodies, 3)
@@ -125,6 +133,7 @@ class CrushingWorkspace(NamedTuple):
     peak: Floats  # shape (bodies,)
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
+    skin: Floats  # Way (m) of the first of each pair at which faces that stand on each other overlap; shape (pairs, 2)
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
@@ -162,7 +171,7 @@ NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, B
 @kernel
 def integrate_faces(
     lists: Islands, whole: Island, twist: Floats, faces: Faces, pair_state: Floats, dt: float, law: CrushingLaw
-) -> tuple[Floats, Floats, NDArray[np.bool_], Floats, Floats, Floats, Floats, float, float]:
+) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], Floats, Floats, Floats, Floats, float, float]:
     """Take all islands, ``whole``, through a step of ``dt`` s.
 
     ``pair_state``: one row for each pair, changed in place. Returns what `IslandResult` has, the shortest sub-step (s) and the
@@ -174,9 +183,11 @@ def integrate_faces(
         island, result = island_part(lists, k, whole), result_part(lists, k, r)
         bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
         work = CrushingWorkspace(
-            np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((bodies, 3)),
+            np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)),
+            np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
-            np.empty(pairs, np.int64), np.empty((pairs, 25)), np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
+            np.empty((pairs, 2)), np.empty(pairs, np.int64), np.empty((pairs, 25)),
+            np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
         )  # fmt: skip
@@ -188,7 +199,7 @@ def integrate_faces(
         about = allocate_linearisation(result.twist)
         shortest = min(shortest, _integrate_island(island, of_rows, of_pairs, result, about, dt, law, work))
         dissipated += work.dissipated[0]
-    return r.twist, r.path, r.touched, r.applied, r.peak_force, r.peak_axes, r.peak_spin, shortest, dissipated
+    return r.twist, r.path, r.touched, r.close, r.applied, r.peak_force, r.peak_axes, r.peak_spin, shortest, dissipated
 
 
 @kernel
@@ -208,16 +219,21 @@ def _integrate_island(
     """Take one island through the step; returns its shortest sub-step, s."""
     twist = result.twist
     left, shortest, elapsed, h = dt, dt, np.inf, np.inf
+    work.skin[:, :] = 0.0
     _align(island, faces, pair_state, result, work)
     while True:
         if left <= 0.0 or is_stale(about, twist, work.arm, elapsed, dt):
             accumulate_impulse(island, about, elapsed, result.applied)
             if left <= 0.0:
+                work.skin[:, :] = 0.0
                 _remember_depths(island, faces, pair_state, result, work)
+                _find_close_pairs(island, faces, result, work)
                 return shortest
             evaluate_media(island, twist, about, work.everyone, work.accelerations, work.force)
             elapsed = 0.0
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
+        if left == dt:
+            _go_alone(island, twist, dt, work)
         h = _longest_substep(island, faces, pair_state, result, left, h, law, work)
         if left - h < 1e-9 * dt:
             h = left
@@ -228,7 +244,7 @@ def _integrate_island(
                 work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
         count = _find_faces(island, faces, pair_state, result, h, law, work)
         _sweep(island, faces, pair_state, count, h, law, work)
-        _update_faces(island, faces, pair_state, count, h, law, work)
+        _update_faces(island, faces, pair_state, count, h, law, work, result.touched)
         _record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
@@ -239,6 +255,49 @@ def _integrate_island(
         accumulate_floor_impulse(island, twist, h, result.applied)
         elapsed += h
         left = left - h if left > h else 0.0
+
+
+@kernel
+def _go_alone(island: Island, twist: Floats, dt: float, work: CrushingWorkspace) -> None:
+    """Find where the whole step takes the bodies: by the half kick of its start."""
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            work.alone[b, i] = dt * twist[b, i]
+            for j in range(3):
+                work.alone[b, i] += 0.5 * dt * dt * island.matrices.mobility[b, i, j] * work.net_force[b, j]
+
+
+@borrower
+def _find_close_pairs(island: Island, faces: Faces, result: IslandResult, work: CrushingWorkspace) -> None:
+    """Mark the pairs that did not touch, but are nearer than the whole step and the sub-steps are from each other."""
+    path, alone = result.path, work.alone
+    for k in range(island.first.size):
+        i, j = island.first[k], island.second[k]
+        a, b, reach = island.body_of[i], island.body_of[j], faces.reach[i] + faces.reach[j]
+        dx = alone[a, 0] - path[a, 0] - alone[b, 0] + path[b, 0]
+        dy = alone[a, 1] - path[a, 1] - alone[b, 1] + path[b, 1]
+        other = math.hypot(dx, dy) + (abs(alone[a, 2] - path[a, 2]) + abs(alone[b, 2] - path[b, 2])) * reach
+        _, _, _, _, x1, y1, x2, y2 = _places_of_pair(island, path, k)
+        if not result.touched[k] and math.hypot(x1 - x2, y1 - y2) < reach + other:
+            result.close[k] = _gap_of_pair(island, faces, path, k, work)[0] < other
+
+
+@borrower
+def _gap_of_pair(
+    island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
+) -> tuple[float, float, float]:
+    """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
+    i, j = island.first[k], island.second[k]
+    ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
+    nearest, nx, ny = np.inf, 1.0, 0.0
+    for p in range(faces.begin[i], faces.end[i]):
+        corners = _place(faces, p, x1, y1, ca, sa, work.one)
+        for q in range(faces.begin[j], faces.end[j]):
+            others = _place(faces, q, x2, y2, cb, sb, work.two)
+            g, gx, gy = gap(work.one[:corners], work.two[:others])
+            if g < nearest:
+                nearest, nx, ny = g, gx, gy
+    return nearest, nx, ny
 
 
 @kernel
@@ -274,9 +333,10 @@ def _places_of_pair(
 def _overlap_of_pair(
     island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
 ) -> tuple[float, float, float, float, float]:
-    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path``."""
+    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin."""
     i, j = island.first[k], island.second[k]
     ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
+    x1, y1 = x1 + work.skin[k, 0], y1 + work.skin[k, 1]
     area = moment_x = moment_y = chord_x = chord_y = 0.0
     for p in range(faces.begin[i], faces.end[i]):
         corners = _place(faces, p, x1, y1, ca, sa, work.one)
@@ -291,31 +351,24 @@ def _overlap_of_pair(
     return area, moment_x, moment_y, chord_x, chord_y
 
 
-DRIVEN: Final = 2e-4
-"""Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
-
-
 @kernel
-def may_meet(
-    first: Ints, second: Ints, apart: Floats, velocity: Floats, faces: Faces, h: float
-) -> NDArray[np.bool_]:  # fmt: skip
-    """Whether the faces of each pair may overlap within ``h`` s.
+def face_gaps(first: Ints, second: Ints, apart: Floats, faces: Faces) -> Floats:
+    """Gap (m) between the faces of each pair, below 0 where they overlap, and its normal from first to second; shape (pairs, 3).
 
-    ``velocity``: of the elements, east, north and spin; shape (elements, 3).
+    ``apart``: from the second to the first element, m.
     """
-    near, most = np.ones(first.size, np.bool_), _most_corners(faces)
-    one, two = np.empty((most, 2)), np.empty((most, 2))
+    most = _most_corners(faces)
+    one, two, out = np.empty((most, 2)), np.empty((most, 2)), np.full((first.size, 3), np.inf)
     for k in range(first.size):
         i, j = first[k], second[k]
-        v, w, reach = velocity[i], velocity[j], faces.reach[i] + faces.reach[j]
-        way = h * (math.hypot(v[0] - w[0], v[1] - w[1]) + abs(v[2] - w[2]) * reach + 0.5 * DRIVEN * h)
-        near[k] = False
         for p in range(faces.begin[i], faces.end[i]):
             corners = _place(faces, p, apart[k, 0], apart[k, 1], 1.0, 0.0, one)
             for q in range(faces.begin[j], faces.end[j]):
                 others = _place(faces, q, 0.0, 0.0, 1.0, 0.0, two)
-                near[k] = near[k] or gap(one[:corners], two[:others])[0] <= way
-    return near
+                g, nx, ny = gap(one[:corners], two[:others])
+                if g < out[k, 0]:
+                    out[k, 0], out[k, 1], out[k, 2] = g, nx, ny
+    return out
 
 
 @borrower
@@ -344,12 +397,17 @@ def _remember_depths(
             pair_state[k, SEEN] = area / pair_state[k, CHORD]
 
 
+# Many arguments: levers and twists of both, which the caller has at hand; a tuple of them would be made for each pair.
 @kernel
 def _relative_velocity(
-    m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float, rx: float, ry: float
-) -> tuple[float, float]:
-    """Velocity (m s-1) of the first body relative to the second, half way between their elements; r: from second to first."""
-    spin = 0.5 * (v[2] + w[2])
+    m: Floats, v: Floats, n: Floats, w: Floats, mx: float, my: float, qx: float, qy: float, rx: float, ry: float,
+    share: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Velocity (m s-1) of the first body relative to the second, by a share of the way from the first element to the second.
+
+    r: from the second to the first element, m.
+    """
+    spin = share * v[2] + (1.0 - share) * w[2]
     return (
         m[0] * v[0] + m[1] * v[1] + mx * v[2] - (n[0] * w[0] + n[1] * w[1] + qx * w[2]) + spin * ry,
         m[3] * v[0] + m[4] * v[1] + my * v[2] - (n[3] * w[0] + n[4] * w[1] + qy * w[2]) - spin * rx,
@@ -374,6 +432,7 @@ def _longest_substep(
     for k in range(island.first.size):
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
+        work.skin[k, 0] = work.skin[k, 1] = 0.0
         if pair_state[k, PHASE] == REST:
             # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * before)
@@ -384,41 +443,38 @@ def _longest_substep(
         if far > reach + limit * (fastest + 0.5 * limit * quickest):
             _set_apart(pair_state[k])
             continue
-        nearest, nx, ny = np.inf, 1.0, 0.0
-        for p in range(faces.begin[i], faces.end[i]):
-            corners = _place(faces, p, x1, y1, ca, sa, work.one)
-            for q in range(faces.begin[j], faces.end[j]):
-                others = _place(faces, q, x2, y2, cb, sb, work.two)
-                g, gx, gy = gap(work.one[:corners], work.two[:others])
-                if g < nearest:
-                    nearest, nx, ny = g, gx, gy
+        nearest, nx, ny = _gap_of_pair(island, faces, path, k, work)
         mx, my = spin_lever(m, ca, sa)
         ox, oy = spin_lever(n, cb, sb)
         rx, ry = x1 - x2, y1 - y2
-        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry)
-        # Two bodies that turn together do not meet.
-        closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * reach
+        # They meet in a point of the smaller one, of two of one size about the middle. Two bodies that turn together do not meet.
+        share, smaller = (
+            faces.reach[i] ** 4 / (faces.reach[i] ** 4 + faces.reach[j] ** 4),
+            min(faces.reach[i], faces.reach[j]),
+        )
+        du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry, share)
+        closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * smaller
         thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0
         for body in (a, b):
             inverse += max(mobility[body, 0, 0], mobility[body, 1, 1])
         if inverse == 0.0:
             continue
         # Where no contact says how long the face is, that of an element.
-        stiffness = face_stiffness(law.strength, thickness, min(faces.reach[i], faces.reach[j]), law.depth)
+        stiffness = face_stiffness(law.strength, thickness, smaller, law.depth)
         entry = ENTRY_PHASE / math.sqrt(stiffness * inverse)
         one, two = work.acceleration[a], work.acceleration[b]
-        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry)
-        driven = math.hypot(au, av) + abs(one[2] - two[2]) * reach
+        au, av = _relative_velocity(m, one, n, two, mx, my, ox, oy, rx, ry, share)
+        driven = math.hypot(au, av) + abs(one[2] - two[2]) * smaller
+        free, parting = pair_state[k, PHASE] == APART, pair_state[k, SPEED] < 0.0
+        if nearest <= SKIN and free and (closing <= SLOW or parting):
+            # They stand on each other, or part: whatever drives them together, the force of the sub-step answers.
+            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP)
+            work.skin[k, 0], work.skin[k, 1] = SKIN * nx, SKIN * ny
+            if closing > SLOW:  # they part where they stand on each other, and turn into each other beside it
+                limit = min(limit, max(UNSEEN / closing, entry))
+            continue
         if nearest <= 0.0:
-            work.gap[k], work.bound[k] = 0.0, 0.0
-            if pair_state[k, PHASE] == APART and pair_state[k, SPEED] < 0.0:
-                # Faces that overlap and part are no limit before they can close faster than faces touch without an impact:
-                # as far as the media drive them, and as other faces did in the last sub-step.
-                rate = max(driven, pair_state[k, SINCE])
-                turns = (SLOW - pair_state[k, SPEED]) / rate if rate > 0.0 else REST_STEP
-                limit = min(limit, max(min(turns, REST_STEP), entry))
-            else:
-                limit = min(limit, entry if pair_state[k, PHASE] == APART and closing > SLOW else REST_STEP)
+            work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, entry if free else REST_STEP)
             if pair_state[k, PHASE] != APART:
                 limit = min(limit, 2.0 * before)  # the forces of the sub-step before are the first guess
             if pair_state[k, PHASE] == IMPACT:
@@ -544,12 +600,15 @@ def _find_faces(
         ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         area, moment_x, moment_y, chord_x, chord_y = _overlap_of_pair(island, faces, path, k, work)
         chord = math.hypot(chord_x, chord_y)
+        skin = math.hypot(work.skin[k, 0], work.skin[k, 1])
+        if skin > 0.0 and chord < LEAST_FACE:  # a corner, until it is in the other face
+            continue
         if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
             _set_apart(pair_state[k])
             if area > 0.0:
                 # One lies wholly in the other: its chord closes to nothing but round-off, and nothing says which way is out.
-                # Like faces that part it is no limit to the sub-steps.
-                pair_state[k, SPEED], pair_state[k, SINCE] = -np.inf, 0.0
+                # It is no limit to the sub-steps.
+                pair_state[k, SPEED] = -np.inf
             continue
         nx, ny, x, y = chord_y / chord, -chord_x / chord, moment_x / area, moment_y / area
         row = work.face[count]
@@ -562,14 +621,13 @@ def _find_faces(
         closing = _speed(row, ROW_N, twist[a], twist[b])
         state = pair_state[k]
         if state[PHASE] == APART:
-            if closing <= 0.0:
-                state[SINCE] = (closing - state[SPEED]) / h if state[SPEED] < 0.0 else np.inf
-                state[SPEED] = closing
-                continue
             # Faces meet where they stand: what was crushed before is rubble that fills the gap.
-            state[TOUCHED] = state[CRUSHED] = area / chord
+            state[TOUCHED] = area / chord - skin
+            state[PHASE] = IMPACT if closing > (AGAIN if skin > 0.0 else SLOW) else REST
+            if state[PHASE] == REST:
+                state[TOUCHED] -= 0.5 * h * closing
+            state[CRUSHED] = state[TOUCHED]
             state[CHORD], state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = chord, 0.0, closing, 0.0, 0.0
-            state[PHASE] = IMPACT if closing > SLOW else REST
         # A chord that shrinks while the load is released would make energy.
         state[CHORD] = max(state[CHORD], chord)
         row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
@@ -579,12 +637,14 @@ def _find_faces(
         row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
         if row[GIVE_N] <= 0.0:
             continue
-        depth = area / state[CHORD]
+        depth = area / state[CHORD] - skin
         if state[PHASE] == REST:
-            row[DEPTH], row[FOLLOW] = depth - 0.5 * h * closing, h
+            stiffness = face_stiffness(
+                law.strength, min(faces.thickness[i], faces.thickness[j]), state[CHORD], law.depth
+            )
+            row[DEPTH], row[FOLLOW] = depth - 0.5 * h * closing, h + 2.0 / math.sqrt(stiffness * row[GIVE_N])
         else:
             row[DEPTH], row[FOLLOW] = depth, 0.5 * h
-        result.touched[k] = True
         work.active[count] = k
         count += 1
     return count
@@ -644,8 +704,9 @@ def _sweep(
 
 @borrower
 def _update_faces(
-    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace
-) -> None:
+    island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
+    touched: NDArray[np.bool_],
+) -> None:  # fmt: skip
     """Crush the faces as far as their forces say, and pass on from impact to rest, or apart."""
     for f in range(count):
         k, row = work.active[f], work.face[f]
@@ -655,7 +716,9 @@ def _update_faces(
         stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
         sliding = 0.5 * (row[SLIDING] + _speed(row, ROW_T, work.new[a], work.new[b]))
-        depth, force, slide = row[DEPTH] + row[FOLLOW] * closing, state[FORCE], state[FRICTION]
+        depth = row[DEPTH] + (h if state[PHASE] == REST else 0.5 * h) * closing
+        force, slide = state[FORCE], state[FRICTION]
+        touched[k] = touched[k] or force > 0.0
         crushed = depth - force / (law.ratio * stiffness)
         if force > 0.0 and crushed > state[CRUSHED]:
             stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (law.ratio * stiffness)
@@ -675,7 +738,7 @@ def _update_faces(
         state[TORQUE_1] = -(row[OFFSET] * fy - row[OFFSET + 1] * fx)
         state[TORQUE_2] = row[OFFSET + 2] * fy - row[OFFSET + 3] * fx
         if force == 0.0 and closing <= 0.0:
-            state[PHASE], state[SPEED], state[SINCE] = APART, closing, np.inf
+            state[PHASE], state[SPEED] = APART, closing
         elif state[PHASE] == REST:
             if closing > AGAIN:
                 state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.state import Floats, Ints
+from riftberg.bergs.bonding import separations
+from riftberg.state import Elements, Floats, Ints
+from riftberg.state.neighbours import near_pairs
 from riftberg.state.population import rows_of
 from riftberg.stepping.bodies.dynamics import BodyOperators
-from riftberg.stepping.bodies.pose import Bodies, tangent_coordinates
-from riftberg.stepping.contact.broad_phase import candidate_pairs
+from riftberg.stepping.bodies.pose import Bodies, fill_levers, tangent_coordinates
+from riftberg.stepping.contact.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
 from riftberg.stepping.contact.crushing_step import (
     APART,
     COLUMNS,
     PHASE,
     PUSH_X,
     PUSH_Y,
+    SINCE,
     TORQUE_1,
     TORQUE_2,
     CrushingLaw,
     Faces,
+    face_gaps,
     integrate_faces,
-    may_meet,
 )
 from riftberg.stepping.contact.islands import (
     ContactPhase,
@@ -32,9 +35,21 @@ from riftberg.stepping.contact.islands import (
     pair_separations,
     phase_of,
 )
+from riftberg.stepping.contact.land import NearPairs, metric_of, movable
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.footprints import FootprintBook, Footprints, body_footprint
 from riftberg.stepping.run_state import RunState
+
+DRIVEN: Final = 2e-4
+"""Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
+
+
+LASTING: Final = 600.0
+"""Time (s) that contact lasts before the lattices bear it as a load at rest; of what is shorter they bear the largest impact.
+
+A piece that breaks off turns about one element of the rest for some minutes. What this one bears meanwhile is a load on a point,
+whose stress goes as one over the size of the elements, and a step of half an hour sees none, a short one all of it.
+"""
 
 
 class FacePairs(NamedTuple):
@@ -99,10 +114,11 @@ class FaceContact:
         return np.asarray(self._reach[1][rows] * np.sqrt(body.length * body.width / footprints.size[rows]))
 
     def force(self, model: RunState) -> Floats:
-        """Force and torque (N, N, N m) of the faces on the elements at the end of the last sub-step; shape (elements, 3)."""
+        """Force and torque (N, N, N m) of lasting contact on the elements after the last sub-step; shape (elements, 3)."""
         out = np.zeros((model.elements.size, 3))
         rows, known = rows_of(model.elements.body.id, self.pairs.pair.ravel())
-        rows, both, s = rows.reshape(-1, 2), known.reshape(-1, 2).all(axis=1), self.pairs.state
+        rows, s = rows.reshape(-1, 2), self.pairs.state
+        both = known.reshape(-1, 2).all(axis=1) & (s[:, SINCE] >= LASTING)
         for side, sign, torque in ((0, -1.0, TORQUE_1), (1, 1.0, TORQUE_2)):
             push = np.column_stack([sign * s[:, PUSH_X], sign * s[:, PUSH_Y], s[:, torque]])
             np.add.at(out, rows[both, side], push[both])
@@ -122,21 +138,13 @@ class FaceContact:
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:
             return None
-        shown, axis, count = el.shown, op.levers[:, 9:11], op.matrices.mobility.shape[0]
-        if turned is not None:
-            alone = (np.bincount(op.body, minlength=count)[op.body] == 1) * turned
-            c_turn, s_turn = np.cos(alone), np.sin(alone)
-            axis = np.column_stack(
-                [axis[:, 0] * c_turn - axis[:, 1] * s_turn, axis[:, 1] * c_turn + axis[:, 0] * s_turn]
-            )
-        axis = axis[polygons.element]
-        x, y = polygons.corner.T
-        corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
-        faces = Faces(
-            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
-        )  # fmt: skip
+        faces = self._laid_out(polygons, el, op.body, op.levers, turned)
         apart = pair_separations(el, first, second, c)
-        near = may_meet(first, second, apart, np.column_stack([shown.u_pair, shown.v_pair, el.motion.spin]), faces, h)
+        # As far as both can come in the step by themselves and by what drives them.
+        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, el.motion.spin])
+        u, v, spin = np.abs(velocity[first] - velocity[second]).T
+        way = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
+        near = face_gaps(first, second, apart, faces)[:, 0] <= way
         if not near.any():
             return None
         first, second = first[near], second[near]
@@ -147,12 +155,51 @@ class FaceContact:
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
         outcome = integrate_faces(lists, whole, bodies.twist[lists.members], faces, pair_state, h, self._law)
-        found = IslandResult(*outcome[:7])
+        found = IslandResult(*outcome[:8])
         if not np.isfinite(found.twist).all():
             raise FloatingPointError
         kept = pair_state[:, PHASE] != APART
-        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[8])
-        return phase_of(op, lists, first, second, found, outcome[7], h)
+        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[9])
+        return phase_of(op, lists, first, second, found, outcome[8], h)
+
+    def find_near(
+        self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, turned: Floats | None, within: float
+    ) -> NearPairs:
+        """Find faces of different bodies that are at most ``within`` m from each other, with elements at ``lon``, ``lat``.
+
+        ``turned``: as in `resolve`.
+        """
+        el, c, free = model.elements, model.constants, movable(model.elements)
+        polygons, levers = self._faces_of(model, bodies), np.empty((el.size, 11))
+        fill_levers(bodies, c.latlon, c.earth_radius, levers)
+        first, second = NO_PAIRS
+        if c.interactions:
+            reach = polygons.reach[free] + 0.5 * within
+            first, second = near_pairs(
+                lon[free], lat[free], bodies.body[free], SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
+            )
+        first, second = free[first], free[second]
+        apart = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
+        found = face_gaps(first, second, apart, self._laid_out(polygons, el, bodies.body, levers, turned))
+        near = found[:, 0] <= within
+        return NearPairs(first[near], second[near], found[near, 0], found[near, 1:])
+
+    @staticmethod
+    def _laid_out(polygons: _Polygons, el: Elements, body: Ints, levers: Floats, turned: Floats | None) -> Faces:
+        """Turn the footprints to where the axes of the bodies stand; ``turned`` as in `resolve`."""
+        axis = levers[:, 9:11]
+        if turned is not None:
+            alone = (np.bincount(body)[body] == 1) * turned
+            c_turn, s_turn = np.cos(alone), np.sin(alone)
+            axis = np.column_stack(
+                [axis[:, 0] * c_turn - axis[:, 1] * s_turn, axis[:, 1] * c_turn + axis[:, 0] * s_turn]
+            )
+        axis = axis[polygons.element]
+        x, y = polygons.corner.T
+        corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
+        return Faces(
+            polygons.begin[:-1], polygons.begin[1:], polygons.ring, corner, polygons.reach, el.body.thickness
+        )  # fmt: skip
 
     def _faces_of(self, model: RunState, bodies: Bodies) -> _Polygons:
         """Footprints about the centres of their elements, found anew where elements or fragments have changed."""

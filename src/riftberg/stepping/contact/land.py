@@ -9,7 +9,9 @@ land at which it arrived.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -35,6 +37,9 @@ MAX_OVERLAP_GROWTH: Final = 1e-3
 MAX_PASSES: Final = 8
 """Corrections in a row, where one of them leads onto other land."""
 
+FindFaces = Callable[[Floats, Floats, Ints, float], "NearPairs"]
+"""The same for elements at some positions (degrees, or m), of parts with these numbers, by faces: see `FindNear`."""
+
 
 def metric_of(c: KernelParameters) -> Metric:
     """Return how positions become metres."""
@@ -52,31 +57,36 @@ def land_corrections(el: Elements, lon: Floats, lat: Floats, c: KernelParameters
     return correction
 
 
-def leading_elements(
-    el: Elements, lon: Floats, lat: Floats, correction: Floats, part: Ints, c: KernelParameters,
-    touched: tuple[Ints, Ints] = NO_PAIRS,
-) -> Ints:  # fmt: skip
+class NearPairs(NamedTuple):
+    """Elements of different bergs that are near each other."""
+
+    first: Ints
+    second: Ints
+    gap: Floats  # Between their edges, m; below 0 where they overlap
+    normal: Floats  # Across the gap, from the first to the second; shape (pairs, 2)
+
+
+FindNear = Callable[[float], NearPairs]
+"""Finds the pairs whose edges are no farther from each other than some metres, by the law of contact of the run."""
+
+
+def leading_elements(correction: Floats, part: Ints, find_near: FindNear) -> Ints:
     """Return for each part of the ice the element whose correction it shares; -1 for parts that stay.
 
     It is the largest correction of the elements of a part. Parts that this would push into each other, or farther into each
-    other, move together. ``touched``: elements whose faces have met in the step, where corners reach beyond the circles.
+    other, move together.
     """
     distance = np.hypot(correction[:, 0], correction[:, 1])
     count = int(part.max()) + 1
     leader = _largest_correction(distance, part, count)
-    first, second, reach = _pairs_in_the_way(el, lon, lat, part, float(distance.max()), c)
-    mobile = (el.static[touched[0]] < 0.5) & (el.static[touched[1]] < 0.5)
-    first, second = np.append(first, touched[0][mobile]), np.append(second, touched[1][mobile])
-    reach = np.append(reach, np.full(np.count_nonzero(mobile), np.inf))
-    if first.size == 0:
+    if count == 1:
         return leader
-    dx, dy = separations(metric_of(c), lon[first], lat[first], lon[second], lat[second])
-    gap = np.minimum(np.hypot(dx, dy), reach)
-    together = np.arange(count)
+    first, second, gap, normal = find_near(2.0 * float(distance.max()))
+    together, room = np.arange(count), np.maximum(gap, 0.0) + MAX_OVERLAP_GROWTH
     while True:
         shift = np.where(leader[:, None] >= 0, correction[leader], 0.0)[part]
-        to = np.hypot(dx + shift[first, 0] - shift[second, 0], dy + shift[first, 1] - shift[second, 1])
-        pushed = (to < gap - MAX_OVERLAP_GROWTH) & (leader[part[first]] != leader[part[second]])
+        closed = np.sum((shift[first] - shift[second]) * normal, axis=1)
+        pushed = (closed > room) & (leader[part[first]] != leader[part[second]])
         if not pushed.any():
             return leader
         one, other = together[part[first[pushed]]], together[part[second[pushed]]]
@@ -94,30 +104,35 @@ def _largest_correction(distance: Floats, part: Ints, count: int) -> Ints:
     return leader
 
 
-def _pairs_in_the_way(
-    el: Elements, lon: Floats, lat: Floats, part: Ints, farthest: float, c: KernelParameters
-) -> tuple[Ints, Ints, Floats]:
-    """Pairs of elements of different parts that a shift by ``farthest`` metres may bring into contact, and their reach (m)."""
-    none = np.zeros(0, np.int64)
-    if not c.interactions or part.max() == 0 or farthest == 0.0:
-        return none, none, np.zeros(0)
+def find_near_circles(
+    el: Elements, lon: Floats, lat: Floats, part: Ints, c: KernelParameters, within: float
+) -> NearPairs:
+    """Find near pairs of different parts, at ``lon``, ``lat``, by the circles that the springs of contact act between."""
+    if not c.interactions:
+        return NearPairs(*NO_PAIRS, np.zeros(0), np.zeros((0, 2)))
     radius = interaction_sizes(el, c).radius
     touching = np.maximum(radius, 0.5 * c.contact_distance)
-    # Static elements are not moved, and a child of footloose calving lies on its parent until it has drifted off.
-    free = np.flatnonzero((el.static < 0.5) & (el.life.fl_k != NEWBORN_CHILD))
-    first, second = near_pairs(
-        lon[free], lat[free], part[free], touching[free] + farthest, c.latlon, c.earth_radius, c.period
-    )
+    free = movable(el)
+    reach = touching[free] + 0.5 * within
+    first, second = near_pairs(lon[free], lat[free], part[free], reach, c.latlon, c.earth_radius, c.period)
     first, second = free[first], free[second]
-    return first, second, np.maximum(radius[first] + radius[second], c.contact_distance)
+    away = np.stack(separations(metric_of(c), lon[second], lat[second], lon[first], lat[first]), axis=-1)
+    distance = np.hypot(away[:, 0], away[:, 1])
+    gap = distance - np.maximum(radius[first] + radius[second], c.contact_distance)
+    return NearPairs(first, second, gap, away / np.where(distance > 0.0, distance, 1.0)[:, None])
+
+
+def movable(el: Elements) -> Ints:
+    """Elements that others may push: not static ones, nor a child of footloose calving, which lies on its parent at first."""
+    return np.flatnonzero((el.static < 0.5) & (el.life.fl_k != NEWBORN_CHILD))
 
 
 def apply_land_constraint(
-    el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParameters, touched: tuple[Ints, Ints] = NO_PAIRS
+    el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParameters, find_faces: FindFaces | None = None
 ) -> None:
     """Find the cells of all elements at the end of a step; where land stops one, its berg is stopped and put back with it.
 
-    ``touched``: as in `leading_elements`.
+    ``find_faces``: of a run in which bergs crush each other's faces.
     """
     part = None
     for _ in range(MAX_PASSES):
@@ -128,7 +143,11 @@ def apply_land_constraint(
             return
         if part is None:
             part = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
-        leader = leading_elements(el, lon, lat, correction, part, c, touched)[part]
+        if find_faces is None:
+            find_near = partial(find_near_circles, el, lon, lat, part, c)
+        else:
+            find_near = partial(find_faces, lon, lat, part)
+        leader = leading_elements(correction, part, find_near)[part]
         moved = np.flatnonzero((leader >= 0) & (el.static < 0.5))
         # The mean over all that moves together: what bonds oscillate by is no motion into the land, and would be taken from all
         # in one direction alone.

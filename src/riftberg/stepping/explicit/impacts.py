@@ -28,6 +28,7 @@ from riftberg.stepping.bodies.pose import Bodies, bodies_from_elements, fill_lev
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.faces import NO_FACE_PAIRS, FaceContact
 from riftberg.stepping.contact.islands import ContactPhase
+from riftberg.stepping.contact.land import NearPairs
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.footprints import FootprintBook
@@ -107,6 +108,12 @@ class RigidImpacts:
         _add_rigid_motion(run.elements, impact.body, op.levers, change)
         if impact.stress.size:
             np.maximum(run.bonds.peak_stress, impact.stress, out=run.bonds.peak_stress)
+
+    def find_near(self, run: RunState, lon: Floats, lat: Floats, part: Ints, within: float) -> NearPairs:
+        """Find faces of different pieces near each other: see `riftberg.stepping.contact.faces.FaceContact.find_near`."""
+        el, c = run.elements, run.constants
+        bodies = bodies_from_elements(lon, lat, part, el.mass, c.latlon, c.earth_radius, c.period)
+        return self.faces.find_near(run, bodies, lon, lat, el.rotation, within)
 
     def _break(self, run: RunState, bodies: Bodies, contact: ContactPhase) -> tuple[int, Floats]:
         """Break the bonds that do not bear the largest force of the impact; returns their number and the stress of all."""

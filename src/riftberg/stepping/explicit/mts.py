@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -214,7 +215,7 @@ class MultipleStepper(Stateless):
         )
 
         # Positions have moved: land, cells, then the forcing of the next step, then fragments.
-        apply_boundaries(run, touched=NO_PAIRS if self._impacts is None else self._impacts.touched)
+        apply_boundaries(run, find_faces=None if self._impacts is None else partial(self._impacts.find_near, run))
         run.time += dt
         self.sample_forcing(run)
         if broken > 0:

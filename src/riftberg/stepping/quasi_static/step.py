@@ -52,7 +52,13 @@ from riftberg.stepping.contact.islands import (
     scatter_peak_load,
     trapezoidal_correction,
 )
-from riftberg.stepping.contact.land import corrected_poses, land_corrections, leading_elements, stopped_by_land
+from riftberg.stepping.contact.land import (
+    corrected_poses,
+    find_near_circles,
+    land_corrections,
+    leading_elements,
+    stopped_by_land,
+)
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fracture.crack_tips import (
@@ -610,7 +616,7 @@ class TimeStep:
             h, c.latlon, c.earth_radius, c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation,
             contact_bodies, contact_mean, work,
         )  # fmt: skip
-        new, ashore = self._constrained_by_land(new, NO_PAIRS if contact is None else (contact.first, contact.second))
+        new, ashore = self._constrained_by_land(new)
 
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         self.model.forcing.sample(el, start.time + h)
@@ -669,11 +675,8 @@ class TimeStep:
                 f"the velocities of bergs in contact did not converge at {self.model.date:%Y-%m-%d %H:%M}"
             ) from None
 
-    def _constrained_by_land(self, bodies: Bodies, touched: tuple[Ints, Ints]) -> tuple[Bodies, list[Ashore]]:
-        """Find the cells of the elements; where land stops one, its fragment is put back, with those in its way.
-
-        ``touched``: elements whose faces have met on the way.
-        """
+    def _constrained_by_land(self, bodies: Bodies) -> tuple[Bodies, list[Ashore]]:
+        """Find the cells of the elements; where land stops one, its fragment is put back, with those in its way."""
         el, c, grid, ashore = self.el, self.c, self.model.forcing.grid, []
         for n in range(5):  # a correction may lead onto other land
             if grid is None:
@@ -688,7 +691,11 @@ class TimeStep:
             correction = land_corrections(el, lon, lat, c)
             if not correction.any():
                 break
-            leading = leading_elements(el, lon, lat, correction, bodies.body, c, touched)
+            if self.faces is None:  # nobody may touch another
+                find_near = partial(find_near_circles, el, lon, lat, bodies.body, c)
+            else:
+                find_near = partial(self.faces.find_near, self.model, bodies, lon, lat, None)
+            leading = leading_elements(correction, bodies.body, find_near)
             bodies = bodies._replace(pose=corrected_poses(bodies.pose, el, lon, lat, leading, c))
             stopped = np.flatnonzero(leading >= 0)
             own = bodies.body[leading[stopped]] == stopped
