@@ -312,8 +312,8 @@ def test_no_kernel_that_python_calls_returns_a_named_tuple() -> None:
         if getattr(module, "__name__", "").startswith("riftberg")
         for name, value in vars(module).items()
         if isinstance(value, Dispatcher)
-        # Named tuples are taken apart before the call (`riftberg.compiled.parts.TupleKernel`).
-        for called in (value, *(call.__globals__["by_fields"] for call in getattr(value, "_calls", {}).values()))
+        # Named tuples are read by a kernel of their own (`riftberg.compiled.parts.TupleKernel`).
+        for called in (value, *(call.__globals__["by_address"] for call in getattr(value, "_calls", {}).values()))
         if any(named(compiled.signature.return_type) for compiled in called.overloads.values())
     }
     assert returning & _called() == set()

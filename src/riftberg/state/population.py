@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.compiled.kernels import kernel
+from riftberg.compiled.kernels import borrower, kernel
 from riftberg.errors import InputError
 from riftberg.state import Bonds, Elements, Ints, elements_of, new_bonds
 from riftberg.state.variables import Floats
@@ -30,6 +30,9 @@ class Saved(NamedTuple):
     next_bond: int
     version: int
     stepped_only: bool
+    columns: tuple[
+        tuple[Ints, ...], tuple[Ints, ...]
+    ]  # What is copied, and where it goes, as whole numbers of the same bits
 
 
 class Population:
@@ -106,17 +109,21 @@ class Population:
     def saved(self, *, stepped_only: bool = False, into: Saved | None = None) -> Saved:
         """Return a copy to which `restore` goes back; in the memory of one that is done with, where the rows are the same."""
         if into is not None and (into.version, into.stepped_only) == (self.version, stepped_only):
-            for now, then in zip((*self._elements, self._bonds), (*into.elements, into.bonds), strict=True):
-                for array, kept in zip(now, then, strict=True):
-                    if array is not kept:
-                        kept[...] = array
+            _copy_columns(*into.columns)
             return into
         copies = (
             (self._elements.copy_of_stepped(), self._bonds.copy_of_stepped())
             if stepped_only
             else (self._elements.copy(), self._bonds.copy())
         )
-        return Saved(*copies, self.next_element, self.next_bond, self.version, stepped_only)
+        pairs = [
+            (array.view(np.int64), kept.view(np.int64))
+            for now, then in zip((*self._elements, self._bonds), (*copies[0], copies[1]), strict=True)
+            for array, kept in zip(now, then, strict=True)
+            if array is not kept
+        ]
+        source, target = zip(*pairs, strict=True)
+        return Saved(*copies, self.next_element, self.next_bond, self.version, stepped_only, (source, target))
 
     def restore(self, saved: Saved) -> None:
         """Go back to a saved population; in place where no row has come or gone since."""
@@ -146,6 +153,15 @@ class Population:
         self._bond_room = _extended(self._bond_room, before, {**arrays, "id": ids})
         self._show(self._elements.size, before + count)
         return ids
+
+
+@borrower
+def _copy_columns(source: tuple[Ints, ...], target: tuple[Ints, ...]) -> None:
+    """Copy arrays, all of them in one call: there are some fifty, which for a small berg cost NumPy more than their numbers."""
+    for k in range(len(source)):
+        one, other = source[k], target[k]
+        for n in range(one.size):
+            other[n] = one[n]
 
 
 def _above(ids: Ints) -> int:

@@ -109,7 +109,10 @@ def lattices(el: Elements, bonds: Bonds, new: NDArray[np.bool_], outlines: Seque
             joins = np.isin(group, group[inside])
             group[joins] = group[inside[0]]
             ring[int(group[inside[0]])] = outline
-    return [(np.flatnonzero(group == number), ring.get(number)) for number in dict.fromkeys(group[rows].tolist())]
+    order = np.argsort(group, kind="stable")
+    numbers, begin = np.unique(group[order], return_index=True)
+    of = dict(zip(numbers.tolist(), np.split(order, begin[1:]), strict=True))
+    return [(of[number], ring.get(number)) for number in dict.fromkeys(group[rows].tolist())]
 
 
 def laid_flat(el: Elements, rows: Ints, p: KernelParameters) -> tuple[ConformalPlane, Floats]:

@@ -315,6 +315,7 @@ class StiffnessSolver:
         self._gauge = gauge_springs[~bondless[gauge_springs // 3]]
         self._columns: list[Floats] = []  # w of K + sum of -w w^T
         self._solved: list[Floats] = []  # K^-1 w
+        self._correction: tuple[Floats, Floats, Floats] | None = None  # W, A and W A - 1 of `_corrected`
 
     @property
     def update_rank(self) -> int:
@@ -326,6 +327,7 @@ class StiffnessSolver:
         for column in self._columns_of(bond) * self._free:
             self._columns.append(column)
             self._solved.append(self._ldl.solve(column))
+        self._correction = None
 
     def _columns_of(self, bond: int) -> Floats:
         """Return w of what a bond holds of K, sum of w w^T, in rows."""
@@ -353,8 +355,11 @@ class StiffnessSolver:
         """Correct d = K^-1 b in place for bonds that have broken since."""
         if self._columns:
             # Woodbury: (K - W^T W)^-1 b = d + A (1 - W A)^-1 W d, with A = K^-1 W^T.
-            w, a = np.array(self._columns), np.array(self._solved)
-            d -= a.T @ np.linalg.solve(w @ a.T - np.eye(len(w)), w @ d)
+            if self._correction is None:
+                w, a = np.array(self._columns), np.array(self._solved)
+                self._correction = w, a, w @ a.T - np.eye(len(w))
+            w, a, matrix = self._correction
+            d -= a.T @ np.linalg.solve(matrix, w @ d)
         return d
 
     def _check_residual(self, displacement: Floats, largest: float, load: Floats) -> None:

@@ -50,10 +50,30 @@ def with_new_footprints(
         return footprints
     radius = interaction_sizes(el, p).radius
     parts = [] if footprints is None else [footprints]
+    alone = ~known
+    alone[bonds.first] = alone[bonds.second] = False
+    for outline in outlines:
+        alone &= ~shapely.contains_xy(outline, el.lon, el.lat)
+    if alone.any():
+        known |= alone
+        parts.append(_footprints_of_lone(el, np.flatnonzero(alone), radius[alone], p))
     for whole, outline in lattices(el, bonds, ~known, outlines):
         rows = whole[~known[whole]]
         parts.append(_footprints_of(el, bonds, rows, float(radius[rows].mean()), outline, p))
     return _joined(parts)
+
+
+def _footprints_of_lone(el: Elements, rows: Ints, radius: Floats, p: KernelParameters) -> Footprints:
+    """Footprints of bergs of one element, all at once: squares or hexagons about circles of ``radius`` (m)."""
+    kinds, kind = np.unique(el.body.sides[rows], return_inverse=True)
+    sides = np.array([6 if sides_of(int(number), p) == 6 else 4 for number in kinds])[kind]
+    owner = np.repeat(np.arange(rows.size), sides)
+    start = np.concatenate([[0], np.cumsum(sides)]).astype(np.int64)
+    angle = (np.arange(owner.size) - start[owner] + 0.5) * (2.0 * np.pi / sides[owner])
+    away = (radius / np.cos(np.pi / sides))[owner]
+    size = el.body.length[rows] * el.body.width[rows]
+    corner = np.column_stack([away * np.cos(angle), away * np.sin(angle)])
+    return Footprints(el.body.id[rows], np.zeros((rows.size, 2)), size, np.arange(rows.size), start, corner)
 
 
 def _footprints_of(
@@ -162,7 +182,9 @@ class FootprintBook:
 
     def __init__(self, model: RunState) -> None:
         self._footprints: Footprints | None = None
-        if model.step_number == 0:
+        # Without contact and without a bed of sediment nothing asks for them.
+        asked = model.constants.interactions or model.parameters.grounding.law == "seabed"
+        if model.step_number == 0 and asked:
             self.follow(model)
 
     def follow(self, model: RunState) -> Footprints:

@@ -55,7 +55,8 @@ def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceCo
     if el.size < least or np.count_nonzero(alone := np.bincount(body)[body] == 1) < least:
         return None
     alone &= (el.body.static < 0.5) & (el.body.free_y >= 0.5)
-    sizes = sizes._replace(radius=np.maximum(sizes.radius, faces.reach(model)))
+    if model.constants.interactions:
+        sizes = sizes._replace(radius=np.maximum(sizes.radius, faces.reach(model)))
     meets = np.zeros(bodies.pose.shape[0], np.bool_)
     for rows in candidate_pairs(el, body, sizes, model.parameters.stepping.time_step, model.constants):
         meets[body[rows]] = True

@@ -1,7 +1,7 @@
 """Compiled parts of a trial step: predictor, operators at the new place, corrector, and what they leave in the state.
 
-To pass the arrays of a berg of some hundred elements to compiled code takes as long as its laws do, so the kernels of
-`riftberg.stepping.bodies` are called together. All arrays come from Python (`riftberg.compiled.kernels.borrower`).
+For a berg of some hundred elements a call from Python takes as long as a law, so the kernels of `riftberg.stepping.bodies` are
+called together. All arrays come from Python (`riftberg.compiled.kernels.borrower`).
 """
 
 from __future__ import annotations
@@ -42,6 +42,9 @@ from riftberg.stepping.forces.media import MEDIA, ForcedElements
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.equilibrium import balance_loads
 from riftberg.stepping.mat3 import invert
+
+EVERY_MEDIUM, NOTHING = np.ones(len(MEDIA), np.bool_), np.empty((1, 0, 0))
+"""What `evaluate_forcing` is given in the place of the results of a velocity solve."""
 
 
 class BodyState(NamedTuple):
@@ -88,13 +91,8 @@ def assemble_operators(
     count = bodies.pose.shape[0]
     forcing, levers = allocate_forcing(el, p), np.empty((el.size, 11))
     matrices = BodyMatrices(*np.zeros((3, count, 3, 3)))
-    # The groups that it needs: to pass the whole state to compiled code takes longer than the forces of a small berg.
-    seen, acts, nothing = (
-        ForcedElements(el.place, el.body, el.environment),
-        np.ones(len(MEDIA), np.bool_),
-        np.empty((1, 0, 0)),
-    )
-    _assemble_operators(seen, sizes, p, bodies, acts, nothing, levers, forcing, matrices, work)
+    seen = ForcedElements(el.place, el.body, el.environment)
+    _assemble_operators(seen, sizes, p, bodies, EVERY_MEDIUM, NOTHING, levers, forcing, matrices, work)
     return BodyOperators(bodies.body, levers, forcing, matrices)
 
 

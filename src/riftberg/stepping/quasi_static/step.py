@@ -1072,10 +1072,11 @@ class FactoredLattice:
 
     def equilibrium(self, displacement: Floats, load: Floats, p: KernelParameters) -> Equilibrium:
         """Return the equilibrium with these displacements; the latest is cached, so that its stresses are found once."""
-        latest, asked = self._latest, (displacement, load, self.intact)
-        if latest is None or any(a is not b for a, b in zip((latest.displacement, latest.load, latest.intact), asked)):
-            self._latest = latest = self.moment(displacement, load, p)
-        return latest
+        latest, intact = self._latest, self.intact
+        if latest and latest.displacement is displacement and latest.load is load and latest.intact is intact:
+            return latest
+        self._latest = self.moment(displacement, load, p)
+        return self._latest
 
     def moment(self, displacement: Floats, load: Floats, p: KernelParameters) -> Equilibrium:
         """Return an equilibrium of any moment."""

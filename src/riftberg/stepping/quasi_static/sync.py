@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
@@ -34,8 +35,20 @@ class StepSnapshot(NamedTuple):
 
     def is_current(self, el: Elements) -> bool:
         """Whether nothing of this has changed since."""
-        # As bytes, which compare quickly.
-        return all(now.tobytes() == then.tobytes() for now, then in zip(_arrays_of(el), self, strict=True))
+        return self.id.size == el.size and bool(_are_equal(_arrays_of(el), self))
+
+
+@borrower
+def _are_equal(now: StepSnapshot, then: StepSnapshot) -> bool:
+    """Whether all numbers of as many elements are equal."""
+    for k in range(len(now.id)):
+        if (
+            now.id[k] != then.id[k] or now.lon[k] != then.lon[k] or now.lat[k] != then.lat[k] or now.u[k] != then.u[k]
+            or now.v[k] != then.v[k] or now.spin[k] != then.spin[k] or now.static[k] != then.static[k]
+            or now.free_y[k] != then.free_y[k] or now.load_x[k] != then.load_x[k] or now.load_y[k] != then.load_y[k]
+        ):  # fmt: skip
+            return False
+    return True
 
 
 def _arrays_of(el: Elements) -> StepSnapshot:
