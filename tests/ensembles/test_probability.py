@@ -163,6 +163,14 @@ def test_scenarios_have_their_members_and_what_sets_them_apart() -> None:
     assert "start strength low" in other.told()
 
 
+def test_the_representative_of_a_scenario_is_in_its_middle_across_the_date_line() -> None:
+    ends = [179.6, 179.8, -180.0, -179.8, -179.6]
+    assert [
+        s.representative
+        for s in scenarios(forecast_of([outcome(k, [180.0, lon], [-60.0] * 2) for k, lon in enumerate(ends)], 1))
+    ] == [2]
+
+
 def test_the_source_of_the_spread_is_found() -> None:
     rng = np.random.default_rng(4)
     current, wind, east = rng.normal(0.0, 0.1, (60, 2)), rng.normal(0.0, 2.0, (60, 2)), rng.normal(0.0, 3e3, 60)

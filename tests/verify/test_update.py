@@ -17,7 +17,7 @@ from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import InputError
-from riftberg.verification.sightings import drawn_anew, log_likelihood
+from riftberg.verification.sightings import drawn_anew, log_likelihood, weighted
 
 KM = 1.0 / 111.195  # degrees of latitude
 DAYS = np.datetime64("2020-12-09", "ns") + np.arange(3) * np.timedelta64(1, "D")
@@ -126,6 +126,14 @@ def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() 
     assert len(base) == 4096
     assert np.mean(base) > np.mean(likelihood)
     assert len(np.unique(new)) == 4096
+
+
+def test_members_that_fit_far_better_than_their_parents_have_weights(tmp_path: Path) -> None:
+    """Bug: the largest likelihood was taken off without those of the parents, and all weights became 0."""
+    store: Any = SimpleNamespace(folder=tmp_path, weights=lambda: {"base": [-900.0, -905.0]}, write=lambda: None)
+    weight, number = weighted(store, np.array([-10.0, -10.0]), "")
+    assert weight.tolist() == pytest.approx([1.0 / (1.0 + np.exp(5.0)), 1.0 / (1.0 + np.exp(-5.0))])
+    assert 1.0 <= number <= 2.0
 
 
 @pytest.mark.compiled

@@ -103,8 +103,11 @@ def sweep(
         if join is not None:
             if options_given(context, *KEPT, "experiment", "resume", "part", "members"):
                 raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
-            join_parts(join)
+            missing = join_parts(join)
             store = resumed(join)
+            if missing:
+                parts = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
+                say(f"Missing: part{'s' if len(missing) > 1 else ''} {parts}; {len(store.waiting())} members wait")
             store.own = []
             _run(store, scheduler, 0, draw=map_, quiet=quiet)
             return
@@ -210,7 +213,7 @@ def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool
     for line in summary_lines(result):
         typer.echo(line)
     typer.echo(f"Written to {store.folder}: {', '.join(files)}")
-    if not (result["status"] == 0).any():
+    if store.own and not (result["status"] == 0).any():
         raise RunError("no member came to its end")
 
 

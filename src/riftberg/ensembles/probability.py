@@ -383,8 +383,13 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
     done, weight = counted(ds)
     found = []
     inputs = inputs_of(done)
-    x_name, y_name = ("lon", "lat") if "lat" in done else ("x", "y")
-    ends = np.column_stack([done[name].isel(fragment=0, time=-1).values for name in (x_name, y_name)])
+    ends = np.column_stack(
+        [done[name].isel(fragment=0, time=-1).values for name in (("lon", "lat") if "lat" in done else ("x", "y"))]
+    )
+    if "lat" in done and np.isfinite(ends).any():
+        ends[:, 0] = near(ends[:, 0], float(ends[np.isfinite(ends[:, 0]), 0][0])) * np.cos(
+            np.nanmean(ends[:, 1]) * DEGREE
+        )
     for number in np.unique(done["scenario"].values):
         rows = np.flatnonzero(done["scenario"].values == number)
         end = ends[rows]
@@ -510,10 +515,9 @@ def told(ds: xr.Dataset) -> list[str]:
     days = float(ds["lead"].values[-1]) / 24.0
     failed = int((ds["status"].values == 1).sum())
     counting = effective(weight)
-    fewer = f", {counting:.1f} of them count" if counting < 0.995 * number else ""
-    lines = [
-        f"{number} members{fewer}, {failed} failed; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"
-    ]
+    members = f"{number} member{'s' if number > 1 else ''}"
+    members += f", {counting:.1f} of them count" if counting < 0.995 * number else ""
+    lines = [f"{members}, {failed} failed; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"]
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
@@ -547,5 +551,6 @@ def told(ds: xr.Dataset) -> list[str]:
     if parts:
         name, share = next(iter(parts.items()))
         rest = ", ".join(f"{other} {100 * part:.0f} %" for other, part in list(parts.items())[1:4])
-        lines.append(f"  most of the spread of the position comes from the {name} ({100 * share:.0f} %; {rest})")
+        said = f"{100 * share:.0f} %" + (f"; {rest}" if rest else "")
+        lines.append(f"  most of the spread of the position comes from the {name} ({said})")
     return lines

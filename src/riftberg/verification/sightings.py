@@ -311,9 +311,11 @@ def log_likelihood(
 
 def weighted(store: Store, likelihood: Floats, about: str) -> tuple[Floats, float]:
     """Write the weights of a forecast and the forecast anew; return weights (sum 1) and their effective number."""
-    weight = np.exp(likelihood - base_of(store, likelihood.size) - np.nanmax(likelihood))
+    base = base_of(store, likelihood.size)
+    # Less the largest difference: the likelihoods of members that were drawn anew lie far above those of their parents.
+    weight = np.exp(likelihood - base - np.nanmax(likelihood - base))
     weight = np.nan_to_num(weight / np.nansum(weight))
-    kept = {"observed": about, "effective": effective(weight), "base": base_of(store, weight.size).tolist(),
+    kept = {"observed": about, "effective": effective(weight), "base": base.tolist(),
             "weight": (weight * np.count_nonzero(np.isfinite(likelihood))).tolist()}  # fmt: skip
     write_text(store.folder / WEIGHTS, json.dumps(kept))
     store.write()
