@@ -15,6 +15,7 @@ import shapely
 import xarray as xr
 from typer.testing import CliRunner
 
+from riftberg.cli.forecast import _distance
 from riftberg.cli.main import app
 from riftberg.ensembles.hazard import approach, geojson, ice_limits, positions, smallest_line
 from riftberg.ensembles.result import write_sweep
@@ -169,6 +170,9 @@ def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
         assert grid["presence"].dims == ("time", "lat", "lon")
         assert grid["lat"].attrs["standard_name"] == "latitude"
         assert not any("_FillValue" in grid[name].encoding for name in grid.coords)
+        # A map has one longitude and one latitude (5.6).
+        names = [grid[name].attrs.get("standard_name") for name in grid.variables]
+        assert names.count("longitude") == names.count("latitude") == 1
         assert grid.attrs["Conventions"] == "CF-1.11"
 
 
@@ -255,8 +259,13 @@ def test_geojson_keeps_the_rules_of_rfc_7946(hazards: Path) -> None:
         ('{"type": "Point", "coordinates": [-36000, -5600000]}', "5nm", "are no degrees"),
         ('{"type": "Point", "coordinates": [-36, -56]}', "-5nm", "Give a distance"),
         ('{"type": "Point", "coordinates": [-36, -56]}', "5kPa", "is in kPa"),
-        ('{"type": "Point", "coordinates": [-36, -56]}', "5", "a number without a unit. Give 5nm or 5km"),
-        ('{"type": "Point", "coordinates": [-36, -56]}', " 0.5 ", "a number without a unit"),
+        (
+            '{"type": "Point", "coordinates": [-36, -56]}',
+            "5",
+            "no distance with a unit. Give a distance, such as 5nm or 10km",
+        ),
+        ('{"type": "Point", "coordinates": [-36, -56]}', "1e3", "no distance with a unit"),
+        ('{"type": "Point", "coordinates": [-36, -56]}', " 0.5 ", "no distance with a unit"),
     ],
 )
 def test_bad_places_are_refused_and_nothing_is_written(
@@ -270,6 +279,11 @@ def test_bad_places_are_refused_and_nothing_is_written(
     assert said.exit_code == 2 or said.exit_code == 1
     assert message in " ".join(said.output.split())
     assert not (tmp_path / "h").exists()
+
+
+@pytest.mark.parametrize("text", ["5nm", "5 NM", " 5.0 nmi", "9.26 km", "9260m", "9.26e3 m"])
+def test_nautical_miles_as_ships_write_them(text: str) -> None:
+    assert _distance(text) == pytest.approx(9260.0)
 
 
 def test_a_sweep_is_no_forecast(tmp_path: Path) -> None:

@@ -424,6 +424,8 @@ def gridded(ds: xr.Dataset) -> xr.Dataset:
     }  # fmt: skip
     for name in ("presence", "passes"):
         grid[name].attrs["grid_mapping"] = "crs"
+    for name in ("cone_lon", "cone_lat"):
+        del grid[name].attrs["standard_name"]  # of a map one pair of coordinates has it alone (CF, 5.6)
     return grid.assign_attrs(
         Conventions="CF-1.11", title=f"Probabilities of ice: {ds.attrs.get('experiment', '')}",
         comment=f"Not covered: {ds.attrs.get('not_covered', '')}", history=f"riftberg {__version__}: riftberg hazard",

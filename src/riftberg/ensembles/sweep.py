@@ -562,6 +562,7 @@ class Store:
             values = alone[name].drop_vars("fragment", errors="ignore")
             values = values.rename(fragment="control_fragment") if "fragment" in values.dims else values
             found[f"control_{name}"] = values.assign_attrs(long_name=f"control: {values.attrs.get('long_name', name)}")
+            found[f"control_{name}"].attrs.pop("coordinates", None)  # those are of the members
         return found
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic.fields import FieldInfo
 
 from riftberg.config.values import allowed, given, kinds_of, native, number, required, unit_of
+from riftberg.ensembles.distributions import EXAMPLE as EXAMPLE_DRAWN
 from riftberg.ensembles.distributions import (
     OF_VALUES,
     POINTS,
@@ -36,8 +37,6 @@ MOST_MEMBERS: Final = 10_000
 """Members of a sweep, unless more are allowed."""
 
 EXAMPLE: Final = "For example --vary fracture.normal_strength=14..24kPa:11, or --vary damage.enabled=true,false"
-
-EXAMPLE_DRAWN: Final = "For example --vary 'fracture.normal_strength~lognormal(18 kPa, 20 %)'"
 
 _POSITIVE: Final = ("normal_strength", "shear_strength", "thickness")
 """Keys without limits of their own (the reference takes any strength, a berg a map of thickness), above 0 for all ice."""
