@@ -83,7 +83,7 @@ def _around(major: Floats, minor: Floats, azimuth: Floats) -> tuple[Floats, Floa
     return along * sine + across * cosine, along * cosine - across * sine
 
 
-def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[Floats, Floats]:
+def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[Floats, float]:
     """Return the convex line around members that weigh ``share`` or more, as small as it is found, and what they weigh.
 
     ``points``: corners of the ice of each member, degrees; ``weight``: adds up to 1. A member without ice has all of it inside.

@@ -22,7 +22,6 @@ from riftberg.ensembles.uncertain import is_uncertain, with_errors
 from riftberg.ensembles.vary import grouped
 from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import Options
-from riftberg.model import Recorder
 from riftberg.ocean.errors import UncertainForcing
 from riftberg.ocean.files_forcing import sharing_forcings
 from riftberg.plane import EqualAreaPlane
@@ -34,7 +33,7 @@ from riftberg.system.input_files import value_shown
 from riftberg.system.limits import allow_large
 
 if TYPE_CHECKING:
-    from riftberg.model import BareModel
+    from riftberg.model import BareModel, Recorder
     from riftberg.runs.model import Model
 
 Maker = Callable[..., "Model"]
@@ -239,7 +238,7 @@ def _forget_files(job: Job) -> None:
         file.unlink(missing_ok=True)
 
 
-class Tracks(Recorder):
+class Tracks:
     """Recorder of the centroid, area and long axis of every fragment at equal intervals.
 
     ``every``: interval, s; ``lag``: how much later than the run the intervals begin, s.
@@ -293,6 +292,9 @@ class Tracks(Recorder):
         """Return all rows as one array of finite numbers, for a saved state; -1 for a berg that has not been aground."""
         whole = [float(np.nan_to_num(self.first_aground, nan=-1.0)), *self.stress_ratios, *[0.0] * 7]
         return np.array([*self.rows, whole], dtype=np.float64)
+
+    def finish(self, model: BareModel) -> None:
+        """Leave the rows as they are."""
 
 
 def _aground(model: BareModel) -> Any:
@@ -362,12 +364,15 @@ def _shapes(model: BareModel, start: tuple[Any, Any, Any]) -> list[list[Any]]:
     return found
 
 
-class Keeper(Recorder):
+class Keeper:
     """Recorder that saves the state now and then, and ends the run where the sweep is asked to stop."""
 
     def __init__(self, job: Job, track: Tracks) -> None:
         self.job, self.track = job, track
         self._saved = self._looked = clock.monotonic()
+
+    def start(self, model: BareModel) -> None:
+        """Do nothing."""
 
     def record(self, model: BareModel) -> None:
         """Look whether to stop, and save the state where the last one is old enough."""
@@ -386,6 +391,9 @@ class Keeper(Recorder):
             model.remembered[_REMEMBERED] = self.track.kept()
             model.save(self.job.state_file)
             del model.remembered[_REMEMBERED]
+
+    def finish(self, model: BareModel) -> None:
+        """Do nothing."""
 
 
 FRAGMENT: Final = (

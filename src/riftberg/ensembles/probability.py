@@ -487,7 +487,7 @@ def _explained(given: Floats, target: Floats, root: Floats, n: float) -> float:
     total, p = float((y**2).sum()), x.shape[1]
     if total == 0.0 or n <= p + 1:
         return 0.0
-    return max(0.0, 1.0 - float((rest**2).sum()) / total * (n - 1.0) / (n - p - 1.0))
+    return float(max(0.0, 1.0 - (rest**2).sum() / total * (n - 1.0) / (n - p - 1.0)))
 
 
 def notes(ds: xr.Dataset) -> list[str]:
