@@ -72,6 +72,12 @@ def test_a_pair_of_numbers_has_both_drawn() -> None:
     assert pairs.mean() == pytest.approx(0.5, abs=0.02)
 
 
+def test_the_values_of_a_choice_take_the_unit_of_the_last_one() -> None:
+    """As those of a list: choice(10, 20 kPa) had been 10 Pa or 20 kPa."""
+    (varied,) = varied_of(["fracture.normal_strength~choice(10, 20 kPa)"])
+    assert {m["fracture.normal_strength"] for m in members_of([varied], Draws(8))} == {10e3, 20e3}
+
+
 def test_what_is_impossible_is_cut_off_and_told() -> None:
     (varied,) = varied_of(["start.thickness~normal(1, 0.5)"])
     assert varied.distribution is not None
@@ -101,6 +107,9 @@ def test_what_is_impossible_is_cut_off_and_told() -> None:
         ("fracture.normal_strength~lognormal(18 kPa, 20)", "a standard deviation of the logarithm of 20"),
         ("fracture.enabled~uniform(0, 1)", "no number with decimals"),
         ("start.south~normal(0, 3 km)", "no parameter 'south'"),
+        ("fracture.normal_strength~choice(10 kPa, 20)", "20 has no unit, but 10 kPa has"),
+        ("fracture.normal_strength~choice()", "has an empty place"),
+        ("berg.placement~normal(-38, 1)", "one distribution for longitude and latitude"),
         ("current_error.length=0", "0.0 is not possible"),
     ],
 )
@@ -191,6 +200,8 @@ def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) ->
         ("start.thickness\n-1\n", "-1.0 is not possible"),
         ("strength\n1\n", "not of the form group.name"),
         ("start.east,start.north, start.east\n1,2,3\n", "line 1: start.east stands twice"),
+        (",start.east\n0,1\n1,2\n", "column 1 has no name"),
+        ("start.east;start.north\n1;2\n", "semicolons or tabs between the values"),
     ],
 )
 def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> None:
@@ -201,6 +212,12 @@ def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> Non
     assert said.exit_code != 0
     assert message in " ".join(said.output.split())
     assert not out.exists()
+
+
+def test_a_design_names_keys_of_the_experiment_file_too() -> None:
+    _, members = designed({"start": ["2020-12-09", "2020-12-10"], "forcing.uniform.current.0": ["0.1", "0.2"]})
+    assert list(members) == [{"start": "2020-12-09", "forcing.uniform.current.0": 0.1},
+                             {"start": "2020-12-10", "forcing.uniform.current.0": 0.2}]  # fmt: skip
 
 
 def test_each_row_of_a_design_has_random_fields_of_its_own_unless_it_names_the_seed() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import shapely
 import xarray as xr
 from typer.testing import CliRunner
 
+from riftberg.cli.forecast import _distance
 from riftberg.cli.main import app
 from riftberg.ensembles.hazard import approach, geojson, ice_limits, positions, smallest_line
 from riftberg.ensembles.result import write_sweep
@@ -52,6 +54,29 @@ def test_all_ice_of_a_member_lies_inside_also_its_pieces() -> None:
             assert shape.buffer(1e-9).contains(shapely.Point(corner))
     first = next(limit for limit in limits if limit.percent == 90 and limit.date is not None)
     assert shapely.Polygon(first.line).area < shape.area  # on the first day there is no piece yet
+
+
+def test_the_limit_of_half_holds_one_of_two_groups_far_apart() -> None:
+    """Leaving out one member after another took them from both groups in turn, and the line joined what was left."""
+    ends = [-37.0, -36.8, -36.6, -20.0, -19.8, -19.6]
+    found = ice_limits(forecast_of([outcome(k, [lon] * 2, [-55.0] * 2) for k, lon in enumerate(ends)], 1))
+    half = next(limit for limit in found if limit.percent == 50)
+    assert np.ptp(half.line[:, 0]) < 1.0
+    assert half.inside == pytest.approx(0.5)
+
+
+def test_limits_are_nearly_the_smallest_of_all_choices_of_members() -> None:
+    random, angle = np.random.default_rng(5), 2.0 * np.pi * np.arange(12) / 12
+    disc = 0.15 * np.column_stack([np.cos(angle), np.sin(angle)])
+    for spread in (np.eye(2), np.diag([4.0, 0.5])):
+        for _ in range(8):
+            points = [place + disc for place in random.standard_normal((8, 2)) @ spread]
+            line, inside = smallest_line(points, np.full(8, 0.125), 0.6)
+            hulls = (shapely.MultiPoint(np.concatenate(five)).convex_hull for five in itertools.combinations(points, 5))
+            assert shapely.Polygon(line).area < 1.1 * min(hull.area for hull in hulls)
+            assert inside == pytest.approx(0.625)
+    # Where most members have no ice left, nothing is needed.
+    assert len(smallest_line([disc, disc[:0], disc[:0]], np.full(3, 1 / 3), 0.5)[0]) == 0
 
 
 def test_members_with_more_weight_are_kept() -> None:
@@ -99,6 +124,16 @@ def test_across_the_date_line() -> None:
         assert -180.0 <= bounds[0] <= bounds[2] <= 180.0
 
 
+def test_routes_and_areas_across_the_date_line_take_the_short_way() -> None:
+    ds = forecast_of([outcome(k, [179.5, 180.5], [-60.0, -60.0]) for k in range(5)], 1)
+    area = shapely.Polygon([(179, -60.5), (-179, -60.5), (-179, -59.5), (179, -59.5)])
+    assert approach(ds, "area", area, 1e3).probability.tolist() == [1.0, 1.0]
+    route = shapely.LineString([(170, -62.0), (-170, -62.0)])  # some 220 km south of the berg
+    assert approach(ds, "route", route, 0.0).closest / 1e3 == pytest.approx(2 * DEGREE, abs=8.0)
+    # Once around the Earth is no jump.
+    assert approach(ds, "south", shapely.box(-180, -90, 180, -59), 0.0).probability[-1] == 1.0
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with a forecast."""
@@ -135,6 +170,9 @@ def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
         assert grid["presence"].dims == ("time", "lat", "lon")
         assert grid["lat"].attrs["standard_name"] == "latitude"
         assert not any("_FillValue" in grid[name].encoding for name in grid.coords)
+        # A map has one longitude and one latitude (5.6).
+        names = [grid[name].attrs.get("standard_name") for name in grid.variables]
+        assert names.count("longitude") == names.count("latitude") == 1
         assert grid.attrs["Conventions"] == "CF-1.11"
 
 
@@ -221,8 +259,13 @@ def test_geojson_keeps_the_rules_of_rfc_7946(hazards: Path) -> None:
         ('{"type": "Point", "coordinates": [-36000, -5600000]}', "5nm", "are no degrees"),
         ('{"type": "Point", "coordinates": [-36, -56]}', "-5nm", "Give a distance"),
         ('{"type": "Point", "coordinates": [-36, -56]}', "5kPa", "is in kPa"),
-        ('{"type": "Point", "coordinates": [-36, -56]}', "5", "a number without a unit. Give 5nm or 5km"),
-        ('{"type": "Point", "coordinates": [-36, -56]}', " 0.5 ", "a number without a unit"),
+        (
+            '{"type": "Point", "coordinates": [-36, -56]}',
+            "5",
+            "no distance with a unit. Give a distance, such as 5nm or 10km",
+        ),
+        ('{"type": "Point", "coordinates": [-36, -56]}', "1e3", "no distance with a unit"),
+        ('{"type": "Point", "coordinates": [-36, -56]}', " 0.5 ", "no distance with a unit"),
     ],
 )
 def test_bad_places_are_refused_and_nothing_is_written(
@@ -236,6 +279,11 @@ def test_bad_places_are_refused_and_nothing_is_written(
     assert said.exit_code == 2 or said.exit_code == 1
     assert message in " ".join(said.output.split())
     assert not (tmp_path / "h").exists()
+
+
+@pytest.mark.parametrize("text", ["5nm", "5 NM", " 5.0 nmi", "9.26 km", "9260m", "9.26e3 m"])
+def test_nautical_miles_as_ships_write_them(text: str) -> None:
+    assert _distance(text) == pytest.approx(9260.0)
 
 
 def test_a_sweep_is_no_forecast(tmp_path: Path) -> None:

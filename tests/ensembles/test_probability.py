@@ -163,6 +163,14 @@ def test_scenarios_have_their_members_and_what_sets_them_apart() -> None:
     assert "start strength low" in other.told()
 
 
+def test_the_representative_of_a_scenario_is_in_its_middle_across_the_date_line() -> None:
+    ends = [179.6, 179.8, -180.0, -179.8, -179.6]
+    assert [
+        s.representative
+        for s in scenarios(forecast_of([outcome(k, [180.0, lon], [-60.0] * 2) for k, lon in enumerate(ends)], 1))
+    ] == [2]
+
+
 def test_the_source_of_the_spread_is_found() -> None:
     rng = np.random.default_rng(4)
     current, wind, east = rng.normal(0.0, 0.1, (60, 2)), rng.normal(0.0, 2.0, (60, 2)), rng.normal(0.0, 3e3, 60)
@@ -178,6 +186,9 @@ def test_the_source_of_the_spread_is_found() -> None:
     assert parts["wind"] < 0.15
     assert parts["start"] < 0.15
     assert any("comes from the current" in line for line in told(forecast_of(members, 1)))
+    # Of the few members that count after an update, anything explains the spread.
+    weighted = forecast_of(members, 1)
+    assert sources(weighted.assign_coords(weight=("member", 0.2 ** np.arange(60.0)))) == {}
 
 
 def test_the_layout_is_that_of_the_page() -> None:

@@ -20,7 +20,7 @@ import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
 from riftberg.cli.main import app
 from riftberg.cli.sweep import summary_lines
-from riftberg.ensembles.member import Job, build_member, run_member
+from riftberg.ensembles.member import Job, Outcome, Tracks, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
 from riftberg.ensembles.sweep import Store, join_parts, planned
 from riftberg.errors import InputError, RunError
@@ -111,6 +111,7 @@ def test_the_file_speaks_cf(alone: xr.Dataset, tmp_path: Path) -> None:
         assert raw["member"].attrs["standard_name"] == "realization"
         assert raw["time"].attrs["units"].startswith("seconds since 2020-12-09")
         assert raw["lon"].attrs["standard_name"] == "longitude"
+        assert not any("_FillValue" in raw[name].encoding for name in ("member", "fragment", "time"))  # CF, 2.5.1
         for name, variable in raw.data_vars.items():
             assert "long_name" in variable.attrs or "standard_name" in variable.attrs, name
             if variable.dtype.kind == "f":
@@ -262,6 +263,35 @@ def test_members_of_other_parts_wait_and_have_not_failed(experiment: Path, tmp_p
     assert "0 failed" in lines
     assert lines.count("waits") == 2
     assert "failed:" not in lines
+
+
+def test_parts_that_are_joined_keep_failures_and_cells_and_say_what_is_missing(
+    experiment: Path, tmp_path: Path
+) -> None:
+    """Failed members had become waiting ones, and files on cells stayed in the parts."""
+    plan = planned(experiment, ["fracture.normal_strength=14..24kPa:6"], Options(), 1.0)
+    for k, member in ((1, 0), (3, 2)):
+        store = Store(tmp_path, plan, resume=False, part=(k, 4))
+        store.begin()
+        store.keep(Outcome(member, "failed", "it ran away"))
+        (store.folder / "cells").mkdir()
+        (store.folder / "cells" / f"{member:05d}-monthly.nc").touch()
+    said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path), "--no-map"])
+    assert "Missing: parts 2, 4; 6 members wait" in said.output
+    result = open_sweep(tmp_path)
+    assert result["status"].values.tolist() == [1, 2, 1, 2, 2, 2]
+    assert result["message"].values[0] == "it ran away"
+    assert [file.name for file in sorted((tmp_path / "cells").iterdir())] == ["00000-monthly.nc", "00002-monthly.nc"]
+    # What failed is tried again when it goes on, and a part goes on as a part.
+    assert Store(tmp_path, plan, resume=True).waiting() == [0, 1, 2, 3, 4, 5]
+    assert Store(tmp_path / "part-3-of-4", plan, resume=True).waiting() == [2]
+
+
+def test_a_part_without_members_has_not_failed(experiment: Path, tmp_path: Path) -> None:
+    """Job arrays may have more jobs than there are members."""
+    words = ["sweep", str(experiment), "--vary", "fracture.normal_strength=14,18kPa", "--part", "3/4"]
+    said = CliRunner().invoke(app, [*words, "-o", str(tmp_path / "out"), "--no-map", "--workers", "0"])
+    assert said.exit_code == 0, said.output
 
 
 def test_the_command_refuses_in_one_sentence(tmp_path: Path) -> None:
@@ -456,8 +486,7 @@ def test_the_command_runs_is_interrupted_and_goes_on(tmp_path: Path) -> None:
     assert (result["status"] == 0).all()
     assert (out / "sweep.png").stat().st_size > 20_000
     single = riftberg.experiments.build("a68a", Options({"fracture": {"normal_strength": 16e3}}))[0]  # type: ignore[attr-defined]
-    single.advance(2.0)
-    assert result["lon"].values[0, 0, -1] == pytest.approx(
-        np.average(single.elements.lon, weights=single.elements.length**2)
-    )
+    track = Tracks(6 * 3600.0)
+    single.advance(2.0, recorders=[track])
+    assert result["lon"].values[0, 0].tolist() == [row[2] for row in track.rows if row[1] == 1.0]
     assert json.loads((out / "sweep.json").read_text())["days"] == 2.0

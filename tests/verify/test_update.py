@@ -17,7 +17,7 @@ from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.vary import Draws, members_of, varied_of
 from riftberg.errors import InputError
-from riftberg.verification.sightings import drawn_anew, log_likelihood
+from riftberg.verification.sightings import drawn_anew, log_likelihood, weighted
 
 KM = 1.0 / 111.195  # degrees of latitude
 DAYS = np.datetime64("2020-12-09", "ns") + np.arange(3) * np.timedelta64(1, "D")
@@ -115,7 +115,8 @@ def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() 
     weight = np.exp(likelihood - likelihood.max())
     weight /= weight.sum()
     assert effective(weight) < 2000
-    columns, base = drawn_anew(plan, weight, likelihood)
+    columns, base, parents = drawn_anew(plan, weight, likelihood)
+    assert 1000 < parents < 4096
     new = np.array(columns["start.turn"])
     mean = weight @ turn
     assert new.mean() == pytest.approx(mean, abs=0.1)
@@ -126,6 +127,35 @@ def test_members_drawn_anew_keep_mean_and_spread_and_respect_the_distribution() 
     assert len(base) == 4096
     assert np.mean(base) > np.mean(likelihood)
     assert len(np.unique(new)) == 4096
+
+
+def test_members_around_a_single_one_are_no_copies_of_it() -> None:
+    """Bug: one member that counts has no spread, so all new ones were the same, and every one of them counted."""
+    varied = varied_of(["start.turn~normal(0, 5)"])
+    plan: Any = SimpleNamespace(varied=varied, members=members_of(varied, Draws(64)))
+    weight = np.eye(64)[3]
+    columns, _, parents = drawn_anew(plan, weight, np.log(weight + 1e-300))
+    assert parents == 1
+    assert np.std(columns["start.turn"]) == pytest.approx(0.3 * 5.0, rel=0.25)  # the kernel, of the spread of all
+
+
+def test_sightings_that_contradict_each_other_are_said(caplog: pytest.LogCaptureFixture) -> None:
+    """Of two positions at one moment the first had been left out without a word."""
+    both = Observations("seen.csv", fixes=[fix(-25.0).fixes[0], fix(25.0).fixes[0]])
+    found = log_likelihood(spread([-20.0, 0.0, 30.0]), both, error=6.0)
+    expected = [-0.5 * (one**2 + other**2) / 36.0 for one, other in ((5.0, 45.0), (25.0, 25.0), (55.0, 5.0))]
+    assert found == pytest.approx(expected, rel=1e-5)
+    assert (
+        "no member agrees with all 2 positions: the best one is 4.2 standard deviations off on average" in caplog.text
+    )
+
+
+def test_members_that_fit_far_better_than_their_parents_have_weights(tmp_path: Path) -> None:
+    """Bug: the largest likelihood was taken off without those of the parents, and all weights became 0."""
+    store: Any = SimpleNamespace(folder=tmp_path, weights=lambda: {"base": [-900.0, -905.0]}, write=lambda: None)
+    weight, number = weighted(store, np.array([-10.0, -10.0]), "")
+    assert weight.tolist() == pytest.approx([1.0 / (1.0 + np.exp(5.0)), 1.0 / (1.0 + np.exp(-5.0))])
+    assert 1.0 <= number <= 2.0
 
 
 @pytest.mark.compiled

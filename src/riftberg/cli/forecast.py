@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,33 +13,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from riftberg.cli.options import (
-    AllowMore,
     AzimuthError,
     BergInFile,
     Broken,
-    Data,
-    Days,
     DefaultErrors,
+    EnsembleOptions,
     EveryPosition,
     ExperimentToRun,
     Hour,
     Members,
-    OneNumerics,
     PlanName,
     PositionError,
     Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    Settings,
+    VaryDrawn,
     WholeUntil,
-    Without,
     Workers,
     check_folder,
-    make_options,
     pair,
     positive,
     results_folder,
+    with_ensemble_options,
     within,
 )
 from riftberg.cli.sweep import opened, resumed, run_members
@@ -58,36 +52,18 @@ RESULTS = ("forecast.nc", "sweep.json", "control.nc", "forecast.png")
 
 
 @reported
+@with_ensemble_options
 def forecast(
     context: typer.Context,
     experiment: ExperimentToRun = None,
     members: Members = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary", metavar="GROUP.NAME~DISTRIBUTION",
-            help="What else is uncertain, or instead of a default error: 'start.thickness~lognormal(1, 10 %)', "
-            "'current_error.speed=0.2 m/s'. May be repeated.",
-        ),
-    ] = None,
+    vary: VaryDrawn = None,
     default_errors: DefaultErrors = True,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-forecast]")
-    ] = None,
-    settings: Settings = None,
-    days: Days = None,
-    data: Data = None,
-    without: Without = None,
-    numerics: OneNumerics = None,
     every: EveryPosition = None,
     plan: PlanName = None,
-    seed: Seed = None,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    resume: Resume = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw forecast.png.")] = True,
-    quiet: Quiet = False,
-    large: AllowMore = False,
+    *,
+    shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs."""
     from riftberg.ensembles.forecast import errors_line, forecast_plan
@@ -95,15 +71,14 @@ def forecast(
     from riftberg.ensembles.sweep import draws_of
 
     def make(experiment: str) -> Plan:
-        options = make_options(settings, days, data, without, numerics)
-        draws = draws_of({"members": members, "plan": plan, "seed": seed})
-        return forecast_plan(experiment, vary or [], options, every, draws, defaults=default_errors)
+        draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
+        return forecast_plan(experiment, vary or [], shared.checked(), every, draws, defaults=default_errors)
 
-    with allow_large(large):
+    with allow_large(shared.large):
         positive(every, "--every", "hours", most=1e6)
-        announce_compilation(quiet)
-        store = opened(context, "forecast", experiment, make, output, RESULTS, resume, members)
-        if not quiet:
+        announce_compilation(shared.quiet)
+        store = opened(context, "forecast", experiment, make, RESULTS, shared, members)
+        if not shared.quiet:
             say(errors_line(store.plan.varied))
             if map_:
                 store.look = partial(first_picture, path=store.folder / "forecast.png")
@@ -111,7 +86,7 @@ def forecast(
                 if v.distribution is not None and v.distribution.cut_off >= 5e-5:
                     say(f"  {v.told()}")
         with results_folder(store.folder, RESULTS):
-            result = run_members(store, "forecast", scheduler, workers, quiet=quiet)
+            result = run_members(store, "forecast", shared)
         files = list(RESULTS[:-1])
         if not (result["status"] == 0).any():
             message = next((str(text) for text in result["message"].values if text), "")
@@ -226,7 +201,7 @@ def update(
     if number < FEWEST * done and resample:
         check_folder(new, ("sweep.json", "forecast.nc"))
         announce_compilation(quiet)
-        columns, base = drawn_anew(store.plan, weight, known)
+        columns, base, parents = drawn_anew(store.plan, weight, known)
         plan = store.plan
         again = planned(plan.experiment, columns, replace(plan.options, days=plan.days), plan.every / 3600.0,
                         forecast=True, design=True)  # fmt: skip
@@ -236,7 +211,8 @@ def update(
         store.set_base(base)
         known = likelihood(store)
         _, number = weighted(store, known, about)
-        say(f"New members: {number:.1f} of {count_of(known)} count")
+        around = f"around {parents} of the old ones" if parents > 1 else "around a single one, with its random fields"
+        say(f"New members {around}: {number:.1f} of {count_of(known)} count")
     for line in told(open_sweep(store.file)):
         typer.echo(line)
     typer.echo(f"Written to {store.folder}: {store.file.name}, weights.json")
@@ -305,12 +281,14 @@ def hazard(
 def _distance(text: str) -> float:
     from riftberg.config.values import number
 
-    plain = text.strip()
+    parts = re.fullmatch(r"\s*([-+.\deE]*\d\.?)\s*(.*?)\s*", text)
+    if parts is None or not parts[2]:
+        raise InputError(
+            "no distance with a unit", where=f"--within {text}", remedy="Give a distance, such as 5nm or 10km"
+        )
     # A ship's nm is the nautical mile; nanometres come near nothing.
-    plain = plain[:-2].strip() + " nmi" if plain.endswith("nm") else plain
-    if plain.replace(".", "", 1).isdigit():
-        raise InputError("a number without a unit", where=f"--within {text}", remedy=f"Give {plain}nm or {plain}km")
-    metres = number(plain, "m", where=f"--within {text}")
+    unit = "nmi" if parts[2].lower() == "nm" else parts[2]
+    metres = number(f"{parts[1]} {unit}", "m", where=f"--within {text}")
     if not 0.0 <= metres < 2e7:
         raise InputError(f"{metres:g} m", where=f"--within {text}", remedy="Give a distance, such as 5nm or 10km")
     return metres

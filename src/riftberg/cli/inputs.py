@@ -9,30 +9,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from riftberg.cli.options import (
-    AllowMore,
     AzimuthError,
     BergInFile,
     Broken,
-    Data,
-    Days,
     DefaultErrors,
+    EnsembleOptions,
     ExperimentToRun,
+    Figure,
     Hour,
-    OneNumerics,
     PositionError,
-    Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    Settings,
+    VaryDrawn,
     WholeUntil,
-    Without,
-    Workers,
     check_folder,
     make_options,
     output_folder,
     positive,
     results_folder,
+    with_ensemble_options,
     within,
 )
 from riftberg.cli.sweep import opened, run_members
@@ -50,6 +43,7 @@ RESULTS = ("sweep.nc", "sweep.json", "sensitivity.csv", "sensitivity.png")
 
 
 @reported
+@with_ensemble_options
 def sensitivity(
     context: typer.Context,
     experiment: ExperimentToRun = None,
@@ -61,12 +55,7 @@ def sensitivity(
         typer.Option("--draws", min=2, help="Draws of one run for each input and one (morris) or two (sobol) more.  "
                      "[default: 16 for morris, 64 for sobol]"),
     ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option("--vary", metavar="GROUP.NAME~DISTRIBUTION",
-                     help="Input beside, or instead of, the errors of a forecast: 'drag.ocean_scale~lognormal(1, 20 %)'. "
-                     "May be repeated."),
-    ] = None,
+    vary: VaryDrawn = None,
     default_errors: DefaultErrors = True,
     at_day: Annotated[
         list[float] | None,
@@ -77,21 +66,9 @@ def sensitivity(
         Path | None, typer.Option("--observed", metavar="FILE", help="Outlines or positions: the error of the drift too.")
     ] = None,
     berg: BergInFile = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-sensitivity]")
-    ] = None,
-    settings: Settings = None,
-    days: Days = None,
-    data: Data = None,
-    without: Without = None,
-    numerics: OneNumerics = None,
-    seed: Seed = None,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    resume: Resume = None,
-    figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw sensitivity.png.")] = True,
-    quiet: Quiet = False,
-    large: AllowMore = False,
+    figure: Figure = True,
+    *,
+    shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift."""
     from riftberg.diagnostics.observed import read_observed
@@ -105,23 +82,22 @@ def sensitivity(
     seen = None if observed is None else read_observed(observed)
 
     def make(experiment: str) -> Plan:
-        options = make_options(settings, days, data, without, numerics)
         errors = forecast_errors(experiment, vary or [], defaults=default_errors)
-        drawn = draws_of({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": seed})
-        return planned(experiment, errors, options, None, None, drawn)
+        drawn = draws_of({"members": draws or USUAL_DRAWS[method], "plan": METHODS[method], "seed": shared.seed})
+        return planned(experiment, errors, shared.checked(), None, None, drawn)
 
-    with allow_large(large):
-        announce_compilation(quiet)
-        store = opened(context, "sensitivity", experiment, make, output, RESULTS, resume, draws)
+    with allow_large(shared.large):
+        announce_compilation(shared.quiet)
+        store = opened(context, "sensitivity", experiment, make, RESULTS, shared, draws)
         plan = store.plan
         for day in at_day or ():
             positive(day, "--at-day", "days", most=plan.days)
-        if not quiet:
+        if not shared.quiet:
             say(
                 f"{len(plan.members)} runs of {plan.days:g} days: {plan.draws.number} draws by the plan {plan.draws.plan}"
             )
         with results_folder(store.folder, RESULTS):
-            ds = run_members(store, "sensitivity", scheduler, workers, quiet=quiet)
+            ds = run_members(store, "sensitivity", shared)
             if not (ds["status"] == 0).any():
                 raise RunError("no run came to its end")
             results = results_of(ds, at_day or ())
@@ -175,15 +151,12 @@ ASKED = "calibration.json"
 
 
 @reported
+@with_ensemble_options
 def calibrate(
     context: typer.Context,
     experiment: ExperimentToRun = None,
     observed: Annotated[Path | None, typer.Argument(metavar="[OBSERVED]", help="Outlines or positions.")] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option("--vary", metavar="GROUP.NAME~DISTRIBUTION",
-                     help="What is to be found: 'start.strength~lognormal(1, 40 %)'. May be repeated."),
-    ] = None,
+    vary: VaryDrawn = None,
     broken: Broken = None,
     whole_until: WholeUntil = None,
     one_break_until: Annotated[
@@ -203,21 +176,9 @@ def calibrate(
     members: Annotated[
         int | None, typer.Option("--members", min=1, help="Members of a wave.  [default: ten for each input]")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-calibration]")
-    ] = None,
-    settings: Settings = None,
-    days: Days = None,
-    data: Data = None,
-    without: Without = None,
-    numerics: OneNumerics = None,
-    seed: Seed = None,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    resume: Resume = None,
-    figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw posterior.png and predictive.png.")] = True,
-    quiet: Quiet = False,
-    large: AllowMore = False,
+    figure: Figure = True,
+    *,
+    shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Find inputs that agree with observed positions, headings and break-up, and say how well they are known."""
     from riftberg.config.values import parse_date
@@ -236,16 +197,16 @@ def calibrate(
         name: str(value.absolute()) if isinstance(value, Path) else value
         for name, value in context.params.items() if name not in WHERE
     }  # fmt: skip
-    if resume is not None:
+    if shared.resume is not None:
         if experiment is not None:
             raise InputError(
                 "a calibration that goes on stays what it is", where="--resume", remedy="Name its folder alone"
             )
-        asked, folder = _asked(resume), resume
+        asked, folder = _asked(shared.resume), shared.resume
     elif experiment is None:
         raise InputError("no experiment is named", where="calibrate", remedy="Name one, or give --resume FOLDER")
     else:
-        folder = output_folder(output, f"{Path(experiment).stem}-calibration", ASKED)
+        folder = output_folder(shared.output, f"{Path(experiment).stem}-calibration", ASKED)
         if (folder / ASKED).exists():
             raise InputError(
                 "holds a calibration already",
@@ -264,13 +225,13 @@ def calibrate(
     errors = Errors(asked["error"], asked["azimuth_error"], asked["model_error"])
     seen = None if asked["observed"] is None else read_observed(asked["observed"])
     same = {name: asked[name] for name in ("days", "berg", "hour", "waves", "members", "data", "numerics")}
-    with allow_large(large), results_folder(folder, names):
-        announce_compilation(quiet)
+    with allow_large(shared.large), results_folder(folder, names):
+        announce_compilation(shared.quiet)
 
         def bar(name: str, count: int) -> SweepBar | None:
             if name == "wave-1":  # all that can be refused has been
                 write_text(folder / ASKED, json.dumps(asked, indent=1) + "\n")
-            if quiet:
+            if shared.quiet:
                 return None
             said = name.replace("-firm", ", the same with ice that does not break").replace("-", " ")
             say(f"{said.capitalize()}: {count} runs")
@@ -278,9 +239,9 @@ def calibrate(
 
         try:
             found = calibrated(
-                str(asked["experiment"]), seen, asked["vary"] or [], errors=errors, output=folder, resume=resume is not None,
-                bar=bar, changes=made.changes, without=asked["without"] or (), seed=asked["seed"] or 1, scheduler=scheduler,
-                workers=workers, **same, **dates,
+                str(asked["experiment"]), seen, asked["vary"] or [], errors=errors, output=folder,
+                resume=shared.resume is not None, bar=bar, changes=made.changes, without=asked["without"] or (),
+                seed=asked["seed"] or 1, scheduler=shared.scheduler, workers=shared.workers, **same, **dates,
             )  # fmt: skip
         except (KeyboardInterrupt, SystemExit):
             if (folder / ASKED).exists():

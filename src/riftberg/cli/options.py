@@ -6,11 +6,14 @@ refused is removed. Two commands that write one file are kept apart (`riftberg.s
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 
@@ -104,6 +107,18 @@ AzimuthError = Annotated[
 ]
 Broken = Annotated[str | None, typer.Option("--broken", metavar="DATE", help="When the berg was first seen broken.")]
 WholeUntil = Annotated[str | None, typer.Option("--whole-until", metavar="DATE", help="When it was last seen whole.")]
+VaryDrawn = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary", metavar="GROUP.NAME~DISTRIBUTION",
+        help="What is uncertain, beside or instead of the default errors where a command has these: "
+        "'start.thickness~lognormal(1, 10 %)', 'current_error.speed=0.2 m/s'. May be repeated.",
+    ),
+]  # fmt: skip
+Figure = Annotated[bool, typer.Option("--figure/--no-figure", help="Draw the figures.")]
+OutputFolder = Annotated[
+    Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-COMMAND]")
+]
 OutputBeside = Annotated[Path | None, typer.Option("--output", "-o", help="Folder.  [default: beside the run]")]
 
 
@@ -187,6 +202,45 @@ def make_options(
 
         changes = parse_settings(settings)
     return Options(changes, days, data, frozenset(without or ()), cast("Numerics | None", numerics), fetch, grid)
+
+
+@dataclass(frozen=True)
+class EnsembleOptions:
+    """What all commands take that run members."""
+
+    output: OutputFolder = None
+    settings: Settings = None
+    days: Days = None
+    data: Data = None
+    without: Without = None
+    numerics: OneNumerics = None
+    seed: Seed = None
+    scheduler: Scheduler = None
+    workers: Workers = None
+    resume: Resume = None
+    quiet: Quiet = False
+    large: AllowMore = False
+
+    def checked(self) -> Options:
+        """Return what is the same for all members."""
+        return make_options(self.settings, self.days, self.data, self.without, self.numerics)
+
+
+def with_ensemble_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command that takes each of `EnsembleOptions` by itself, and gets them together as ``shared``."""
+    own = inspect.signature(EnsembleOptions, eval_str=True).parameters.values()
+    fields = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own]
+
+    @functools.wraps(command)
+    def wrapped(**given: Any) -> Any:
+        shared = EnsembleOptions(**{field.name: given.pop(field.name) for field in fields})
+        return command(**given, shared=shared)
+
+    signature = inspect.signature(command, eval_str=True)
+    parameters = [*(p for p in signature.parameters.values() if p.name != "shared"), *fields]
+    wrapped.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    wrapped.__annotations__ = {p.name: p.annotation for p in parameters}
+    return wrapped
 
 
 def words_without(words: Iterable[str], *options: str) -> list[str]:

@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from riftberg.cli.options import (
-    AllowMore,
-    Data,
-    Days,
+    EnsembleOptions,
     EveryPosition,
     ExperimentToRun,
     Members,
-    OneNumerics,
     PlanName,
-    Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    Settings,
-    Without,
-    Workers,
     check_folder,
-    make_options,
     output_folder,
     positive,
     results_folder,
+    with_ensemble_options,
 )
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.config.units import duration_text
@@ -46,6 +37,7 @@ RESULTS = ("sweep.nc", "sweep.json", "sweep.png")
 
 
 @reported
+@with_ensemble_options
 def sweep(
     context: typer.Context,
     experiment: ExperimentToRun = None,
@@ -70,15 +62,6 @@ def sweep(
     ] = None,
     members: Members = None,
     plan: PlanName = None,
-    seed: Seed = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the results.  [default: riftberg-out/NAME-sweep]")
-    ] = None,
-    settings: Settings = None,
-    days: Days = None,
-    data: Data = None,
-    without: Without = None,
-    numerics: OneNumerics = None,
     every: EveryPosition = None,
     cells: Annotated[
         float | None,
@@ -86,68 +69,67 @@ def sweep(
             "--cells", help="Write fresh water, heat and mass of each member on cells of this width (degrees), in folder cells."
         ),
     ] = None,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    resume: Resume = None,
     map_: Annotated[bool, typer.Option("--map/--no-map", help="Draw sweep.png.")] = True,
-    quiet: Quiet = False,
-    large: AllowMore = False,
+    *,
+    shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Run an ensemble: an experiment for every combination of parameter values, collected in one result."""
     from riftberg.ensembles.sweep import draws_of, join_parts, planned
     from riftberg.ensembles.vary import Draws, read_design
 
-    with allow_large(large):
+    with allow_large(shared.large):
         positive(every, "--every", "hours", most=1e6)
-        announce_compilation(quiet)
+        announce_compilation(shared.quiet)
         if join is not None:
             if options_given(context, *KEPT, "experiment", "resume", "part", "members"):
                 raise InputError("parts are joined as they are", where="--join", remedy="Give --join FOLDER alone")
-            join_parts(join)
+            missing = join_parts(join)
             store = resumed(join)
+            if missing:
+                parts = ", ".join(map(str, missing[:10])) + (", ..." if len(missing) > 10 else "")
+                say(f"Missing: part{'s' if len(missing) > 1 else ''} {parts}; {len(store.waiting())} members wait")
             store.own = []
-            _run(store, scheduler, 0, draw=map_, quiet=quiet)
+            _run(store, replace(shared, workers=0), draw=map_)
             return
-        if resume is not None and part is not None:
+        if shared.resume is not None and part is not None:
             raise InputError(
                 "a part goes on by itself", where="--resume", remedy="Name the folder of the part, without --part"
             )
 
         def make(experiment: str) -> Plan:
-            options = make_options(settings, days, data, without, numerics)
-            draws = draws_of({"members": members, "plan": plan, "seed": seed})
+            draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
             if design is not None and (vary or draws != Draws()):
                 raise InputError(
                     "a design says itself what varies", where="--design",
                     remedy="Leave --vary, --members, --plan and --seed out",
                 )  # fmt: skip
             what = (vary or []) if design is None else read_design(design)
-            return planned(experiment, what, options, every, cells, draws, design=design is not None)
+            return planned(experiment, what, shared.checked(), every, cells, draws, design=design is not None)
 
-        store = opened(context, "sweep", experiment, make, output, RESULTS, resume, members, _part(part))
-        _run(store, scheduler, workers, draw=map_, quiet=quiet)
+        store = opened(context, "sweep", experiment, make, RESULTS, shared, members, _part(part))
+        _run(store, shared, draw=map_)
 
 
 def opened(
-    context: typer.Context, command: str, experiment: str | None, make: Callable[[str], Plan], output: Path | None,
-    results: Sequence[str], resume: Path | None, members: int | None, part: tuple[int, int] | None = None,
+    context: typer.Context, command: str, experiment: str | None, make: Callable[[str], Plan], results: Sequence[str],
+    shared: EnsembleOptions, members: int | None, part: tuple[int, int] | None = None,
 ) -> Store:  # fmt: skip
     """Return an ensemble at its start, checked, or one that goes on in its folder (see `resumed`)."""
     from riftberg.ensembles.sweep import Store
 
-    if resume is not None:
+    if shared.resume is not None:
         if changed := options_given(context, *KEPT):
             raise InputError(
                 "a sweep that goes on stays what it is, in its folder", where="--resume",
                 remedy=f"Leave out {', '.join(changed)}",
             )  # fmt: skip
-        return resumed(resume, experiment, members, "forecast" if command == "forecast" else "sweep")
+        return resumed(shared.resume, experiment, members, "forecast" if command == "forecast" else "sweep")
     if experiment is None:
         raise InputError(
             "no experiment is named", where=command, remedy="Name one, or go on with one by --resume FOLDER"
         )
     plan = make(experiment)
-    folder = output_folder(output, f"{Path(experiment).stem}-{command}", "sweep.json")
+    folder = output_folder(shared.output, f"{Path(experiment).stem}-{command}", "sweep.json")
     check_folder(folder, results)
     return Store(folder, plan, resume=False, part=part)
 
@@ -195,12 +177,12 @@ def resumed(folder: Path, experiment: str | None = None, members: int | None = N
     return Store(folder, plan, resume=True)
 
 
-def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool, quiet: bool) -> None:
+def _run(store: Store, shared: EnsembleOptions, *, draw: bool) -> None:
     """Run the members that are not done, and write and print the result."""
-    if not quiet:
+    if not shared.quiet:
         say(_size(store))
     with results_folder(store.folder, RESULTS):
-        result = run_members(store, "sweep", scheduler, workers, quiet=quiet)
+        result = run_members(store, "sweep", shared)
     files = ["sweep.nc", "sweep.json", *(["cells/"] if store.plan.cells is not None else [])]
     if draw and (result["status"] == 0).any():
         from riftberg.viz.ensemble import draw_sweep
@@ -210,18 +192,19 @@ def _run(store: Store, scheduler: str | None, workers: int | None, *, draw: bool
     for line in summary_lines(result):
         typer.echo(line)
     typer.echo(f"Written to {store.folder}: {', '.join(files)}")
-    if not (result["status"] == 0).any():
+    if store.own and not (result["status"] == 0).any():
         raise RunError("no member came to its end")
 
 
-def run_members(store: Store, command: str, scheduler: str | None, workers: int | None, *, quiet: bool) -> xr.Dataset:
+def run_members(store: Store, command: str, shared: EnsembleOptions) -> xr.Dataset:
     """Run the members that are not done; say how an ensemble that is stopped goes on."""
     from riftberg.ensembles.sweep import run_sweep
     from riftberg.runs.progress import SweepBar
 
     number = len(store.plan.members) + store.plan.forecast  # a forecast has its control beside the members
     try:
-        return run_sweep(store, scheduler=scheduler, workers=workers, bar=None if quiet else SweepBar(number))
+        bar = None if shared.quiet else SweepBar(number)
+        return run_sweep(store, scheduler=shared.scheduler, workers=shared.workers, bar=bar)
     except (KeyboardInterrupt, SystemExit):
         say(f"{len(store.done)} of {number} members are done. "
             f"Go on with: riftberg {command} --resume {store.folder}")  # fmt: skip

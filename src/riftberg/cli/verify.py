@@ -122,6 +122,19 @@ def _outline(ensemble: Path) -> Any:
     return outline_of_run(file) if file.exists() else None
 
 
+SHOWN = {
+    "error of mean": ("error_of_mean_km", ".1f"), "CRPS along": ("crps_along_km", ".1f"), "across": ("crps_across_km", ".1f"),
+    "energy score": ("energy_km", ".1f"), "in 50 %": ("inside_50%", ".0%"), "in 90 %": ("inside_90%", ".0%"),
+    "own 50 %": ("own_50%", ".0%"), "own 90 %": ("own_90%", ".0%"), "spread / error": ("spread_over_error", ".2f"),
+}  # fmt: skip
+"""Columns of the table of scores: key and form of each."""
+
+
+def _both(row: dict[str, Any], bare: dict[str, Any], key: str, form: str) -> str:
+    """Return a score with the error of the observation, and in brackets without."""
+    return "" if key not in row else f"{row[key]:{form}} ({bare[key]:{form}})"
+
+
 def _show(result: dict[str, Any]) -> None:
     page = console(150)
     for one in result["forecasts"]:
@@ -129,32 +142,17 @@ def _show(result: dict[str, Any]) -> None:
         page.print(
             f"{one['berg']}, start {one['start'][:16].replace('T', ' ')}: {one['members']} members{failed}; axes: {one['axes']}"
         )
-    columns = ("days", "seen", "error of mean", "CRPS along", "across", "energy score", "in 50 %", "in 90 %", "own 50 %",
-               "own 90 %", "spread / error", *result["baselines"])  # fmt: skip
     rows = table(
-        f"Positions, km; error of the observation {result['error_km']:g} km added, without in brackets", columns
-    )
-    keys = (
-        "error_of_mean_km",
-        "crps_along_km",
-        "crps_across_km",
-        "energy_km",
-        "inside_50%",
-        "inside_90%",
-        "own_50%",
-        "own_90%",
-        "spread_over_error",
+        f"Positions, km; error of the observation {result['error_km']:g} km added, without in brackets",
+        ("days", "seen", *SHOWN, *result["baselines"]),
     )
     for row, bare in zip(result["with_error"], result["without_error"], strict=True):
-        cells = []
-        for key in keys:
-            form = ".0%" if key.endswith("%") else ".2f" if "over" in key else ".1f"
-            cells.append("" if key not in row else f"{row[key]:{form}} ({bare[key]:{form}})")
         others = []
         for made in result["baselines"].values():
             found: dict[str, Any] = next((other for other in made if other["lead_days"] == row["lead_days"]), {})
             score = found.get("energy_km", found.get("error_of_mean_km"))
             others.append("" if score is None else f"{score:.1f}")
+        cells = (_both(row, bare, *shown) for shown in SHOWN.values())
         rows.add_row(f"{row['lead_days']}", f"{row['starts']}", *cells, *others)
     page.print(rows)
     page.print(
@@ -360,9 +358,9 @@ def _show_tracks(result: dict[str, Any]) -> None:
         for k, (row, bare) in enumerate(zip(tables["with"], tables["without"], strict=True)):
             interval = row.get("energy_km_interval")
             scores.add_row(
-                model if k == 0 else "", f"{row['lead_days']}", f"{row['energy_km']:.1f} ({bare['energy_km']:.1f})",
+                model if k == 0 else "", f"{row['lead_days']}", _both(row, bare, "energy_km", ".1f"),
                 f"{interval[0]:.1f} to {interval[1]:.1f}" if interval else "",
-                *(f"{row[key]:.0%} ({bare[key]:.0%})" if key in row else "" for key in ("inside_50%", "inside_90%")),
+                *(_both(row, bare, key, ".0%") for key in ("inside_50%", "inside_90%")),
                 f"{row['spread_over_error']:.2f}" if "spread_over_error" in row else "",
             )  # fmt: skip
     out.print(scores)

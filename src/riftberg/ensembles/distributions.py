@@ -170,10 +170,10 @@ def read_distribution(
     parts = [part.strip() for part in re.split(r",(?![^\[]*\])", call[2])]  # a list in brackets is one value
     if not all(parts) or (name not in OF_VALUES and len(parts) != len(ARGUMENTS[name])):
         words = ", ".join(ARGUMENTS.get(name, ("value", "value", "...")))
-        many = f"{len(parts)} number{'s' if len(parts) != 1 else ''}"
+        many = f"{len(parts)} number{'s' if len(parts) != 1 else ''}" if all(parts) else "an empty place"
         raise InputError(f"{value_shown(text)} has {many}", where=where, remedy=f"Give {name}({words})")
     if name in OF_VALUES:
-        return Distribution(name, (), tuple(value(part) for part in parts), text=text)
+        return Distribution(name, (), tuple(value(part) for part in with_unit_of_last(parts, where)), text=text)
     return _checked(Distribution(name, _numbers(name, parts, where, number), (), limits, text), where)
 
 

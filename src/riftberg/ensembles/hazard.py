@@ -1,8 +1,9 @@
 """What a forecast means for others at sea: limits of ice, positions with error, and how likely ice comes near.
 
 The p % limit of ice is the smallest line such that in p % of the members all ice lies inside of it: not a contour of
-presence, which with members far apart would hold half of them at 50 %. The line is a convex hull. Members are left out one
-after another, each time the one without which the line is smallest, until just p % are left.
+presence, which with members far apart would hold all of them at 50 %. The line is a convex hull. It is sought around several
+members, then by exchanging one member for another, so it need not be the very smallest: of nine members it was in nine cases of
+ten, and 1 % too large on average.
 """
 
 from __future__ import annotations
@@ -83,24 +84,90 @@ def _around(major: Floats, minor: Floats, azimuth: Floats) -> tuple[Floats, Floa
 
 
 def smallest_line(points: list[Floats], weight: Floats, share: float) -> tuple[Floats, float]:
-    """Return the convex line around the members that are left when as many as possible have been left out, and their weight."""
-    kept = [m for m, p in enumerate(points) if len(p)]
-    gone = 0.0  # weight left out; a member without ice has all of it inside
-    hulls = {m: _hull(points[m]) for m in kept}
+    """Return the convex line around members that weigh ``share`` or more, as small as it is found, and what they weigh.
+
+    ``points``: corners of the ice of each member, degrees; ``weight``: adds up to 1. A member without ice has all of it inside.
+    """
+    icy = [m for m, p in enumerate(points) if len(p)]
+    hulls, w = [_hull(points[m]) for m in icy], weight[icy]
+    none = 1.0 - float(w.sum())
+    needed = share - none - 1e-9
+    if needed <= 0.0:
+        return np.zeros((0, 2)), none
+    corners = np.concatenate(hulls)
+    flat = corners * [math.cos(float(corners[:, 1].mean()) * DEGREE), 1.0]
+    reach = np.maximum.reduceat(flat @ _WAYS.T, np.cumsum([0, *map(len, hulls)])[:-1], axis=0)
+    starts = [_nearest(reach, w, needed, k) for k in np.unique(np.linspace(0, len(w) - 1, STARTS).round().astype(int))]
+    if (np.cumsum(np.sort(w)) <= w.sum() - needed).sum() <= MOST_LEFT_OUT:
+        starts.append((list(range(len(w))), []))  # few are left out: one after another, from all
+    _, kept = min((_exchanged(reach, w, needed, *start) for start in starts), key=lambda found: found[0])
+    line = _hull(np.concatenate([hulls[k] for k in kept]))
+    return np.concatenate([line, line[:1]]), none + float(w[kept].sum())
+
+
+_ANGLE: Final = 2.0 * np.pi / 72
+_WAYS: Final = np.column_stack([np.cos(_ANGLE * np.arange(72)), np.sin(_ANGLE * np.arange(72))])
+"""Directions in which the reach of ice is looked at: the largest distance along each describes a convex line."""
+
+STARTS: Final = 12
+"""Members around which a line is sought: one around the middle of all would join groups far apart."""
+
+NEXT: Final = 10
+"""Members outside that may take the place of one inside."""
+
+MOST_LEFT_OUT: Final = 20
+"""Members that are left out one after another, of all; more take too long."""
+
+
+def _spanned(reach: Floats) -> Floats:
+    """Return the area inside of lines that reach so far along each direction (last axis)."""
+    beside = np.roll(reach, 1, axis=-1) + np.roll(reach, -1, axis=-1) - 2.0 * math.cos(_ANGLE) * reach
+    return np.asarray(0.5 * (reach * beside).sum(axis=-1) / math.sin(_ANGLE))
+
+
+def _nearest(reach: Floats, w: Floats, needed: float, start: int) -> tuple[list[int], list[int]]:
+    """Return members around one of them that weigh enough, and those that come next.
+
+    First by their distance, then by how much the line around those that are kept would have to grow, until it shrinks no more
+    (as in the concentration steps of Rousseeuw and Van Driessen 1999).
+    """
+    found: tuple[list[int], list[int]] = [], []
+    centre, shape, least = 2.0 / len(_WAYS) * reach[start] @ _WAYS, np.ones(len(_WAYS)), np.inf
+    while True:
+        order = np.argsort(((reach - _WAYS @ centre) / shape).max(axis=1), kind="stable").tolist()
+        enough = 1 + int(np.searchsorted(np.cumsum(w[order]), needed))
+        line = reach[order[:enough]].max(axis=0)
+        if not _spanned(line) < least * (1.0 - 1e-9):
+            return found
+        least, found = float(_spanned(line)), (order[:enough], order[enough : enough + NEXT])
+        centre = 2.0 / len(_WAYS) * line @ _WAYS  # inside of any convex line (its Steiner point)
+        shape = line - _WAYS @ centre
+
+
+def _exchanged(reach: Floats, w: Floats, needed: float, kept: list[int], rest: list[int]) -> tuple[float, list[int]]:
+    """Leave members out, or exchange them for others, as long as the area shrinks; return the area and who is inside."""
+    now = float(_spanned(reach[kept].max(axis=0)))
     while len(kept) > 1:
-        line = _hull(np.concatenate([hulls[m] for m in kept]))
-        on_line = {tuple(corner) for corner in line.tolist()}
-        outer = [m for m in kept if any(tuple(corner) in on_line for corner in hulls[m].tolist())]
-        # Those whose weight may still be left out.
-        free = [m for m in outer if gone + weight[m] <= 1.0 - share + 1e-9]
-        if not free:
+        inside = reach[kept]
+        second, largest = np.partition(inside, -2, axis=0)[-2:]
+        outermost = inside.argmax(axis=0)
+        gained = np.append(0.0, w[rest])  # nobody, or one of the others, comes in
+        least, change = now * (1.0 - 1e-6), None
+        for k in np.unique(outermost).tolist():
+            without = np.where(outermost == k, second, largest)
+            area = _spanned(np.vstack([without, np.maximum(without, reach[rest])]))
+            area[w[kept].sum() - w[kept[k]] + gained < needed] = np.inf
+            j = int(area.argmin())
+            if area[j] < least:
+                least, change = float(area[j]), (k, j - 1)
+        if change is None:
             break
-        areas = [_area(_hull(np.concatenate([hulls[k] for k in kept if k != m]))) for m in free]
-        worst = free[int(np.argmin(areas))]
-        kept.remove(worst)
-        gone += float(weight[worst])
-    line = _hull(np.concatenate([hulls[m] for m in kept])) if kept else np.zeros((0, 2))
-    return np.concatenate([line, line[:1]]), 1.0 - gone
+        now, (k, j) = least, change
+        gone = kept.pop(k)
+        if j >= 0:
+            kept.append(rest.pop(j))
+        rest.append(gone)
+    return now, kept
 
 
 def _hull(points: Floats) -> Floats:
@@ -116,6 +183,8 @@ def area_km2(line: Floats) -> float:
 
 def _area(line: Floats) -> float:
     """Return the area inside of a line in square degrees of latitude."""
+    if not len(line):
+        return 0.0
     x, y = (line[:, 0] * np.cos(line[:, 1].mean() * DEGREE)), line[:, 1]
     return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
@@ -187,11 +256,19 @@ class Approach:
         ]  # fmt: skip
 
 
+def _the_short_way(p: Floats) -> Floats:
+    """Return positions in a row whose longitudes do not jump at the date line; once around the Earth is no jump."""
+    jump = np.diff(p[:, 0], prepend=p[0, 0])
+    turns = np.where(np.abs(jump) < 360.0, np.round(jump / 360.0), 0.0)
+    return np.column_stack([p[:, 0] - 360.0 * np.cumsum(turns), p[:, 1]])
+
+
 def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     """Return how likely ice comes within a distance (m) of a shape in degrees."""
     done, weight = counted(ds)
     if shape.is_empty:
         raise InputError("an empty shape", where=name, remedy="Give a point, a line or an area")
+    shape = shapely.transform(shape, _the_short_way)
     x0, y0 = (float(c) for c in shape.representative_point().coords[0])
     metres = DEGREE * EARTH_RADIUS_A68
 
@@ -347,6 +424,8 @@ def gridded(ds: xr.Dataset) -> xr.Dataset:
     }  # fmt: skip
     for name in ("presence", "passes"):
         grid[name].attrs["grid_mapping"] = "crs"
+    for name in ("cone_lon", "cone_lat"):
+        del grid[name].attrs["standard_name"]  # of a map one pair of coordinates has it alone (CF, 5.6)
     return grid.assign_attrs(
         Conventions="CF-1.11", title=f"Probabilities of ice: {ds.attrs.get('experiment', '')}",
         comment=f"Not covered: {ds.attrs.get('not_covered', '')}", history=f"riftberg {__version__}: riftberg hazard",

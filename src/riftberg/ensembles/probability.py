@@ -253,16 +253,14 @@ def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
         np.array(CONES),
         {"units": "1", "long_name": "part of the probability inside of the ellipse"},
     )
-    ds["cone_lon"] = (
-        "time",
-        middle[0],
-        {"units": "degrees_east", "standard_name": "longitude", "long_name": "mean longitude of the first berg"},
-    )
-    ds["cone_lat"] = (
-        "time",
-        middle[1],
-        {"units": "degrees_north", "standard_name": "latitude", "long_name": "mean latitude of the first berg"},
-    )
+    for name, values, unit, word in (
+        ("cone_lon", middle[0], "degrees_east", "longitude"), ("cone_lat", middle[1], "degrees_north", "latitude"),
+    ):  # fmt: skip
+        ds[name] = (
+            "time",
+            values,
+            {"units": unit, "standard_name": word, "long_name": f"mean {word} of the first berg"},
+        )
     for name, row, word in (("cone_major", 0, "major"), ("cone_minor", 1, "minor")):
         about = {"units": "m", "long_name": f"semi-{word} axis of the ellipse of the position"}
         ds[name] = (("cone", "time"), factor[:, None] * axes[row], about)
@@ -383,8 +381,13 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
     done, weight = counted(ds)
     found = []
     inputs = inputs_of(done)
-    x_name, y_name = ("lon", "lat") if "lat" in done else ("x", "y")
-    ends = np.column_stack([done[name].isel(fragment=0, time=-1).values for name in (x_name, y_name)])
+    ends = np.column_stack(
+        [done[name].isel(fragment=0, time=-1).values for name in (("lon", "lat") if "lat" in done else ("x", "y"))]
+    )
+    if "lat" in done and np.isfinite(ends).any():
+        ends[:, 0] = near(ends[:, 0], float(ends[np.isfinite(ends[:, 0]), 0][0])) * np.cos(
+            np.nanmean(ends[:, 1]) * DEGREE
+        )
     for number in np.unique(done["scenario"].values):
         rows = np.flatnonzero(done["scenario"].values == number)
         end = ends[rows]
@@ -452,12 +455,13 @@ def sources(ds: xr.Dataset) -> dict[str, float]:
     of no effect come out near 0; the rest is what is not linear.
     """
     done, weight = counted(ds)
-    if "lat" not in done or done.sizes["member"] < 10:
+    if "lat" not in done:
         return {}
     inputs = inputs_of(done)
     lon, lat = (done[name].isel(fragment=0, time=-1).values for name in ("lon", "lat"))
     known = np.isfinite(lon) & (weight > 0.0)
-    if known.sum() < 10:
+    number = effective(weight[known])
+    if number < 10.0:  # of fewer anything explains the spread
         return {}
     lon, root = near(lon[known], float(lon[known][0])), np.sqrt(weight[known] / weight[known].sum())
     target = np.column_stack([lon * np.cos(np.mean(lat[known]) * DEGREE), lat[known]])
@@ -468,22 +472,22 @@ def sources(ds: xr.Dataset) -> dict[str, float]:
     for name, members in grouped.items():
         if members:
             given = np.column_stack([inputs[n][known] for n in members])
-            found[name] = _explained(given, target, root)
+            found[name] = _explained(given, target, root, number)
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def _explained(given: Floats, target: Floats, root: Floats) -> float:
-    """Return the adjusted coefficient of determination of a weighted linear regression."""
+def _explained(given: Floats, target: Floats, root: Floats, n: float) -> float:
+    """Return the coefficient of determination of a weighted linear regression, adjusted for ``n`` members that count."""
 
     def centred(a: Floats) -> Floats:
         return np.asarray((a - (root**2) @ a) * root[:, None])
 
     x, y = centred(given / np.maximum(given.std(axis=0), 1e-300)), centred(target)
     rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-    total, n, p = float((y**2).sum()), y.shape[0], x.shape[1]
+    total, p = float((y**2).sum()), x.shape[1]
     if total == 0.0 or n <= p + 1:
         return 0.0
-    return max(0.0, 1.0 - float((rest**2).sum()) / total * float(n - 1) / float(n - p - 1))
+    return float(max(0.0, 1.0 - (rest**2).sum() / total * (n - 1.0) / (n - p - 1.0)))
 
 
 def notes(ds: xr.Dataset) -> list[str]:
@@ -510,10 +514,9 @@ def told(ds: xr.Dataset) -> list[str]:
     days = float(ds["lead"].values[-1]) / 24.0
     failed = int((ds["status"].values == 1).sum())
     counting = effective(weight)
-    fewer = f", {counting:.1f} of them count" if counting < 0.995 * number else ""
-    lines = [
-        f"{number} members{fewer}, {failed} failed; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"
-    ]
+    members = f"{number} member{'s' if number > 1 else ''}"
+    members += f", {counting:.1f} of them count" if counting < 0.995 * number else ""
+    lines = [f"{members}, {failed} failed; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"]
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
@@ -547,5 +550,6 @@ def told(ds: xr.Dataset) -> list[str]:
     if parts:
         name, share = next(iter(parts.items()))
         rest = ", ".join(f"{other} {100 * part:.0f} %" for other, part in list(parts.items())[1:4])
-        lines.append(f"  most of the spread of the position comes from the {name} ({100 * share:.0f} %; {rest})")
+        said = f"{100 * share:.0f} %" + (f"; {rest}" if rest else "")
+        lines.append(f"  most of the spread of the position comes from the {name} ({said})")
     return lines

@@ -237,7 +237,8 @@ def _add_tracks(
 ) -> None:  # fmt: skip
     places = list(_place(latlon).values())
     about = {**dict(places), **{name: {"units": unit, "long_name": meaning} for name, (unit, meaning) in TRACK.items()}}
-    about["area"]["coordinates"] = f"{places[1][0]} {places[0][0]}"
+    for name in set(TRACK) - set(OF_MEMBER):
+        about[name]["coordinates"] = f"{places[1][0]} {places[0][0]}"
     dims = {name: ("member", "time") if name in OF_MEMBER else ("member", "fragment", "time") for name in about}
     found = {name: np.full([ds.sizes[dim] for dim in dims[name]], np.nan) for name in about}
     interval = times[1] if len(times) > 1 else 1.0
@@ -316,8 +317,12 @@ def _encoding(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
     encoding: dict[str, dict[str, Any]] = {
         str(name): dict(dated) for name, variable in ds.variables.items() if variable.dtype.kind == "M"
     }
-    for name, variable in ds.data_vars.items():
-        if variable.dtype.kind == "f":
+    for name, variable in ds.variables.items():
+        if (
+            name in ds.coords and name in ds.dims
+        ):  # without missing values, and so without a number that stands for one (CF, 2.5.1)
+            encoding.setdefault(str(name), {})["_FillValue"] = None
+        elif name not in ds.coords and variable.dtype.kind == "f":
             encoding[str(name)] = {"zlib": variable.ndim > 1, "complevel": 1, "_FillValue": np.nan}
     return encoding
 

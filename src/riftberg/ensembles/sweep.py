@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
+import re
+import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
@@ -19,7 +21,7 @@ from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.cluster import computed, connected, cores
 from riftberg.ensembles.distributions import PLANS
-from riftberg.ensembles.member import CONTROL, STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
+from riftberg.ensembles.member import CELLS, CONTROL, STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
 from riftberg.ensembles.probability import Breaks, with_probabilities
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.uncertain import check_sizes, with_errors
@@ -47,6 +49,9 @@ PLAN: Final = "sweep.json"
 
 MEMBERS: Final = "members"
 """Folder of what is done."""
+
+PART: Final = re.compile(r"part-(\d+)-of-(\d+)")
+"""Name of the folder of a part of a sweep: its number, and how many there are."""
 
 WEIGHTS: Final = "weights.json"
 """File of the weights of members after new sightings."""
@@ -396,15 +401,18 @@ class Store:
     """The folder of a sweep: its plan, and what is done."""
 
     def __init__(self, folder: Path, plan: Plan, *, resume: bool, part: tuple[int, int] | None = None) -> None:
-        self.folder, self.plan = folder if part is None else folder / f"part-{part[0]}-of-{part[1]}", plan
-        folder = self.folder
+        if part is None and resume and (named := PART.fullmatch(folder.name)):
+            part = int(named[1]), int(named[2])  # a part that goes on stays one
+        elif part is not None:
+            folder = folder / f"part-{part[0]}-of-{part[1]}"
+        self.folder, self.plan = folder, plan
         self.members = folder / MEMBERS
         self.numbers = range(CONTROL if plan.forecast else 0, len(plan.members))
         # Each part takes every n-th member, so that parts take equally long where the time depends on what is varied.
         self.own = [k for k in self.numbers if part is None or k % part[1] == part[0] - 1]
         self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
         self.look: Callable[[xr.Dataset], None] | None = None  # What is done with the result of the first members
-        self.done: dict[int, str] = {}  # Status of the members that are done; what they came to is in their files
+        self.done: dict[int, str] = {}  # Status of the members that were run; what they came to is in their files
         self._fragments, self._means = 0, set[str]()  # What the result has room for
         # Through JSON, as the plan that is read back: a tuple would differ from the list that it became.
         described = json.loads(json.dumps(plan.described(), default=str))
@@ -436,7 +444,7 @@ class Store:
                 )  # fmt: skip
             for number in self.numbers:
                 outcome = self.outcome(number)
-                if outcome is not None and outcome.status == "done":
+                if outcome is not None:
                     self._count(outcome)
         elif resume:
             raise InputError("holds no sweep that could be gone on with", where=where, remedy="Leave --resume out")
@@ -474,8 +482,8 @@ class Store:
         self._means.update(name for name in MEANS if name in outcome.totals)
 
     def waiting(self) -> list[int]:
-        """Return the members that are still to be run."""
-        return [k for k in self.own if k not in self.done]
+        """Return the members that are still to be run; those that failed before are tried again."""
+        return [k for k in self.own if self.done.get(k) != "done"]
 
     def stop(self) -> None:
         """Ask the members under way to save their states and stop."""
@@ -486,7 +494,8 @@ class Store:
         plan = self.plan
         kind = "Forecast" if plan.forecast else "Sweep"
         name = Path(plan.named).stem if plan.named.endswith((".yaml", ".yml")) else plan.named
-        title = f"{kind} of {name}: {len(plan.members)} runs with {', '.join(v.name for v in plan.varied)} varied"
+        runs = f"{len(plan.members)} run{'s' if len(plan.members) > 1 else ''}"
+        title = f"{kind} of {name}: {runs} with {', '.join(v.name for v in plan.varied)} varied"
         about = {"title": title, "experiment": plan.named, "parameters_json": plan.first.parameters.model_dump_json(),
                  "comment": "parameters_json holds the parameters of the first member",
                  **({"plan": plan.draws.plan} if plan.draws.number else {}), **self._origin()}  # fmt: skip
@@ -553,6 +562,7 @@ class Store:
             values = alone[name].drop_vars("fragment", errors="ignore")
             values = values.rename(fragment="control_fragment") if "fragment" in values.dims else values
             found[f"control_{name}"] = values.assign_attrs(long_name=f"control: {values.attrs.get('long_name', name)}")
+            found[f"control_{name}"].attrs.pop("coordinates", None)  # those are of the members
         return found
 
 
@@ -563,8 +573,8 @@ def _since(cracks: list[list[float]], lag: float) -> np.ndarray[Any, Any]:
     return rows
 
 
-def join_parts(folder: Path) -> int:
-    """Bring the members of all parts below a folder together in it, as one sweep, and return how many are there."""
+def join_parts(folder: Path) -> list[int]:
+    """Bring the members of all parts below a folder together in it, as one sweep; return the numbers of missing parts."""
 
     def refuse(what: str, remedy: str) -> None:
         raise InputError(what, where=f"--join {folder}", remedy=remedy)
@@ -582,15 +592,14 @@ def join_parts(folder: Path) -> int:
         refuse(f"parts of {' and '.join(sorted(counts))}", "Remove those that do not belong")
     if (folder / PLAN).exists() and read_plan(folder) != first[1]:
         refuse("holds another sweep than its parts", "Move the parts to a folder of their own")
-    members = folder / MEMBERS
-    members.mkdir(exist_ok=True)
-    found = 0
     for part in parts:
-        for file in sorted((part / MEMBERS).glob("*.json")):
-            write_text(members / file.name, file.read_text("utf-8"))
-            found += 1
+        for file in sorted([*(part / MEMBERS).glob("*.json"), *(part / CELLS).glob("*.nc")]):
+            (folder / file.parent.name).mkdir(exist_ok=True)
+            with replacing(folder / file.parent.name / file.name) as copy:
+                shutil.copyfile(file, copy)
     write_text(folder / PLAN, json.dumps(first[1], indent=1) + "\n")
-    return found
+    there = {int(name.split("-")[1]) for name in plans}
+    return sorted(set(range(1, int(counts.pop()) + 1)) - there)
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
@@ -612,6 +621,8 @@ def run_sweep(
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 0):
         raise InputError(f"{workers!r} processes", where="workers", remedy="Give a whole number, 0 or more")
     numbers = store.waiting()
+    for k in numbers:
+        store.done.pop(k, None)
     jobs = (store.plan.job(k, store.members, save_seconds) for k in numbers)
     _LOG.info("%d of %d members to run", len(numbers), len(store.plan.members))
     processes = min(cores() if workers is None else workers, len(numbers))

@@ -14,7 +14,9 @@ import numpy as np
 from pydantic.fields import FieldInfo
 
 from riftberg.config.values import allowed, given, kinds_of, native, number, required, unit_of
+from riftberg.ensembles.distributions import EXAMPLE as EXAMPLE_DRAWN
 from riftberg.ensembles.distributions import (
+    OF_VALUES,
     POINTS,
     Distribution,
     Limits,
@@ -35,8 +37,6 @@ MOST_MEMBERS: Final = 10_000
 """Members of a sweep, unless more are allowed."""
 
 EXAMPLE: Final = "For example --vary fracture.normal_strength=14..24kPa:11, or --vary damage.enabled=true,false"
-
-EXAMPLE_DRAWN: Final = "For example --vary 'fracture.normal_strength~lognormal(18 kPa, 20 %)'"
 
 _POSITIVE: Final = ("normal_strength", "shear_strength", "thickness")
 """Keys without limits of their own (the reference takes any strength, a berg a map of thickness), above 0 for all ice."""
@@ -238,17 +238,21 @@ def _drawn(name: str, text: str, field: FieldInfo, value: Callable[[str], Any], 
     limits = Limits.of(field.metadata)
     if name.rpartition(".")[2] in _POSITIVE and not np.isfinite(limits.low):
         limits = Limits(0.0, limits.high)
+    of_values = text.partition("(")[0].strip().lower() in OF_VALUES
+    if not of_values and not several and float not in (_numbers(field.annotation) if item else kinds):
+        raise InputError(
+            "a distribution of what is no number with decimals", where=where, remedy="Use choice(value, value, ...)"
+        )
+    if not of_values and several and unit == "degree":
+        raise InputError(
+            "one distribution for longitude and latitude", where=where,
+            remedy=f"Give each its own, {name}.0 and {name}.1, or vary start.east and start.north",
+        )  # fmt: skip
     distribution = read_distribution(
         text, where=where, limits=limits,
         number=lambda part: number(part, unit, where=where), value=value,
     )  # fmt: skip
-    if not distribution.choices and not several and float not in (_numbers(field.annotation) if item else kinds):
-        raise InputError(
-            "a distribution of what is no number with decimals", where=where, remedy="Use choice(value, value, ...)"
-        )
-    return Varied(
-        name, (), unit, field.description or "", distribution, 1 if distribution.choices or not several else several[0]
-    )
+    return Varied(name, (), unit, field.description or "", distribution, 1 if of_values or not several else several[0])
 
 
 def _numbers(annotation: Any) -> Iterator[Any]:
@@ -377,6 +381,13 @@ def read_design(path: Path) -> dict[str, list[str]]:
     if len(rows) < 2:
         raise InputError("holds no members", where=str(path), remedy=remedy)
     names = [name.strip() for name in rows[0]]
+    if "" in names or any(mark in name for name in names for mark in ";\t"):
+        what = (
+            "semicolons or tabs between the values" if "" not in names else f"column {names.index('') + 1} has no name"
+        )
+        raise InputError(
+            what, where=f"{path}, line 1", remedy="Separate values by commas, and leave out a column of row numbers"
+        )
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise InputError(f"{twice[0]} stands twice", where=f"{path}, line 1", remedy="Name each parameter once")
@@ -401,6 +412,10 @@ def designed(columns: Mapping[str, Sequence[Any]], *, free: bool = False) -> tup
             varied.append(Varied(name, tuple(values)))
             continue
         where, key = f"--design, {name}", name.rpartition(".")[2]
+        if is_of_file(name):
+            own = [file_value(value, where) if isinstance(value, str) else value for value in values]
+            varied.append(Varied(name, tuple(own), meaning="key of the experiment file"))
+            continue
         section, field = _field_of(name, where)
         refuse_bare_numbers([str(value) for value in values], where)
         plain = tuple(given(value, section, key, where=where) for value in values)

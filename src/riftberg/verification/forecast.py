@@ -6,7 +6,7 @@ spread. Without a position before the start they are east and north.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Any
@@ -256,22 +256,21 @@ def _broken(
     return result
 
 
+def _together(rows: Iterable[Mapping[int, list[Any]]]) -> dict[int, list[Any]]:
+    """Return lists by lead time of several forecasts as one."""
+    found: dict[int, list[Any]] = {}
+    for row in rows:
+        for lead, values in row.items():
+            found.setdefault(lead, []).extend(values)
+    return found
+
+
 def report(forecasts: Sequence[Verified], error: float) -> dict[str, Any]:
     """Return all scores of forecasts, those of several bergs together, with and without the error of the observation (km)."""
-    pooled: dict[int, list[Point]] = {}
-    others: dict[str, dict[int, list[Point]]] = {}
-    own: dict[int, list[tuple[Floats, Floats]]] = {}
-    outlines: dict[int, list[Outlines]] = {}
-    for one in forecasts:
-        for lead, areas in one.own.items():
-            own.setdefault(lead, []).extend(areas)
-        for lead, shapes in one.outlines.items():
-            outlines.setdefault(lead, []).extend(shapes)
-        for lead, points in one.points.items():
-            pooled.setdefault(lead, []).extend(points)
-        for name, rows in one.baselines.items():
-            for lead, points in rows.items():
-                others.setdefault(name, {}).setdefault(lead, []).extend(points)
+    pooled, own = _together(one.points for one in forecasts), _together(one.own for one in forecasts)
+    outlines = _together(one.outlines for one in forecasts)
+    names = list(dict.fromkeys(name for one in forecasts for name in one.baselines))
+    others = {name: _together(one.baselines.get(name, {}) for one in forecasts) for name in names}
 
     def scored(points: dict[int, list[Point]], added: float) -> list[dict[str, Any]]:
         rows = [

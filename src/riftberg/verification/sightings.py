@@ -6,6 +6,7 @@ A fragment keeps its number when something breaks off, so the first row of the t
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -18,6 +19,7 @@ from shapely.affinity import rotate, scale, translate
 
 from riftberg.diagnostics.observed import Observations
 from riftberg.diagnostics.outlines import axis_difference, polygon_moments, polygon_on
+from riftberg.ensembles.matching import FEW_MEMBERS
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.sweep import MEMBERS, WEIGHTS, Plan, Store
 from riftberg.ensembles.vary import Varied
@@ -44,6 +46,12 @@ KERNEL: Final = 0.3
 
 FARTHEST: Final = 10.0
 """Distance of a sighting from all members, in standard deviations of its error, beyond which weights say nothing."""
+
+
+CONTRADICT: Final = 3.0
+"""The same of the best member on average over all positions, beyond which a notice says that none agrees with them."""
+
+_LOG: Final = logging.getLogger(__name__)
 
 
 class Sighting(NamedTuple):
@@ -84,7 +92,7 @@ def sightings_of(
         named = ", ".join(name for name in names if name)
         remedy = f"Name one with --berg: {shortened(named, 100)}" if named else "It names no berg: leave --berg out"
         raise InputError(what, where=str(observed.source), remedy=remedy)
-    seen = {when: Sighting(when, f.lon, f.lat, f.azimuth, None) for name, when, f in fixes if chosen in (None, name)}
+    seen: dict[datetime, Sighting] = {}
     sizes: dict[datetime, float] = {}
     for name, when, outline in found:
         if chosen not in (None, name):
@@ -98,7 +106,12 @@ def sightings_of(
             azimuth = polygon_moments(np.asarray(own.exterior.coords))[2] % 180.0
             seen[when], sizes[when] = Sighting(when, lon, lat, azimuth, outline.ring), shape.area
     name = chosen or (names[0] if len(names) == 1 and names[0] else "berg")
-    return name, [seen[when] for when in sorted(seen)]
+    places = [
+        Sighting(when, f.lon, f.lat, f.azimuth, None)
+        for name, when, f in fixes
+        if chosen in (None, name) and when not in seen
+    ]
+    return name, sorted([*seen.values(), *places], key=lambda s: s.when)
 
 
 def moment_of(when: datetime, day_only: bool, start: datetime, hour: float | None) -> datetime:
@@ -276,7 +289,7 @@ def log_likelihood(
     found = np.where(ds["status"].values == 0, 0.0, np.nan)
     if not np.isfinite(found).any():
         raise InputError("no member came to its end", where="update", remedy="Look at the reasons in sweep.json")
-    count = 0
+    count, apart = 0, np.zeros(found.size)
     _, sightings = ("", []) if observed is None else sightings_of(observed, berg, start_of(ds), hour)
     for seen in sightings:
         if not times[0] <= np.datetime64(seen.when, "ns") <= times[-1]:
@@ -290,11 +303,16 @@ def log_likelihood(
                 where=str(observed.source),
                 remedy="Check place, date and berg; if they are right, give an error that covers it (--error)",
             )
-        found -= 0.5 * (away**2).sum(axis=-1) / error**2
+        square = (away**2).sum(axis=-1) / error**2
+        found -= 0.5 * square
+        apart += square
         # An ensemble of an earlier version has no axes.
         if azimuth_error is not None and np.isfinite(seen.azimuth) and "azimuth" in ds:
             found -= 0.5 * (turned_from(ds, seen.when, seen.azimuth) / azimuth_error) ** 2
         count += 1
+    if count and (best := float(np.sqrt(np.nanmin(apart + 0.0 * found) / count))) > CONTRADICT:
+        _LOG.warning("no member agrees with all %d positions: the best one is %.1f standard deviations off on average. "
+                     "Check dates and positions, or take a larger error", count, best)  # fmt: skip
     first = ds["first_breakup"].values.astype("datetime64[ns]")
     for date, was in ((broken, True), (whole_until, False)):
         if date is not None:
@@ -311,9 +329,11 @@ def log_likelihood(
 
 def weighted(store: Store, likelihood: Floats, about: str) -> tuple[Floats, float]:
     """Write the weights of a forecast and the forecast anew; return weights (sum 1) and their effective number."""
-    weight = np.exp(likelihood - base_of(store, likelihood.size) - np.nanmax(likelihood))
+    base = base_of(store, likelihood.size)
+    # Less the largest difference: the likelihoods of members that were drawn anew lie far above those of their parents.
+    weight = np.exp(likelihood - base - np.nanmax(likelihood - base))
     weight = np.nan_to_num(weight / np.nansum(weight))
-    kept = {"observed": about, "effective": effective(weight), "base": base_of(store, weight.size).tolist(),
+    kept = {"observed": about, "effective": effective(weight), "base": base.tolist(),
             "weight": (weight * np.count_nonzero(np.isfinite(likelihood))).tolist()}  # fmt: skip
     write_text(store.folder / WEIGHTS, json.dumps(kept))
     store.write()
@@ -327,8 +347,8 @@ def base_of(store: Store, count: int) -> Floats:
 
 def drawn_anew(
     plan: Plan, weight: Floats, likelihood: Floats, *, seed: int = 1
-) -> tuple[dict[str, list[Any]], list[float]]:
-    """Return inputs of new members around those that count, and the logarithms of the likelihood of their parents.
+) -> tuple[dict[str, list[Any]], list[float], int]:
+    """Return inputs of new members around those that count, the logarithms of their parents' likelihood, and how many these are.
 
     Numbers move by the kernel of Liu and West (2001) in the normal scores of their distributions, which keeps mean and
     variance; choices and random fields are those of the parent. A new member counts by its likelihood over its parent's.
@@ -341,7 +361,7 @@ def drawn_anew(
     for v in plan.varied:
         if v.distribution is not None and not v.distribution.choices and v.parts == 1:
             columns[v.name] = _moved(v, np.array([values[v.name] for values in plan.members]), parents, weight, random)
-    return columns, [float(likelihood[k]) for k in parents]
+    return columns, [float(likelihood[k]) for k in parents], len(np.unique(parents))
 
 
 def _moved(v: Varied, values: Floats, parents: Any, weight: Floats, random: np.random.Generator) -> list[Any]:
@@ -350,6 +370,8 @@ def _moved(v: Varied, values: Floats, parents: Any, weight: Floats, random: np.r
     assert v.distribution is not None
     score = norm.ppf(np.clip(v.distribution.shares_below(values), 1e-9, 1.0 - 1e-9))
     mean = weight @ score
-    spread = np.sqrt(weight @ (score - mean) ** 2)
+    # Few members lie close together by chance, and a single one has no spread at all: theirs is drawn towards that of all.
+    part = FEW_MEMBERS / (FEW_MEMBERS + effective(weight))
+    spread = np.sqrt((1.0 - part) * (weight @ (score - mean) ** 2) + part)
     shrunk = mean + np.sqrt(1.0 - KERNEL**2) * (score[parents] - mean)
     return v.distribution.quantiles(norm.cdf(shrunk + KERNEL * spread * random.standard_normal(len(parents))))

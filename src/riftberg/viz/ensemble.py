@@ -279,6 +279,7 @@ def draw_posterior(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
     samples, weight = ds["sample_value"].values, ds["sample_weight"].values
     members = ds["member_value"].values
     out = ds["ruled_out"].values
+    chosen = np.random.default_rng(1).choice(len(weight), 300, p=weight)
     for row in range(count):
         for column in range(count):
             ax = grid[row, column]
@@ -293,19 +294,13 @@ def draw_posterior(ds: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
                 _draw_input(ax, ds, row, samples[:, row], weight, ends)
             else:
                 ax.set_ylim(members[:, row].min(), members[:, row].max())
-                ax.plot(members[out, column], members[out, row], ".", ms=3, color=colours.ZERO, label="ruled out")
+                for rows, size, colour, word in (
+                    (out, 3, colours.ZERO, "ruled out"),
+                    (~out, 4, colours.MODEL, "not ruled out"),
+                ):
+                    ax.plot(*members[rows][:, [column, row]].T, ".", ms=size, color=colour, label=word)
                 ax.plot(
-                    members[~out, column], members[~out, row], ".", ms=4, color=colours.MODEL, label="not ruled out"
-                )
-                chosen = np.random.default_rng(1).choice(len(weight), 300, p=weight)
-                ax.plot(
-                    samples[chosen, column],
-                    samples[chosen, row],
-                    ".",
-                    ms=2,
-                    alpha=0.6,
-                    color=colours.STRESS_LINE,
-                    label="after",
+                    *samples[chosen][:, [column, row]].T, ".", ms=2, alpha=0.6, color=colours.STRESS_LINE, label="after"
                 )
             unit = "" if units[column] == "1" else f", {units[column]}"
             if row == count - 1:
