@@ -134,7 +134,7 @@ def story(folder: Path) -> Iterator[Path]:
     from riftberg.experiments import build
     from riftberg.viz.map import draw_map
     from riftberg.viz.plots import draw_fragments, draw_stress
-    from riftberg.viz.why import draw_reasons
+    from riftberg.viz.score import draw_reasons
 
     model, info = build("a68a")
     with tempfile.TemporaryDirectory() as scratch:

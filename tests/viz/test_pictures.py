@@ -25,8 +25,7 @@ from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz import animate, colours, plots, style
 from riftberg.viz.map import draw_map
-from riftberg.viz.score import draw_score
-from riftberg.viz.why import draw_reasons
+from riftberg.viz.score import draw_reasons, draw_score
 
 GOOD = Path(__file__).parent / "pictures"
 WIDTH = 160

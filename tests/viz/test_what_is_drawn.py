@@ -32,8 +32,8 @@ from riftberg.viz import score as score_picture
 from riftberg.viz.map import draw_map
 from riftberg.viz.panels import DOT, common_boxes
 from riftberg.viz.replay import ReplayContent
+from riftberg.viz.score import _failures
 from riftberg.viz.style import moment_texts
-from riftberg.viz.why import _failures
 
 
 class Channel(FakeModel):
