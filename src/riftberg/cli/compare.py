@@ -318,7 +318,7 @@ def why(
 ) -> None:
     """Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
     from riftberg.diagnostics.why import explain, words
-    from riftberg.runs.checks import check_recorded
+    from riftberg.runs.layout import check_recorded
     from riftberg.runs.run_file import open_run
     from riftberg.runs.scene import SMALL
 
@@ -357,8 +357,7 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
 
     from riftberg.diagnostics.why import removed_by
     from riftberg.experiments import EXPERIMENTS
-    from riftberg.runs.checks import parameters_of
-    from riftberg.runs.layout import COMMAND
+    from riftberg.runs.layout import COMMAND, parameters_of
     from riftberg.runs.run_file import open_run
 
     words = shlex.split(str(run.attrs.get(COMMAND, "")))

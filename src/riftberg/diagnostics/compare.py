@@ -27,8 +27,7 @@ from riftberg.diagnostics.score import root_mean_square
 from riftberg.diagnostics.summary import read_summary
 from riftberg.ocean.grid import haversine
 from riftberg.runs.accessor import Course, Event, aligned, apart, course_of
-from riftberg.runs.checks import parameters_of
-from riftberg.runs.layout import COMMAND, FILE
+from riftberg.runs.layout import COMMAND, FILE, parameters_of
 from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, axis_difference, berg_position

@@ -51,8 +51,7 @@ from riftberg.config.units import area_text
 from riftberg.config.values import finding_text
 from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES, melt_of
-from riftberg.runs.checks import read_start
-from riftberg.runs.layout import called, forcing_text
+from riftberg.runs.layout import called, forcing_text, read_start
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table

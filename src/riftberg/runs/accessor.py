@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError, nearest
 from riftberg.ocean.grid import haversine
-from riftberg.runs.checks import parameters_of
-from riftberg.runs.layout import called
+from riftberg.runs.layout import called, parameters_of
 from riftberg.runs.tracks import axis_difference, tracks_of
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown

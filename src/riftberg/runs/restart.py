@@ -23,8 +23,7 @@ import numpy as np
 from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.parameters import Parameters
-from riftberg.runs.checks import Allowed, check_bond_ends, read_parameters, read_start
-from riftberg.runs.layout import forcing_text
+from riftberg.runs.layout import Allowed, check_bond_ends, forcing_text, read_parameters, read_start
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
 from riftberg.state.variables import LARGEST, LARGEST_WHOLE

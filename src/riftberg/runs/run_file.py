@@ -41,7 +41,6 @@ from numpy.typing import NDArray
 from riftberg.config.values import required
 from riftberg.errors import InputError, RunError
 from riftberg.runs.background import add_background
-from riftberg.runs.checks import open_checked
 from riftberg.runs.derived import (
     APPLIED,
     Means,
@@ -65,6 +64,7 @@ from riftberg.runs.layout import (
     define_texts,
     element_history,
     in_file,
+    open_checked,
     placed,
     position_names,
     run_attributes,
@@ -459,7 +459,7 @@ def open_run(path: str | Path) -> xr.Dataset:
     Raises
     ------
     InputError
-        If it is no run file, or a damaged one: see `riftberg.runs.checks`.
+        If it is no run file, or a damaged one: see `riftberg.runs.layout`.
     """
     import riftberg.runs.accessor  # noqa: F401  (run.riftberg)
 
