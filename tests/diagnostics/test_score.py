@@ -32,6 +32,7 @@ from riftberg.errors import InputError
 from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.tracks import axis_difference
 from riftberg.viz.score import draw_score
 
 START = datetime(2020, 12, 9, 13)
