@@ -20,7 +20,6 @@ from riftberg.diagnostics.outlines import (
     WORST,
     Outline,
     aligned_overlap,
-    axis_difference,
     group_fragments,
     intersection_over_union,
     pair_cost,
