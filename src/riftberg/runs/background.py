@@ -13,7 +13,7 @@ import numpy as np
 
 from riftberg import constants
 from riftberg.errors import RiftbergError
-from riftberg.runs.scene import filled_forward, on_one_branch, zonal_period
+from riftberg.runs.scene import filled_forward, on_one_branch, stretch, zonal_period
 from riftberg.state import Floats
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
@@ -79,29 +79,28 @@ def _axes(x: Floats, y: Floats, latlon: bool, points: int) -> tuple[Floats, Floa
     The box holds a square around the berg at each record, for the maps of single dates are squares.
     """
     south, north, west, east = (float(f(a)) for a in (y, x) for f in (np.nanmin, np.nanmax))
-    # Degrees of longitude per degree of latitude on the ground; limited near the pole.
-    stretch = 1.0 / max(0.05, float(np.cos(np.radians(0.5 * (south + north))))) if latlon else 1.0
+    wider = stretch(0.5 * (south + north), latlon)
     smallest = 20e3 / (constants.DEGREE * constants.EARTH_RADIUS_KID) if latlon else 20e3
-    margin = _MARGIN * max(north - south, (east - west) / stretch, smallest)
+    margin = _MARGIN * max(north - south, (east - west) / wider, smallest)
     (low_x, high_x), (low_y, high_y) = ((np.nanmin(a, axis=1), np.nanmax(a, axis=1)) for a in (x, y))
-    across, along = (high_x - low_x) / stretch, high_y - low_y
+    across, along = (high_x - low_x) / wider, high_y - low_y
     half = _SQUARE * 0.5 * float(np.maximum(across, along).max())
     middle_x, middle_y = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y)
     south = min(south - margin, float(middle_y.min()) - half)
     north = max(north + margin, float(middle_y.max()) + half)
-    west = min(west - margin * stretch, float(middle_x.min()) - half * stretch)
-    east = max(east + margin * stretch, float(middle_x.max()) + half * stretch)
+    west = min(west - margin * wider, float(middle_x.min()) - half * wider)
+    east = max(east + margin * wider, float(middle_x.max()) + half * wider)
     # The map of the drift is about as high as it is wide.
-    short = 0.5 * max(0.0, _HEIGHT * (east - west) / stretch - (north - south))
+    short = 0.5 * max(0.0, _HEIGHT * (east - west) / wider - (north - south))
     south, north = south - short, north + short
-    wide = max(east - west, _SHAPE * (north - south) * stretch)
+    wide = max(east - west, _SHAPE * (north - south) * wider)
     if latlon:
         wide = min(wide, 350.0)
     west, east = 0.5 * (west + east - wide), 0.5 * (west + east + wide)
     if latlon:
         south, north = max(south, -89.9), min(north, 89.9)
-    step = max(north - south, (east - west) / stretch) / (points - 1)
-    count = [max(2, round(length / step) + 1) for length in ((east - west) / stretch, north - south)]
+    step = max(north - south, (east - west) / wider) / (points - 1)
+    count = [max(2, round(length / step) + 1) for length in ((east - west) / wider, north - south)]
     return np.linspace(west, east, count[0]), np.linspace(south, north, count[1])
 
 

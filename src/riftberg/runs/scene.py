@@ -77,6 +77,11 @@ class Box:
     north: float
 
 
+def stretch(y: float, latlon: bool) -> float:
+    """Return the units of x for one unit of y that make the same distance at ``y``."""
+    return 1.0 / max(0.05, math.cos(math.radians(y))) if latlon else 1.0
+
+
 def filled_forward(values: Floats) -> Floats:
     """Fill the records (rows) before an element is there with its first value, and those after its end with its last."""
     known = np.isfinite(values)
@@ -219,15 +224,11 @@ class Scene:
         lowest = np.where(self.unbroken & (own > 0.0), left, np.inf).min(axis=1, initial=np.inf)
         return np.where(np.isfinite(lowest), lowest, np.nan)
 
-    def stretch(self, y: float) -> float:
-        """Units of x per unit of y for the same distance at ``y``."""
-        return 1.0 / max(0.05, math.cos(math.radians(y))) if self.latlon else 1.0
-
     def grown(self, box: Box, part: float) -> Box:
         """Return a box with a margin of ``part`` of its longer side all around."""
-        stretch = self.stretch(0.5 * (box.south + box.north))
-        margin = part * max(box.north - box.south, (box.east - box.west) / stretch)
-        wide = margin * stretch
+        wider = stretch(0.5 * (box.south + box.north), self.latlon)
+        margin = part * max(box.north - box.south, (box.east - box.west) / wider)
+        wide = margin * wider
         return Box(box.west - wide, box.east + wide, box.south - margin, box.north + margin)
 
     def units_per_km(self) -> float:
@@ -423,7 +424,7 @@ class Scene:
         x = np.concatenate([self.x[k][r] for k, r in zip((*chosen, chosen[-1]), rows, strict=True)])
         y = np.concatenate([self.y[k][r] for k, r in zip((*chosen, chosen[-1]), rows, strict=True)])
         half = 0.5 * math.sqrt(float(self.area.max())) / 1e3 * self.units_per_km()
-        wide = half * self.stretch(float(y.mean()))
+        wide = half * stretch(float(y.mean()), self.latlon)
         return Box(x.min() - wide, x.max() + wide, y.min() - half, y.max() + half)
 
     def aground(self, records: Sequence[int] | None = None) -> NDArray[np.bool_]:
