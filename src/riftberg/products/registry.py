@@ -362,16 +362,3 @@ def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
         if said := "; ".join(dict.fromkeys(str(part.attrs[key]) for part in parts if key in part.attrs)):
             ds = ds.assign_attrs({key: said})
     return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
-
-
-__all__ = [
-    "PRODUCTS",
-    "expand",
-    "in_memory",
-    "is_zarr",
-    "open_all",
-    "open_named",
-    "open_product",
-    "product_named",
-    "recognise",
-]
