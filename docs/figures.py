@@ -153,7 +153,7 @@ def scores(folder: Path) -> Iterator[Path]:
     from scores import daily_outlines, run_experiment, shared_folder
 
     from riftberg.diagnostics.score import score_run
-    from riftberg.runs.background import stored_water
+    from riftberg.runs.scene import stored_water
     from riftberg.viz.plots import figure_title
     from riftberg.viz.score import draw_score
 

@@ -14,9 +14,9 @@ from fakes import FakeForcing, FakeModel
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
 from riftberg.ocean.analytic import Steady
-from riftberg.runs.background import GROUP, KeptWater, on_even_grid, stored_water, water_of
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, memory_run, open_own, open_run
+from riftberg.runs.scene import GROUP, KeptWater, on_even_grid, stored_water, water_of
 
 
 class Turning(FakeForcing):

@@ -23,9 +23,8 @@ from riftberg.cli.pictures import usual_kinds
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.errors import InputError
 from riftberg.parameters import A68A_2022, Parameters
-from riftberg.runs.background import stored_water
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.runs.scene import Scene, stretch
+from riftberg.runs.scene import Scene, stored_water, stretch
 from riftberg.stepping.fragments.tree import Fragment
 from riftberg.viz import animate, colours, plots, style
 from riftberg.viz import score as score_picture

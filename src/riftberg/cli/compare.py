@@ -485,7 +485,7 @@ def score(
             _print_score(result)
         written = [result.write(folder / "score.json")]
         if figure:
-            from riftberg.runs.background import stored_water
+            from riftberg.runs.scene import stored_water
             from riftberg.viz.score import draw_score
 
             water = stored_water(dataset)

@@ -40,7 +40,6 @@ from numpy.typing import NDArray
 
 from riftberg.config.values import required
 from riftberg.errors import InputError, RunError
-from riftberg.runs.background import add_background
 from riftberg.runs.derived import (
     APPLIED,
     Means,
@@ -70,6 +69,7 @@ from riftberg.runs.layout import (
     run_attributes,
     texts,
 )
+from riftberg.runs.scene import add_background
 from riftberg.runs.tracks import ELEMENT_COLUMNS, berg_rows, blocks_of, ragged, write_tracks
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
@@ -110,7 +110,7 @@ class RunWriter:
     flush_seconds : float, optional
         Wall time for which records may be held in memory, in s; 0 writes each at once.
     background : bool, optional
-        Add currents and sea floor around the run for maps (`riftberg.runs.background`) at the end.
+        Add currents and sea floor around the run for maps (`riftberg.runs.scene`) at the end.
 
     forces : bool, optional
         Write the mean force of each medium on each element since the record before (`riftberg.runs.derived`).

@@ -17,8 +17,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane
-from riftberg.runs.background import KeptWater, StoredWater, water_of
-from riftberg.runs.scene import Box, Scene, filled_forward, stretch
+from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.coast import UNKNOWN_DEPTH, draw_coast, draw_place

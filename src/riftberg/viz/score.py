@@ -53,7 +53,7 @@ def draw_score(
     title : str, optional
         Heading; its second line may say what the forcing is.
     water : Forcing or StoredWater, optional
-        Gives the sea floor behind the tracks, such as `riftberg.runs.background.stored_water` of the run.
+        Gives the sea floor behind the tracks, such as `riftberg.runs.scene.stored_water` of the run.
     dpi : int, optional
     """
     style.check_format(path)
