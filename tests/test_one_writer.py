@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from fakes import FakeModel
 from kid.conftest import write_case
+from riftberg.cli.main import app
 from riftberg.runs.run_file import RunWriter
 from riftberg.system.atomic_files import only_writer
 
@@ -42,15 +44,13 @@ def waited_for(path: Path, process: subprocess.Popen[str]) -> None:
 
 
 def refused(first: subprocess.Popen[str], *words: str) -> None:
-    """Try a second command while the first one lives, but holds its breath: it would compute for as long as this one starts."""
+    """Try a second command here while the first one, in its process, holds its breath: it would compute meanwhile."""
     first.send_signal(signal.SIGSTOP)
     try:
-        result = subprocess.run(
-            [sys.executable, "-m", "riftberg", *words], capture_output=True, text=True, timeout=300, check=False
-        )
+        result = CliRunner().invoke(app, words)
     finally:
         first.send_signal(signal.SIGCONT)
-    assert result.returncode == 2, result.stdout + result.stderr
+    assert result.exit_code == 2, result.output
     assert "is writing this file" in result.stderr, result.stderr
 
 
@@ -132,10 +132,6 @@ OTHERS: dict[str, tuple[str, tuple[str, ...]]] = {
 @pytest.mark.parametrize("name", OTHERS)
 def test_every_command_is_refused_what_another_one_writes(finished: Path, tmp_path: Path, name: str) -> None:
     """The file of the first stays as it is, to the last bit; nothing else is written or left."""
-    from typer.testing import CliRunner
-
-    from riftberg.cli.main import app
-
     file, words = OTHERS[name]
     if name == "compare":
         (finished / "summary.json").write_text(_summary())
@@ -166,10 +162,6 @@ def test_what_an_earlier_run_wrote_is_not_taken_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
 ) -> None:
     """A run that fails before it has made its file leaves the one that is there."""
-    from typer.testing import CliRunner
-
-    from riftberg.cli.main import app
-
     (tmp_path / "slab.yaml").write_text(SLAB)
     out = tmp_path / "out"
     out.mkdir()
