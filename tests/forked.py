@@ -29,6 +29,14 @@ def begin(process: Any) -> None:
         process.start()
 
 
+COMMAND = """
+import sys
+from riftberg.cli.main import app
+app(sys.argv[1:], prog_name="riftberg")
+"""
+"""The command line as a program."""
+
+
 class Program:
     """A program in a process of its own: what it prints can be read, and signals be sent to it."""
 

@@ -6,9 +6,6 @@ import gc
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,6 +14,7 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from forked import COMMAND, Program
 from riftberg.cli.main import app
 from riftberg.runs.model import StateKeeper
 from riftberg.runs.restart import load_state
@@ -267,14 +265,12 @@ def test_states_are_kept_by_the_clock_and_a_full_disk_is_no_end(
 
 def killed(words: list[str], folder: Path, records: int, wait: float) -> None:
     """Start the command line and kill it some time after its run file has so many records."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "riftberg", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as process:
-        end = time.monotonic() + 300.0
-        while time.monotonic() < end and not (folder / "kept-2.restart.nc").exists() and process.poll() is None:
-            time.sleep(0.01)
-        time.sleep(wait)
-        process.send_signal(signal.SIGKILL)
+    process = Program(COMMAND, *words)
+    end = time.monotonic() + 300.0
+    while time.monotonic() < end and not (folder / "kept-2.restart.nc").exists() and process.wait(0.01) is None:
+        pass
+    time.sleep(wait)
+    process.kill()
 
 
 WAITS = [0.2, *(pytest.param(0.03 * k, marks=pytest.mark.slow) for k in range(30))]
