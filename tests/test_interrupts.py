@@ -140,7 +140,9 @@ def test_a_kid_run_leaves_its_restart(tmp_path: Path, trial: int) -> None:
     """`riftberg kid` died of a segmentation fault on every second Ctrl-C."""
     from kid.conftest import write_case
 
-    case = write_case(tmp_path / "case", {"ibhrs": 10**6, "nmax": 10**8}, {"traj_sample_hrs": -1.0})
+    # At rest and with sub-steps short enough for its springs: else the run ends by itself within a second.
+    still = {"ibhrs": 10**6, "nmax": 10**8, "ibuo": 0.0}
+    case = write_case(tmp_path / "case", still, {"traj_sample_hrs": -1.0, "mts_sub_steps": 60})
     code, errors = stopped(tmp_path, KID, str(case), str(tmp_path / "KID.nc"), wait=random.uniform(0.0, 0.3))
     assert code in (1, -signal.SIGINT, 130), errors
     assert "To go on, put them into a copy of the run folder" in errors
