@@ -221,7 +221,7 @@ def test_another_run_into_the_folder_is_not_gone_on_with(tmp_path: Path) -> None
     """States of an earlier run lie there; the run file is that of a run with other parameters."""
     words = command(tmp_path, "breaks", "-o", str(tmp_path / "part"))
     lost([*words, "--keep-days", "0.7"], 36)
-    ended([*words, "--days", "2", "--set", "ice.density=900"])
+    ended([*words, "--days", "0.9", "--set", "ice.density=900"])
     result = CliRunner().invoke(app, command(tmp_path, "breaks", "--resume", str(tmp_path / "part")))
     assert result.exit_code == 2
     assert "other parameters" in result.stderr
