@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 
 from riftberg.bergs.bonding import count_bonds
-from riftberg.experiments.a68a_melt import DAYS, FRESH_WATER, START, THICKNESS, THINNING, TrackSea, melting_a68a
+from riftberg.experiments.a68a import (
+    FRESH_WATER,
+    MELT_DAYS,
+    MELT_START,
+    MELT_THICKNESS,
+    THINNING,
+    TrackSea,
+    melting_a68a,
+)
 from riftberg.experiments.registry import Options
 from riftberg.life.ledger import Ledger, water_by_process
 from riftberg.life.melt import melt_step
@@ -41,19 +49,19 @@ def row(name: str, melt: dict[str, Any], sea: TrackSea | None = None) -> str:
     count_bonds(e, model.bonds)
     e.body.berg[:] = 1
     ledger = Ledger(e)
-    for step in range(round(DAYS * 86400.0 / STEP)):
+    for step in range(round(MELT_DAYS * 86400.0 / STEP)):
         lon, lat = water_around.place(step * STEP)
         e.lon[:] += lon - e.lon.mean()
         e.lat[:] += lat - e.lat.mean()
         water_around.sample(e, step * STEP)
         e.u[:], e.v[:] = e.uo, e.vo
         model.life.follow_outlines(model)
-        melted = melt_step(e, model.life.values, (START.year, 0.0))
+        melted = melt_step(e, model.life.values, (MELT_START.year, 0.0))
         ledger.melted(melted, water_by_process(melted))
     balance, area = ledger.balance(e), e.length * e.width
     water = {process: mass / 1e12 for process, mass in balance.water.items()}
     total = sum(water.values())
-    thinned = THICKNESS - float(np.average(e.thickness, weights=area))
+    thinned = MELT_THICKNESS - float(np.average(e.thickness, weights=area))
     return (
         f"| {name} | {total:.0f} | {water['base']:.0f} | {water['waves']:.1f} | {water['sides']:.2f} | {thinned:.1f} | "
         f"{total / FRESH_WATER[0]:.2f} | {thinned / THINNING[0]:.2f} | {abs(balance.error):.0e} |"

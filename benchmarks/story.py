@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import shapely
 
-from riftberg.diagnostics.outlines import axis_difference
 from riftberg.diagnostics.summary import breakups, fragment_areas
 from riftberg.experiments import Numerics, Options
 from riftberg.experiments.a68a import A68A_OBSERVED, DAYS, ObservedDay, story_model
@@ -29,7 +28,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.plane import ConformalPlane
 from riftberg.runs.model import Model
 from riftberg.runs.scene import element_polygons
-from riftberg.runs.tracks import Position, berg_position
+from riftberg.runs.tracks import Position, axis_difference, berg_position
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "a68a-story.md"
 KM_PER_DEGREE = 111.07

@@ -134,7 +134,7 @@ def story(folder: Path) -> Iterator[Path]:
     from riftberg.experiments import build
     from riftberg.viz.map import draw_map
     from riftberg.viz.plots import draw_fragments, draw_stress
-    from riftberg.viz.why import draw_reasons
+    from riftberg.viz.score import draw_reasons
 
     model, info = build("a68a")
     with tempfile.TemporaryDirectory() as scratch:
@@ -153,7 +153,7 @@ def scores(folder: Path) -> Iterator[Path]:
     from scores import daily_outlines, run_experiment, shared_folder
 
     from riftberg.diagnostics.score import score_run
-    from riftberg.runs.background import stored_water
+    from riftberg.runs.scene import stored_water
     from riftberg.viz.plots import figure_title
     from riftberg.viz.score import draw_score
 

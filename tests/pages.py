@@ -12,25 +12,17 @@ import warnings
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from unittest.mock import patch
 
+from forked import CAN_FORK, begin, processes
 from riftberg.cli.main import app
-
-_CAN_FORK = "forkserver" in multiprocessing.get_all_start_methods()
 
 
 def run_blocks(blocks: list[tuple[str, str]], folder: Path) -> None:
     """Run blocks of Python and bash in order, all Python in one namespace, in ``folder``."""
     if blocks:
-        processes: Any = multiprocessing.get_context("forkserver" if _CAN_FORK else "spawn")
-        if _CAN_FORK:
-            processes.set_forkserver_preload(["loaded"])
         said = folder / ".said"
-        page = processes.Process(target=_page, args=(blocks, str(folder), str(said)))
-        # The process that is forked finds `loaded` by this; until Python 3.13 it is not handed the path on.
-        path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
-        with patch.dict(os.environ, PYTHONPATH=path):
-            page.start()
+        page = processes().Process(target=_page, args=(blocks, str(folder), str(said)))
+        begin(page)
         page.join()
         assert page.exitcode == 0, said.read_text()[-6000:]
 
@@ -41,7 +33,7 @@ def _page(blocks: list[tuple[str, str]], folder: str, said: str) -> None:
     with open(said, "ab") as file:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
-    fork = multiprocessing.get_context("fork" if _CAN_FORK else "spawn")
+    fork = multiprocessing.get_context("fork" if CAN_FORK else "spawn")
     here, there = fork.Pipe()
     python = fork.Process(target=_python, args=(there, here))
     python.start()

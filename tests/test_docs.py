@@ -262,7 +262,7 @@ def test_example_of_the_gallery_runs(name: str, tmp_path: Path, request: pytest.
     assert list(tmp_path.glob("*.png"))
 
 
-@pytest.mark.compiled
+@pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     """Strictly: warnings and links that lead nowhere are errors; the examples of the gallery are not run."""
     done = subprocess.run(

@@ -70,12 +70,12 @@ def test_files_may_not_grow(tmp_path: Path) -> None:
 
 
 def test_memory_may_not_grow(tmp_path: Path) -> None:
-    """Like ``ulimit -v``: a berg of a hundred million elements that was allowed."""
+    """Like ``ulimit -v``: a berg of a thousand million elements that was allowed."""
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (3 * 2**30, 3 * 2**30))
 
-    (tmp_path / "large.yaml").write_text(EXPERIMENT.replace("placement:", "radius: 0.3\n  placement:"))
+    (tmp_path / "large.yaml").write_text(EXPERIMENT.replace("placement:", "radius: 0.1\n  placement:"))
     result = riftberg(tmp_path, "run", "large.yaml", "-o", "out", "-q", "--allow-large", limit=limit)
     refused(result, "memory", "radius")
     assert not (tmp_path / "out").exists()

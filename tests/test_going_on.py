@@ -6,9 +6,6 @@ import gc
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,6 +14,7 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from forked import COMMAND, Program
 from riftberg.cli.main import app
 from riftberg.runs.model import StateKeeper
 from riftberg.runs.restart import load_state
@@ -78,7 +76,7 @@ class Cut(BaseException):
     """The machine is lost: nothing is tidied up."""
 
 
-def lost(words: list[str], monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+def lost(words: list[str], after: int) -> None:
     """Run the command line up to the state that is kept after so many steps, and a few steps more; then all is lost."""
     from riftberg import model
 
@@ -89,12 +87,20 @@ def lost(words: list[str], monkeypatch: pytest.MonkeyPatch, after: int) -> None:
         if run.step_number >= after:
             raise Cut
 
-    with monkeypatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(StateKeeper, "record", cut)
         patch.setattr(model, "finish_all", lambda *_: None)  # a killed process finishes nothing
         with pytest.raises(Cut):
             pytest.fail(CliRunner().invoke(app, words, catch_exceptions=False).output)
     gc.collect()  # as the end of the process does, it lets go of the file
+
+
+@pytest.fixture(scope="module")
+def lost_part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a run that breaks and was lost in its 71st step; tests copy it."""
+    folder = tmp_path_factory.mktemp("lost")
+    lost([*command(folder, "breaks", "--keep-days", "0.45"), "-o", str(folder / "part")], 70)
+    return folder / "part"
 
 
 def assert_same_files(whole: Path, other: Path) -> None:
@@ -121,12 +127,10 @@ def assert_same_files(whole: Path, other: Path) -> None:
 @pytest.mark.parametrize(
     "after", [70, pytest.param(101, marks=pytest.mark.slow), pytest.param(49, marks=pytest.mark.slow)]
 )
-def test_a_lost_run_goes_on_without_a_gap(
-    tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch, name: str, after: int
-) -> None:
+def test_a_lost_run_goes_on_without_a_gap(tmp_path: Path, wholes: dict[str, Path], name: str, after: int) -> None:
     """Records, forces, months and moments on cells, the daily track: all of the part before are there."""
     words = command(tmp_path, name, "--keep-days", "0.3")  # 15 long steps
-    lost([*words, "-o", str(tmp_path / "part")], monkeypatch, after)
+    lost([*words, "-o", str(tmp_path / "part")], after)
     kept = sorted(path.name for path in (tmp_path / "part").glob("*.restart.nc"))
     assert kept == ["kept-1.restart.nc", "kept-2.restart.nc"]
     ended([*words, "--resume", str(tmp_path / "part")])
@@ -139,14 +143,14 @@ def test_a_lost_run_goes_on_without_a_gap(
 
 @pytest.mark.parametrize("damage", ["cut", "garbage", "of another run"])
 def test_a_damaged_newest_state_gives_way_to_the_older(
-    tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch, damage: str
+    tmp_path: Path, wholes: dict[str, Path], lost_part: Path, damage: str
 ) -> None:
     words = command(tmp_path, "breaks", "--keep-days", "0.45")
-    lost([*words, "-o", str(tmp_path / "part")], monkeypatch, 70)
+    shutil.copytree(lost_part, tmp_path / "part")
     states = {load_state(path).time: path for path in (tmp_path / "part").glob("*.restart.nc")}
     newest = states[max(states)]
     if damage == "of another run":
-        lost([*command(tmp_path, "melts", "--keep-days", "1.5"), "-o", str(tmp_path / "other")], monkeypatch, 72)
+        lost([*command(tmp_path, "melts", "--keep-days", "1.5"), "-o", str(tmp_path / "other")], 72)
         shutil.copyfile(tmp_path / "other" / "kept-1.restart.nc", newest)
     else:
         newest.write_bytes(newest.read_bytes()[:3000] if damage == "cut" else b"garbage")
@@ -156,12 +160,12 @@ def test_a_damaged_newest_state_gives_way_to_the_older(
 
 
 def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
-    tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, wholes: dict[str, Path], lost_part: Path
 ) -> None:
     """As after a disk that was full: the state of the end was saved, but the run file ends before it."""
     words = command(tmp_path, "breaks", "--keep-days", "0.45")
-    lost([*words, "-o", str(tmp_path / "part")], monkeypatch, 70)
-    lost([*words, "-o", str(tmp_path / "later")], monkeypatch, 95)
+    shutil.copytree(lost_part, tmp_path / "part")
+    lost([*words, "-o", str(tmp_path / "later")], 95)
     for path in (tmp_path / "later").glob("*.restart.nc"):
         shutil.copyfile(path, tmp_path / "part" / f"later-{path.name}")
     said = ended([*words, "--resume", str(tmp_path / "part")])
@@ -171,11 +175,11 @@ def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
     assert_same_files(wholes["breaks"], tmp_path / "part")
 
 
-def test_lost_again_and_again(tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lost_again_and_again(tmp_path: Path, wholes: dict[str, Path]) -> None:
     words = command(tmp_path, "melts", "--keep-days", "0.3")
-    lost([*words, "-o", str(tmp_path / "part")], monkeypatch, 30)
+    lost([*words, "-o", str(tmp_path / "part")], 30)
     for after in (31, 62, 113):
-        lost([*words, "--resume", str(tmp_path / "part")], monkeypatch, after)
+        lost([*words, "--resume", str(tmp_path / "part")], after)
     ended([*words, "--resume", str(tmp_path / "part")])
     assert_same_files(wholes["melts"], tmp_path / "part")
 
@@ -204,10 +208,8 @@ def test_what_was_interrupted_goes_on_in_its_folder_too(
         (["--days", "0.5"], "already"),
     ],
 )
-def test_what_does_not_fit_the_run_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], said: str
-) -> None:
-    lost(command(tmp_path, "breaks", "--keep-days", "0.7", "-o", str(tmp_path / "part")), monkeypatch, 36)
+def test_what_does_not_fit_the_run_is_refused(tmp_path: Path, lost_part: Path, words: list[str], said: str) -> None:
+    shutil.copytree(lost_part, tmp_path / "part")
     before = {path.name: path.read_bytes() for path in (tmp_path / "part").iterdir()}
     result = CliRunner().invoke(app, command(tmp_path, "breaks", "--resume", str(tmp_path / "part"), *words))
     assert result.exit_code == 2
@@ -215,17 +217,17 @@ def test_what_does_not_fit_the_run_is_refused(
     assert {path.name: path.read_bytes() for path in (tmp_path / "part").iterdir()} == before
 
 
-def test_another_run_into_the_folder_is_not_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_run_into_the_folder_is_not_gone_on_with(tmp_path: Path) -> None:
     """States of an earlier run lie there; the run file is that of a run with other parameters."""
     words = command(tmp_path, "breaks", "-o", str(tmp_path / "part"))
-    lost([*words, "--keep-days", "0.7"], monkeypatch, 36)
-    ended([*words, "--days", "2", "--set", "ice.density=900"])
+    lost([*words, "--keep-days", "0.7"], 36)
+    ended([*words, "--days", "0.9", "--set", "ice.density=900"])
     result = CliRunner().invoke(app, command(tmp_path, "breaks", "--resume", str(tmp_path / "part")))
     assert result.exit_code == 2
     assert "other parameters" in result.stderr
 
 
-def test_short_runs_keep_nothing_and_an_empty_folder_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_runs_keep_nothing_and_an_empty_folder_says_so(tmp_path: Path) -> None:
     ended(command(tmp_path, "melts", "--days", "0.2", "-o", str(tmp_path / "out")))
     assert not list((tmp_path / "out").glob("*.restart.nc"))
     (tmp_path / "lost").mkdir()
@@ -263,24 +265,24 @@ def test_states_are_kept_by_the_clock_and_a_full_disk_is_no_end(
 
 def killed(words: list[str], folder: Path, records: int, wait: float) -> None:
     """Start the command line and kill it some time after its run file has so many records."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "riftberg", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as process:
-        end = time.monotonic() + 300.0
-        while time.monotonic() < end and not (folder / "kept-2.restart.nc").exists() and process.poll() is None:
-            time.sleep(0.01)
-        time.sleep(wait)
-        process.send_signal(signal.SIGKILL)
+    process = Program(COMMAND, *words)
+    end = time.monotonic() + 300.0
+    while time.monotonic() < end and not (folder / "kept-2.restart.nc").exists() and process.wait(0.01) is None:
+        pass
+    time.sleep(wait)
+    process.kill()
 
 
 WAITS = [0.2, *(pytest.param(0.03 * k, marks=pytest.mark.slow) for k in range(30))]
 
 
 @pytest.mark.parametrize("wait", WAITS)
-def test_kill_9(tmp_path: Path, wait: float) -> None:
+def test_kill_9(tmp_path: Path, wholes: dict[str, Path], wait: float) -> None:
     """In a process of its own, at any moment: in the step, in the flush, in the state that is kept (30 of them: ``-m slow``)."""
-    long = ["--days", "5" if wait <= 0.2 else "12"]
-    ended(command(tmp_path, "breaks", *long, "-o", str(tmp_path / "whole")))
+    whole, long = wholes["breaks"], list[str]()
+    if wait > 0.2:  # it would be through by then
+        whole, long = tmp_path / "whole", ["--days", "12"]
+        ended(command(tmp_path, "breaks", *long, "-o", str(whole)))
     words = command(tmp_path, "breaks", *long, "--keep-days", "0.25")
     killed([*words, "-o", str(tmp_path / "part")], tmp_path / "part", 4, wait)
     if (tmp_path / "part" / "summary.json").exists():
@@ -288,11 +290,11 @@ def test_kill_9(tmp_path: Path, wait: float) -> None:
     ended([*words, "--resume", str(tmp_path / "part")])
     for left in (tmp_path / "part").glob(".*"):
         left.unlink()
-    assert_same_files(tmp_path / "whole", tmp_path / "part")
+    assert_same_files(whole, tmp_path / "part")
 
 
-def test_steps_between_two_kept_states_are_those_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lost(command(tmp_path, "breaks", "--keep-days", "0.5", "-o", str(tmp_path / "part")), monkeypatch, 80)
+def test_steps_between_two_kept_states_are_those_asked_for(tmp_path: Path) -> None:
+    lost(command(tmp_path, "breaks", "--keep-days", "0.5", "-o", str(tmp_path / "part")), 80)
     times = sorted(load_state(path).time / 86400.0 for path in (tmp_path / "part").glob("*.restart.nc"))
     np.testing.assert_allclose(np.diff(times), [0.5])
     assert os.path.exists(tmp_path / "part" / "run.nc")

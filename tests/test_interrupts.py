@@ -7,9 +7,7 @@ import os
 import random
 import re
 import signal
-import subprocess
 import sys
-import textwrap
 import threading
 import time
 from collections.abc import Callable
@@ -22,6 +20,7 @@ import pytest
 import typer
 
 import riftberg
+from forked import Program
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.cli.terminal import EXIT_INTERRUPTED, reported
 from riftberg.ocean.analytic import Steady
@@ -61,22 +60,23 @@ elif how == "step":
 """
 
 
-def stopped(program: str, *arguments: str, number: int = signal.SIGINT, wait: float = 0.0) -> tuple[int, str]:
+def stopped(
+    folder: Path, program: str, *arguments: str, number: int = signal.SIGINT, wait: float = 0.0
+) -> tuple[int, str]:
     """Run a program, send it a signal ``wait`` seconds after it is ready, and return its exit code and error output."""
-    command = [sys.executable, "-c", textwrap.dedent(program), *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        for line in process.stdout:
+    errors = folder.with_name(f"{folder.name}-errors.txt")
+    process = Program(program, *arguments, errors=errors)
+    try:
+        for line in process.printed:
             if line == "ready\n":
                 break
         time.sleep(wait)
         process.send_signal(number)
-        try:
-            _, errors = process.communicate(timeout=60)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            raise
-    return process.returncode, errors
+        code = process.wait(60)
+        assert code is not None, "the process did not end"
+    finally:
+        process.kill()
+    return code, errors.read_text()
 
 
 WAYS = [("mts", "memory"), ("runge_kutta", "advance"), ("verlet", "step")]
@@ -86,7 +86,7 @@ MORE = [(scheme, how) for how in ("memory", "advance", "step") for scheme in ("m
 @pytest.mark.parametrize(("scheme", "how"), [*WAYS, *(pytest.param(*way, marks=pytest.mark.slow) for way in MORE)])
 def test_an_interrupt_is_a_keyboard_interrupt_in_all_ways_of_running(tmp_path: Path, scheme: str, how: str) -> None:
     """A kernel that returned a named tuple died of a segmentation fault when a signal waited, in every second try."""
-    code, errors = stopped(PROGRAM, scheme, how, str(tmp_path), wait=random.uniform(0.0, 0.1))
+    code, errors = stopped(tmp_path, PROGRAM, scheme, how, str(tmp_path), wait=random.uniform(0.0, 0.1))
     assert code in (1, -signal.SIGINT, 130), errors  # Python ends a program so after a KeyboardInterrupt
     assert "KeyboardInterrupt" in errors
     if how == "memory":
@@ -109,7 +109,7 @@ def check_what_is_left(folder: Path, errors: str) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_with_output_leaves_file_state_and_the_way_to_go_on(tmp_path: Path, number: int) -> None:
-    code, errors = stopped(PROGRAM, "mts", "run", str(tmp_path), number=number, wait=random.uniform(0.0, 0.5))
+    code, errors = stopped(tmp_path, PROGRAM, "mts", "run", str(tmp_path), number=number, wait=random.uniform(0.0, 0.5))
     assert code == 128 + signal.SIGTERM if number == signal.SIGTERM else code in (1, -number, 130), errors
     check_what_is_left(tmp_path, errors)
 
@@ -117,7 +117,7 @@ def test_a_run_with_output_leaves_file_state_and_the_way_to_go_on(tmp_path: Path
 @pytest.mark.slow
 @pytest.mark.parametrize("trial", range(20))
 def test_interrupts_at_many_moments(tmp_path: Path, trial: int) -> None:
-    code, errors = stopped(PROGRAM, "mts", "run", str(tmp_path), wait=random.uniform(0.0, 2.0))
+    code, errors = stopped(tmp_path, PROGRAM, "mts", "run", str(tmp_path), wait=random.uniform(0.0, 2.0))
     assert code in (1, -signal.SIGINT, 130), errors
     check_what_is_left(tmp_path, errors)
 
@@ -140,8 +140,10 @@ def test_a_kid_run_leaves_its_restart(tmp_path: Path, trial: int) -> None:
     """`riftberg kid` died of a segmentation fault on every second Ctrl-C."""
     from kid.conftest import write_case
 
-    case = write_case(tmp_path / "case", {"ibhrs": 10**6, "nmax": 10**8}, {"traj_sample_hrs": -1.0})
-    code, errors = stopped(KID, str(case), str(tmp_path / "KID.nc"), wait=random.uniform(0.0, 0.3))
+    # At rest and with sub-steps short enough for its springs: else the run ends by itself within a second.
+    still = {"ibhrs": 10**6, "nmax": 10**8, "ibuo": 0.0}
+    case = write_case(tmp_path / "case", still, {"traj_sample_hrs": -1.0, "mts_sub_steps": 60})
+    code, errors = stopped(tmp_path, KID, str(case), str(tmp_path / "KID.nc"), wait=random.uniform(0.0, 0.3))
     assert code in (1, -signal.SIGINT, 130), errors
     assert "To go on, put them into a copy of the run folder" in errors
     import netCDF4

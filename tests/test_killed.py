@@ -15,6 +15,7 @@ import netCDF4
 import numpy as np
 import pytest
 
+from forked import Program
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import open_run
 from riftberg.system.atomic_files import replacing
@@ -236,24 +237,15 @@ def program(name: str) -> str:
 
 
 def killed(name: str, folder: Path, after: float, number: int = signal.SIGKILL) -> None:
-    command = [sys.executable, "-c", program(name), str(folder), str(10**9)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"ready\n"
-        time.sleep(after)
-        process.send_signal(number)
-        _ended(process, number)
-
-
-def _ended(process: subprocess.Popen[bytes], number: int) -> None:
-    """Wait for the end. netCDF4 loses one Ctrl-C in a hundred, so that it is pressed again, as a person would."""
+    process = Program(program(name), str(folder), str(10**9))
     try:
+        assert process.printed.readline() == "ready\n"
+        time.sleep(after)
         for _ in range(12):
-            try:
-                process.wait(5)
+            # netCDF4 loses one Ctrl-C in a hundred, so that it is pressed again, as a person would.
+            process.send_signal(number)
+            if process.wait(5) is not None:
                 return
-            except subprocess.TimeoutExpired:
-                process.send_signal(number)
         pytest.fail("the process did not end")
     finally:
         process.kill()
@@ -302,9 +294,7 @@ def test_the_next_run_removes_what_a_killed_one_left(tmp_path: Path, name: str) 
     for left in (*old, *kept):
         (tmp_path / left).write_bytes(b"half")
     (tmp_path / f".{file}.lock").write_text(gone.stdout)
-    subprocess.run(
-        [sys.executable, "-c", program(name), str(tmp_path), "2"], check=True, capture_output=True, timeout=120
-    )
+    assert Program(program(name), str(tmp_path), "2").wait(120) == 0
     CHECKS[name](tmp_path, 2)
     left = {path.name for path in tmp_path.iterdir()} - {file, f".{file}.lock"}
     assert left == set(kept)

@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 import os
 import signal
-import subprocess
-import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from fakes import FakeModel
+from forked import COMMAND, Program
 from kid.conftest import write_case
+from riftberg.cli.main import app
 from riftberg.runs.run_file import RunWriter
 from riftberg.system.atomic_files import only_writer
 
@@ -29,37 +32,39 @@ forcing: {kind: constant, current: [0.2, 0.0]}
 SEEN = "date,lat,lon\n2020-12-10,-55.0,-39.0\n"
 
 
-def started(*words: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "riftberg", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+@contextmanager
+def started(folder: Path, *words: str) -> Iterator[Program]:
+    """Give a command in a process of its own, whose errors go into a file of a folder."""
+    process = Program(COMMAND, *words, errors=folder / "errors.txt")
+    try:
+        yield process
+    finally:
+        process.kill()
 
 
-def waited_for(path: Path, process: subprocess.Popen[str]) -> None:
+def waited_for(path: Path, process: Program) -> None:
     end = time.monotonic() + 300.0
-    while not path.exists() and process.poll() is None and time.monotonic() < end:
-        time.sleep(0.02)
-    assert path.exists(), process.communicate()
+    while not path.exists() and process.wait(0.02) is None and time.monotonic() < end:
+        pass
+    assert path.exists()
 
 
-def refused(first: subprocess.Popen[str], *words: str) -> None:
-    """Try a second command while the first one lives, but holds its breath: it would compute for as long as this one starts."""
+def refused(first: Program, *words: str) -> None:
+    """Try a second command here while the first one, in its process, holds its breath: it would compute meanwhile."""
     first.send_signal(signal.SIGSTOP)
     try:
-        result = subprocess.run(
-            [sys.executable, "-m", "riftberg", *words], capture_output=True, text=True, timeout=300, check=False
-        )
+        result = CliRunner().invoke(app, words)
     finally:
         first.send_signal(signal.SIGCONT)
-    assert result.returncode == 2, result.stdout + result.stderr
+    assert result.exit_code == 2, result.output
     assert "is writing this file" in result.stderr, result.stderr
 
 
-def ended(process: subprocess.Popen[str]) -> None:
+def ended(process: Program, folder: Path) -> None:
     """End a run by a request to terminate; it writes all that it has to write."""
     process.send_signal(signal.SIGTERM)
-    _, said = process.communicate(timeout=120)
-    assert process.returncode == 128 + signal.SIGTERM, said
-    assert "cannot" not in said
+    assert process.wait(120) == 128 + signal.SIGTERM
+    assert "cannot" not in (folder / "errors.txt").read_text()
 
 
 @pytest.mark.parametrize("times", [2])
@@ -70,11 +75,11 @@ def test_a_second_kid_leaves_the_first_alone(tmp_path: Path, times: int) -> None
     # At rest and with sub-steps short enough for its springs, so that the first is still running when the others come.
     case = write_case(tmp_path / "case", {"ibhrs": 10**6, "nmax": 10**8, "ibuo": 0.0}, {"mts_sub_steps": 60})
     words = ("kid", str(case), "--output", str(tmp_path / "KID.nc"), "--quiet")
-    with started(*words) as first:
+    with started(tmp_path, *words) as first:
         waited_for(tmp_path / "KID_bonds.nc", first)
         for _ in range(times):
             refused(first, *words)
-        ended(first)
+        ended(first, tmp_path)
     for name in ("KID.nc", "KID_bonds.nc", "KID_restart.nc", "KID_bonds_restart.nc"):
         with netCDF4.Dataset(tmp_path / name) as file:
             assert len(file.dimensions["i"]) >= 2
@@ -86,11 +91,11 @@ def test_a_second_run_or_one_that_goes_on_leaves_the_first_alone(tmp_path: Path)
     (tmp_path / "slab.yaml").write_text(SLAB)
     words = ("run", str(tmp_path / "slab.yaml"), "--days", "80000", "--allow-large", "--every", "24", "--no-map", "-q")
     out = tmp_path / "out"
-    with started(*words, "-o", str(out), "--keep-days", "5") as first:
+    with started(tmp_path, *words, "-o", str(out), "--keep-days", "5") as first:
         waited_for(out / "kept-2.restart.nc", first)
         refused(first, *words, "-o", str(out))
         refused(first, *words, "--resume", str(out))
-        ended(first)
+        ended(first, tmp_path)
     with open_run(out) as run:
         assert run.sizes["time"] > 5
     assert {"run.nc", "summary.json", "interrupted.restart.nc", "kept-1.restart.nc", "kept-2.restart.nc"} == {
@@ -103,10 +108,10 @@ def test_a_second_sweep_leaves_the_first_alone(tmp_path: Path) -> None:
     (tmp_path / "slab.yaml").write_text(SLAB)
     out = tmp_path / "sweep"
     words = ("sweep", str(tmp_path / "slab.yaml"), "--vary", "ice.density=850,870", "--days", "20000", "--workers", "0")
-    with started(*words, "--allow-large", "-q", "--no-map", "-o", str(out)) as first:
+    with started(tmp_path, *words, "--allow-large", "-q", "--no-map", "-o", str(out)) as first:
         waited_for(out / "sweep.json", first)
         refused(first, "sweep", "--resume", str(out), "--allow-large", "-q", "--no-map")
-        ended(first)
+        ended(first, tmp_path)
     assert (out / "sweep.nc").exists()
 
 
@@ -132,10 +137,6 @@ OTHERS: dict[str, tuple[str, tuple[str, ...]]] = {
 @pytest.mark.parametrize("name", OTHERS)
 def test_every_command_is_refused_what_another_one_writes(finished: Path, tmp_path: Path, name: str) -> None:
     """The file of the first stays as it is, to the last bit; nothing else is written or left."""
-    from typer.testing import CliRunner
-
-    from riftberg.cli.main import app
-
     file, words = OTHERS[name]
     if name == "compare":
         (finished / "summary.json").write_text(_summary())
@@ -166,10 +167,6 @@ def test_what_an_earlier_run_wrote_is_not_taken_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
 ) -> None:
     """A run that fails before it has made its file leaves the one that is there."""
-    from typer.testing import CliRunner
-
-    from riftberg.cli.main import app
-
     (tmp_path / "slab.yaml").write_text(SLAB)
     out = tmp_path / "out"
     out.mkdir()

@@ -102,7 +102,7 @@ print(moment.py_func(Body(2, Place(one, two), 0.5), 3.0), "numba.np.arraymath" i
 
 AT_START = """\
 import sys
-import riftberg.cli.run, riftberg.cli.kid, riftberg.experiments.a68a, riftberg.kid.run, riftberg.kid.trajectories
+import riftberg.cli.run, riftberg.experiments.a68a, riftberg.kid.run, riftberg.kid.trajectories
 import riftberg.runs.model, riftberg.runs.progress, riftberg.runs.run_file, riftberg.runs.tracks, riftberg.diagnostics.summary
 print([m for m in ("xarray", "pandas", "dask", "scipy.linalg", "scipy.spatial", "matplotlib") if m in sys.modules])
 """

@@ -11,10 +11,11 @@ import shapely
 
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.diagnostics.observed import read_observed
-from riftberg.diagnostics.outlines import axis_difference, polygon_moments, polygon_on
+from riftberg.diagnostics.outlines import polygon_moments, polygon_on
 from riftberg.experiments.a68a import A68A_OBSERVED
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.plane import ConformalPlane
+from riftberg.runs.tracks import axis_difference
 from scripts import loaded, table_rows
 
 AGAIN = "run: python benchmarks/story.py --write"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg
-from riftberg.bergs.fields import EXPONENT, LENGTHS, SHARES, power_law, thickness_of
+from riftberg.bergs.iceberg import EXPONENT, LENGTHS, SHARES, power_law, thickness_of
 from riftberg.errors import BergError, RiftbergError
 
 BOX = (-40.0, -36.0, -58.0, -56.0)

@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 from diagnostics.test_compare import METRES, make_run
 from riftberg import open_run, open_sweep
 from riftberg.cli.main import app
-from riftberg.diagnostics.compare import Course, apart, shown_records
+from riftberg.diagnostics.compare import shown_records
 from riftberg.errors import InputError
+from riftberg.runs.accessor import Course, apart
 
 YAML = """start: 2020-12-09
 days: 0.5

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from riftberg.diagnostics.outlines import best_pairs
+from riftberg.runs.accessor import best_pairs
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -16,10 +16,11 @@ import netCDF4
 import pytest
 
 from fakes import FakeModel
-from riftberg.diagnostics.compare import Known, aligned, compare, observed_part, read_compared, with_hours
+from riftberg.diagnostics.compare import Known, compare, observed_part, read_compared, with_hours
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
+from riftberg.runs.accessor import aligned
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.system.atomic_files import write_json

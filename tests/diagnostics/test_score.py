@@ -20,7 +20,6 @@ from riftberg.diagnostics.outlines import (
     WORST,
     Outline,
     aligned_overlap,
-    axis_difference,
     group_fragments,
     intersection_over_union,
     pair_cost,
@@ -32,6 +31,7 @@ from riftberg.errors import InputError
 from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.tracks import axis_difference
 from riftberg.viz.score import draw_score
 
 START = datetime(2020, 12, 9, 13)

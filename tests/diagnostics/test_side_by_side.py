@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from riftberg.diagnostics.compare import aligned, differences, own_lines
+from riftberg.diagnostics.compare import differences, own_lines
+from riftberg.runs.accessor import aligned
 
 EARTH = {"latlon": True, "radius": 6.371e6}
 

@@ -22,7 +22,7 @@ from riftberg.diagnostics.cut import FORCES, Breakup
 from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
-from riftberg.viz.why import draw_reasons
+from riftberg.viz.score import draw_reasons
 
 PIECE = slice(18, 24)
 """Rows of the last two columns of the fake berg of 8 by 3 elements, which break off after a day."""

@@ -21,8 +21,7 @@ from riftberg.experiments import Options, build, names
 from riftberg.experiments.a68a_files import DAYS, FILES, START_RECORD, ZONE, paper_model
 from riftberg.fetching.fetch import HOURLY
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
-from riftberg.kid.namelist import read_namelist
-from riftberg.kid.parameters import to_parameters
+from riftberg.kid.parameters import read_namelist, to_parameters
 from riftberg.parameters import A68A_2022, A68A_2022_KID
 from riftberg.runs.model import Model
 

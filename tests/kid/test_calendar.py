@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from riftberg.kid.namelist import Date, date_after, is_sampled
+from riftberg.kid.parameters import Date, date_after, is_sampled
 
 DAY = 86_400.0
 

@@ -12,7 +12,7 @@ import pytest
 from riftberg.errors import ForcingError, InputError, NamelistError
 from riftberg.kid import a68
 from riftberg.kid.driver import build_clock, build_grid, driver_forcing, uniform_fields
-from riftberg.kid.namelist import KidNamelist, read_namelist
+from riftberg.kid.parameters import KidNamelist, read_namelist
 from riftberg.kid.run import apply_beam_test
 from riftberg.ocean.grid import Grid
 from riftberg.state import new_elements

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from riftberg.errors import NamelistError
-from riftberg.kid.namelist import KidNamelist, check_supported, quote_texts, read_namelist, split_groups
+from riftberg.kid.parameters import KidNamelist, check_supported, quote_texts, read_namelist, split_groups
 
 from .conftest import namelist_text
 

@@ -13,9 +13,8 @@ import pytest
 from riftberg.bergs.bonding import BondRule, Metric, form_bonds
 from riftberg.errors import InputError, NamelistError
 from riftberg.kid import ncfile
-from riftberg.kid.namelist import Clock, KidNamelist, read_namelist
 from riftberg.kid.ncfile import BlockWriter, Column
-from riftberg.kid.parameters import to_parameters
+from riftberg.kid.parameters import Clock, KidNamelist, read_namelist, to_parameters
 from riftberg.kid.restart import join_id
 from riftberg.kid.trajectories import FIELDS, BondRecorder, TrajectoryRecorder, recorded, trajectory_columns
 from riftberg.state import new_elements

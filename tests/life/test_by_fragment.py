@@ -17,7 +17,7 @@ from riftberg.runs.model import Model
 from riftberg.runs.run_file import open_run
 from riftberg.viz.map import draw_map
 from riftberg.viz.replay import write_replay
-from riftberg.viz.why import draw_reasons
+from riftberg.viz.score import draw_reasons
 
 SEA = Steady(current=(0.4, -0.1), wind=(12.0, 2.0))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ocean.at_elements import (
+from riftberg.ocean.product_records import (
     NO_RINGS,
     RINGS,
     SURFACE,

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physics.agreement import assert_same, between, quick
-from riftberg.physics.momentum import coriolis_parameter
+from riftberg.physics.geometry import coriolis_parameter
 from twins import coriolis as twin
 
 latitude = between(-90, 90)

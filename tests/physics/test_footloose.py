@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from physics.agreement import SEEDS, assert_same
-from riftberg.physics import footloose
+from riftberg.physics import calving
 from twins import footloose as twin
 
 YOUNGS, STRENGTH = 1e8, 250e3
@@ -14,8 +14,8 @@ YOUNGS, STRENGTH = 1e8, 250e3
 
 def test_lengths_of_the_specification():
     """Section 8.6: 300 m thick, 1e8 Pa: 396.1 m, 439.9 m, foot 48.67 m, 6.42e4 m2."""
-    assert footloose.buoyancy_length(300.0, YOUNGS) == pytest.approx(396.1, abs=0.05)
-    wide, foot = footloose.piece_width(300.0, YOUNGS), footloose.foot_length(300.0, YOUNGS, STRENGTH, 850.0)
+    assert calving.buoyancy_length(300.0, YOUNGS) == pytest.approx(396.1, abs=0.05)
+    wide, foot = calving.piece_width(300.0, YOUNGS), calving.foot_length(300.0, YOUNGS, STRENGTH, 850.0)
     assert wide == pytest.approx(439.9, abs=0.05)
     assert foot == pytest.approx(48.67, abs=0.005)
     assert foot * 3 * wide == pytest.approx(6.42e4, rel=1e-3)
@@ -23,7 +23,7 @@ def test_lengths_of_the_specification():
 
 def random_berg(seed):
     r = np.random.default_rng(seed)
-    wide = footloose.piece_width(t := r.uniform(50, 400), YOUNGS)
+    wide = calving.piece_width(t := r.uniform(50, 400), YOUNGS)
     short, long = sorted(wide * r.uniform(0.5, 20.0, 2))
     return t, short, long, 10 ** r.uniform(3, 6.5)
 
@@ -32,11 +32,11 @@ def test_pieces_and_sides_equal_twin():
     seen = set()
     for seed in range(400):
         t, w, length, foot = random_berg(seed)
-        got = footloose.pieces_ready(foot, t, w, length, YOUNGS, STRENGTH, 850.0)
+        got = calving.pieces_ready(foot, t, w, length, YOUNGS, STRENGTH, 850.0)
         assert got == twin.pieces(foot, t, w, length, YOUNGS, STRENGTH, 850.0)
         seen.add(got)
         if got > 0:
-            assert_same(footloose.sides_without(got, t, w, length, YOUNGS), twin.sides(got, t, w, length, YOUNGS))
+            assert_same(calving.sides_without(got, t, w, length, YOUNGS), twin.sides(got, t, w, length, YOUNGS))
     assert len(seen) > 5
 
 
@@ -44,39 +44,39 @@ def test_pieces_take_their_own_area():
     """Whatever side they come from: 3 b2 each; no side becomes negative."""
     for seed in range(400):
         t, w, length, foot = random_berg(seed)
-        count = footloose.pieces_ready(foot, t, w, length, YOUNGS, STRENGTH, 850.0)
+        count = calving.pieces_ready(foot, t, w, length, YOUNGS, STRENGTH, 850.0)
         if count > 0:
-            wide = footloose.piece_width(t, YOUNGS)
-            narrow, short = footloose.sides_without(count, t, w, length, YOUNGS)
+            wide = calving.piece_width(t, YOUNGS)
+            narrow, short = calving.sides_without(count, t, w, length, YOUNGS)
             assert w * length - narrow * short == pytest.approx(3 * count * wide * wide, rel=1e-9)
             assert min(narrow, short) >= 0.0
 
 
 def test_no_piece_before_the_foot_is_long_enough():
-    each = footloose.foot_length(300.0, YOUNGS, STRENGTH, 850.0) * 3 * footloose.piece_width(300.0, YOUNGS)
+    each = calving.foot_length(300.0, YOUNGS, STRENGTH, 850.0) * 3 * calving.piece_width(300.0, YOUNGS)
     for count in (0, 1, 2):
         foot = each * (count + 0.999)
-        assert footloose.pieces_ready(foot, 300.0, 3600.0, 3600.0, YOUNGS, STRENGTH, 850.0) == count
+        assert calving.pieces_ready(foot, 300.0, 3600.0, 3600.0, YOUNGS, STRENGTH, 850.0) == count
 
 
 def test_waves_make_the_foot_and_convection_takes_it():
     """Above water per freeboard, below per keel; never below nothing."""
     free, keel = 300.0 * (1 - 850 / 1025), 300.0 * 850 / 1025
-    grown = footloose.grow_foot(10.0, 300.0, 3000.0, 1e6, 0.0, YOUNGS, 850.0)
+    grown = calving.grow_foot(10.0, 300.0, 3000.0, 1e6, 0.0, YOUNGS, 850.0)
     assert grown == pytest.approx(10.0 + 1e6 / free / 850.0, rel=1e-12)
-    assert footloose.grow_foot(grown, 300.0, 3000.0, 0.0, 1e6, YOUNGS, 850.0) == pytest.approx(
+    assert calving.grow_foot(grown, 300.0, 3000.0, 0.0, 1e6, YOUNGS, 850.0) == pytest.approx(
         grown - 1e6 / keel / 850.0, rel=1e-9
     )
-    assert footloose.grow_foot(10.0, 300.0, 3000.0, 0.0, 1e12, YOUNGS, 850.0) == 0.0
-    assert footloose.grow_foot(10.0, 300.0, 500.0, 1e6, 0.0, YOUNGS, 850.0) == 10.0
-    assert footloose.grow_foot(10.0, 0.0, 3000.0, 1e6, 0.0, YOUNGS, 850.0) == 10.0
+    assert calving.grow_foot(10.0, 300.0, 3000.0, 0.0, 1e12, YOUNGS, 850.0) == 0.0
+    assert calving.grow_foot(10.0, 300.0, 500.0, 1e6, 0.0, YOUNGS, 850.0) == 10.0
+    assert calving.grow_foot(10.0, 0.0, 3000.0, 1e6, 0.0, YOUNGS, 850.0) == 10.0
 
 
 @pytest.mark.parametrize("half_west", [True, False])
 def test_places_lie_on_the_rim(half_west):
     for seed in SEEDS:
         draw = np.random.default_rng(seed).uniform()
-        x, y = footloose.rim_place(draw, 300.0, 800.0, half_west)
+        x, y = calving.rim_place(draw, 300.0, 800.0, half_west)
         on_side = abs(abs(x) - 400.0) < 1e-9 or abs(abs(y) - 150.0) < 1e-9
         assert on_side
         assert abs(x) <= 400.0 + 1e-9
@@ -84,5 +84,5 @@ def test_places_lie_on_the_rim(half_west):
 
 
 def test_corners_of_the_rim():
-    places = [footloose.rim_place(d, 2.0, 4.0, False) for d in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    places = [calving.rim_place(d, 2.0, 4.0, False) for d in (0.0, 0.25, 0.5, 0.75, 1.0)]
     assert places == [(-2.0, 1.0), (2.0, -1.0), (-2.0, -1.0), (-2.0, -1.0), (-2.0, 1.0)]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from physics.agreement import SEEDS, assert_same, between, quick
-from riftberg.physics import basal_melt, melting
+from riftberg.physics import melting
 from twins import melting as twin
 
 water = between(-2.0, 8.0)
@@ -17,12 +17,12 @@ past = between(0.0, 1.5)
 
 def exchange(
     three: bool = True, const: bool = True, reference: bool = False, tide: float = 0.0, scaled: bool = True
-) -> basal_melt.ExchangeValues:
-    return basal_melt.ExchangeValues(three, const, 0.022, 1e-3, 1.5e-3, tide, reference, scaled)
+) -> melting.ExchangeValues:
+    return melting.ExchangeValues(three, const, 0.022, 1e-3, 1.5e-3, tide, reference, scaled)
 
 
 def base_rate(law, speed=0.1, f=-1.2e-4, salinity=34.3, theta=1.0, thickness=235.0):
-    return basal_melt.basal_melt_rate(speed, f, salinity, theta, thickness, 850.0, law)
+    return melting.basal_melt_rate(speed, f, salinity, theta, thickness, 850.0, law)
 
 
 @quick
@@ -180,7 +180,7 @@ def twin_layer(speed, f, tide, scaled=True):
 def test_two_equations_equal_twin(scaled):
     for seed in SEEDS:
         speed, f, s, theta, thick, tide = random_base(seed)
-        got = basal_melt.basal_melt_rate(speed, f, s, theta, thick, 850.0, exchange(False, tide=tide, scaled=scaled))
+        got = melting.basal_melt_rate(speed, f, s, theta, thick, 850.0, exchange(False, tide=tide, scaled=scaled))
         assert_same(got, twin.two_equation(twin_layer(speed, f, tide, scaled), s, theta, thick, 850.0))
 
 
@@ -214,7 +214,7 @@ def test_three_equations_of_the_reference_equal_twin(const):
     for seed in SEEDS:
         speed, f, s, theta, thick, tide = random_base(seed)
         law = exchange(True, const, reference=True, tide=tide)
-        got = basal_melt.basal_melt_rate(speed, f, s, theta, thick, 850.0, law)
+        got = melting.basal_melt_rate(speed, f, s, theta, thick, 850.0, law)
         layer = twin_layer(speed, f, tide)
         expected = twin.reference_three_equation(layer, s, theta, thick, 850.0, 0.022 if const else None)
         assert_same(got, expected)
@@ -225,7 +225,7 @@ def test_three_equations_equal_an_exact_search(const, scaled):
     for seed in range(60):
         speed, f, s, theta, thick, tide = random_base(seed)
         law = exchange(True, const, tide=tide, scaled=scaled)
-        got = basal_melt.basal_melt_rate(speed, f, s, theta, thick, 850.0, law)
+        got = melting.basal_melt_rate(speed, f, s, theta, thick, 850.0, law)
         layer = twin_layer(speed, f, tide, scaled)
         expected = twin.exact_three_equation(layer, s, theta, thick, 850.0, 0.022 if const else None)
         assert got == pytest.approx(expected, rel=1e-9, abs=1e-18)
@@ -241,7 +241,7 @@ def test_the_search_of_the_reference_stops_short():
 def test_no_melt_at_the_freezing_point_and_freezing_below():
     pressure = 101325.0 + 9.8 * 235.0 * 850.0
     for law in (exchange(False), exchange(True), exchange(True, False)):
-        at = basal_melt.freezing_point(34.3, pressure)
+        at = melting.freezing_point(34.3, pressure)
         assert abs(base_rate(law, theta=at)) < 1e-15
         assert base_rate(law, theta=at - 0.1) < 0.0 < base_rate(law, theta=at + 0.1)
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from riftberg.errors import ForcingError
 from riftberg.products.levels import depths
+from riftberg.products.mesh import utc, window
 from riftberg.products.place import goes_round, tidy_axes, tidy_longitude
-from riftberg.products.window import utc, window
 
 
 def globe(step: float = 10.0, first: float = 0.0) -> xr.Dataset:

@@ -135,6 +135,7 @@ def test_opening_reads_no_field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         return values
 
     monkeypatch.setattr(NetCDF4ArrayWrapper, "_getitem", counted)
+
     from riftberg.products import window
 
     ds = window(open_product(path), (-40.0, -39.9), (-55.0, -54.9))

@@ -14,9 +14,9 @@ from fakes import FakeForcing, FakeModel
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError
 from riftberg.ocean.analytic import Steady
-from riftberg.runs.background import GROUP, KeptWater, on_even_grid, stored_water, water_of
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, memory_run, open_own, open_run
+from riftberg.runs.scene import GROUP, KeptWater, on_even_grid, stored_water, water_of
 
 
 class Turning(FakeForcing):
@@ -129,7 +129,7 @@ def test_a_forcing_that_cannot_be_asked_leaves_the_map_without_water() -> None:
 
 def test_a_run_does_not_check_its_own_values_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checked: list[Path] = []
-    monkeypatch.setattr("riftberg.runs.checks._check_values", lambda run, file: checked.append(file))
+    monkeypatch.setattr("riftberg.runs.layout._check_values", lambda run, file: checked.append(file))
     path = finished(tmp_path, FakeForcing())
     open_own(path).close()
     assert not checked

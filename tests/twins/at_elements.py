@@ -1,4 +1,4 @@
-"""Plain twin of the sampling at the elements: value by value, in the words of `riftberg.ocean.at_elements`."""
+"""Plain twin of the sampling at the elements: value by value, in the words of `riftberg.ocean.product_records`."""
 
 from __future__ import annotations
 

@@ -25,8 +25,7 @@ from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz import animate, colours, plots, style
 from riftberg.viz.map import draw_map
-from riftberg.viz.score import draw_score
-from riftberg.viz.why import draw_reasons
+from riftberg.viz.score import draw_reasons, draw_score
 
 GOOD = Path(__file__).parent / "pictures"
 WIDTH = 160
@@ -55,7 +54,7 @@ def scored() -> Score:
 
 
 def film_frame(run: xr.Dataset, path: Path) -> None:
-    from riftberg.runs.background import stored_water
+    from riftberg.runs.scene import stored_water
 
     film = animate._Film(Scene(run), stored_water(run), {}, 80)
     film.draw(10)

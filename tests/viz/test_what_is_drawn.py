@@ -23,17 +23,16 @@ from riftberg.cli.pictures import usual_kinds
 from riftberg.diagnostics.score import Match, Score, ScoredDay
 from riftberg.errors import InputError
 from riftberg.parameters import A68A_2022, Parameters
-from riftberg.runs.background import stored_water
 from riftberg.runs.run_file import RunWriter, open_run
-from riftberg.runs.scene import Scene
+from riftberg.runs.scene import Scene, stored_water, stretch
 from riftberg.stepping.fragments.tree import Fragment
 from riftberg.viz import animate, colours, plots, style
 from riftberg.viz import score as score_picture
 from riftberg.viz.map import draw_map
 from riftberg.viz.panels import DOT, common_boxes
 from riftberg.viz.replay import ReplayContent
+from riftberg.viz.score import _failures
 from riftberg.viz.style import moment_texts
-from riftberg.viz.why import _failures
 
 
 class Channel(FakeModel):
@@ -745,6 +744,6 @@ def test_the_box_of_a_map_holds_the_ice_on_all_sides(run: xr.Dataset, record: in
     box, half = scene.box(record), 0.5 * SIDE / 1e3 * scene.units_per_km()
     rows = slice(None) if record is None else [record]
     x, y = scene.x[rows], scene.y[rows]
-    wide = half * scene.stretch(float(y.mean()))
+    wide = half * stretch(float(y.mean()), scene.latlon)
     assert (box.west, box.east) == pytest.approx((x.min() - wide, x.max() + wide), abs=2e-4)
     assert (box.south, box.north) == pytest.approx((y.min() - half, y.max() + half), abs=2e-4)

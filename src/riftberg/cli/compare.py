@@ -1,12 +1,17 @@
-"""``riftberg compare`` and ``rerun``: runs side by side, beside what was observed, and a run again with a change."""
+"""``riftberg compare``, ``rerun``, ``why`` and ``score``: what runs came to, and why, beside each other and what was observed."""
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from contextlib import redirect_stdout
+from datetime import datetime, timedelta
+from io import StringIO
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -17,22 +22,29 @@ from riftberg.cli.options import (
     Every,
     Map,
     NumericsName,
+    OutputBeside,
     Quiet,
     Settings,
     Without,
     check_folder,
     output_folder,
     results_folder,
+    within,
     words_without,
 )
-from riftberg.cli.terminal import console, reported, say
+from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
+from riftberg.cli.terminal import console, reported, say, table
 from riftberg.errors import InputError
-from riftberg.system.input_files import check_file, is_folder
+from riftberg.system.input_files import check_file, is_folder, value_shown
 
 if TYPE_CHECKING:
     import xarray as xr
+    from rich.table import Table
 
     from riftberg.diagnostics.compare import Comparison, Known
+    from riftberg.diagnostics.cut import Breakup
+    from riftberg.diagnostics.score import Match, Score
+    from riftberg.diagnostics.why import Reasons
 
 
 PICTURES: Final = ("comparison.json", "tracks.png")
@@ -285,3 +297,275 @@ def _kept_of_member(run: Path) -> tuple[dict[str, str], list[str]]:
 
     one = opened(run)
     return dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()]
+
+
+@reported
+def why(
+    run: Run,
+    output: OutputBeside = None,
+    controls: Annotated[
+        bool,
+        typer.Option(
+            "--controls", help="Repeat the experiment without each of its parts, and with half the time step."
+        ),
+    ] = False,
+    data: Annotated[Path | None, typer.Option("--data", help="Folder of data files, for the controls.")] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Report every piece, however small.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw why.png.")] = True,
+    picture: Format = "png",
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress of the controls.")] = False,
+) -> None:
+    """Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls."""
+    from riftberg.diagnostics.why import explain, words
+    from riftberg.runs.layout import check_recorded
+    from riftberg.runs.run_file import open_run
+    from riftberg.runs.scene import SMALL
+
+    check_picture_format(picture)
+    names = ("why.json", f"why.{picture}") if figure else ("why.json",)
+    with open_run(run) as dataset, results_folder(folder_beside(run, output), names, taken=names) as folder:
+        check_recorded(dataset, SURROUNDINGS)
+        reasons = explain(dataset, smallest=0.0 if everything else SMALL)
+        if controls:
+            add_controls(run, dataset, reasons, quiet=quiet, data=data)
+        if as_json:
+            typer.echo(json.dumps(reasons.as_dict(), indent=1))
+        else:
+            for k, paragraph in enumerate(words(reasons)):
+                typer.echo(paragraph)
+                if k < len(reasons.breakups):
+                    _print_breakup(reasons.breakups[k])
+        written = [reasons.write(folder / "why.json")]
+        if figure:
+            from riftberg.viz.score import draw_reasons
+
+            written.append(draw_reasons(reasons, folder / f"why.{picture}"))
+    say("Written: " + ", ".join(str(path) for path in written))
+
+
+SURROUNDINGS = ("uo", "vo", "ui", "vi", "ua", "va", "slope_x", "slope_y", "depth", "ice_thickness")
+"""Variables of a run file from which the forces on the fragments are computed."""
+
+
+def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, data: Path | None) -> None:
+    """Run the experiment again without each of its parts, and with half the long step; note what became of each break-up.
+
+    ``path``: the run, or its folder; ``data``: folder of data files, by default where they were.
+    """
+    import numpy as np
+
+    from riftberg.diagnostics.why import removed_by
+    from riftberg.experiments import EXPERIMENTS
+    from riftberg.runs.layout import COMMAND, parameters_of
+    from riftberg.runs.run_file import open_run
+
+    words = shlex.split(str(run.attrs.get(COMMAND, "")))
+    parts = next((entry.parts for entry in EXPERIMENTS if entry.name in words[2:3]), ())
+    left_out = [value for word, value in pairwise(words) if word == "--without"]
+    changes = {f"without {part}": ["--without", part] for part in parts if part not in left_out}
+    stepping = parameters_of(run).stepping
+    half: dict[str, object] = {"time_step": stepping.time_step / 2.0}
+    if (
+        stepping.substeps is not None and stepping.scheme == "mts"
+    ):  # the sub-step stays; where none are made, they ask for mts
+        half["substeps"] = max(1, round(stepping.substeps / 2))
+    changes["with half the long step"] = [w for name in half for w in ("--set", f"stepping.{name}={half[name]}")]
+    days = float((run["time"].values[-1] - np.datetime64(run.attrs["start"])) / np.timedelta64(1, "s")) / 86400.0
+    with TemporaryDirectory(prefix="riftberg-controls-") as scratch:
+        for number, (change, more) in enumerate(changes.items()):
+            if not quiet:
+                say(f"Control {change}:")
+            folder = Path(scratch) / str(number)
+            with redirect_stdout(StringIO()):  # the results of the controls are in what is told of the break-ups
+                more = [*more, "--no-map", *(["--quiet"] if quiet else [])]
+                run_again(path, run.attrs, folder, more, {"--days": repr(days)}, data)
+            with open_run(folder) as control:
+                for breakup in reasons.breakups:
+                    breakup.controls[change] = removed_by(breakup, control)
+
+
+def _print_breakup(b: Breakup) -> None:
+    """Print the budget and the load of one break-up as tables."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"Fragment {b.fragment}: forces at {b.decisive.time.replace('T', ' ')[:16]}")
+    table.add_column("force", no_wrap=True)
+    for column in (
+        "on it, GN east",
+        "north",
+        "on the rest, GN east",
+        "north",
+        "cut: tension GN",
+        "couple TN m",
+        "stress kPa",
+    ):
+        table.add_column(column, justify="right")
+    load = b.decisive
+    for name in load.stress:
+        sides = [part / 1e9 for k in ("fragment", "rest") for part in b.budgets[k].forces[name]]
+        across = (load.tension[name] / 1e9, load.couple[name] / 1e12, load.stress[name] / 1e3)
+        if not any((*sides, *across)):
+            continue
+        table.add_row(name, *(f"{v:+.3f}" for v in (*sides, *across)))
+    table.add_section()
+    for title, name in (("inertia", "inertia"), ("through the cut", "residual")):
+        pair = [getattr(b.budgets[k], name) for k in ("fragment", "rest")]
+        if pair[0] is not None and pair[1] is not None:
+            table.add_row(title, *(f"{v / 1e9:+.3f}" for p in pair for v in p), "", "", "")
+    recorded = ["", "", ""]
+    if load.tension_recorded is not None and load.couple_recorded is not None:
+        recorded = [f"{load.tension_recorded / 1e9:+.3f}", f"{load.couple_recorded / 1e12:+.3f}", ""]
+    total = (sum(load.tension.values()) / 1e9, sum(load.couple.values()) / 1e12, load.nominal / 1e3)
+    table.add_row("all, if rigid", "", "", "", "", *(f"{v:+.3f}" for v in total))
+    table.add_row("recorded", "", "", "", "", *recorded)
+    console = Console()
+    (console if console.is_terminal else Console(width=120)).print(table)
+
+
+@reported
+def score(
+    run: Run,
+    observed: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OBSERVED",
+            help="Outlines (GeoJSON, KML, shapefile, CSV, masks in NetCDF) or tracks (BYU/NIC and other CSV).",
+        ),
+    ],
+    output: OutputBeside = None,
+    hour: Annotated[
+        float | None,
+        typer.Option(
+            "--hour", min=0.0, max=24.0, help="Hour (UTC) for days without a time.  [default: that of the start]"
+        ),
+    ] = None,
+    date: Annotated[
+        str | None,
+        typer.Option("--date", "-d", help="Date of outlines whose file gives none (KML, shapefile, NetCDF)."),
+    ] = None,
+    variable: Annotated[
+        str | None, typer.Option("--variable", help="Name of the mask variable, in a NetCDF file that has several.")
+    ] = None,
+    between: Annotated[str | None, typer.Option("--between", metavar="FIRST,LAST", help="Dates to compare.")] = None,
+    together: Annotated[
+        str | None,
+        typer.Option(
+            "--together",
+            metavar="N,N,...",
+            help="Fragments that make up the berg, instead of matching them automatically.",
+        ),
+    ] = None,
+    interpolated: Annotated[bool, typer.Option("--interpolated", help="Include interpolated positions.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+    figure: Annotated[bool, typer.Option("--figure/--no-figure", help="Draw score.png.")] = True,
+    picture: Format = "png",
+) -> None:
+    """Compare a run with observations, day by day: distance, heading, area, overlap, fragments."""
+    import json
+
+    from riftberg.diagnostics.observed import read_observed
+    from riftberg.diagnostics.score import score_run
+    from riftberg.runs.run_file import open_run
+    from riftberg.viz.plots import figure_title
+
+    within(hour, "--hour", 0.0, 24.0)
+    check_picture_format(picture)
+    names = ("score.json", f"score.{picture}") if figure else ("score.json",)
+    with open_run(run) as dataset, results_folder(folder_beside(run, output), names, taken=names) as folder:
+        seen = read_observed(observed, date=date, variable=variable)
+        result = score_run(
+            dataset, seen, hour=hour, between=_span(between), together=_numbers(together), interpolated=interpolated
+        )
+        title = figure_title(dataset, f"run against {observed.name}")
+        if as_json:
+            typer.echo(json.dumps(result.as_dict(), indent=1))
+        else:
+            _print_score(result)
+        written = [result.write(folder / "score.json")]
+        if figure:
+            from riftberg.runs.scene import stored_water
+            from riftberg.viz.score import draw_score
+
+            water = stored_water(dataset)
+            written.append(draw_score(result, folder / f"score.{picture}", title=title, water=water))
+    say("Written: " + ", ".join(str(path) for path in written))
+
+
+def _span(text: str | None) -> tuple[datetime, datetime] | None:
+    from riftberg.cli.options import dates
+
+    span = dates(text, "--between")
+    if span is None:
+        return None
+    first, last = (datetime.fromisoformat(part) for part in span)
+    # A day alone is meant to its end.
+    return first, last + timedelta(days=1, seconds=-1) if last.time() == last.min.time() else last
+
+
+def _numbers(text: str | None) -> list[int]:
+    try:
+        return [int(part) for part in (text or "").split(",") if part.strip()]
+    except ValueError as error:
+        raise InputError(
+            f"{value_shown(text)} are no numbers", where="--together", remedy="For example --together 1,6"
+        ) from error
+
+
+MOST_SHOWN = 500
+"""Most times in a table."""
+
+
+def table_of(result: Score) -> Table:
+    """Return the table of a score."""
+    from riftberg.config.units import minute_text
+
+    days = table(
+        f"Run against {result.observed}",
+        ("time", "piece", "fragments", "distance km", "azimuth", "observed", "diff", "area km2", "observed", "IoU"),
+        texts=("time", "piece", "fragments"),
+    )
+    for day in result.days[:MOST_SHOWN]:
+        for k, match in enumerate(day.matches):
+            days.add_row(
+                minute_text(day.time) if k == 0 else "",
+                *_match_cells(match),
+                style="bold" if match is day.berg else "",
+            )
+    return days
+
+
+def _match_cells(m: Match) -> list[str]:
+    def text(value: float | None, form: str) -> str:
+        return "" if value is None else format(value, form)
+
+    return [
+        m.observed, ", ".join(map(str, m.fragments)) or "none", text(m.distance_km, ".1f"), text(m.azimuth, ".0f"),
+        text(m.azimuth_observed, ".0f"), text(m.azimuth_difference, "+.0f"), text(m.area_km2, ".0f"),
+        text(m.area_observed_km2, ".0f"), text(m.iou, ".2f"),
+    ]  # fmt: skip
+
+
+def sentence(result: Score) -> str:
+    """Return the summary in a sentence."""
+    s = result.summary()
+    if not s["days"]:
+        return "The berg itself was not observed during the run."
+    parts = [f"centroid {s['distance_km_rms']:.1f} km off (rms; at most {s['distance_km_max']:.1f} km)"]
+    if s["azimuth_rms"] is not None:
+        parts.append(f"long axis {s['azimuth_rms']:.0f} degrees off (rms)")
+    if s["area_ratio_mean"] is not None:
+        parts.append(f"area {s['area_ratio_mean']:.2f} of the observed one")
+    if s["iou_mean"] is not None:
+        parts.append(f"overlap {s['iou_mean']:.2f}")
+    return f"{s['days']} time{'s' if s['days'] != 1 else ''}: " + ", ".join(parts) + "."
+
+
+def _print_score(result: Score) -> None:
+    out = console(120)
+    out.print(table_of(result))
+    if len(result.days) > MOST_SHOWN:
+        out.print(f"and {len(result.days) - MOST_SHOWN} times more, see score.json")
+    for line in (sentence(result), *result.melt):
+        out.print(line, highlight=False)

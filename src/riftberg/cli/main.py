@@ -46,7 +46,9 @@ SUMMARIES: Final = {
 """The commands in the order of the help, with the first lines of their own, so that help need not load them."""
 
 _ELSEWHERE: Final = {
-    "experiments": "run", "rerun": "compare", "doctor": "forcing_files", "fetch": "forcing_files",
+    **dict.fromkeys(("experiments", "kid"), "run"),
+    **dict.fromkeys(("rerun", "why", "score"), "compare"),
+    **dict.fromkeys(("doctor", "fetch"), "forcing_files"),
     **dict.fromkeys(("product-errors", "update", "hazard"), "forecast"),
     **dict.fromkeys(("sensitivity", "calibrate"), "inputs"),
     "verify-tracks": "verify",

@@ -1,4 +1,4 @@
-"""``riftberg run``: build an experiment, run it, write run.nc, summary.json and map.png."""
+"""``riftberg run``: build an experiment, run it, write run.nc, summary.json and map.png. ``riftberg kid``: a folder of KID."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from riftberg.cli.options import (
     Settings,
     Without,
     check_folder,
+    check_output,
     make_options,
     named_files,
     output_folder,
@@ -36,7 +37,7 @@ from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 from riftberg.system.atomic_files import refusal
 from riftberg.system.input_files import check_file, is_folder, shown
-from riftberg.system.limits import allow_large
+from riftberg.system.limits import allow_extreme, allow_large
 from riftberg.system.process import held
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
     from riftberg.runs.progress import Stopwatch
     from riftberg.runs.tracks import DailyTrack
+
 
 RESULTS: Final = ("run.nc", "summary.json", "map.png", "bergs-monthly.nc", "bergs-instantaneous.nc")
 """Files that a run may write into its folder."""
@@ -339,9 +341,8 @@ def _built(
         raise InputError(
             "a resumed run keeps the parameters of its restart file", where="--set", remedy="Leave --set out"
         )
-    from riftberg.runs.checks import check_same_run
     from riftberg.runs.model import Model, last_good
-    from riftberg.runs.restart import load_state
+    from riftberg.runs.restart import check_same_run, load_state
 
     if not is_folder(resume):
         check_file(resume, remedy="Name a restart file that Riftberg wrote (*.restart.nc), or the folder of a run")
@@ -645,3 +646,55 @@ def _counted(summary: dict[str, Any]) -> str:
         return f"{fragments} bergs" if fragments == bergs else f"{fragments} of {bergs} bergs"
     text = f"{fragments} fragment{'s' if fragments != 1 else ''}"
     return f"{text} of {bergs} bergs" if bergs > 1 else text
+
+
+@reported
+def kid(
+    case: Annotated[Path, typer.Argument(help="Folder with input.nml and the restart files named in it.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Trajectory file or folder.  [default: riftberg-out/NAME]")
+    ] = None,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Show neither progress nor the list of namelist entries.")
+    ] = False,
+    large: Annotated[
+        bool, typer.Option("--allow-large", help="Allow very large numbers of elements and steps.")
+    ] = False,
+    extreme: Annotated[
+        bool,
+        typer.Option(
+            "--allow-extreme", help="Accept unphysical currents, wind and sea level, and ice speeds up to 1000 m/s."
+        ),
+    ] = False,
+    ranks: Annotated[
+        str,
+        typer.Option(
+            "--ranks",
+            help="Processors of the KID run to reproduce, such as 2x2: footloose random numbers depend on them.",
+        ),
+    ] = "1x1",
+) -> None:
+    """Run a KID or iKID case from its namelist; write trajectory, restart and bond files."""
+    from riftberg.kid.run import load_case, run_kid
+    from riftberg.runs.progress import ProgressRecorder
+
+    parts = ranks.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() and 1 <= int(part) <= 1000 for part in parts):
+        raise InputError(f"{ranks!r} is no layout of processes", where="--ranks", remedy="For example 2x2")
+    layout = int(parts[0]), int(parts[1])
+    with allow_large(large), allow_extreme(extreme):
+        folder = output.parent if output is not None and not is_folder(output) else output
+        if folder is not None:
+            check_folder(folder)
+        announce_compilation(quiet)
+        loaded = load_case(case, layout)
+        folder = folder or Path("riftberg-out") / case.resolve().name
+        output = output or folder
+        if not is_folder(output):
+            check_output(output, inputs=[case / "input.nml", *case.glob("*/*.nc")])
+        with results_folder(folder):
+            for note in loaded.notes:
+                say(f"Notice: {note}")
+            clock = loaded.clock
+            progress = ProgressRecorder(clock.steps * clock.dt / 86400.0, quiet=quiet)
+            typer.echo(run_kid(loaded, output, progress=progress).describe(entries=not quiet))

@@ -28,6 +28,7 @@ from riftberg.bergs.raster import Raster, read_raster
 from riftberg.config.values import parse_date
 from riftberg.errors import BergError, InputError
 from riftberg.plane import ConformalPlane
+from riftberg.runs.accessor import best_pairs
 from riftberg.runs.tracks import principal_azimuth
 from riftberg.state import Floats
 from riftberg.system.input_files import reading
@@ -240,23 +241,6 @@ def _rings_at_half(mask: Raster, values: Floats) -> list[Floats]:
     return [np.asarray(ring, np.float64) for ring in rings if len(ring) >= 3]
 
 
-def best_pairs(cost: Floats, alone: float) -> list[tuple[int, int]]:
-    """Return the pairs of the least total cost, where each row that stays alone costs ``alone``.
-
-    ``cost``: cost of each pair, not negative (shape (rows, columns)); returns row and column of each pair, by row.
-    """
-    rows, columns = cost.shape
-    # Loaded here: it takes a third of a second, and few commands need it.
-    from scipy.optimize import linear_sum_assignment
-
-    # Each row gets a column of its own on which it stays alone.
-    table = np.full((rows, columns + rows), np.inf)
-    table[:, :columns] = cost
-    table[np.arange(rows), columns + np.arange(rows)] = alone
-    pairs = zip(*linear_sum_assignment(table), strict=True)
-    return [(int(row), int(column)) for row, column in pairs if column < columns]
-
-
 TWINS: Final = 0.8
 """Two outlines of a day that overlap more than this (intersection over union) are one piece drawn twice."""
 
@@ -347,11 +331,6 @@ def aligned_overlap(a: BaseGeometry, b: BaseGeometry) -> float:
     """Return the intersection over the union of two outlines whose centroids are laid on each other."""
     here, there = a.centroid, b.centroid
     return intersection_over_union(translate(a, there.x - here.x, there.y - here.y), b)
-
-
-def axis_difference(first: Any, second: Any) -> Any:
-    """Return the angle between two axes, first minus second, degrees in [-90, 90); of numbers or arrays."""
-    return (first - second + 90.0) % 180.0 - 90.0
 
 
 def polygon_moments(ring: Floats) -> tuple[float, float, float]:

@@ -29,8 +29,6 @@ from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import (
     REACH,
     Outline,
-    axis_difference,
-    best_pairs,
     group_fragments,
     intersection_over_union,
     polygon_moments,
@@ -42,8 +40,9 @@ from riftberg.diagnostics.summary import melt_lines
 from riftberg.errors import InputError
 from riftberg.ocean.grid import haversine
 from riftberg.plane import ConformalPlane
+from riftberg.runs.accessor import best_pairs
 from riftberg.runs.scene import Scene
-from riftberg.runs.tracks import Position, berg_position
+from riftberg.runs.tracks import Position, axis_difference, berg_position
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_json
 

@@ -35,22 +35,30 @@ riftberg : version of Riftberg
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from riftberg import constants
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.units import area_text
+from riftberg.config.values import finding_text
+from riftberg.errors import InputError
 from riftberg.life.ledger import PROCESSES, melt_of
-from riftberg.runs.layout import called, forcing_text
+from riftberg.runs.layout import called, forcing_text, read_start
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
+from riftberg.state.variables import LARGEST
 from riftberg.stepping.fragments.tree import centroid
+from riftberg.system.input_files import check_file, reading, shown
+from riftberg.system.limits import MOST_TEXT
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -292,3 +300,68 @@ def _amounts(water: dict[str, float]) -> str:
     whole = sum(water.values())
     parts = [f"{name.replace('_', ' ')} {w / 1e12:.3g}" for name, w in water.items() if w > LEAST * whole]
     return f"{whole / 1e12:.3g} Gt ({', '.join(parts)})"
+
+
+_Number = Annotated[float, Field(gt=-LARGEST, lt=LARGEST)]
+_Count = Annotated[int, Field(ge=0)]
+
+
+class _Entries(BaseModel):
+    """What readers of ``summary.json`` use; there is more in it."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+
+class _BreakupEntry(_Entries):
+    time: str
+    lon: _Number
+    lat: _Number
+    area_km2: Annotated[float, Field(gt=0, lt=LARGEST)]
+    bonds: _Count
+    grounded: bool
+
+
+class _Earth(_Entries):
+    latlon: bool
+    radius: _Number
+
+
+class _Numerics(_Entries):
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, dict[str, Any]]
+
+    earth: _Earth
+
+
+class _Summary(_Entries):
+    experiment: str
+    start: str
+    end: str
+    days: _Number
+    elements: _Count
+    bonds_total: _Count
+    bonds_broken: _Count
+    fragments: _Count
+    breakups: list[_BreakupEntry]
+    largest_km2: _Number
+    numerics: _Numerics
+    seconds_per_day: _Number | None = None
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read ``summary.json`` and check what it holds."""
+    remedy = "Make the run again: 'riftberg run' writes summary.json beside run.nc"
+    check_file(path, remedy="Name folders that 'riftberg run' made", most=MOST_TEXT, missing="no summary.json")
+    with reading(path, "not JSON, or a damaged file", remedy):
+        summary: Any = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(summary, dict):
+        raise InputError("no summary of a run", where=shown(path), remedy=remedy)
+    try:
+        _Summary.model_validate(summary)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = f"{shown(path)}, key {'.'.join(map(str, first['loc']))}"
+        raise InputError(finding_text(first), where=place, remedy=remedy) from error
+    for event in summary["breakups"]:
+        read_start(event["time"], path)
+    return {"seconds_per_day": None, **summary}

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from riftberg.bergs.outline import rows_of_csv
 from riftberg.config.values import Section, key, parse_date
 from riftberg.errors import InputError
-from riftberg.experiments.start import started
+from riftberg.experiments.changes import started
 from riftberg.ocean.errors import Errors, FieldError, UncertainForcing
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ from riftberg.fetching.download import (
     progressing,
     tell_terminal,
 )
-from riftberg.products.window import utc
+from riftberg.products.mesh import utc
 from riftberg.system.atomic_files import only_writer
 from riftberg.system.netcdf_lock import open_netcdf
 

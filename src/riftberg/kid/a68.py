@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
-from riftberg.kid.namelist import LATE_START, NamelistGroup, date_after
 from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
+from riftberg.kid.parameters import LATE_START, NamelistGroup, date_after
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
 from riftberg.state import Floats

@@ -21,8 +21,16 @@ from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
 from riftberg.kid.a68 import LIMITS, STRESS, a68_grid, a68_records
-from riftberg.kid.namelist import LATE_START, Clock, KidNamelist, NamelistGroup
-from riftberg.kid.parameters import check_distances, namelist_period, time_step, to_parameters
+from riftberg.kid.parameters import (
+    LATE_START,
+    Clock,
+    KidNamelist,
+    NamelistGroup,
+    check_distances,
+    namelist_period,
+    time_step,
+    to_parameters,
+)
 from riftberg.kid.restart import CALVING_FILE, IdentifierCounter, as_iceberg, read_restart, read_stores, write_stores
 from riftberg.kid.trajectories import resample_environment
 from riftberg.life.calving import FluxCalving, Stores, check_flux

@@ -14,13 +14,16 @@ from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
 from riftberg.kid.a68 import place_note
 from riftberg.kid.driver import CoupledRun, attach_life, build_clock, build_grid, driver_forcing, without_idle_life
-from riftberg.kid.namelist import Clock, KidNamelist, NamelistGroup, read_namelist
 from riftberg.kid.parameters import (
+    Clock,
+    KidNamelist,
+    NamelistGroup,
     check_both_sides,
     check_calving_store,
     check_distances,
     check_footloose,
     order_sides,
+    read_namelist,
     to_parameters,
 )
 from riftberg.kid.restart import CALVING_FILE, as_iceberg, id_text, read_bonds, read_restart, write_bonds, write_restart

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.kid.namelist import Clock, Date, NamelistGroup, is_sampled
 from riftberg.kid.ncfile import BlockWriter, Column
+from riftberg.kid.parameters import Clock, Date, NamelistGroup, is_sampled
 from riftberg.kid.restart import DEM_COLUMNS, LIFE, OPTIONAL, REQUIRED, directed, split_id
 from riftberg.life.process import LifeModel
 from riftberg.model import BareModel

@@ -21,8 +21,8 @@ from riftberg.life.melt import LifeValues, bit_shape
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Parameters
+from riftberg.physics.calving import ASPECT, foot_length, piece_width, pieces_ready, rim_place, sides_without
 from riftberg.physics.floating import roll
-from riftberg.physics.footloose import ASPECT, foot_length, piece_width, pieces_ready, rim_place, sides_without
 from riftberg.physics.geometry import move, separation, wrap_around
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import Parameters
-from riftberg.physics.basal_melt import ExchangeValues, basal_melt_rate
+from riftberg.physics.calving import ASPECT, grow_foot, piece_width
 from riftberg.physics.floating import LEGACY, UPDATED, WEEKS_MELLOR, draft_of, roll
-from riftberg.physics.footloose import ASPECT, grow_foot, piece_width
+from riftberg.physics.geometry import coriolis_parameter
 from riftberg.physics.melting import (
+    ExchangeValues,
+    basal_melt_rate,
     base_melt_rate,
     melt_bits,
     melt_block,
@@ -24,7 +26,6 @@ from riftberg.physics.melting import (
     side_melt_rate,
     wave_erosion_rate,
 )
-from riftberg.physics.momentum import coriolis_parameter
 from riftberg.state import Elements, Floats, Ints, Life, Place
 from riftberg.state.population import numbered
 

@@ -1,6 +1,6 @@
 """Forcing from datasets: each product on its own points and at its own times, sampled at the elements themselves.
 
-A field is interpolated once in time and once in space (`riftberg.ocean.at_elements`), whatever the grid of its product.
+A field is interpolated once in time and once in space (`riftberg.ocean.product_records`), whatever the grid of its product.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ from riftberg.config.values import check_names, given, moment, number, required
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
-from riftberg.ocean.at_elements import (
+from riftberg.ocean.cells import FIELD_DEFAULTS
+from riftberg.ocean.forcing import DescribedForcing
+from riftberg.ocean.grid import Grid
+from riftberg.ocean.product_records import (
     NO_RINGS,
     RINGS,
+    DayMeans,
+    ProductRecords,
     add_shore_drift,
     fill_slopes,
     fill_values,
     fill_vorticity,
 )
-from riftberg.ocean.cells import FIELD_DEFAULTS
-from riftberg.ocean.forcing import DescribedForcing
-from riftberg.ocean.grid import Grid
-from riftberg.ocean.product_records import DayMeans, ProductRecords
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.mesh import Mesh, NodeMesh, Places, mesh_of

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from riftberg.config.units import duration_text
 from riftberg.errors import ForcingError
-from riftberg.ocean.at_elements import NO_RINGS, REACH, RINGS, SURFACE, Blend, fill_values
-from riftberg.ocean.product_records import as_block
-from riftberg.products.mesh import Located, Mesh, NodeMesh, mesh_of
+from riftberg.ocean.product_records import NO_RINGS, REACH, RINGS, SURFACE, Blend, as_block, fill_values
+from riftberg.products.mesh import Located, Mesh, NodeMesh, extent_text, mesh_of, utc, window, window_in_time
 from riftberg.products.product import Product
 from riftberg.products.quantities import QUANTITIES, small_unit, unlikely
 from riftberg.products.records import (
@@ -35,7 +34,6 @@ from riftberg.products.records import (
 from riftberg.products.registry import Choice, expand, joined, product_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.products.vectors import together
-from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 Flags = NDArray[np.bool_]

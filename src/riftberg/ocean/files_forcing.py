@@ -17,22 +17,28 @@ import xarray as xr
 from riftberg.config.units import box_text, duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.ocean.at_elements import RINGS, SURFACE, fill_values
 from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, balance_of, product_part, provided_by
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.product_records import Block, ProductRecords, check_not_empty, records_at_once
+from riftberg.ocean.product_records import (
+    RINGS,
+    SURFACE,
+    Block,
+    ProductRecords,
+    check_not_empty,
+    fill_values,
+    records_at_once,
+)
 from riftberg.physics.floating import draft_of
 from riftberg.products import records
 from riftberg.products.levels import uppermost
-from riftberg.products.mesh import AxesMesh, Located, NodeMesh
+from riftberg.products.mesh import AxesMesh, Located, NodeMesh, extent_text, utc, window, window_in_time
 from riftberg.products.place import step_of
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import members_in, open_raw
 from riftberg.products.registry import Choice, open_named, read_named
 from riftberg.products.repair import VALID
-from riftberg.products.window import extent_text, utc, window, window_in_time
 from riftberg.state import Floats
 from riftberg.system.input_files import is_address
 from riftberg.system.limits import refuse_large

@@ -1,13 +1,15 @@
-"""Bergs from the flux of ice that leaves the land: smoothing in time, size classes, stores (files 3)."""
+"""Bergs from the flux of ice that leaves the land, in size classes and stores (files 3); pieces from the edge of a berg."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.constants import GRAVITY, PI, RHO_SEAWATER
 
 Floats = NDArray[np.float64]
 
@@ -103,3 +105,137 @@ def fill_stores(
             stored += dt * rate * (1.0 - rest)
             warmth += dt * power * (1.0 - rest)
     return stored, warmth
+
+
+# ---- the footloose mechanism: the submerged foot that waves leave lifts the edge until a piece breaks off (files, 2) --------
+
+# Source: England, Wagner and Eisenman (2020), Sci. Adv. 6; Huth, Adcroft and Sergienko (2022), J. Adv. Model. Earth Syst. 14.
+
+POISSON: Final = 0.3
+"""Poisson's ratio of the bending edge."""
+
+STIFF: Final = 12.0 * (1.0 - POISSON * POISSON)
+
+ASPECT: Final = 3.0
+"""Length of a piece over its width."""
+
+
+@kernel
+def buoyancy_length(thickness: float, youngs: float) -> float:
+    """Length over which a floating plate bends, m: ``(E T3 / (12 (1 - nu2) g rho_w))^(1/4)`` (files, 2.1)."""
+    cube = thickness * thickness * thickness
+    return float((1.0 / (GRAVITY * RHO_SEAWATER) * (youngs / STIFF) * cube) ** 0.25)
+
+
+@kernel
+def piece_width(thickness: float, youngs: float) -> float:
+    """Width of a piece that breaks off, m: ``pi / (2 sqrt 2)`` of the buoyancy length (files, 2.1)."""
+    return PI / (2.0 * math.sqrt(2.0)) * buoyancy_length(thickness, youngs)
+
+
+@kernel
+def foot_length(thickness: float, youngs: float, strength: float, rho_ice: float) -> float:
+    """Length of the foot at which its buoyancy breaks the edge, m (files, 2.1).
+
+    Parameters
+    ----------
+    thickness : float
+        m.
+    youngs, strength : float
+        Young's modulus and yield stress of the ice, Pa.
+    rho_ice : float
+        kg m-3.
+    """
+    weight = 6.0 * rho_ice * GRAVITY * (RHO_SEAWATER - rho_ice)
+    return math.exp(PI / 4.0) * RHO_SEAWATER * strength / weight * thickness / buoyancy_length(thickness, youngs)
+
+
+@kernel
+def grow_foot(
+    foot: float, thickness: float, length: float, by_waves: float, by_sides: float, youngs: float, rho_ice: float
+) -> float:
+    """Return the area of the foot (m2) after a step of melt; waves cut above water, convection below (files, 1.7).
+
+    Parameters
+    ----------
+    foot : float
+        Area before, m2.
+    thickness : float
+        After the melt, m.
+    length : float
+        Longer side before it, m; where it makes no piece, the foot does not grow.
+    by_waves, by_sides : float
+        Ice lost to waves and to convection at the sides, kg; of long sides alone where only they count.
+    youngs, rho_ice : float
+        Pa and kg m-3.
+    """
+    least = ASPECT * piece_width(thickness, youngs)
+    freeboard = thickness * (1.0 - rho_ice / RHO_SEAWATER)
+    keel = thickness - freeboard
+    if length <= least or freeboard <= 0.0:
+        return foot
+    return max(foot + (by_waves / freeboard - by_sides / keel) / rho_ice, 0.0)
+
+
+@kernel
+def steps_to_least(side: float, least: float) -> float:
+    """Pieces that a side can lose until it is not longer than a piece; a whole number."""
+    return math.ceil((side - least) / least)
+
+
+@kernel
+def pieces_ready(
+    foot: float, thickness: float, width: float, length: float, youngs: float, strength: float, rho_ice: float
+) -> float:
+    """Number of pieces that break off now, a whole number: as the foot has grown, and no more than there are (files, 2.3)."""
+    wide = piece_width(thickness, youngs)
+    long = ASPECT * wide
+    shortest = (length - steps_to_least(length, long) * long) * (width - steps_to_least(width, long) * long)
+    most = max(math.floor((length * width - shortest) / (long * wide)), 0.0)
+    if most == 0.0:
+        return 0.0
+    return min(math.floor(foot / (foot_length(thickness, youngs, strength, rho_ice) * long)), most)
+
+
+@kernel
+def sides_without(pieces: float, thickness: float, width: float, length: float, youngs: float) -> tuple[float, float]:
+    """Width and length (m) of a berg from which pieces have broken (files, 2.3).
+
+    Both sides retreat alike, ``(L - d)(W - d) = L W - 3 k b2``; the width no further than to the part of it that makes no
+    piece, and not at all where it is shorter than a piece.
+    """
+    wide = piece_width(thickness, youngs)
+    long = ASPECT * wide
+    steps = steps_to_least(width, long)
+    if steps <= 0.0:
+        return width, length - ASPECT * pieces * (wide * wide) / width
+    both = length + width
+    retreat = 0.5 * (both - math.sqrt(both * both - 4.0 * long * wide * pieces))
+    shorter, narrower, least = length - retreat, width - retreat, width - steps * long
+    # The rest of the area is taken from the length, so that the pieces have what they need.
+    if narrower < least:
+        return least, shorter * (1.0 - (least - narrower) / least)
+    return narrower, shorter
+
+
+@kernel
+def rim_place(draw: float, width: float, length: float, half_west: bool) -> tuple[float, float]:
+    """Place on the rim of a berg, m east and north of its centre: north, east, south, west side in turn (files, 2.4).
+
+    Parameters
+    ----------
+    draw : float
+        Random number from 0 to 1.
+    width, length : float
+        m; the length lies east-west.
+    half_west : bool
+        Only the middle half of the west side (quirk T11).
+    """
+    if draw < 0.25:
+        return length * (4.0 * draw - 0.5), 0.5 * width
+    if draw < 0.5:
+        return 0.5 * length, width * (4.0 * (draw - 0.25) - 0.5)
+    if draw < 0.75:
+        return length * (4.0 * (draw - 0.5) - 0.5), -0.5 * width
+    part = 0.5 if half_west else 1.0
+    return -0.5 * length, part * width * (4.0 * (draw - 0.75) - 0.5)

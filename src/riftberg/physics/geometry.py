@@ -1,4 +1,4 @@
-"""Metres and degrees on a sphere, the tangent plane near the pole, fast sine and cosine, plane geometry of cells and polygons.
+"""Metres and degrees on a sphere, the tangent plane near the pole, the Coriolis parameter, fast sine and cosine, plane geometry.
 
 Source: equations 2.2 to 2.5 and 3.2. The sine and cosine here are polynomials without branches: unlike calls of the C
 library they let loops over bonds become vector instructions. Their error is below 3e-16.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.constants import DEGREE
+from riftberg.constants import DEGREE, EARTH_ROTATION
 
 _INVERSE_PI = 1.0 / math.pi
 # pi in three parts; the first two have 33 bits, so that their products with up to a million half turns are exact.
@@ -384,3 +384,16 @@ def gap(one: Floats, two: Floats) -> tuple[float, float, float]:
                 widest = least
                 nx, ny = (ux, uy) if side == 0 else (-ux, -uy)
     return widest, nx, ny
+
+
+@kernel
+def coriolis_parameter(latitude: float, latlon: bool, f_plane: bool, reference_latitude: float) -> float:
+    """Return f = 2 Omega sin(latitude), s-1 (equations 2.6); of the reference latitude on an f-plane or a Cartesian grid.
+
+    Parameters
+    ----------
+    latitude, reference_latitude : float
+        Degrees.
+    """
+    phi = latitude if latlon and not f_plane else reference_latitude
+    return 2.0 * EARTH_ROTATION * math.sin(phi * DEGREE)

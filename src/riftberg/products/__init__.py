@@ -27,7 +27,7 @@ Use
 """
 
 from riftberg.products.levels import keel_mean
+from riftberg.products.mesh import window
 from riftberg.products.registry import PRODUCTS, open_all, open_product, product_named, recognise
-from riftberg.products.window import window
 
 __all__ = ["PRODUCTS", "keel_mean", "open_all", "open_product", "product_named", "recognise", "window"]

@@ -271,7 +271,7 @@ MERCATOR_FORECAST = replace(
 #
 # Written from documentation only: no native file was to be had. Native files have dims ``(time_counter, [deptht,] y,
 # x)`` with two-dimensional ``nav_lat`` and ``nav_lon``. South of about 20 N that grid is a Mercator grid, so that a
-# window there gets ordinary axes (see `riftberg.products.window`). The monthly ORAS5 fields of the A68a
+# window there gets ordinary axes (see `riftberg.products.mesh`). The monthly ORAS5 fields of the A68a
 # experiment are another layout, see `riftberg.products.models`.
 
 

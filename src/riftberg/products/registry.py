@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.errors import ForcingError, nearest
-from riftberg.products import cf, models, oceans, winds
+from riftberg.products import cf, models, oceans
 from riftberg.products.dates import settled
 from riftberg.products.levels import uppermost
 from riftberg.products.product import Heading, Product, noted
@@ -39,10 +39,10 @@ PRODUCTS: tuple[Product, ...] = (
     oceans.MERCATOR_FORECAST,
     oceans.GLORYS,
     oceans.ORAS5,
-    winds.NCEP_R2,
-    winds.NCEP_R1,
-    winds.JRA55,
-    winds.ERA5,
+    models.NCEP_R2,
+    models.NCEP_R1,
+    models.JRA55,
+    models.ERA5,
     oceans.IBCSO,
     oceans.OSISAF,
     oceans.GEBCO,
@@ -362,16 +362,3 @@ def _sourced(ds: xr.Dataset, parts: list[xr.Dataset]) -> xr.Dataset:
         if said := "; ".join(dict.fromkeys(str(part.attrs[key]) for part in parts if key in part.attrs)):
             ds = ds.assign_attrs({key: said})
     return ds.assign_attrs(source=", ".join(dict.fromkeys(str(part.attrs["source"]) for part in parts)))
-
-
-__all__ = [
-    "PRODUCTS",
-    "expand",
-    "in_memory",
-    "is_zarr",
-    "open_all",
-    "open_named",
-    "open_product",
-    "product_named",
-    "recognise",
-]

@@ -1,17 +1,29 @@
-"""What is most often read from a run: bergs, fragments and elements, as ``run.riftberg`` of an `xarray.Dataset`."""
+"""What is most often read from a run: bergs, fragments and elements, as ``run.riftberg`` of an `xarray.Dataset`.
+
+How far two runs are apart by time is found from the courses of the same berg in both: of a run from its elements, of a
+member of a sweep from the tracks that ``sweep.nc`` holds, which have no heading.
+"""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Hashable, Iterator
+import math
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from riftberg.runs.layout import called
-from riftberg.runs.tracks import tracks_of
+from riftberg.errors import InputError, nearest
+from riftberg.ocean.grid import haversine
+from riftberg.runs.layout import called, parameters_of
+from riftberg.runs.tracks import axis_difference, tracks_of
+from riftberg.state import Floats
+from riftberg.system.input_files import value_shown
 
 
 class Table:
@@ -144,9 +156,30 @@ class RunAccessor:
         InputError
             If the runs have no date in common, or no such berg.
         """
-        # Comparisons stand above runs, as pictures do.
-        between = importlib.import_module("riftberg.diagnostics.compare").between
-        return between(self._run, other, berg)  # type: ignore[no-any-return]
+        courses = [course_of(run, berg) for run in (self._run, other)]
+        by_time = apart(*courses)
+        earth = {"latlon": courses[0].latlon, "radius": courses[0].radius}
+        events = aligned([course.births for course in courses], earth)
+
+        def column(key: str, missing: Any) -> list[list[Any]]:
+            return [[missing if event is None else event[key] for event in row] for row in events]
+
+        area = np.array([by_time["area_first"], by_time["area_second"]])
+        dates = np.array(column("time", "NaT"), "datetime64[ns]").reshape(2, -1)
+        sizes = 1e6 * np.array(column("area_km2", np.nan), float).reshape(2, -1)
+        return xr.Dataset(
+            {
+                "distance": ("time", by_time["distance"], {"units": "m", "long_name": "distance between the centroids"}),
+                "rotation": ("time", by_time["rotation"], {
+                    "units": "degrees",
+                    "long_name": "angle from the long axis in the first run to that in the second, clockwise",
+                }),
+                "area": (("run", "time"), area, {"units": "m2", "long_name": "plan area"}),
+                "breakup_time": (("run", "breakup"), dates, {"long_name": "date of the same break-up in both runs"}),
+                "breakup_area": (("run", "breakup"), sizes, {"units": "m2", "long_name": "area that broke off"}),
+            },
+            {"time": by_time["time"], "run": ["first", "second"]}, {"berg": courses[0].berg},
+        )  # fmt: skip
 
     @cached_property
     def fragments(self) -> Fragments:
@@ -165,3 +198,168 @@ class RunAccessor:
         along = {"trajectory"}, {"trajectory", "time"}
         names = [name for name, v in run.data_vars.items() if set(v.dims) in along]
         return ElementTable(run[names].rename(trajectory="element"), run)
+
+
+# ---- the same berg of two runs ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Course:
+    """One berg of a run over time, with the pieces that broke off any berg of the run."""
+
+    berg: str  # Its name, empty for none
+    times: NDArray[np.datetime64]
+    x: Floats  # Centroid, degrees or m; no jump at the date line
+    y: Floats
+    azimuth: Floats  # Long axis, degrees clockwise from north, 0 to 180; NaN where unknown
+    area: Floats  # m2
+    births: list[dict[str, Any]]  # As break-ups in ``summary.json``, in order of time
+    latlon: bool
+    radius: float  # Of the sphere, m
+
+    def at(self, times: NDArray[np.datetime64]) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return position, long axis and area at some times, linear between records; NaN outside of them."""
+        mine, wanted = (t.astype("datetime64[ms]").astype(np.float64) for t in (self.times, times))
+        x, y, area = (np.interp(wanted, mine, a, np.nan, np.nan) for a in (self.x, self.y, self.area))
+        known = np.isfinite(self.azimuth)
+        azimuth = np.full(times.shape, np.nan)
+        if known.any():
+            turning = np.unwrap(self.azimuth[known], period=180.0)
+            azimuth = np.interp(wanted, mine[known], turning, np.nan, np.nan) % 180.0
+        return x, y, azimuth, area
+
+
+def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
+    """Return the course of a berg of a run, or of one member of a sweep: the one of a name, or the largest at the start."""
+    if "parameters_json" not in run.attrs or ("member" in run.dims):
+        raise InputError(
+            f"{value_shown(run)} is no run", where="compare",
+            remedy="Give what Model.run or riftberg.open_run return, or open_sweep(path).isel(member=3)",
+        )  # fmt: skip
+    earth = parameters_of(run).earth
+    x, y = ("lon", "lat") if earth.latlon else ("x", "y")
+    if "member" in run.coords:
+        start = np.flatnonzero(run["fragment_parent"].values == 0.0)
+        rows = start[np.argsort(-run["fragment_area"].values[start], kind="stable")]
+        if not rows.size:
+            raise InputError("the member has no tracks: it failed or was not run", where="compare")
+        one = run.isel(fragment=rows[0])
+        there = np.isfinite(one[x].values)
+        tracks, name, azimuth = one.isel(time=there), "", np.full(int(there.sum()), np.nan)
+    else:
+        table = tracks_of(run)
+        ends = np.cumsum(table["rowsize"].values)
+        names, parents = (table[n].values.tolist() for n in ("name", "parent"))
+        bergs = [k for k, parent in enumerate(parents) if parent <= 0]
+        named = [k for k in bergs if names[k] == berg]
+        if berg is not None and not named:
+            known = [names[k] for k in bergs if names[k]]
+            raise InputError(
+                f"no berg {berg!r}", where="compare, berg",
+                remedy=f"{nearest(berg, known)}Bergs are {', '.join(known) or 'without names'}",
+            )  # fmt: skip
+        row = max(named or bergs, key=lambda k: (float(table["area"].values[ends[k] - table["rowsize"].values[k]]), -k))
+        tracks = table.isel(index=slice(int(ends[row] - table["rowsize"].values[row]), int(ends[row])))
+        name, azimuth = names[row], tracks["azimuth"].values.astype(float)
+    lon = np.unwrap(tracks[x].values, period=360.0) if earth.latlon else tracks[x].values
+    return Course(
+        name, tracks["time"].values, lon, tracks[y].values, azimuth, tracks["area"].values.astype(float),
+        _births(run, x, y), earth.latlon, earth.radius,
+    )  # fmt: skip
+
+
+def _births(run: xr.Dataset, x: str, y: str) -> list[dict[str, Any]]:
+    """Return the break-ups of a run."""
+    columns = ("parent", "birth_time", x, y, "area", "bonds_broken", "grounded")
+    rows = zip(*(run[f"fragment_{name}"].values.tolist() for name in columns), strict=True)
+    dates = run["fragment_birth_time"].values.astype("datetime64[s]").astype(str)
+    found = [
+        {"time": date, "lon": lon, "lat": lat, "area_km2": area / 1e6, "bonds": int(bonds), "grounded": bool(ground)}
+        for date, (parent, _, lon, lat, area, bonds, ground) in zip(dates, rows, strict=True) if parent > 0
+    ]  # fmt: skip
+    return sorted(found, key=lambda event: event["time"])
+
+
+def apart(one: Course, other: Course) -> dict[str, NDArray[Any]]:
+    """Return what differs between two courses at the records of the first that both have.
+
+    ``time``; ``distance`` (m); ``rotation`` of the long axis, second less first (degrees, -90 to 90); ``area_first`` and
+    ``area_second`` (m2).
+    """
+    if one.latlon != other.latlon:
+        raise InputError("one run is in degrees, the other in metres", where="compare", remedy="Give two of a kind")
+    shared = one.times[(one.times >= other.times[0]) & (one.times <= other.times[-1])]
+    # Between records six hours apart a berg that oscillates with the inertial period is a kilometre off the straight line.
+    both = shared[np.isin(shared, other.times)]
+    shared = both if both.size > 1 else shared
+    if not shared.size:
+        spans = " and ".join(f"{str(c.times[0])[:16]} to {str(c.times[-1])[:16]}" for c in (one, other))
+        raise InputError(f"the runs have no date in common: {spans}", where="compare", remedy="Give runs that overlap")
+    (x1, y1, turn1, area1), (x2, y2, turn2, area2) = one.at(shared), other.at(shared)
+    distance = haversine(x1, y1, x2, y2, one.radius) if one.latlon else np.hypot(x2 - x1, y2 - y1)
+    rotation = axis_difference(turn2, turn1)
+    found = {"distance": np.asarray(distance), "rotation": rotation, "area_first": area1, "area_second": area2}
+    return {"time": shared, **found}
+
+
+Event = dict[str, Any]
+
+DAYS_APART: Final = 4.0
+KILOMETRES_APART: Final = 150.0
+TIMES_AS_LARGE: Final = 4.0
+"""Break-ups further apart in time or place, or with areas that differ by more, are not the same event."""
+
+WORST: Final = 3.0
+"""Cost of a pair at all three limits, and of an event without a partner."""
+
+
+def aligned(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list[Event | None]]:
+    """Return the break-ups of each run in rows: each row holds the same event of all runs, or None.
+
+    ``earth``: parameters of the Earth, as in ``summary.json``: whether places are degrees, and its radius (m).
+    """
+    longest = max(range(len(runs)), key=lambda k: len(runs[k]), default=0)
+    rows: list[Event] = list(runs[longest]) if runs else []
+    placed: list[dict[int, Event]] = []
+    for k, events in enumerate(runs):
+        if k == longest:
+            placed.append(dict(enumerate(rows)))
+            continue
+        costs = np.array([[_cost(event, row, earth) for row in rows] for event in events])
+        pairs = dict(best_pairs(costs.reshape(len(events), len(rows)), alone=WORST)) if rows and events else {}
+        mine: dict[int, Event] = {}
+        for number, event in enumerate(events):
+            if number not in pairs:
+                rows.append(event)
+                pairs[number] = len(rows) - 1
+            mine[pairs[number]] = event
+        placed.append(mine)
+    return [[mine.get(row) for row in range(len(rows))] for mine in placed]
+
+
+def _cost(one: Event, other: Event, earth: dict[str, Any]) -> float:
+    """How unlike two break-ups are, 0 to 3; infinite beyond the limits. Grounded and afloat are never the same."""
+    times = [datetime.fromisoformat(event["time"]) for event in (one, other)]
+    days = abs((times[1] - times[0]).total_seconds()) / 86400.0
+    places = [(event["lon"], event["lat"]) for event in (one, other)]
+    metres = float(haversine(*places[0], *places[1], earth["radius"])) if earth["latlon"] else math.dist(*places)
+    larger = abs(math.log(one["area_km2"] / other["area_km2"])) / math.log(TIMES_AS_LARGE)
+    parts = days / DAYS_APART, metres / 1e3 / KILOMETRES_APART, larger
+    return sum(parts) if max(parts) <= 1.0 and one["grounded"] == other["grounded"] else math.inf
+
+
+def best_pairs(cost: Floats, alone: float) -> list[tuple[int, int]]:
+    """Return the pairs of the least total cost, where each row that stays alone costs ``alone``.
+
+    ``cost``: cost of each pair, not negative (shape (rows, columns)); returns row and column of each pair, by row.
+    """
+    rows, columns = cost.shape
+    # Loaded here: it takes a third of a second, and few commands need it.
+    from scipy.optimize import linear_sum_assignment
+
+    # Each row gets a column of its own on which it stays alone.
+    table = np.full((rows, columns + rows), np.inf)
+    table[:, :columns] = cost
+    table[np.arange(rows), columns + np.arange(rows)] = alone
+    pairs = zip(*linear_sum_assignment(table), strict=True)
+    return [(int(row), int(column)) for row, column in pairs if column < columns]

@@ -8,26 +8,30 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import netCDF4
 import numpy as np
 
 from riftberg.errors import InputError
+from riftberg.life.ledger import PROCESSES, SOURCES
 from riftberg.parameters import Parameters
-from riftberg.runs.checks import DAMAGED, check_restart, read_parameters, read_start
-from riftberg.runs.layout import forcing_text
+from riftberg.runs.layout import Allowed, check_bond_ends, forcing_text, read_parameters, read_start
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
 from riftberg.state.population import Population
+from riftberg.state.variables import LARGEST, LARGEST_WHOLE
 from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
 from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
-from riftberg.system.input_files import check_file, reading
+from riftberg.system.input_files import check_file, reading, shown, value_shown
+from riftberg.system.limits import MOST_SUBSTEPS, MOST_VALUES
 from riftberg.system.netcdf_lock import NETCDF, open_netcdf
 from riftberg.system.process import opening
 from riftberg.version import __version__
@@ -41,6 +45,9 @@ FORMAT = 5
 """Number of the layout, the oldest and newest that is read; what is added later takes its default in files without it."""
 
 _Table = TypeVar("_Table", Elements, Bonds)
+DAMAGED: Final = "The file is damaged: resume from another restart"
+"""What helps where a restart file cannot be gone on from."""
+
 _REMEDY = "Name a restart file that Riftberg wrote (*.restart.nc)"
 
 
@@ -204,3 +211,271 @@ def _filled(file: netCDF4.Dataset, table: str, variables: Iterable[Variable], ar
     if not written:
         raise InputError(f"attribute {table}_variables is missing", where=str(path), remedy=DAMAGED)
     return arrays
+
+
+# ---- what can be no state of a run ----------------------------------------------------------------------------------------
+
+
+def _damaged(what: str, path: Path, place: str = "") -> InputError:
+    return InputError(what, where=f"{shown(path)}, {place}" if place else shown(path), remedy=DAMAGED)
+
+
+def check_restart(state: RestartState, path: Path) -> None:
+    """Refuse a restart that is no state of a run: times, steps, statuses, references and numbers that cannot be."""
+    dt = state.parameters.stepping.time_step
+    if not math.isfinite(state.time) or not 0.0 <= state.time <= 1e11:
+        raise _damaged(f"time is {state.time:g} s", path, "variable time")
+    if state.step_number < 0 or (state.step_number == 0) != (state.time == 0.0):
+        raise _damaged(f"{state.step_number} steps do not lead to {state.time:g} s", path, "variable step_number")
+    if abs(state.step_number * dt - state.time) > 0.5 * dt:
+        raise _damaged(
+            f"{state.step_number} steps of {dt:g} s do not lead to {state.time:g} s",
+            path,
+            "variable step_number",
+        )
+    # A run whose elements have all gone knows the next identifier.
+    if state.elements.mass.size == 0 and "next_element" not in state.extra:
+        raise _damaged("no elements", path)
+    check_fragment_rows(state.fragments, path, "attribute fragments_json")
+    check_fragment_rows(state.contacts.rows, path, "attribute contacts_json")
+    if any(count < 0 for _, count in state.bergs):
+        raise _damaged("a berg with less than no elements", path, "attribute bergs_json")
+    bonds, count = state.bonds, state.elements.mass.size
+    check_bond_ends(bonds.first, bonds.second, count, path, "variable bond_first, bond_second")
+    _check_tables(state, path)
+    ids = state.elements.id
+    if len(np.unique(ids)) < len(ids):
+        raise _damaged("two elements have the same identifier", path, "variable element_id")
+    broken_at = bonds.break_time[~np.isnan(bonds.break_time)]  # NaN: the bond holds
+    if ((broken_at < 0.0) | (broken_at > state.time + dt)).any():
+        raise _damaged("a bond that broke before the start, or later than now", path, "variable bond_break_time")
+    if state.parameters.stepping.scheme == "mts":
+        _refuse(state.elements.substeps, Allowed(1, MOST_SUBSTEPS, whole=True), path, "variable element_substeps")
+    check_extra(state, path)
+
+
+class Bound(NamedTuple):
+    """Shape and values of one array of a restart file."""
+
+    # Length of each dimension: a number, a name (equal names are equal lengths, see `check_extra`), or None for any
+    shape: tuple[int | str | None, ...]
+    least: int | str | None = None  # Whole numbers between these; None for real numbers, which must be finite
+    most: int | str | None = None  # Whole numbers between these; None for real numbers, which must be finite
+    once: bool = False  # None of the numbers stands twice
+
+
+EXTRAS: Final[Mapping[str, Bound]] = {
+    "next_element": Bound((), "beyond element_id", LARGEST_WHOLE),
+    "next_bond": Bound((), "beyond bond_id", LARGEST_WHOLE),
+    "own_laws": Bound((3,), 0, 1),
+    # The rigid bodies of the quasi-static scheme, as the last step left them; elements may have come or gone since.
+    "rigid_body": Bound(("left",), 0, "bodies - 1"),
+    "rigid_(shape|bend)": Bound(("left", 3)),
+    "rigid_pose": Bound(("bodies", 3, 3)),
+    "rigid_rate": Bound(("bodies", 3)),
+    "rigid_left_id": Bound(("left",), 0, "next_element - 1", once=True),
+    "rigid_left_.+": Bound(("left",)),
+    "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
+    "motion_ledger": Bound((None, 3)),  # the ledger itself knows how many rows it has
+    "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
+    "front_shapes": Bound((None,), 0, 255),
+    "front_bergs": Bound(("outlines",), 0, "fragments"),
+    "front_elements": Bound(("fronts", 2), 0, "next_element - 1"),
+    "front_sizes": Bound(("fronts", 2)),
+    # The mesh of elastic cells; bonds of neighbours that were never bonded have the identifier -1.
+    "cells_element": Bound(("cells",), 0, "next_element - 1", once=True),
+    "cells_bond": Bound(("cell_bonds",), -1, "next_bond - 1"),
+    "cells_xy": Bound(("nodes", 2)),
+    "cells_owner": Bound(("nodes",), 0, "cells - 1"),
+    "cells_triangle": Bound(("triangles", 3), 0, "nodes - 1"),
+    "cells_(weight|area)": Bound(("triangles",)),
+    "cells_edge_bond": Bound(("triangles", 3), -1, "cell_bonds - 1"),
+    "cells_edge_tie": Bound(("triangles", 3), -1, "3 * triangles - 1"),
+    "cells_path_tie": Bound(("paths",), 0, "3 * triangles - 1"),
+    "cells_path_bonds": Bound(("paths", None), -1, "cell_bonds - 1"),
+    # Tips of cracks, each beside two elements.
+    "crack_tip_beside": Bound(("tips", 2), 0, "next_element - 1"),
+    "crack_tip_(place|direction)": Bound(("tips", 2)),
+    "crack_tip_crack": Bound(("tips",), 0, LARGEST_WHOLE),
+    "crack_tip_order": Bound(("tips",), -LARGEST_WHOLE, LARGEST_WHOLE),
+    "crack_tip_length": Bound(("tips",)),
+    "footprint_element": Bound(("footprints",), 0, "next_element - 1", once=True),
+    "footprint_size": Bound(("footprints",)),
+    "footprint_centre": Bound(("footprints", 2)),
+    "footprint_owner": Bound(("polygons",), 0, "footprints - 1"),
+    "footprint_corner": Bound(("corners", 2)),
+    "footprint_start": Bound((None,), 0, "corners"),
+    # Faces of two elements that press each other.
+    "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
+    "meeting_state": Bound(("face pairs", 13)),
+    "meeting_dissipated": Bound((1,)),
+    "record_peak_stress_.+": Bound((None,)),
+    "record_sums_.+": Bound((None, None)),
+    "record_seconds_.+": Bound(()),
+    "record_times_.+": Bound((2,)),
+    # Identifiers in the order of the rows of the run file; whether it has gaps, and which sizes change.
+    "record_rows_of_elements_.+": Bound((None,), 0, "next_element - 1", once=True),
+    "record_rows_of_bonds_.+": Bound((None,), 0, "next_bond - 1", once=True),
+    "record_rows_change_.+": Bound((None,), 0, 1),
+    "sweep_track": Bound((None, 10)),  # the columns of `riftberg.ensembles.member.Outcome.track`
+    "exchange_totals": Bound((4,)),
+    "exchange_left": Bound((2,)),
+    "exchange_(start|held)": Bound((2,)),
+    # Rows and columns are those of the grid of the exchange, which refuses others.
+    "exchange_counter": Bound((None, None), 0, LARGEST_WHOLE),
+    "exchange_(settling|heat|mean_flux|mean_heat)": Bound((None, None)),
+    "exchange_ice": Bound((None, None, None)),
+    "gridded_.+_s_times": Bound((3,)),
+    "gridded_.+_cells": Bound((None,), 0, MOST_VALUES),
+    "gridded_.+_rows": Bound((None, None)),
+}
+"""What a restart file may hold in its group ``extra``, by a pattern of the name. Arrays of a user's own processes, with
+other names, may have any shape; they must be numbers."""
+
+
+def check_extra(state: RestartState, path: Path) -> None:
+    """Refuse arrays of the group ``extra`` of the wrong shape, kind or size: compiled code indexes memory by some of them."""
+    for name, array in state.extra.items():
+        values = np.asarray(array)
+        place = f"variable extra/{name}"
+        if values.dtype.kind not in "iuf":
+            raise _damaged(f"numbers are needed, not values of type {values.dtype}", path, place)
+    # Sizes by which others are bounded; those that arrays say themselves are added as they are met.
+    sizes = {"elements": state.elements.size, "bonds": len(state.bonds.first)}
+    sizes["fragments"] = max((row.number for row in state.fragments), default=LARGEST_WHOLE)
+    following = {name: np.asarray(state.extra.get(name)) for name in ("next_element", "next_bond")}
+    sizes |= {name: int(value) for name, value in following.items() if value.dtype.kind in "iu" and value.ndim == 0}
+    ends = {f"beyond {table}_id": int(ids.max()) + 1 if ids.size else 0
+            for table, ids in (("element", state.elements.id), ("bond", state.bonds.id))}  # fmt: skip
+    for name, bound in _bounds_of(state.extra):
+        values, place = np.asarray(state.extra[name]), f"variable extra/{name}"
+        fits = values.ndim == len(bound.shape) and all(
+            wanted is None or size == (sizes.setdefault(wanted, size) if isinstance(wanted, str) else wanted)
+            for wanted, size in zip(bound.shape, values.shape, strict=True)
+        )
+        if not fits:
+            wanted = tuple(
+                sizes.get(size, size) if isinstance(size, str) else "any" if size is None else size
+                for size in bound.shape
+            )
+            raise _damaged(f"shape {values.shape} instead of {wanted}", path, place)
+        if bound.least is None:
+            _refuse(values, Allowed(-LARGEST, LARGEST), path, place)
+        else:
+            least, most = (_resolved(limit, {**sizes, **ends}) for limit in (bound.least, bound.most))
+            _refuse(values, Allowed(least, most, whole=True), path, place)
+        if bound.once and np.unique(values).size < values.size:
+            raise _damaged("two entries are the same", path, place)
+
+
+def _bounds_of(extra: Mapping[str, Any]) -> list[tuple[str, Bound]]:
+    """Return names and bounds of the arrays that are known, those first that say how long the others are."""
+    found: dict[str, Bound] = {}
+    for pattern, bound in EXTRAS.items():
+        for name in extra:
+            if re.fullmatch(pattern, name):
+                found.setdefault(name, bound)  # the first pattern that fits holds
+    return sorted(found.items(), key=lambda item: item[1].least is not None)
+
+
+def _resolved(limit: float | str | None, sizes: Mapping[str, int]) -> int:
+    """Return a limit as a number: itself, a size or some times of it, or such a size less one."""
+    if not isinstance(limit, str):
+        return int(limit or 0)
+    size, _, less = limit.partition(" - ")
+    times, _, name = size.rpartition(" * ")
+    # Where the array that says the size is missing nothing is taken up.
+    return int(times or 1) * sizes.get(name, LARGEST_WHOLE) - int(less or 0)
+
+
+def _refuse(values: Any, limits: Allowed, path: Path, place: str) -> None:
+    """Refuse values outside of their limits, and what is no whole number where these belong."""
+    bad = limits.beyond(values)
+    if bad.any():
+        index = tuple(int(k) for k in np.argwhere(np.atleast_1d(bad))[0])
+        entry = f"entry {', '.join(str(k + 1) for k in index)} is {np.atleast_1d(values)[index]:g}"
+        raise _damaged(f"{entry}, not {limits.demand()}", path, place)
+
+
+def check_fragment_rows(rows: Sequence[Any], path: Path, place: str) -> None:
+    """Refuse rows of fragments or collisions with texts where numbers belong, numbers that are none, or unknown fragments."""
+    for k, row in enumerate(rows):
+        for name, value in vars(row).items():
+            kind = type(row).__dataclass_fields__[name].type
+            good = (
+                isinstance(value, str) if kind == "str"
+                else isinstance(value, bool) if kind == "bool"
+                else isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**31 if kind == "int"
+                else isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST
+            )  # fmt: skip
+            if not good:
+                raise _damaged(f"{name} of row {k + 1} is {value_shown(value)}", path, place)
+
+
+def _check_tables(state: RestartState, path: Path) -> None:
+    """Refuse numbers outside their limits in the registry.
+
+    Cells are held against the grid of the forcing when the run goes on (`riftberg.ocean.grid.Grid.check_cells`).
+    """
+    sizes = {
+        "elements": state.elements.size, "bonds": 2 * len(state.bonds.first),
+        # Numbers of fragments rise by one from 1; runs of the reference's numerics keep no tree.
+        "fragments": max((row.number for row in state.fragments), default=LARGEST_WHOLE),
+    }  # fmt: skip
+    tables = (("element", ELEMENT_VARIABLES, state.elements), ("bond", BOND_VARIABLES, state.bonds))
+    for table, variables, arrays in tables:
+        for variable in variables:
+            name, (least, most) = variable.name, variable.limits
+            values, place = getattr(arrays, name), f"variable {table}_{name}"
+            if variable.dtype == "i8":
+                _refuse(values, Allowed(least, _resolved(most, sizes), whole=True), path, place)
+            elif name != "break_time":  # NaN while the bond holds
+                bad = Allowed(least, float(most)).beyond(values)
+                # A missing value at the keel means that the one at the surface holds there too.
+                bad &= ~(np.isnan(values) & (name in ("keel_temperature", "keel_salinity")))
+                if bad.any():
+                    k = int(np.argmax(bad))
+                    raise _damaged(f"{table} {k + 1} has {name} = {values[k]:g}", path, place)
+    lat = state.elements.lat
+    if state.parameters.earth.latlon and (np.abs(lat) > 90.0).any():
+        raise _damaged(f"latitude {lat[np.argmax(np.abs(lat))]:g}", path, "variable element_lat")
+
+
+def check_same_run(state: RestartState, fresh: Any, path: Path, *, named: str) -> None:
+    """Refuse to go on from the restart of another experiment, ocean or start."""
+    remedy = "Name the experiment that it comes from, with the options of that run"
+    where = f"--resume {shown(path)}"
+    if state.parameters.earth.latlon != fresh.parameters.earth.latlon:
+        raise InputError(f"a restart in other coordinates than {named}", where=where, remedy=remedy)
+    if state.start != fresh.start:
+        raise InputError(
+            f"a run that started at {state.start:%Y-%m-%d %H:%M}, but {named} starts at {fresh.start:%Y-%m-%d %H:%M}",
+            where=where, remedy=remedy,
+        )  # fmt: skip
+    ours, theirs = state.elements, fresh.elements
+    # The run may have changed the density of the ice (--set), which the named experiment does not know.
+    denser = state.parameters.ice.density / fresh.parameters.ice.density
+    born = [(row.elements, row.area, row.mass) for row in state.fragments if row.parent <= 0 >= row.birth_time]
+    if born:  # bergs that melt, calve or are added to are recognised by what they were at the start
+        start = theirs.mass.size, (theirs.length * theirs.width).sum(), denser * theirs.mass.sum()
+        same = np.allclose(np.sum(born, axis=0), start, rtol=1e-6)
+    else:
+        same = ours.mass.size == theirs.mass.size and all(
+            np.allclose(getattr(ours, name), factor * getattr(theirs, name), rtol=1e-6)
+            for name, factor in (("mass", denser), ("length", 1.0), ("width", 1.0))
+        )
+    if not same:
+        raise InputError(
+            f"a berg of {ours.mass.size} elements and {ours.mass.sum() / 1e12:.4g} Gt, but that of {named} has "
+            f"{theirs.mass.size} and {theirs.mass.sum() / 1e12:.4g} Gt",
+            where=where, remedy=remedy,
+        )  # fmt: skip
+    before, now = (
+        next((line.strip() for line in text.splitlines() if line.strip()), "")
+        for text in (state.forcing, forcing_text(fresh.forcing))
+    )
+    if before != now:
+        raise InputError(
+            f"a run in another ocean ({value_shown(before)}) than that of {named} ({value_shown(now)})",
+            where=where, remedy=remedy,
+        )  # fmt: skip

@@ -40,8 +40,6 @@ from numpy.typing import NDArray
 
 from riftberg.config.values import required
 from riftberg.errors import InputError, RunError
-from riftberg.runs.background import add_background
-from riftberg.runs.checks import open_checked
 from riftberg.runs.derived import (
     APPLIED,
     Means,
@@ -65,11 +63,13 @@ from riftberg.runs.layout import (
     define_texts,
     element_history,
     in_file,
+    open_checked,
     placed,
     position_names,
     run_attributes,
     texts,
 )
+from riftberg.runs.scene import add_background
 from riftberg.runs.tracks import ELEMENT_COLUMNS, berg_rows, blocks_of, ragged, write_tracks
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
@@ -110,7 +110,7 @@ class RunWriter:
     flush_seconds : float, optional
         Wall time for which records may be held in memory, in s; 0 writes each at once.
     background : bool, optional
-        Add currents and sea floor around the run for maps (`riftberg.runs.background`) at the end.
+        Add currents and sea floor around the run for maps (`riftberg.runs.scene`) at the end.
 
     forces : bool, optional
         Write the mean force of each medium on each element since the record before (`riftberg.runs.derived`).
@@ -459,7 +459,7 @@ def open_run(path: str | Path) -> xr.Dataset:
     Raises
     ------
     InputError
-        If it is no run file, or a damaged one: see `riftberg.runs.checks`.
+        If it is no run file, or a damaged one: see `riftberg.runs.layout`.
     """
     import riftberg.runs.accessor  # noqa: F401  (run.riftberg)
 

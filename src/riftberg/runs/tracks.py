@@ -57,6 +57,11 @@ def principal_azimuth(xx: Floats, yy: Floats, xy: Floats) -> Floats:
     return np.where(np.hypot(2.0 * xy, yy - xx) <= 1e-9 * (xx + yy), np.nan, azimuth)
 
 
+def axis_difference(first: Any, second: Any) -> Any:
+    """Return the angle between two axes, first minus second, degrees in [-90, 90); of numbers or arrays."""
+    return (first - second + 90.0) % 180.0 - 90.0
+
+
 class Shapes:
     """Centroid, area and second moments of bergs, and how their elements lie about the centroid.
 

@@ -18,7 +18,7 @@ import xarray as xr
 from shapely.affinity import rotate, scale, translate
 
 from riftberg.diagnostics.observed import Observations
-from riftberg.diagnostics.outlines import axis_difference, polygon_moments, polygon_on
+from riftberg.diagnostics.outlines import polygon_moments, polygon_on
 from riftberg.ensembles.matching import FEW_MEMBERS
 from riftberg.ensembles.probability import effective
 from riftberg.ensembles.sweep import MEMBERS, WEIGHTS, Plan, Store
@@ -27,6 +27,7 @@ from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
 from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
+from riftberg.runs.tracks import axis_difference
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
 from riftberg.system.input_files import shortened

@@ -17,8 +17,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
 from riftberg.plane import ConformalPlane
-from riftberg.runs.background import KeptWater, StoredWater, water_of
-from riftberg.runs.scene import Box, Scene, filled_forward
+from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.coast import UNKNOWN_DEPTH, draw_coast, draw_place
@@ -30,8 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.patches import Patch
     from matplotlib.quiver import Quiver
-
-    from riftberg.runs.scene import Box
 
 
 Projection = Literal["auto", "polar", "degrees"]
@@ -163,11 +160,6 @@ class KnownDepth(Protocol):
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points."""
-
-
-def stretch(y: float, latlon: bool) -> float:
-    """Return the units of x for one unit of y that make the same distance at ``y``."""
-    return 1.0 / max(0.05, math.cos(math.radians(y))) if latlon else 1.0
 
 
 def widened(box: Box, latlon: bool, shape: float, *, margin: float = 0.0, least: float = 0.0) -> Box:
@@ -471,10 +463,7 @@ class Panel(Map):
     def draw_outlines(self, rings: Sequence[Floats], **look: Any) -> None:
         """Draw observed outlines (longitude, latitude)."""
         for ring in rings:
-            x, y = self.scene.placed(ring[:, 0], ring[:, 1])
-            if self.scene.latlon:
-                middle = 0.5 * (self.box.west + self.box.east)
-                x = x - 360.0 * np.round((x - middle) / 360.0)
+            x, y = self.placed(ring[:, 0], ring[:, 1])
             closed = np.append(x, x[0]), np.append(y, y[0])
             self.ax.plot(*closed, **{"color": colours.OBSERVED, "lw": 1.2, "zorder": 7, **look})
 

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane, ellipses
-from riftberg.runs.background import StoredWater, on_even_grid, stored_water
-from riftberg.runs.scene import Scene
+from riftberg.runs.scene import Scene, StoredWater, on_even_grid, stored_water
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__

@@ -144,7 +144,8 @@ def lay_out(figure: Figure) -> None:
     engine.execute(figure)
     for ax, aspect in aspects:
         ax.set_aspect(aspect)
-    figure.set_layout_engine("none")
+    # Not "none", which leaves an engine that does nothing: with any engine a figure is drawn twice when it is written.
+    figure.set_layout_engine(None)
 
 
 def degree_label(value: float, positive: str, negative: str, decimals: int) -> str:

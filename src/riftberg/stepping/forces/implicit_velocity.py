@@ -17,13 +17,13 @@ step begins, and b is what then is left, b = (A - a / 2) / theta.
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel, stage
-from riftberg.physics.momentum import mean_speed, solve_two_by_two
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.forces.media import LINEAR, MEDIA, PUSH_X, PUSH_Y, QUADRATIC, Surroundings, U, V, record_applied
 from riftberg.stepping.forces.pair_law import (
@@ -39,6 +39,22 @@ from riftberg.stepping.forces.pair_law import (
 
 WITH_SURROUNDINGS, INTERACTIONS_ONLY = 0, 1
 """Whether media and Coriolis force act beside the partners."""
+
+
+@kernel
+def mean_speed(u1: float, v1: float, u0: float, v0: float, uk: float, vk: float) -> float:
+    """Half the sum of the speeds relative to a medium (uk, vk) of the current iterate and of the start, m s-1."""
+    return 0.5 * (
+        math.sqrt((u1 - uk) * (u1 - uk) + (v1 - vk) * (v1 - vk))
+        + math.sqrt((u0 - uk) * (u0 - uk) + (v0 - vk) * (v0 - vk))
+    )
+
+
+@kernel
+def solve_two_by_two(a11: float, a12: float, a21: float, a22: float, rx: float, ry: float) -> tuple[float, float]:
+    """Solve a 2 x 2 system by Cramer's rule."""
+    inverse = 1.0 / (a11 * a22 - a12 * a21)
+    return inverse * (a22 * rx - a12 * ry), inverse * (a11 * ry - a21 * rx)
 
 
 class SolveScheme(NamedTuple):
