@@ -30,9 +30,7 @@ class Saved(NamedTuple):
     next_bond: int
     version: int
     stepped_only: bool
-    columns: tuple[
-        tuple[Ints, ...], tuple[Ints, ...]
-    ]  # What is copied, and where it goes, as whole numbers of the same bits
+    columns: tuple[Ints, ...]  # The copies, as whole numbers of the same bits
 
 
 class Population:
