@@ -13,14 +13,10 @@ from riftberg.bergs.lattice import lattice_points
 from riftberg.errors import BergError
 from riftberg.stepping.lattice.cells import cell_mesh, freed_edges, outline_of_cells
 from riftberg.stepping.lattice.triangles import (
-    DRILLING,
     Neighbourhoods,
-    Triangles,
-    find_open_edges,
     find_triangles,
     freedoms,
     mean_stresses,
-    plane_stress,
     triangle_stresses,
     volumes,
 )
@@ -369,67 +365,3 @@ def test_without_an_outline_the_cells_themselves_make_one(packing, area) -> None
     assert (mesh.weight * mesh.area).sum() == pytest.approx(outline.area, rel=1e-10)
     _, _, stiffness = whole(mesh)
     assert (eigenvalues(mesh, stiffness) < 1e-10).sum() == 3
-
-
-def plain_matrices(vertex, freed, youngs: float, poisson: float, drilling: float):
-    """All triangles at once by NumPy: matrices, q, z, stiffness of the inner unknowns, stress by z."""
-    count = len(vertex)
-    run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
-    length = np.sqrt((run**2).sum(axis=2))
-    tx, ty = run[..., 0] / length, run[..., 1] / length
-
-    # Elongations, turns and rotations of the ends of each edge by the nine freedoms.
-    elongation, turn, rotation = np.zeros((count, 3, 9)), np.zeros((count, 3, 9)), np.zeros((count, 3, 2, 9))
-    for i in range(3):
-        for end, sign in (((i + 1) % 3, -1.0), ((i + 2) % 3, 1.0)):
-            elongation[:, i, 2 * end], elongation[:, i, 2 * end + 1] = sign * tx[:, i], sign * ty[:, i]
-            turn[:, i, 2 * end], turn[:, i, 2 * end + 1] = (
-                -sign * ty[:, i] / length[:, i],
-                sign * tx[:, i] / length[:, i],
-            )
-            rotation[:, i, (end - i - 1) % 3, 6 + end] = 1.0
-
-    # Strain (xx, yy, 2 xy) by elongations, and the shear m of each edge by elongations.
-    strain = np.linalg.inv(np.stack([tx**2, ty**2, tx * ty], axis=2)) / length[:, None, :]
-    edge_shear = np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2) @ strain
-    elastic = plane_stress(youngs, poisson)
-    natural = strain.transpose(0, 2, 1) @ elastic @ strain
-    shear_modulus = 0.5 * youngs / (1.0 + poisson)
-    drill = drilling * shear_modulus / 6.0  # 2 c
-
-    # W in the nine freedoms x and the inner unknowns s: z = known x + inner s, with s only for freed edges.
-    whole = (~freed).astype(np.float64)
-    known, inner = whole[:, :, None] * elongation, np.eye(3) * freed[:, :, None]
-    xx = known.transpose(0, 2, 1) @ natural @ known
-    xs = known.transpose(0, 2, 1) @ natural @ inner
-    ss = inner.transpose(0, 2, 1) @ natural @ inner
-    for i in range(3):
-        of_inner = edge_shear[:, i, None, :] @ inner
-        for end in range(2):
-            of_known = rotation[:, i, end, None, :] - turn[:, i, None, :] + edge_shear[:, i, None, :] @ known
-            factor = (drill * whole[:, i])[:, None, None]
-            xx += factor * (of_known.transpose(0, 2, 1) @ of_known)
-            xs += factor * (of_known.transpose(0, 2, 1) @ of_inner)
-            ss += factor * (of_inner.transpose(0, 2, 1) @ of_inner)
-
-    # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
-    ss += np.eye(3) * (whole * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
-    least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
-    stiffness = xx + xs @ least
-    stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
-    stretch, stress = known + inner @ least, elastic @ strain
-    return Triangles(stiffness, stress @ stretch), elongation, stretch, ss, stress
-
-
-def test_compiled_matrices_are_those_of_plain_numpy() -> None:
-    """Triangles of any shape and size with all ways to free their edges, to round-off of what the shape makes of it."""
-    rng = np.random.default_rng(5)
-    vertex, freed = 1e3 * rng.normal(size=(200, 3, 2)), rng.random((200, 3)) < 0.4
-    freed[:8] = [[bool(n >> k & 1) for k in range(3)] for n in range(8)]
-    plain, q, z, inner, by_stretch = plain_matrices(vertex, freed, 5e6, 0.3, DRILLING)
-    found, edges = find_open_edges(vertex, freed, 5e6, 0.3)
-    give = np.linalg.inv(inner) * (freed[:, :, None] & freed[:, None, :])
-    pairs = [(plain.stiffness, found.stiffness), (plain.stress, found.stress), (q - z, edges.gap), (give, edges.give)]
-    for one, other in [*pairs, (by_stretch, edges.stress)]:
-        size = np.abs(one).max(axis=(1, 2), keepdims=True)
-        assert (np.abs(one - other) <= 1e-9 * size).all()

@@ -30,9 +30,7 @@ class Saved(NamedTuple):
     next_bond: int
     version: int
     stepped_only: bool
-    columns: tuple[
-        tuple[Ints, ...], tuple[Ints, ...]
-    ]  # What is copied, and where it goes, as whole numbers of the same bits
+    columns: tuple[Ints, ...]  # The copies, as whole numbers of the same bits
 
 
 class Population:
@@ -40,10 +38,16 @@ class Population:
 
     def __init__(self, elements: Elements, bonds: Bonds, next_element: int = 0, next_bond: int = 0) -> None:
         self.version = 0
+        # What `saved` copies, all of it or what a step changes: a checkpoint with it would keep rows that are gone.
+        self._columns: dict[bool, tuple[Ints, ...]] = {}
         self._elements, self._bonds = elements, bonds
         self._room, self._bond_room = elements.arrays(), bonds.arrays()
         self.next_element = max(next_element, _above(elements.body.id))
         self.next_bond = max(next_bond, _above(bonds.id))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy is made of; ``_columns`` points into these arrays."""
+        return {**self.__dict__, "_columns": {}}
 
     @property
     def elements(self) -> Elements:
@@ -109,7 +113,7 @@ class Population:
     def saved(self, *, stepped_only: bool = False, into: Saved | None = None) -> Saved:
         """Return a copy to which `restore` goes back; in the memory of one that is done with, where the rows are the same."""
         if into is not None and (into.version, into.stepped_only) == (self.version, stepped_only):
-            _copy_columns(*into.columns)
+            _copy_columns(self._columns[stepped_only], into.columns)
             return into
         copies = (
             (self._elements.copy_of_stepped(), self._bonds.copy_of_stepped())
@@ -122,8 +126,8 @@ class Population:
             for array, kept in zip(now, then, strict=True)
             if array is not kept
         ]
-        source, target = zip(*pairs, strict=True)
-        return Saved(*copies, self.next_element, self.next_bond, self.version, stepped_only, (source, target))
+        self._columns[stepped_only], columns = zip(*pairs, strict=True)
+        return Saved(*copies, self.next_element, self.next_bond, self.version, stepped_only, columns)
 
     def restore(self, saved: Saved) -> None:
         """Go back to a saved population; in place where no row has come or gone since."""
@@ -143,6 +147,7 @@ class Population:
 
     def _show(self, elements: int, bonds: int) -> None:
         """Make the views of the rows in use."""
+        self._columns = {}
         self._elements = elements_of({name: array[:elements] for name, array in self._room.items()})
         self._bonds = Bonds(**{name: array[:bonds] for name, array in self._bond_room.items()})
 

@@ -148,6 +148,8 @@ def candidate_pairs(el: Elements, berg: Ints, sizes: Sizes, dt: float, c: Kernel
     first, second = near_pairs(
         shown.lon_pair, shown.lat_pair, berg, SEARCH_MARGIN * reach, c.latlon, c.earth_radius, c.period
     )
+    if first.size == 0:
+        return none, none
     # A child of footloose calving lies on the rim of its parent until it has drifted off.
     newborn = el.life.fl_k == NEWBORN_CHILD
     if newborn.any():

@@ -166,24 +166,15 @@ def grow_damage(bonds: Bonds, intact: Ints, damage_drive: Floats, dt: float, p: 
         bonds.damage[b] = grown_damage(bonds.damage[b], rate, dt)
 
 
+@borrower
 def store_stresses(
     bonds: Bonds, lattice: ElasticLattice, intact: Ints, deformation: Floats, stress: Floats, levers: Floats
 ) -> None:
     """Write stresses and deformations of the intact bonds to the state; ``levers``: `riftberg.stepping.bodies.pose`."""
-    _store_stresses(
-        bonds.normal_stress, bonds.shear_stress, bonds.peak_stress, bonds.bond_length, bonds.shear_x, bonds.shear_y,
-        bonds.relative_rotation, lattice.first, lattice.nx, lattice.ny, lattice.length, intact, deformation, stress, levers,
-    )  # fmt: skip
-
-
-# Many arguments: seven arrays of the bonds are written and four of the lattice read, each taken out of its table
-# before the loop, inside which numba would count references at each access.
-@borrower
-def _store_stresses(
-    normal: Floats, shear: Floats, peak: Floats, length: Floats, shear_x: Floats, shear_y: Floats, rotation: Floats,
-    first: Ints, nx: Floats, ny: Floats, unstrained: Floats, intact: Ints, deformation: Floats, stress: Floats, levers: Floats,
-) -> None:  # fmt: skip
-    """Fill the variables of `riftberg.state.Bonds`."""
+    # Taken out before the loop, inside which numba would count references at each access.
+    first, nx, ny, unstrained = lattice.first, lattice.nx, lattice.ny, lattice.length
+    normal, shear, peak, length = bonds.normal_stress, bonds.shear_stress, bonds.peak_stress, bonds.bond_length
+    shear_x, shear_y, rotation = bonds.shear_x, bonds.shear_y, bonds.relative_rotation
     for k in range(intact.size):
         b = intact[k]
         e, s, i = deformation[k, 0], deformation[k, 1], first[b]

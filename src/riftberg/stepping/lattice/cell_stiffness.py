@@ -126,9 +126,9 @@ class CellTopology:
         """Find the pairs of nodes that the stiffness matrix couples, sorted, and where those of each first node start."""
         of_triangle = np.concatenate([self.at[:, 0:6:2], self.at[:, 6:9]], axis=1) // 3
         one, other = np.triu_indices(6, 1)
-        pairs = np.sort(np.stack([of_triangle[:, one], of_triangle[:, other]], axis=2), axis=2).reshape(-1, 2)
-        pairs = pairs[pairs[:, 0] < pairs[:, 1]]
-        self.first, self.second = np.divmod(np.unique(pairs[:, 0] * self.nodes + pairs[:, 1]), self.nodes)
+        a, b = of_triangle[:, one].ravel(), of_triangle[:, other].ravel()
+        numbers = np.minimum(a, b) * self.nodes + np.maximum(a, b)
+        self.first, self.second = np.divmod(np.unique(numbers[a != b]), self.nodes)
         self.start = np.searchsorted(self.first, np.arange(self.nodes + 1))
 
     def _find_areas(self) -> None:
@@ -374,7 +374,10 @@ class CellStiffness:
 
     def _nodes_on_outline(self) -> OutlineNodes:
         if self._outline is None:
-            self._outline = outline_nodes(self.topology, *self.blocks())
+            # Of the triangles at the outline: no others touch these nodes.
+            of, rows = self.topology, np.flatnonzero((self._at >= 3 * self.topology.elements).any(axis=1))
+            blocks = stiffness_blocks(self._at[rows], self._triangles.stiffness[rows], of.start, of.second)
+            self._outline = outline_nodes(of, *blocks)
         return self._outline
 
     @property

@@ -22,7 +22,6 @@ releases is never negative, and the order of breaks does not matter.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +29,6 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.state import Floats, Ints
 from riftberg.stepping.lattice.cells import Booleans, CellMesh
-from riftberg.stepping.mat3 import solve
 
 DRILLING = 0.3
 """beta: stiffness of the rotation of a cell against that of its ice, in parts of the shear modulus.
@@ -85,131 +83,47 @@ def _condensed(
     vertex: Floats, freed: Booleans, youngs: float, poisson: float, drilling: float
 ) -> tuple[Triangles, Floats, Floats, Floats, Floats]:
     """Matrices of triangles; their elongations q and z by displacements, stiffness of the inner unknowns, stress by z."""
-    drill = drilling * 0.5 * youngs / (1.0 + poisson) / 6.0  # 2 c
-    stiffness, stress, q, z, of_inner, by_stretch = _condense(vertex, freed, plane_stress(youngs, poisson), drill)
-    return Triangles(stiffness, stress), q, z, of_inner, by_stretch
+    count = len(vertex)
+    run = vertex[:, [2, 0, 1]] - vertex[:, [1, 2, 0]]  # of each edge, from j to k
+    length = np.sqrt((run**2).sum(axis=2))
+    tx, ty = run[..., 0] / length, run[..., 1] / length
 
-
-@kernel
-def _condense(
-    vertex: Floats, freed: Booleans, elastic: Floats, drill: float
-) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-    """Return what `_condensed` does, triangle by triangle: stiffness, stress, q, z, stiffness of s, stress by z."""
-    count = vertex.shape[0]
-    stiffness, stress = np.empty((count, 9, 9)), np.empty((count, 3, 9))
-    elongation, stretch = np.zeros((count, 3, 9)), np.empty((count, 3, 9))
-    of_inner, by_stretch = np.empty((count, 3, 3)), np.empty((count, 3, 3))
-    energy, z, least, edge = np.empty((12, 12)), np.empty((3, 12)), np.empty((3, 9)), np.empty((3, 3))
-    strain, natural, shear, matrix, right = (
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty(3),
-    )
-    for t in range(count):
-        _find_edges(vertex[t], freed[t], edge, elongation[t], z)
-        _find_natural(edge, elastic, strain, by_stretch[t], natural, shear, matrix, right)
-        _find_energy(edge, freed[t], drill, natural, shear, z, energy)
-        # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
-        for a in range(9):
-            for i in range(3):
-                right[i] = -energy[a, 9 + i]
-                for j in range(3):
-                    of_inner[t, i, j] = matrix[i, j] = energy[9 + i, 9 + j]
-            least[0, a], least[1, a], least[2, a] = solve(matrix, right)
-        for a in range(9):
-            for b in range(9):
-                one = (
-                    energy[a, b]
-                    + energy[a, 9] * least[0, b]
-                    + energy[a, 10] * least[1, b]
-                    + energy[a, 11] * least[2, b]
-                )
-                other = (
-                    energy[b, a]
-                    + energy[b, 9] * least[0, a]
-                    + energy[b, 10] * least[1, a]
-                    + energy[b, 11] * least[2, a]
-                )
-                stiffness[t, a, b] = 0.5 * (one + other)
-            for i in range(3):
-                stretch[t, i, a] = least[i, a] if freed[t, i] else z[i, a]
-            for c in range(3):
-                stress[t, c, a] = (
-                    by_stretch[t, c, 0] * stretch[t, 0, a]
-                    + by_stretch[t, c, 1] * stretch[t, 1, a]
-                    + by_stretch[t, c, 2] * stretch[t, 2, a]
-                )
-    return stiffness, stress, elongation, stretch, of_inner, by_stretch
-
-
-@kernel
-def _find_edges(vertex: Floats, freed: Booleans, edge: Floats, elongation: Floats, z: Floats) -> None:
-    """Direction (x, y) and length of each edge, and q and z by the nine freedoms and the inner unknowns (3, 12)."""
-    z[:, :] = 0.0
+    # Elongations, turns and rotations of the ends of each edge by the nine freedoms, and by three inner unknowns s, which
+    # only freed edges have.
+    elongation, turn, rotation = np.zeros((count, 3, 9)), np.zeros((count, 3, 12)), np.zeros((3, 2, 12))
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        x, y = vertex[k, 0] - vertex[j, 0], vertex[k, 1] - vertex[j, 1]
-        length = math.sqrt(x * x + y * y)
-        edge[i, 0], edge[i, 1], edge[i, 2] = x / length, y / length, length
-        for end, sign in ((j, -1.0), (k, 1.0)):
-            elongation[i, 2 * end], elongation[i, 2 * end + 1] = sign * edge[i, 0], sign * edge[i, 1]
-        for a in range(9):
-            z[i, a] = 0.0 if freed[i] else elongation[i, a]
-        z[i, 9 + i] = 1.0 if freed[i] else 0.0
+        for n, end, sign in ((0, (i + 1) % 3, -1.0), (1, (i + 2) % 3, 1.0)):
+            elongation[:, i, 2 * end], elongation[:, i, 2 * end + 1] = sign * tx[:, i], sign * ty[:, i]
+            turn[:, i, 2 * end], turn[:, i, 2 * end + 1] = (
+                -sign * ty[:, i] / length[:, i],
+                sign * tx[:, i] / length[:, i],
+            )
+            rotation[i, n, 6 + end] = 1.0
 
+    # Strain (xx, yy, 2 xy) by elongations, and the shear m of each edge by elongations.
+    strain = np.linalg.inv(np.stack([tx**2, ty**2, tx * ty], axis=2)) / length[:, None, :]
+    edge_shear = np.stack([-tx * ty, tx * ty, 0.5 * (tx**2 - ty**2)], axis=2) @ strain
+    elastic = plane_stress(youngs, poisson)
+    natural = strain.transpose(0, 2, 1) @ elastic @ strain
+    shear_modulus = 0.5 * youngs / (1.0 + poisson)
+    drill = drilling * shear_modulus / 6.0  # 2 c
 
-@kernel
-def _find_natural(
-    edge: Floats, elastic: Floats, strain: Floats, stress: Floats, natural: Floats, shear: Floats, matrix: Floats,
-    right: Floats,
-) -> None:  # fmt: skip
-    """Strain (xx, yy, 2 xy), stress and the shear m of each edge by elongations, and Q' C Q; the last two are workspace."""
-    for k in range(3):
-        for i in range(3):
-            right[i] = 1.0 if i == k else 0.0
-            tx, ty = edge[i, 0], edge[i, 1]
-            matrix[i, 0], matrix[i, 1], matrix[i, 2] = tx * tx, ty * ty, tx * ty
-        xx, yy, xy = solve(matrix, right)
-        strain[0, k], strain[1, k], strain[2, k] = xx / edge[k, 2], yy / edge[k, 2], xy / edge[k, 2]
-        for c in range(3):
-            stress[c, k] = elastic[c, 0] * strain[0, k] + elastic[c, 1] * strain[1, k] + elastic[c, 2] * strain[2, k]
-    for i in range(3):
-        tx, ty = edge[i, 0], edge[i, 1]
-        for k in range(3):
-            natural[i, k] = strain[0, i] * stress[0, k] + strain[1, i] * stress[1, k] + strain[2, i] * stress[2, k]
-            shear[i, k] = tx * ty * (strain[1, k] - strain[0, k]) + 0.5 * (tx * tx - ty * ty) * strain[2, k]
+    # W in the freedoms x and the inner unknowns s: z = q for unfreed edges, z = s for freed ones.
+    whole, z = (~freed).astype(np.float64), np.zeros((count, 3, 12))
+    z[..., :9], z[:, range(3), range(9, 12)] = whole[:, :, None] * elongation, freed
+    drilled = rotation - (turn - edge_shear @ z)[:, :, None]
+    weighted = drilled * (drill * whole)[:, :, None, None]
+    energy = z.transpose(0, 2, 1) @ natural @ z
+    energy += drilled.reshape(count, 6, 12).transpose(0, 2, 1) @ weighted.reshape(count, 6, 12)
+    xx, xs, ss = energy[:, :9, :9], energy[:, :9, 9:], energy[:, 9:, 9:]
 
-
-@kernel
-def _find_energy(
-    edge: Floats, freed: Booleans, drill: float, natural: Floats, shear: Floats, z: Floats, energy: Floats
-) -> None:
-    """Second derivatives of W by the nine freedoms x and the inner unknowns s, which only freed edges have; shape (12, 12)."""
-    for a in range(12):
-        for b in range(12):
-            total = 0.0
-            for i in range(3):
-                for k in range(3):
-                    total += z[i, a] * natural[i, k] * z[k, b]
-            energy[a, b] = total
-    for i in range(3):
-        if freed[i]:
-            continue
-        energy[9 + i, 9 + i] += natural[0, 0] + natural[1, 1] + natural[2, 2]
-        tx, ty, length = edge[i, 0], edge[i, 1], edge[i, 2]
-        j, k = (i + 1) % 3, (i + 2) % 3
-        for end in (j, k):
-            row = np.empty(12)  # theta - r + m
-            for a in range(12):
-                row[a] = shear[i, 0] * z[0, a] + shear[i, 1] * z[1, a] + shear[i, 2] * z[2, a]
-            row[2 * j], row[2 * j + 1] = row[2 * j] - ty / length, row[2 * j + 1] + tx / length
-            row[2 * k], row[2 * k + 1] = row[2 * k] + ty / length, row[2 * k + 1] - tx / length
-            row[6 + end] += 1.0
-            for a in range(12):
-                for b in range(12):
-                    energy[a, b] += drill * row[a] * row[b]
+    # Condense: s = -ss^-1 xs' x. Unfreed edges have no inner unknown; the mean stiffness stands in their place.
+    ss += np.eye(3) * (whole * np.trace(natural, axis1=1, axis2=2)[:, None])[:, :, None]
+    least = -np.linalg.solve(ss, xs.transpose(0, 2, 1))
+    stiffness = xx + xs @ least
+    stiffness = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
+    stretch, stress = z[..., :9] + freed[..., None] * least, elastic @ strain
+    return Triangles(stiffness, stress @ stretch), elongation, stretch, ss, stress
 
 
 class FaceTables(NamedTuple):

@@ -407,6 +407,17 @@ class Trial:
     peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
 
+class Move(NamedTuple):
+    """The first part of a trial step, before the velocities at its end are known."""
+
+    bodies: Bodies  # At the new place, with the velocities at mid-step
+    operators: BodyOperators  # There
+    ashore: list[Ashore]
+    contact: ContactPhase | None  # Of bodies that met
+    ground: GroundPhase | None  # Of bodies on a bed of sediment
+    phase: ContactPhase | None  # Of both
+
+
 class TimeStep:
     """One time step of a model, from event to event."""
 
@@ -501,15 +512,19 @@ class TimeStep:
             self._max_dt = LONGEST_CONTACT_STEP
             return math.inf
 
-        if grounding_dt < self.dt and _newly_grounded(trial, aground):
+        def touches(h: float) -> bool:
+            self._rollback(checkpoint)
+            return _newly_grounded(self._move(start, h).operators, aground)
+
+        if grounding_dt < self.dt and _newly_grounded(trial.state.operators, aground):
             tolerance = grounding_dt * EVENT_TOLERANCE
-            before, after = _bracket(lambda t: _newly_grounded(retry(t), aground), h, tolerance)
+            before, after = _bracket(touches, h, tolerance)
             if h > tolerance:  # else the trial ends just after the touch already
                 trial = retry(before or after)  # after it, where the touch comes at the very start
                 # The next step must reach past the touch, and hardly farther. From its new start the fragment takes a slightly
                 # other path than in the trials, so half the bracket is added.
                 next_dt = 1.5 * (after - before) if before else math.inf
-            touched_down = _newly_grounded(trial, aground)
+            touched_down = _newly_grounded(trial.state.operators, aground)
         if not may_break:
             self._accept(start, trial)
             return next_dt
@@ -597,8 +612,8 @@ class TimeStep:
 
     # The trial step
 
-    def _trial(self, start: BodyState, h: float) -> Trial:
-        """Move the fragments over ``h`` s and find loads and equilibrium at the new place."""
+    def _move(self, start: BodyState, h: float) -> Move:
+        """Move the fragments over ``h`` s, and find what moves them at the new place."""
         el, c, bodies = self.el, self.c, start.bodies
         work = self._workspace(bodies)
 
@@ -618,9 +633,15 @@ class TimeStep:
         )  # fmt: skip
         new, ashore = self._constrained_by_land(new)
 
-        # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         self.model.forcing.sample(el, start.time + h)
-        op, time = self._operators(new), start.time + h
+        return Move(new, self._operators(new), ashore, contact, ground, phase)
+
+    def _trial(self, start: BodyState, h: float) -> Trial:
+        """Take a trial step of ``h`` s: the fragments at the new place with their velocities, loads and equilibrium."""
+        (new, op, ashore, contact, ground, phase), bodies = self._move(start, h), start.bodies
+        work, time = self._workspace(bodies), start.time + h
+
+        # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         twist = 2.0 * new.twist - bodies.twist  # first guess: the second half changes it as the first has done
         if ashore and phase is None:
             # Each half kick drives a body into the land that stops it.
@@ -647,7 +668,7 @@ class TimeStep:
         state = self._in_equilibrium(state)
         if self.model.parameters.damage.enabled:
             # By the equilibrium in the middle of the step (explicit midpoint rule).
-            lattice, displacement = self.lattice, 0.5 * (bodies.displacement + state.bodies.displacement)
+            lattice, c, displacement = self.lattice, self.c, 0.5 * (bodies.displacement + state.bodies.displacement)
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load), c)
             drive = lattice.criterion.damage_drive(middle, lattice.strengths(self.bonds, c))
             grow_damage(self.bonds, lattice.intact, drive, h, c)
@@ -1095,9 +1116,9 @@ def _bracket(occurred: Callable[[float], bool], h: float, tolerance: float) -> t
     return before, after
 
 
-def _newly_grounded(trial: Trial, aground: Floats) -> bool:
+def _newly_grounded(op: BodyOperators, aground: Floats) -> bool:
     """Whether an element touches the floor that did not by ``aground``."""
-    now = trial.state.operators.forcing.aground
+    now = op.forcing.aground
     # Afloat, as nearly always, the bytes are the same, and compared quickly.
     return now.tobytes() != aground.tobytes() and bool(((now > 0.0) & (aground == 0.0)).any())
 
