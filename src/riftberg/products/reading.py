@@ -41,6 +41,11 @@ from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
 from riftberg.system.process import SETTINGS, own_filters
 
 CHUNK = "16MiB"
+"""Size of the parts in which large files are read (dask)."""
+
+WHOLE: Final = 4 * 2**20
+"""Bytes up to which a file is read as it is: parts of a small one take longer to keep account of than to read."""
+
 COORDINATES: Final[dict[str, dict[str, str]]] = {
     "lon": {"standard_name": "longitude"},
     "lat": {"standard_name": "latitude"},
@@ -128,7 +133,7 @@ def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
     opened = _open(path)
     ds = with_text_dates(opened)
     text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
-    if chunked and find_spec("dask") is not None:
+    if chunked and ds.nbytes > WHOLE and find_spec("dask") is not None:
         import dask
 
         with SETTINGS, dask.config.set({"array.chunk-size": CHUNK}):
