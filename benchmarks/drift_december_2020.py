@@ -20,7 +20,7 @@ import numpy as np
 from riftberg import Iceberg, Model
 from riftberg.experiments.a68a_files import FETCHED, mean_forcing_of
 from riftberg.parameters import A68A_2022
-from riftberg.verification.positions import local
+from riftberg.verification.scores import local
 from riftberg.verification.tracks import Start
 
 SIZES = {"A68A": ("150 km", "40 km"), "A68D": ("18 km", "8 km"), "A68E": ("45 km", "15 km"), "A68F": ("22 km", "10 km")}

@@ -183,7 +183,11 @@ def test_a_latin_hypercube_takes_no_further_members(tmp_path: Path) -> None:
 
 def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) -> None:
     file = tmp_path / "plan.csv"
-    file.write_text("fracture.normal_strength,start.east\n18 kPa,1 km\n12000 Pa,1 km\n18 kPa,-2000 m\n")
+    text = "fracture.normal_strength,start.east\n18 kPa,1 km\n12000 Pa,1 km\n\n18 kPa,-2000 m\n"
+    file.write_text(text.replace(",", ";"))
+    other = read_design(file)
+    file.write_text(text)
+    assert read_design(file) == other
     varied, members = designed(read_design(file))
     assert [v.name for v in varied] == [STRENGTH, "start.east"]
     assert members == [
@@ -194,14 +198,14 @@ def test_a_design_of_another_tool_has_one_row_for_each_member(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("fracture.normal_strength\n", "holds no members"),
+        ("fracture.normal_strength\n", "no rows below the line of names"),
         ("fracture.normal_strength,start.east\n1,2\n3\n", "line 3"),
         ("fracture.strength\n1\n", "has no parameter 'strength'"),
         ("start.thickness\n-1\n", "-1.0 is not possible"),
         ("strength\n1\n", "not of the form group.name"),
-        ("start.east,start.north, start.east\n1,2,3\n", "line 1: start.east stands twice"),
+        ("start.east,start.north, start.east\n1,2,3\n", "two columns are called 'start.east'"),
         (",start.east\n0,1\n1,2\n", "column 1 has no name"),
-        ("start.east;start.north\n1;2\n", "semicolons or tabs between the values"),
+        ("start.east;start.north\n1;2;3\n", "line 2: not one value for each of"),
     ],
 )
 def test_a_bad_design_is_refused(text: str, message: str, tmp_path: Path) -> None:

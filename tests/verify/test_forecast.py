@@ -26,7 +26,7 @@ from riftberg.ensembles.sweep import sweep
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.verification.forecast import report, verified
-from riftberg.verification.positions import local, moved
+from riftberg.verification.scores import local, moved
 from riftberg.verification.sightings import Sighting, outline_of_run, outlines_at, pieces_of, sightings_of
 from riftberg.verification.tracks import Case, Start, dressed_without
 

@@ -11,8 +11,8 @@ from shapely import Point as Point2
 from shapely.affinity import translate
 
 from riftberg.errors import InputError
-from riftberg.verification import positions, scores
-from riftberg.verification.positions import Point, position_scores
+from riftberg.verification import scores
+from riftberg.verification.scores import Point, position_scores
 
 CASES = 4000
 
@@ -149,7 +149,7 @@ def test_the_mean_of_the_right_ensemble_has_the_best_skill_of_liu_and_weisberg()
 
 def test_outlines_score_best_with_the_ensemble_of_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
     """The overlap alone is won by members that are too close together."""
-    monkeypatch.setattr(positions, "CELLS", 8)
+    monkeypatch.setattr(scores, "CELLS", 8)
     disc = Point2(0.0, 0.0).buffer(10.0)
     found = {}
     for name, scale, shift in (("right", 6.0, 0.0), ("narrow", 2.0, 0.0), ("wide", 15.0, 0.0), ("off", 6.0, 6.0)):
@@ -157,17 +157,17 @@ def test_outlines_score_best_with_the_ensemble_of_the_truth(monkeypatch: pytest.
         cases = []
         for _ in range(40):
             truth, members = random.normal(0.0, 6.0, 2), shift + scale * random.normal(0.0, 1.0, (20, 2))
-            cases.append(positions.Outlines([translate(disc, *m) for m in members], translate(disc, *truth), 1.0))
-        found[name] = positions.outline_scores(cases, 0.0)
+            cases.append(scores.Outlines([translate(disc, *m) for m in members], translate(disc, *truth), 1.0))
+        found[name] = scores.outline_scores(cases, 0.0)
     right = found.pop("right")
     assert all(other["area_km2"] > right["area_km2"] + 5.0 for other in found.values()), found
     assert found["narrow"]["overlap"] > right["overlap"]
     # By hand: two members, one on the truth and one elsewhere; fair: (1/2)2 - 1/4 / 1 = 0 on both discs.
-    two = [positions.Outlines([disc, translate(disc, 50.0, 0.0)], disc, 1.0)]
-    assert positions.outline_scores(two, 0.0)["area_km2"] == pytest.approx(0.0, abs=1e-9)
-    assert positions.outline_scores(two, 0.0)["overlap"] == pytest.approx(0.5)
-    apart = [positions.Outlines([translate(disc, 50.0, 0.0)] * 2, disc, 1.0)]
-    assert positions.outline_scores(apart, 0.0)["area_km2"] == pytest.approx(2.0 * disc.area, rel=0.05)
+    two = [scores.Outlines([disc, translate(disc, 50.0, 0.0)], disc, 1.0)]
+    assert scores.outline_scores(two, 0.0)["area_km2"] == pytest.approx(0.0, abs=1e-9)
+    assert scores.outline_scores(two, 0.0)["overlap"] == pytest.approx(0.5)
+    apart = [scores.Outlines([translate(disc, 50.0, 0.0)] * 2, disc, 1.0)]
+    assert scores.outline_scores(apart, 0.0)["area_km2"] == pytest.approx(2.0 * disc.area, rel=0.05)
 
 
 def test_intervals_from_groups_are_wider_than_from_values_that_repeat_each_other() -> None:
@@ -188,7 +188,7 @@ def test_too_few_members_are_refused() -> None:
 @pytest.mark.parametrize(("factor", "word"), [(1.0, "reliable"), (2.0, "overconfident"), (0.5, "underconfident")])
 def test_twins_of_positions_are_called_what_they_are(factor: float, word: str) -> None:
     """Truth from the ensemble's own errors, from errors twice and half as large."""
-    from riftberg.verification.positions import verdict
+    from riftberg.verification.scores import verdict
 
     random = np.random.default_rng(7)
     points = [

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from riftberg.cli.main import app
 from riftberg.errors import InputError
 from riftberg.verification import tracks
-from riftberg.verification.positions import carried_on, distance, local, moved
+from riftberg.verification.scores import carried_on, distance, local, moved
 
 FIRST = datetime(2003, 1, 1)
 NORTHWARD = 10.0 / 111.19  # Degrees of 10 km

@@ -39,7 +39,7 @@ from riftberg.cli.sweep import opened, resumed, run_members
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
-from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
+from riftberg.verification.scores import AZIMUTH_ERROR, USUAL_ERROR
 
 if TYPE_CHECKING:
     import xarray as xr

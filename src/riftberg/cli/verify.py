@@ -14,7 +14,7 @@ from riftberg.cli.options import Hour, PositionError, check_folder, dates, resul
 from riftberg.cli.terminal import console, reported, say, table
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
-from riftberg.verification.positions import USUAL_ERROR
+from riftberg.verification.scores import USUAL_ERROR
 
 if TYPE_CHECKING:
     from riftberg.verification.tracks import Case, DriftModel

@@ -47,22 +47,13 @@ def connected(scheduler: Any) -> Iterator[Any]:
     if isinstance(scheduler, distributed.Client):
         yield scheduler
         return
-    with _reached(distributed, str(scheduler)) as client:
-        yield client
-
-
-@contextmanager
-def _reached(distributed: Any, address: str) -> Iterator[Any]:
-    """Give a client of the scheduler at an address.
-
-    It never becomes the default of dask: one that reaches nothing would stay it for as long as its error is kept, as
-    notebooks do, and all that dask and xarray do afterwards would be sent to it.
-    """
+    # It never becomes the default of dask: one that reaches nothing would stay it for as long as its error is kept, as
+    # notebooks do, and all that dask and xarray do afterwards would be sent to it.
     try:
-        client = distributed.Client(address, timeout="10s", set_as_default=False)
+        client = distributed.Client(str(scheduler), timeout="10s", set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise InputError(
-            "no scheduler of dask answers there", where=f"--scheduler {address}",
+            "no scheduler of dask answers there", where=f"--scheduler {scheduler}",
             remedy="Start one with 'dask scheduler', workers with 'dask worker ADDRESS', and give its address",
         ) from error  # fmt: skip
     with client:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -13,6 +12,7 @@ from typing import Any, Final, get_args, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
+from riftberg.bergs.outline import rows_of_csv
 from riftberg.config.values import allowed, given, kinds_of, native, number, required, unit_of
 from riftberg.ensembles.distributions import EXAMPLE as EXAMPLE_DRAWN
 from riftberg.ensembles.distributions import (
@@ -30,7 +30,7 @@ from riftberg.ensembles.distributions import (
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain, read_starts
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, file_field, file_value, find_field, is_of_file
-from riftberg.system.input_files import check_file, reading, value_shown
+from riftberg.system.input_files import value_shown
 from riftberg.system.limits import refuse_large
 
 MOST_MEMBERS: Final = 10_000
@@ -373,32 +373,20 @@ def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> Members:
 def read_design(path: Path) -> dict[str, list[str]]:
     """Return the columns of a plan made elsewhere: a table (CSV) with a name on top of each column and a member in each row."""
     remedy = "Give names such as fracture.normal_strength in the first line, and one member in each further line"
-    check_file(path, remedy=remedy)
-    with reading(path, "no table that can be read", remedy):
-        rows = [
-            row for row in csv.reader(path.read_text("utf-8-sig").splitlines()) if any(cell.strip() for cell in row)
-        ]
-    if len(rows) < 2:
-        raise InputError("holds no members", where=str(path), remedy=remedy)
-    names = [name.strip() for name in rows[0]]
-    if "" in names or any(mark in name for name in names for mark in ";\t"):
-        what = (
-            "semicolons or tabs between the values" if "" not in names else f"column {names.index('') + 1} has no name"
-        )
+    rows = rows_of_csv(path)[0]
+    names = [name.strip() for name in rows[0] if name is not None]  # None holds values beyond the last name
+    if "" in names:
         raise InputError(
-            what, where=f"{path}, line 1", remedy="Separate values by commas, and leave out a column of row numbers"
+            f"column {names.index('') + 1} has no name",
+            where=f"{path}, line 1",
+            remedy="Leave out a column of row numbers",
         )
-    twice = [name for k, name in enumerate(names) if name in names[:k]]
-    if twice:
-        raise InputError(f"{twice[0]} stands twice", where=f"{path}, line 1", remedy="Name each parameter once")
-    for number_, row in enumerate(rows[1:], start=2):
-        if len(row) != len(rows[0]) or not all(cell.strip() for cell in row):
+    for number_, row in enumerate(rows, start=2):
+        if None in row or not all((value or "").strip() for value in row.values()):
             raise InputError(
-                f"{len(row)} values for {len(rows[0])} names, or an empty one",
-                where=f"{path}, line {number_}",
-                remedy=remedy,
+                f"not one value for each of {len(names)} names", where=f"{path}, line {number_}", remedy=remedy
             )
-    return {name: [row[k].strip() for row in rows[1:]] for k, name in enumerate(names)}
+    return {name.strip(): [row[name].strip() for row in rows] for name in rows[0]}
 
 
 def designed(columns: Mapping[str, Sequence[Any]], *, free: bool = False) -> tuple[tuple[Varied, ...], Members]:

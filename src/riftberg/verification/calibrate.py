@@ -30,7 +30,7 @@ from riftberg.ensembles.uncertain import SEED, has_fields
 from riftberg.ensembles.vary import Varied, varied_of
 from riftberg.errors import InputError
 from riftberg.state import Floats
-from riftberg.verification.positions import AZIMUTH_ERROR, USUAL_ERROR
+from riftberg.verification.scores import AZIMUTH_ERROR, USUAL_ERROR
 from riftberg.verification.sightings import DAY, away_from, check_dates, sightings_of, turned_from
 
 if TYPE_CHECKING:

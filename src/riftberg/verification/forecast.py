@@ -18,20 +18,23 @@ from riftberg.diagnostics.observed import Observations
 from riftberg.ensembles.probability import effective, wilson
 from riftberg.errors import InputError
 from riftberg.state import Floats
-from riftberg.verification.positions import (
+from riftberg.verification.scores import (
     LEAST,
+    LEVELS,
     Outlines,
     Point,
     along_across,
     carried_on,
     distance,
+    fair_brier,
+    liu_weisberg,
     local,
     moved,
     outline_scores,
     position_scores,
+    reliability,
     verdict,
 )
-from riftberg.verification.scores import LEVELS, fair_brier, liu_weisberg, reliability
 from riftberg.verification.sightings import (
     DAY,
     away_from,

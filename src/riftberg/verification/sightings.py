@@ -31,7 +31,7 @@ from riftberg.runs.tracks import axis_difference
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
 from riftberg.system.input_files import shortened
-from riftberg.verification.positions import AZIMUTH_ERROR, local
+from riftberg.verification.scores import AZIMUTH_ERROR, local
 
 DAY: Final = np.timedelta64(1, "D")
 

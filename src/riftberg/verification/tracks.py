@@ -27,17 +27,17 @@ from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
 from riftberg.system.input_files import is_folder, value_shown
-from riftberg.verification.positions import (
+from riftberg.verification.scores import (
     FEWEST,
     Point,
     along_across,
+    bootstrap_interval,
     carried_on,
     distance,
     local,
     moved,
     position_scores,
 )
-from riftberg.verification.scores import bootstrap_interval
 
 LEADS: Final = (1, 3, 5, 7)
 """Lead times, days."""

@@ -180,9 +180,12 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     cracks = _draw_cracks(axes["cracks"], result, notes)
     style.colour_bar([axes["cracks"]], cracks, "probability of a crack", location="right", shrink=1.0, aspect=25)
     style.letters(list(axes.values()))
-    done = int((result["status"] == 0).sum())
+    done, count = int((result["status"] == 0).sum()), float(result.attrs.get("effective_members", np.inf))
+    members = f"{done} member{'s' if done > 1 else ''}" + (
+        f", {count:.1f} of them count" if count < 0.995 * done else ""
+    )
     name = Path(str(result.attrs.get("experiment", "Forecast"))).stem
-    style.put_title(figure, f"{name}: {done} members, {style.span_text(result['time'].values)}", size=13.0)
+    style.put_title(figure, f"{name}: {members}, {style.span_text(result['time'].values)}", size=13.0)
     style.lay_out(figure)
     finish()
     return style.save_figure(figure, path)

@@ -173,7 +173,7 @@ def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 15
         a.plot(days, [row.get(key, np.nan) for row in rows], marker="o", ms=4, label=label)
     for name, others in result["baselines"].items():
         score = [other.get("energy_km", other["error_of_mean_km"]) for other in others]
-        a.plot([other["lead_days"] for other in others], score, ls="--", lw=1.2, label=name)
+        a.plot([other["lead_days"] for other in others], score, ".--", lw=1.2, label=name)
     a.set(xlabel="days after the start", ylabel="km", ylim=(0.0, None))
     a.set_title("Score of the position (small is good)", fontsize=10)
     a.legend(fontsize=8)
@@ -207,6 +207,8 @@ def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 15
     a.set_title("Ranks (dotted: reliable)", fontsize=10)
     if a.patches:
         a.legend(fontsize=8)
+    else:
+        a.text(0.5, 0.5, "too few members", ha="center", transform=a.transAxes, fontsize=9)
 
     a = axes["broken"]
     a.set(xlabel="days after the start", ylabel="probability", ylim=(-0.03, 1.03))
@@ -225,6 +227,8 @@ def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 15
         a.text(0.5, 0.5, "not asked for (--broken, --whole-until)", ha="center", transform=a.transAxes, fontsize=9)
     for a in axes.values():
         style.plain_axes(a)
+    for name in ("score", "coverage"):
+        axes[name].set_xlim(0.0, max(days) + 0.5)
     return style.save_figure(figure, path)
 
 
