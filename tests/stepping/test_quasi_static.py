@@ -62,6 +62,24 @@ def moved(pose, twist, dt: float, latlon: bool):
     return new
 
 
+@pytest.mark.parametrize("latlon", [False, True])
+def test_a_berg_that_spins_goes_as_far_and_the_same_way(latlon: bool) -> None:
+    """Bug: on the sphere it turned while it moved, along an arc: a small berg that spun was put 300 m inside its neighbour."""
+    if latlon:
+        pose = bodies_from_elements(
+            np.array([-38.0]), np.array([-57.0]), np.zeros(1, np.int64), np.ones(1), True, EARTH, 360.0
+        ).pose
+    else:
+        pose = np.eye(3)[None].copy()
+    straight = moved(pose, np.array([[0.5, 0.3, 0.0]]), 1800.0, latlon)[0]
+    spun = moved(pose, np.array([[0.5, 0.3, 8e-4]]), 1800.0, latlon)[0]
+    np.testing.assert_allclose(spun[:, 2], straight[:, 2], rtol=0, atol=1e-13 if latlon else 1e-9)
+    turn = np.arctan2(
+        np.cross(straight[:, 0], spun[:, 0]) @ (straight[:, 2] if latlon else [0, 0, 1]), straight[:, 0] @ spun[:, 0]
+    )
+    assert turn == pytest.approx(8e-4 * 1800.0, rel=1e-6)
+
+
 def floating(seed: int, packing: str):
     """A lattice of uneven thickness and unequal sizes, with random forces; nothing holds it."""
     r = np.random.default_rng(seed)

@@ -157,16 +157,17 @@ def _orthonormalise(q: Floats) -> None:
 
 
 @kernel
-def _rotate_by_twist(q: Floats, along: Floats, twist: Floats, dt: float, radius: float) -> None:
-    """Rotate a frame over ``dt`` s by a twist, with east and north at the unit vector ``along``."""
+def _shift(q: Floats, along: Floats, u: float, v: float, dt: float, radius: float) -> None:
+    """Move a frame over ``dt`` s along a great circle, with the velocity (m s-1) east and north at the unit vector ``along``."""
     ex, ey, nx, ny, nz = axes_at(along)
-    u, v = twist[0] / radius, twist[1] / radius
-    _rotate_about(
-        q,
-        dt * (u * nx - v * ex + twist[2] * along[0]),
-        dt * (u * ny - v * ey + twist[2] * along[1]),
-        dt * (u * nz + twist[2] * along[2]),
-    )
+    u, v = dt * u / radius, dt * v / radius
+    _rotate_about(q, u * nx - v * ex, u * ny - v * ey, u * nz)
+
+
+@kernel
+def _spin(q: Floats, angle: float) -> None:
+    """Turn a frame about its own vertical."""
+    _rotate_about(q, angle * q[0, 2], angle * q[1, 2], angle * q[2, 2])
 
 
 @kernel
@@ -175,15 +176,18 @@ def move_poses(
 ) -> None:
     """Find the poses after ``dt`` s of steady twist; ``midpoint`` is room for one pose.
 
-    On a sphere by the midpoint rule, of second order: the axes east and north are those of the pose half a step on.
+    On a sphere by the midpoint rule, of second order: the axes east and north are those of the pose half a step on. Half of the
+    spin comes before and half behind: turned while it moves, a berg that spins would go along an arc.
     """
     for k in range(pose.shape[0]):
         for i in range(3):
             for j in range(3):
                 new[k, i, j] = midpoint[i, j] = pose[k, i, j]
         if latlon:
-            _rotate_by_twist(midpoint, pose[k, :, 2], twist[k], 0.5 * dt, radius)
-            _rotate_by_twist(new[k], midpoint[:, 2], twist[k], dt, radius)
+            _shift(midpoint, pose[k, :, 2], twist[k, 0], twist[k, 1], 0.5 * dt, radius)
+            _spin(new[k], 0.5 * dt * twist[k, 2])
+            _shift(new[k], midpoint[:, 2], twist[k, 0], twist[k, 1], dt, radius)
+            _spin(new[k], 0.5 * dt * twist[k, 2])
             _orthonormalise(new[k])
             continue
         c, s = math.cos(dt * twist[k, 2]), math.sin(dt * twist[k, 2])
