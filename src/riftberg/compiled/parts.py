@@ -267,13 +267,8 @@ class _Reading:
     def __init__(
         self, context: Any, builder: Any, unlike: Any, classes: Any, first: int, loose_kinds: Any, loose: Any
     ) -> None:
-        self.context, self.builder, self.unlike, self.classes, self.next_class = (
-            context,
-            builder,
-            unlike,
-            classes,
-            first,
-        )
+        self.context, self.builder, self.unlike = context, builder, unlike
+        self.classes, self.next_class = classes, first
         self.loose_kinds, self.loose, self.used = loose_kinds, loose, 0
 
     def load(self, address: Any, offset: int, bits: int = 64, *, number: bool = False) -> Any:

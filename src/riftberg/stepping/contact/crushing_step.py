@@ -448,10 +448,8 @@ def _longest_substep(
         ox, oy = spin_lever(n, cb, sb)
         rx, ry = x1 - x2, y1 - y2
         # They meet in a point of the smaller one, of two of one size about the middle. Two bodies that turn together do not meet.
-        share, smaller = (
-            faces.reach[i] ** 4 / (faces.reach[i] ** 4 + faces.reach[j] ** 4),
-            min(faces.reach[i], faces.reach[j]),
-        )
+        this, that = faces.reach[i] ** 4, faces.reach[j] ** 4
+        share, smaller = this / (this + that), min(faces.reach[i], faces.reach[j])
         du, dv = _relative_velocity(m, twist[a], n, twist[b], mx, my, ox, oy, rx, ry, share)
         closing = max(nx * du + ny * dv, 0.0) + abs(twist[a, 2] - twist[b, 2]) * smaller
         thickness, inverse = min(faces.thickness[i], faces.thickness[j]), 0.0

@@ -43,7 +43,6 @@ from riftberg.stepping.run_state import RunState
 DRIVEN: Final = 2e-4
 """Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
 
-
 LASTING: Final = 600.0
 """Time (s) that contact lasts before the lattices bear it as a load at rest; of what is shorter they bear the largest impact.
 

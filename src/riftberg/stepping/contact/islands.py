@@ -81,9 +81,8 @@ class IslandResult(NamedTuple):
     twist: Floats  # Now; shape (bodies, 3)
     path: Floats  # Since the start, m, m, rad; shape (bodies, 3)
     touched: NDArray[np.bool_]  # Candidate pairs that touched; shape (pairs,)
-    close: NDArray[
-        np.bool_
-    ]  # Pairs that did not, but might overlap where the whole step takes their bodies; shape (pairs,)
+    # Those that did not, but might overlap where the whole step takes their bodies; shape (pairs,)
+    close: NDArray[np.bool_]
     applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (elements, forces, 2)
     peak_force: Floats  # On the elements when contact pressed their body hardest, N, N, N m; shape (elements, 3)
     peak_axes: Floats  # Cosine and sine of the axis of their fragment then; shape (elements, 2)
