@@ -69,8 +69,6 @@ def compare(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
     """Compare runs: how far apart they are by time, break-ups, bonds, and the distance from observed positions."""
-    import json
-
     if output is not None:
         check_folder(output, PICTURES)
     result = comparison(runs, names_of(runs), observed)
@@ -463,8 +461,6 @@ def score(
     picture: Format = "png",
 ) -> None:
     """Compare a run with observations, day by day: distance, heading, area, overlap, fragments."""
-    import json
-
     from riftberg.diagnostics.observed import read_observed
     from riftberg.diagnostics.score import score_run
     from riftberg.runs.run_file import open_run

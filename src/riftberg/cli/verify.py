@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -246,7 +246,6 @@ def _leads(text: str) -> list[int]:
 def _between(cases: list[Case], text: str | None) -> list[Case]:
     """Return the cases within dates, each with the lead times that end within them."""
     from dataclasses import replace
-    from datetime import datetime, timedelta
 
     span = dates(text, "--between")
     if span is None:
