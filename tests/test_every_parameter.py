@@ -314,10 +314,7 @@ TRIALS: Final[dict[str, Trial]] = {
         ),
         more=AGROUND,
     ),
-    "fracture.criterion": Trial("averaged", with_(WEAK_QUASI, fracture={"distance": 900.0})),
-    "fracture.distance": Trial(
-        2000.0, with_(WEAK_QUASI, fracture={"criterion": "averaged", "distance": 700.0, "normal_strength": 100.0})
-    ),
+    "fracture.criterion": Trial("bond", WEAK_QUASI),
     "fracture.toughness": Trial(
         0.0, with_(WEAK_QUASI, fracture={"criterion": "toughness", "toughness": 1e5}), refused="toughness"
     ),

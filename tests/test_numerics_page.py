@@ -6,7 +6,6 @@ import math
 
 import pytest
 
-from riftberg.physics.fracture import critical_toughness, disc_of_lattice
 from scripts import loaded, table_rows
 
 SCRIPT = loaded("benchmarks/convergence.py")
@@ -32,17 +31,12 @@ def test_both_schemes_tend_to_the_same_stress_as_their_long_step_gets_shorter() 
     assert apart[SCRIPT.NAMES[SCRIPT.QUASI_STATIC], "1800 s"] < 0.01 * apart[SCRIPT.NAMES[SCRIPT.EXPLICIT], "150 s"]
 
 
-def test_the_strengths_that_follow_from_toughness_are_those_of_the_code() -> None:
-    """Spacings of 3 and 1.5 km (radii of 1.5 and 0.75 km), and a crack of 3 km in a large plate."""
+def test_the_strengths_that_follow_from_toughness_are_those_of_theory() -> None:
+    """A crack of 3 km in a large plate."""
     found = table_rows(SCRIPT.PAGE, "toughness")
     assert [row[0] for row in found] == ["50 kPa m½", "100 kPa m½", "150 kPa m½", "400 kPa m½"]
     for name, *cells in found:
-        toughness = 1e3 * float(name.split()[0])
-        distance = 2.0 / math.pi * (toughness / 18e3) ** 2
-        assert critical_toughness(distance, 18e3) == pytest.approx(toughness)
-        strengths = [18.0 * disc_of_lattice(distance, spacing)[1] for spacing in (3e3, 1.5e3)]
-        far = 1e-3 * toughness / math.sqrt(math.pi * 1.5e3)
-        assert cells == [f"{distance:.3g} m", *(f"{strength:.2g} kPa" for strength in (*strengths, far))]
+        assert cells == [f"{float(name.split()[0]) / math.sqrt(math.pi * 1.5e3):.2g} kPa"]
 
 
 @pytest.mark.slow

@@ -331,25 +331,18 @@ class Parameters(Group):
                 "fracture.flexural_strength is compared with the bending of ice on a bed of sediment: set grounding.law = "
                 "'seabed' with grounding.bending, or leave it out"
             )
-        if f.enabled and f.criterion in ("bond", "averaged") and self.elastic_cells:
+        if f.enabled and f.criterion == "bond" and self.elastic_cells:
             raise ValueError(
-                f"fracture.criterion = {f.criterion!r} reads the forces of elastic bonds: set bonds.elasticity = 'bonds', or "
+                "fracture.criterion = 'bond' reads the forces of elastic bonds: set bonds.elasticity = 'bonds', or "
                 "fracture.criterion = 'ice'"
             )
         if f.criterion in (None, "bond") or not f.enabled:
             return
-        if f.criterion in NEED_CELLS and not self.elastic_cells:
+        if not self.elastic_cells:
             raise ValueError(
                 f"fracture.criterion = {f.criterion!r} reads the stress of elastic cells: set bonds.elasticity = 'cells', or "
-                f"fracture.criterion = {'bond' if f.criterion == 'ice' else 'averaged'!r}"
+                "fracture.criterion = 'bond'"
             )
-        if self.stepping.scheme != "quasi_static":
-            raise ValueError(
-                f"fracture.criterion = {f.criterion!r} needs the stress in equilibrium: set stepping.scheme = "
-                "'quasi_static', or fracture.criterion = 'bond'"
-            )
-        if f.criterion == "averaged" and f.distance <= 0.0:
-            raise ValueError("fracture.criterion = 'averaged' needs fracture.distance in m, above 0")
         if f.criterion == "toughness" and not (f.toughness > 0.0 and f.normal_strength > 0.0):
             raise ValueError(
                 "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2 and fracture.normal_strength, above 0"

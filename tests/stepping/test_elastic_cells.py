@@ -355,9 +355,17 @@ def test_what_elastic_cells_cannot_do_is_refused_by_name() -> None:
         parameters(stepping={"scheme": "mts"})
     with pytest.raises(InputError, match=r"bonds\.elasticity = 'cells' needs a lattice in equilibrium"):
         parameters(bonds={"law": "none"})
-    for criterion in ("bond", "averaged"):
-        with pytest.raises(InputError, match=rf"fracture\.criterion = '{criterion}' reads the forces of elastic bonds"):
-            parameters(fracture={"criterion": criterion, "distance": 1e3})
+    with pytest.raises(InputError, match=r"fracture\.criterion = 'bond' reads the forces of elastic bonds"):
+        parameters(fracture={"criterion": "bond"})
+
+
+def test_the_former_mean_over_a_distance_is_refused_with_what_takes_its_place() -> None:
+    for fracture in ({"criterion": "averaged", "distance": 1e3}, {"criterion": "averaged"}, {"distance": "1 km"}):
+        with pytest.raises(InputError, match=r"use fracture\.criterion = 'toughness'"):
+            Parameters(fracture=fracture)
+    assert (
+        Parameters.model_validate_json('{"fracture": {"distance": 0.0}}') == Parameters()
+    )  # as run files of 0.1 have it
 
 
 def test_criteria_of_the_ice_take_elastic_cells_or_are_refused_by_name() -> None:
@@ -369,7 +377,7 @@ def test_criteria_of_the_ice_take_elastic_cells_or_are_refused_by_name() -> None
     assert Parameters().elastic_cells
     for groups in (
         {"stepping": {"scheme": "mts"}}, {"bonds": {"law": "none"}}, {"bonds": {"elasticity": "bonds"}},
-        {"fracture": {"criterion": "bond"}}, {"fracture": {"criterion": "averaged", "distance": 1e3}},
+        {"fracture": {"criterion": "bond"}},
     ):  # fmt: skip
         assert not Parameters(**groups).elastic_cells
     assert Parameters(fracture={"enabled": False, "criterion": "bond"}, bonds={"elasticity": "cells"}).elastic_cells

@@ -21,7 +21,7 @@ GroundingLaw = Literal["linear", "quadratic", "seabed"]
 ContactLaw = Literal["spring", "crushing"]
 Sediment = Literal["rock", "sand", "clay", "other"]
 DeepKeel = Literal["refuse", "settle"]
-Criterion = Literal["bond", "averaged", "ice", "toughness"]
+Criterion = Literal["bond", "ice", "toughness"]
 Packing = Literal["square", "hexagonal"]
 MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
 BaseLaw = Literal["turbulent", "two_equation", "three_equation"]
@@ -250,7 +250,7 @@ class BondParameters(Group):
         "",
         "what is elastic: bonds, each for itself as published; isotropic (explicit schemes), bonds that make a solid alike "
         "in all directions; cells (quasi_static), the ice of the elements, such a solid too. none means cells with quasi_static, "
-        "but for the criteria bond and averaged; isotropic with other schemes; bonds with the reference's numerics, without "
+        "but for the criterion bond; isotropic with other schemes; bonds with the reference's numerics, without "
         "shear and where bonds.spring is given for springs",
         "equations 5; isotropic: Ostoja-Starzewski 2002; cells: Argyris 1964, Hughes and Brezzi 1989",
     )
@@ -306,12 +306,9 @@ class Fracture(Group):
         None,
         "",
         "bond: the stress of each bond against the strengths; ice (elastic cells): the largest tension and shear of the ice; "
-        "toughness (elastic cells): the same, and the toughness at the tips of cracks; averaged: the stress averaged over a "
-        "distance; none means ice with elastic cells, else bond",
-        "paper; ice and toughness: Riftberg; averaged: Taylor 2007, The Theory of Critical Distances",
-    )
-    distance: float = quantity(
-        0.0, "m", "with 'averaged': length ahead of a crack over which the mean stress counts", "Taylor 2007", ge=0
+        "toughness (elastic cells): the same, and the toughness at the tips of cracks; none means ice with elastic cells, "
+        "else bond",
+        "paper; ice and toughness: Riftberg",
     )
     toughness: float = quantity(
         0.0,
@@ -330,6 +327,20 @@ class Fracture(Group):
     not_in_first_step: bool = quantity(
         False, "", "no test during the first long step", "equations 7.1, KID's no_frac_first_ts"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_mean_over_a_distance(cls, given: Any) -> Any:
+        """Refuse the criterion of 0.1 that tested a mean. Files of that version hold its distance of 0 all the same."""
+        if not isinstance(given, dict):
+            return given
+        if given.get("criterion") == "averaged" or given.get("distance"):
+            raise ValueError(
+                "the criterion 'averaged' with its distance is no longer part of Riftberg: use fracture.criterion = 'toughness' "
+                "with fracture.toughness in Pa m1/2, which is defined at the tips of cracks; a strength s over a distance l had "
+                "the toughness s (pi l / 2)^(1/2)"
+            )
+        return {name: value for name, value in given.items() if name != "distance"}
 
 
 class Damage(Group):

@@ -71,7 +71,6 @@ USUAL: Final[dict[str, Usual]] = {
     "fracture.flexural_strength": Usual(
         5e4, 3e6, "90 to 320 kPa of glaciers (Vaughan 1993), 1 to 2 MPa in laboratories"
     ),
-    "fracture.distance": Usual(1.0, 1e4, "from a crevasse to some elements", off=True),
     "fracture.toughness": Usual(3e4, 5e5, "5e4 to 1.5e5 in laboratories (Petrovic 2003)", off=True),
     "damage.time_scale": Usual(60.0, 3.2e7, "from a minute to a year"),
     "damage.exponent": Usual(0.5, 10.0, "laws of creep and fatigue have 1 to 4"),
@@ -255,7 +254,6 @@ LAWS: Final = (
         "critical_damping", "tangential_critical_damping", "radial_damping", "tangential_damping", "iterate", "tolerance",
         "max_iterations")),
     Law("bonds.law = 'dem'", lambda p: p.bonds.law == "dem", "bonds", ("poisson", "damping")),
-    Law("fracture.criterion = 'averaged'", lambda p: p.fracture.criterion == "averaged", "fracture", ("distance",)),
     Law("fracture.criterion = 'toughness'", lambda p: p.fracture.criterion == "toughness", "fracture", ("toughness",)),
     Law("damage.enabled", lambda p: p.damage.enabled, "damage", ("threshold", "time_scale", "exponent")),
     Law("rolling.enabled", lambda p: p.rolling.enabled, "rolling", ("scheme", "tip")),

@@ -1,4 +1,4 @@
-"""Fracture criteria: which bond of a lattice in equilibrium breaks next, by its own stress or by an average over a distance.
+"""Fracture criteria: which bond of a lattice in equilibrium breaks next, by its own stress, that of the ice, or its toughness.
 
 Strengths of bonds stand here too, and what stress does to them: overload, damage, and what the state keeps of both.
 
@@ -21,7 +21,6 @@ from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.config.parameter_groups import Fracture
@@ -29,8 +28,6 @@ from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.physics.fracture import (
     damage_rate,
-    disc_of_lattice,
-    disc_weight,
     grown_damage,
     residual_strength,
     stress_ratio,
@@ -38,11 +35,8 @@ from riftberg.physics.fracture import (
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses, principal_stresses
-from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformation, deformations_and_stresses
+from riftberg.stepping.lattice.equilibrium import ElasticLattice, deformations_and_stresses
 from riftberg.stepping.laws import Ratios, name_of, to_read
-
-CHUNK = 512
-"""Bonds whose discs are looked for at once: as a list a disc takes several times the memory that it takes as an array."""
 
 
 class Equilibrium:
@@ -233,20 +227,11 @@ class Criterion(Protocol):
 
 
 def criterion_for(
-    fracture: Fracture,
-    lattice: ElasticLattice,
-    intact: Ints,
-    xy: Floats,
-    body: Ints,
-    volume: Floats,
-    p: KernelParameters,
-    cells: CellStiffness | None = None,
-    own: Ratios | None = None,
+    fracture: Fracture, intact: Ints, cells: CellStiffness | None = None, own: Ratios | None = None
 ) -> Criterion:
     """Make the criterion that the parameters name, for a lattice with these intact bonds.
 
-    ``xy``: reference coordinates, m; ``body``: fragments; ``volume``: of the ice, m3; all of the elements. ``cells``: where
-    the ice is elastic in cells. ``own``: a criterion that takes the place of the one that the parameters name.
+    ``cells``: where the ice is elastic in cells. ``own``: a criterion that takes the place of the one that the parameters name.
     """
     if own is not None:
         return OwnRatios(own)
@@ -255,8 +240,6 @@ def criterion_for(
     match fracture.criterion or ("bond" if cells is None else "ice"):
         case "bond" if cells is None:
             return BondStress()
-        case "averaged" if cells is None:
-            return AveragedStress(lattice, intact, xy, body, volume, fracture.distance, p)
         case "ice" if cells is not None:
             return IceStress()
         case "toughness" if cells is not None:
@@ -371,133 +354,6 @@ class Toughness(IceStress):
             at_tips = max(at_tips, (row, ratio), key=lambda found: found[1])
         elsewhere = most_overloaded(stress, strengths)
         return max(at_tips, elsewhere, key=lambda found: found[1])
-
-
-class AveragedStress:
-    """The largest tension and shear of the stress averaged over a disc (`riftberg.physics.fracture`).
-
-    The disc lies around the middle of each intact bond and takes in the elements of the same fragment. Where its mean
-    exceeds the strength, the bond breaks that is itself the most loaded in the disc: the one at the tip of a crack.
-    ``distance`` is the characteristic distance (m), the other arguments those of `criterion_for`.
-    """
-
-    def __init__(
-        self, lattice: ElasticLattice, intact: Ints, xy: Floats, body: Ints, volume: Floats, distance: float,
-        p: KernelParameters,
-    ) -> None:  # fmt: skip
-        self._volume, self._p = volume, p
-        spacing = float(lattice.rest[intact].max()) if intact.size else 1.0
-        self.radius, self._scale = disc_of_lattice(distance, spacing)
-        self._middle = 0.5 * (xy[lattice.first] + xy[lattice.second])
-        self._body = body[lattice.first]
-
-        # Elements in the disc of each bond and their weights; a row for each bond of the state.
-        far = 4.0 * (float(np.abs(xy).max(initial=0.0)) + self.radius)  # fragments have coordinates of their own
-        tree = cKDTree(np.column_stack([xy, far * body]))
-        places = np.column_stack([self._middle[intact], far * self._body[intact]])
-        counts, members = np.zeros(self._middle.shape[0] + 1, np.int64), [np.zeros(0, np.int64)]
-        for begin in range(0, intact.size, CHUNK):
-            inside = tree.query_ball_point(places[begin : begin + CHUNK], self.radius, return_sorted=True)
-            counts[intact[begin : begin + CHUNK] + 1] = [len(near) for near in inside]
-            members.extend(np.array(near, np.int64) for near in inside)
-        self._start, self._member = np.cumsum(counts), np.concatenate(members)
-        self._weight = _weights(intact, self._start, self._member, xy, self._middle, volume, self.radius)
-
-    def _mean_stresses(self, moment: Equilibrium) -> Floats:
-        """Largest tension and shear (Pa) of the mean stress around each intact bond, shape (intact bonds, 2)."""
-        stress = element_stresses(moment.lattice, moment.intact, moment.displacement, self._volume, self._p)
-        return (
-            principal_stresses(_averaged(moment.intact, self._start, self._member, self._weight, stress)) / self._scale
-        )
-
-    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
-        """See `Criterion`."""
-        row, ratio = most_overloaded(self._mean_stresses(moment), strengths)
-        if ratio > 1.0:
-            here = moment.intact[row]
-            row = _most_loaded_near(
-                moment.intact, moment.stress, strengths, self._middle, self._body, here, self.radius
-            )
-        return row, ratio
-
-    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
-        """See `Criterion`."""
-        return overloads(self._mean_stresses(moment), strengths)
-
-
-@kernel
-def element_stresses(
-    lattice: ElasticLattice, intact: Ints, displacement: Floats, volume: Floats, p: KernelParameters
-) -> Floats:
-    """Mean stress (Pa) in each element, in the axes of its fragment: xx, yy, xy; tension is positive.
-
-    ``sigma = (1 / V) sum over bonds of sym(r F)`` with r from the middle of the element to the bond and F the pull of the
-    bond (Love 1927; Bagi 1996, Mechanics of Materials 22). It is that of a uniform stress exactly, in both packings.
-    """
-    stress = np.zeros((volume.size, 3))
-    for k in range(intact.size):
-        b = intact[k]
-        e, s, _ = bond_deformation(lattice, displacement, b)
-        fn, fs = lattice.stiffness[b, 0] * e, lattice.stiffness[b, 1] * s
-        nx, ny = lattice.nx[b], lattice.ny[b]
-        xx, yy, xy = (
-            fn * nx * nx + fs * nx * ny,
-            fn * ny * ny - fs * nx * ny,
-            fn * nx * ny + 0.5 * fs * (ny * ny - nx * nx),
-        )
-        for end in range(2):
-            i = lattice.first[b] if end == 0 else lattice.second[b]
-            arm = lattice.strain_operator[b, 1, 2 if end == 0 else 5] * lattice.radius[i] / volume[i]
-            stress[i, 0] += arm * xx
-            stress[i, 1] += arm * yy
-            stress[i, 2] += arm * xy
-    return stress
-
-
-@kernel
-def _weights(
-    intact: Ints, start: Ints, member: Ints, xy: Floats, middle: Floats, volume: Floats, radius: float
-) -> Floats:
-    """Weights of the elements of each disc, by their volume; they add to 1."""
-    weight = np.zeros(member.size)
-    for b in intact:
-        total = 0.0
-        for n in range(start[b], start[b + 1]):
-            e = member[n]
-            away = np.hypot(xy[e, 0] - middle[b, 0], xy[e, 1] - middle[b, 1])
-            weight[n] = volume[e] * disc_weight(away, radius)
-            total += weight[n]
-        for n in range(start[b], start[b + 1]):
-            weight[n] /= total
-    return weight
-
-
-@kernel
-def _averaged(intact: Ints, start: Ints, member: Ints, weight: Floats, stress: Floats) -> Floats:
-    """Averaged stress tensor around each intact bond, shape (intact bonds, 3)."""
-    mean = np.zeros((intact.size, 3))
-    for k in range(intact.size):
-        for n in range(start[intact[k]], start[intact[k] + 1]):
-            for c in range(3):
-                mean[k, c] += weight[n] * stress[member[n], c]
-    return mean
-
-
-@kernel
-def _most_loaded_near(
-    intact: Ints, stress: Floats, strengths: Strengths, middle: Floats, body: Ints, here: int, radius: float
-) -> int:
-    """Row of the bond within the disc around the bond ``here`` that is the most loaded for its strength."""
-    best, highest = -1, -np.inf
-    for k in range(intact.size):
-        b = intact[k]
-        if body[b] != body[here]:
-            continue
-        away = np.hypot(middle[b, 0] - middle[here, 0], middle[b, 1] - middle[here, 1])
-        ratio = stress_ratio(stress[k, 0], stress[k, 1], strengths.normal[k], strengths.shear[k])
-        if away < radius and ratio > highest:
-            best, highest = k, ratio
-    return best
 
 
 @kernel

@@ -1017,10 +1017,7 @@ class TimeStep:
             cells = CellStiffness(self.cells, el, bonds, bodies.body, xy, c, self.topology)
             self.topology = cells.topology
             solver = partial(CellSolver, cells)
-        volume = el.length * el.width * el.thickness
-        criterion = criterion_for(
-            self.model.parameters.fracture, lattice, intact, xy, bodies.body, volume, c, cells, self.model.laws.fracture
-        )
+        criterion = criterion_for(self.model.parameters.fracture, intact, cells, self.model.laws.fracture)
         factors = solver(lattice, intact, supports, gauge_springs)
         found = FactoredLattice(xy, lattice, intact, supports, factors, criterion, cells)
         if cells is not None:
