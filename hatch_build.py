@@ -2,7 +2,7 @@
 
 Between tags it names the commit: 0.2.0 and three commits make 0.2.0+3.g1a2b3c4. Wheel and sdist carry it in their metadata
 and in their own copy of that line. A wheel that is built with ``RIFTBERG_MACHINE_CODE=FOLDER`` also holds the machine code that
-``python -m riftberg.compiled.machine_code FOLDER`` has made.
+``python benchmarks/machine_code.py FOLDER`` has made.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ docs() {
 package() {
   rm -rf dist build/machine_code
   # With the machine code of the kernels, so that who installs the wheel compiles nothing.
-  python -m riftberg.compiled.machine_code build/machine_code
+  python benchmarks/machine_code.py build/machine_code
   RIFTBERG_MACHINE_CODE="$PWD/build/machine_code" python -m build "$@"
   python -m twine check --strict dist/*
 }

@@ -19,7 +19,7 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import DAYS, story_model
-from riftberg.physics.fracture import damage_rate, grown_damage
+from riftberg.physics.bonds import damage_rate, grown_damage
 from riftberg.runs.model import Model
 from riftberg.state import Floats
 

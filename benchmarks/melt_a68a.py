@@ -22,8 +22,8 @@ from riftberg.experiments.a68a import (
     melting_a68a,
 )
 from riftberg.experiments.registry import Options
-from riftberg.life.ledger import Ledger, water_by_process
 from riftberg.life.melt import melt_step
+from riftberg.life.process import Ledger, water_by_process
 
 STEP = 21600.0
 RADIUS = 6000.0

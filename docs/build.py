@@ -264,7 +264,7 @@ def _keys(doc: str) -> list[tuple[str, str]]:
 def commands_page() -> str:
     """Return the page of the command line, from the signatures of its functions."""
     from riftberg.cli.main import SUMMARIES, app, function_of
-    from riftberg.cli.terminal import verbose
+    from riftberg.cli.options import verbose
     from riftberg.experiments import EXPERIMENTS
 
     text = [

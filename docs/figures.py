@@ -22,7 +22,7 @@ LIFE = (
     ("Bonds", "Neighbours within reach are bonded; the length at that moment is the rest length. Rifts weaken or drop some.",
      "bergs/bonding, strength"),
     ("Long step", "The element finds its cell, takes what surrounds it, and the media push it: water, air, ice, waves, floor.",
-     "ocean, stepping/forces, outer_kick"),
+     "ocean, stepping/forces, explicit/substeps"),
     ("Sub-steps", "Bonds pull, shear and bend, neighbours press, often enough to follow the lattice's ringing.",
      "stepping/explicit, quasi_static, physics"),
     ("Break", "A bond beyond its strength fails, for good. Parts that hang together no more get a number of their own.",

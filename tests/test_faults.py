@@ -19,7 +19,7 @@ from riftberg.cli.options import check_folder, check_output, results_folder
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.system.atomic_files import OneWriter
-from riftberg.system.limits import MOST_ELEMENTS, allow_large, check_elements, check_work
+from riftberg.system.input_files import MOST_ELEMENTS, allow_large, check_elements, check_work
 
 EXPERIMENT = """\
 start: 2020-12-09 13:00

@@ -22,7 +22,7 @@ import typer
 import riftberg
 from forked import Program
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.cli.terminal import EXIT_INTERRUPTED, reported
+from riftberg.cli.options import EXIT_INTERRUPTED, reported
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model

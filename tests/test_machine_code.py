@@ -203,7 +203,7 @@ def test_a_wheel_with_machine_code_draws_its_first_map_without_compiling(tmp_pat
         )
         assert done.returncode == 0, words
 
-    run(sys.executable, "-m", "riftberg.compiled.machine_code", code, "a68a", PYTHONPATH=str(root / "src"))
+    run(sys.executable, root / "benchmarks" / "machine_code.py", code, "a68a", PYTHONPATH=str(root / "src"))
     run(
         sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", tmp_path / "dist", root,
         RIFTBERG_MACHINE_CODE=str(code),

@@ -186,7 +186,7 @@ def test_every_command_takes_verbose() -> None:
 
 
 def test_verbose_logs_to_the_error_stream_and_leaves_nothing_behind() -> None:
-    from riftberg.cli.terminal import listening
+    from riftberg.cli.options import listening
 
     logger = logging.getLogger("riftberg")
     before = list(logger.handlers), logger.level

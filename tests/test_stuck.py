@@ -14,7 +14,7 @@ import netCDF4
 import pytest
 from typer.testing import CliRunner
 
-from riftberg.cli import terminal as failures
+from riftberg.cli import options as failures
 from riftberg.cli.main import app
 from riftberg.system import process as stuck
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf

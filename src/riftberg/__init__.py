@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
     from riftberg.runs.run_file import open_run
     from riftberg.stepping.laws import Laws
-    from riftberg.system.limits import allow_large
+    from riftberg.system.input_files import allow_large
     from riftberg.verification.calibrate import calibrate
     from riftberg.viz.ensemble import draw_sweep
     from riftberg.viz.map import draw_map, draw_tracks
@@ -58,7 +58,7 @@ _HOMES = {
     "open_sweep": "riftberg.ensembles.result",
     "sensitivity": "riftberg.ensembles.sensitivity",
     "sweep": "riftberg.ensembles.sweep",
-    "allow_large": "riftberg.system.limits",
+    "allow_large": "riftberg.system.input_files",
     "draw_fragments": "riftberg.viz.plots",
     "draw_map": "riftberg.viz.map",
     "draw_stress": "riftberg.viz.plots",

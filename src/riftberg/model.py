@@ -37,15 +37,13 @@ from riftberg.stepping.explicit.stability import (
 from riftberg.stepping.forces.media import OWN
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
-from riftberg.stepping.fragments.outline import measure_outlines
-from riftberg.stepping.fragments.tree import Fragment, FragmentTree
+from riftberg.stepping.fragments.tree import Fragment, FragmentTree, measure_outlines
 from riftberg.stepping.laws import Laws, WithForce
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper
 from riftberg.stepping.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
 from riftberg.stepping.stepper import Stepper, complete_state, sample_new_elements
-from riftberg.system.input_files import shortened, value_shown
-from riftberg.system.limits import check_work
+from riftberg.system.input_files import check_work, shortened, value_shown
 from riftberg.system.process import Hold, held
 
 _LOG = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ from parity.records import EARTH, read
 from riftberg.constants import OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE
 from riftberg.errors import ForcingError
 from riftberg.experiments import Options, build, names
-from riftberg.experiments.a68a_files import DAYS, FILES, START_RECORD, ZONE, paper_model
+from riftberg.experiments.a68a import FILES, PAPER_DAYS, START_RECORD, ZONE, paper_model
 from riftberg.fetching.fetch import HOURLY
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, VARIABLES, WIND_FILE
 from riftberg.kid.parameters import read_namelist, to_parameters
@@ -131,7 +131,7 @@ def test_parameters_are_those_of_the_reference_namelist(shared: Path) -> None:
     assert driver.whole("transient_a68_data_start_ind") == START_RECORD
     assert driver.number("REarth") == A68A_2022_KID.earth.radius
     assert (icebergs.number("A68_xdisp"), icebergs.number("A68_ydisp")) == ZONE
-    assert driver.whole("ibhrs") == 24.0 * DAYS
+    assert driver.whole("ibhrs") == 24.0 * PAPER_DAYS
 
 
 def test_parameters_are_those_of_the_publication_to_the_digit() -> None:

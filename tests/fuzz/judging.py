@@ -21,7 +21,7 @@ from typing import Any
 import dask
 
 from riftberg.cli.main import app
-from riftberg.cli.terminal import EXIT_ERROR
+from riftberg.cli.options import EXIT_ERROR
 from riftberg.system.process import STUCK_AFTER
 
 REFUSED, HARMLESS, RIGHT, TOLD = "refused well", "accepted, harmless", "right value", "told before the run"

@@ -17,7 +17,7 @@ from riftberg.cli.main import app
 from riftberg.errors import ForcingError, InputError, NamelistError, RunError
 from riftberg.kid.a68 import GRID_FILE, OCEAN_FILE, SEA_LEVEL_FILE, WIND_FILE
 from riftberg.kid.run import load_case, run_kid
-from riftberg.system.limits import allow_extreme
+from riftberg.system.input_files import allow_extreme
 
 CASES = ("a68_oras5", "a68_story")
 ROW, COLUMN = 20, 30
@@ -156,7 +156,9 @@ def test_the_message_names_hour_and_date(shared: Path, tmp_path: Path) -> None:
 def test_what_is_meant_can_be_said(shared: Path, tmp_path: Path) -> None:
     case = copied(shared, tmp_path / "case", "a68_oras5")
     rewritten(case / "data" / OCEAN_FILE, times(OCEAN_FILE, "uo vo", 10.0)[1])
-    with pytest.raises(ForcingError, match=r"--allow-extreme \(in Python: riftberg.system.limits.allow_extreme\(\)\)"):
+    with pytest.raises(
+        ForcingError, match=r"--allow-extreme \(in Python: riftberg.system.input_files.allow_extreme\(\)\)"
+    ):
         load_case(case)
     with allow_extreme():
         loaded = load_case(case)

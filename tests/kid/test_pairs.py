@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from riftberg.errors import InputError, RiftbergError
-from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
-from riftberg.system.limits import allow_extreme
+from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
+from riftberg.system.input_files import allow_extreme
 
 from . import scenes
 from .covering import Row, covering_table, uncovered

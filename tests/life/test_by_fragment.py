@@ -10,7 +10,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.diagnostics.summary import melt_by_fragment, melt_lines, summarize
 from riftberg.diagnostics.why import explain, words
-from riftberg.life.ledger import PROCESSES, melt_of
+from riftberg.life.process import PROCESSES, melt_of
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model

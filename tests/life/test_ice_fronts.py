@@ -13,7 +13,7 @@ import shapely
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.errors import InputError
 from riftberg.life.ice_fronts import ALONE, REACH, SHAPES
-from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
+from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 from riftberg.plane import ConformalPlane
 
 LENGTH, WIDTH, RADIUS, PLACE = 60e3, 30e3, 30e3, (-40.0, -56.0)

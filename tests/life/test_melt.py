@@ -11,7 +11,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError, InputError, RunError
 from riftberg.life.ice_fronts import REACH
-from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
+from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.model import Model

@@ -12,7 +12,7 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.life.footloose import DIRECTIONS, FreePlaces, corner_reach
-from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
+from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model

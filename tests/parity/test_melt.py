@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from riftberg.kid.run import KidReport, run_kid
-from riftberg.life.ledger import HEAT_CLOSES, MASS_CLOSES
+from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 
 from .cases import MASS_AND_SHAPE, MELTING, POSITION
 from .records import Table, layout, paired, read

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physics.agreement import assert_same, between, quick
-from riftberg.physics.fracture import LARGEST_DAMAGE, damage_rate, grown_damage, stress_ratio
+from riftberg.physics.bonds import LARGEST_DAMAGE, damage_rate, grown_damage, stress_ratio
 from twins import damage as twin
 
 STRENGTH = 18e3, 100e3

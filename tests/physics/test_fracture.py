@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from physics.agreement import between, quick
-from riftberg.physics.fracture import exceeds
+from riftberg.physics.bonds import exceeds
 from twins import fracture as twin
 
 stress = between(-40e3, 40e3)

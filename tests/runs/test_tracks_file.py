@@ -13,7 +13,7 @@ import xarray as xr
 from fakes import FakeModel
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.tracks import Shapes, berg_position, tracks_of
-from riftberg.stepping.fragments.outline import equivalent_rectangles
+from riftberg.stepping.fragments.tree import equivalent_rectangles
 
 RADIUS = 6_363_827.0
 

@@ -17,7 +17,7 @@ from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Strengths
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
-from riftberg.stepping.lattice.elastic_cells import with_new_cells
+from riftberg.stepping.lattice.cells import with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
 from stepping.lattices import stiffness_matrix
 

@@ -21,7 +21,7 @@ from riftberg.constants import (
 from riftberg.plane import ConformalPlane
 from riftberg.stepping.forces.media import FORCES, allocate_surroundings, find_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fragments.outline import equivalent_rectangles, measure_outlines
+from riftberg.stepping.fragments.tree import equivalent_rectangles, measure_outlines
 
 LENGTH, WIDTH, THICKNESS, LATITUDE = 30e3, 15e3, 250.0, -60.0
 

@@ -22,7 +22,7 @@ from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackPaths
 from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Strengths, Toughness, overloads
 from riftberg.stepping.fragments.connectivity import bridge_moments, connected_parts, find_bridges
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
-from riftberg.stepping.lattice.elastic_cells import ElasticCells, with_new_cells
+from riftberg.stepping.lattice.cells import ElasticCells, with_new_cells
 from riftberg.stepping.lattice.equilibrium import Supports, balanced_loads, find_lattice
 from verification.test_cracks_in_cells import edge_factor
 

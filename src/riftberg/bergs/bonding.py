@@ -24,8 +24,7 @@ from riftberg.parameters import Packing
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.state.variables import GONE, THICKEST
-from riftberg.system.input_files import value_shown
-from riftberg.system.limits import check_elements
+from riftberg.system.input_files import check_elements, value_shown
 
 RADII_FACTOR = 1.25
 """Elements are bonded when closer than this times the sum of their radii."""

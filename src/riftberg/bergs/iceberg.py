@@ -54,8 +54,7 @@ from riftberg.constants import DEGREE
 from riftberg.errors import BergError, placed_in
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats
-from riftberg.system.input_files import value_shown
-from riftberg.system.limits import check_elements
+from riftberg.system.input_files import check_elements, value_shown
 
 
 @dataclass(frozen=True, repr=False, eq=False)

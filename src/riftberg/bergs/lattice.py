@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.state import Floats, Ints
-from riftberg.system.limits import check_elements
+from riftberg.system.input_files import check_elements
 
 Booleans = NDArray[np.bool_]
 

@@ -6,8 +6,6 @@ used.
 
 from __future__ import annotations
 
-import codecs
-import csv
 import json
 import re
 import zipfile
@@ -23,8 +21,7 @@ import shapely.errors
 from shapely.geometry import shape
 
 from riftberg.errors import BergError
-from riftberg.system.input_files import check_archive, check_file, needed, reading, value_shown
-from riftberg.system.limits import MOST_TEXT
+from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
 
 DATE_KEYS = (
     "date", "datetime", "date_time", "when", "timestamp", "begin", "acquired", "acq_date", "acqdate", "img_date",
@@ -375,7 +372,7 @@ Points = list[tuple[float, float]]
 
 def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
     """Return the features of a table of vertices, one row each."""
-    rows, separator = rows_of_csv(path)
+    rows, separator = rows_of_csv(path, BergError)
     columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     lon, lat = (next((columns[n] for n in names if n in columns), None) for names in (LON_NAMES, LAT_NAMES))
     if lon is None or lat is None:
@@ -400,38 +397,6 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
         groups.setdefault(key, {}).setdefault(part, []).append(point)
     combined = _lines_of_rows if lines else _polygons_of_rings
     return [Feature(combined(list(g.values()), path), dict(zip(keys, key, strict=True))) for key, g in groups.items()]
-
-
-def rows_of_csv(path: Path) -> tuple[list[dict[str, str]], str]:
-    """Return the rows of a table by column, and its separator: comma, semicolon or tab. Empty lines are passed over."""
-    check_file(path, most=MOST_TEXT, remedy=_TABLE, kind=BergError)
-    lines = [line for line in _decoded(path.read_bytes()).splitlines() if line.strip(" ,;\t")]
-    if any("\0" in line for line in lines[:100]):
-        raise BergError("bytes that are no text", where=str(path), remedy=_TABLE)
-    if len(lines) < 2:
-        what = "no rows below the line of names" if lines else "no rows"
-        raise BergError(what, where=str(path), remedy=_TABLE)
-    separator = max(",;\t", key=lines[0].count)
-    with reading(path, "no table that can be read", _TABLE, BergError):
-        reader = csv.DictReader(lines, delimiter=separator)
-        names = [(name or "").strip().lower() for name in reader.fieldnames or ()]
-        twice = next((name for name in names if name and names.count(name) > 1), None)
-        if twice is not None:
-            raise BergError(f"two columns are called {twice!r}", where=str(path), remedy="Give each its own name")
-        return list(reader), separator
-
-
-_TABLE = "Give a table with a line of names and rows below, separated by commas, semicolons or tabs"
-
-
-def _decoded(content: bytes) -> str:
-    """Decode a table; programs that do not write UTF-8 write UTF-16 with a mark, or an 8-bit set (names only)."""
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", errors="replace")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
 
 
 def _number_of_text(text: str, separator: str) -> float:

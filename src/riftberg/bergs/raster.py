@@ -21,8 +21,7 @@ from riftberg.config.values import required
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError
 from riftberg.state import Floats
-from riftberg.system.input_files import check_file, is_folder, needed, reading
-from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.input_files import MOST_VALUES, check_file, is_folder, needed, reading, refuse_large
 from riftberg.system.netcdf_lock import open_lazily
 from riftberg.system.process import own_filters
 

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import Settings, make_options, positive
-from riftberg.cli.terminal import announce_compilation, reported
+from riftberg.cli.options import Settings, announce_compilation, make_options, positive, reported
 from riftberg.errors import InputError
 from riftberg.experiments import Options
-from riftberg.system.limits import check_elements
+from riftberg.system.input_files import check_elements
 
 if TYPE_CHECKING:
     from riftberg.runs.model import Model

@@ -27,13 +27,16 @@ from riftberg.cli.options import (
     Settings,
     Without,
     check_folder,
+    console,
     output_folder,
+    reported,
     results_folder,
+    say,
+    table,
     within,
     words_without,
 )
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
-from riftberg.cli.terminal import console, reported, say, table
 from riftberg.errors import InputError
 from riftberg.system.input_files import check_file, is_folder, value_shown
 

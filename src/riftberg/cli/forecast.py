@@ -28,17 +28,19 @@ from riftberg.cli.options import (
     VaryDrawn,
     WholeUntil,
     Workers,
+    announce_compilation,
     check_folder,
     pair,
     positive,
+    reported,
     results_folder,
+    say,
     with_ensemble_options,
     within,
 )
 from riftberg.cli.sweep import opened, resumed, run_members
-from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError, RunError
-from riftberg.system.limits import allow_large
+from riftberg.system.input_files import allow_large
 from riftberg.verification.scores import AZIMUTH_ERROR, USUAL_ERROR
 
 if TYPE_CHECKING:

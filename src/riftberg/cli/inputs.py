@@ -20,18 +20,20 @@ from riftberg.cli.options import (
     PositionError,
     VaryDrawn,
     WholeUntil,
+    announce_compilation,
     check_folder,
     make_options,
     output_folder,
     positive,
+    reported,
     results_folder,
+    say,
     with_ensemble_options,
     within,
 )
 from riftberg.cli.sweep import opened, run_members
-from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError, RunError
-from riftberg.system.limits import allow_large
+from riftberg.system.input_files import allow_large
 from riftberg.verification.scores import AZIMUTH_ERROR, USUAL_ERROR
 
 if TYPE_CHECKING:

@@ -48,7 +48,7 @@ SUMMARIES: Final = {
 _ELSEWHERE: Final = {
     **dict.fromkeys(("experiments", "kid"), "run"),
     **dict.fromkeys(("rerun", "why", "score"), "compare"),
-    **dict.fromkeys(("doctor", "fetch"), "forcing_files"),
+    **dict.fromkeys(("doctor", "fetch", "new"), "forcing_files"),
     **dict.fromkeys(("product-errors", "update", "hazard"), "forecast"),
     **dict.fromkeys(("sensitivity", "calibrate"), "inputs"),
     "verify-tracks": "verify",
@@ -111,7 +111,7 @@ def _refusal(finding: Any) -> str:
 
 
 def _alone(name: str) -> typer.Typer:
-    from riftberg.cli.terminal import verbose
+    from riftberg.cli.options import verbose
 
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     alone.command(name)(verbose(function_of(name)))

@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import OutputBeside, Quiet, check_output, positive, results_folder, within
-from riftberg.cli.terminal import reported
+from riftberg.cli.options import OutputBeside, Quiet, check_output, positive, reported, results_folder, within
 from riftberg.errors import InputError
 from riftberg.system.atomic_files import only_writer
-from riftberg.system.input_files import is_folder
-from riftberg.system.limits import refuse_large
+from riftberg.system.input_files import is_folder, refuse_large
 
 if TYPE_CHECKING:
     import numpy as np

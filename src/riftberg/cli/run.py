@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 
 from riftberg.cli.options import (
+    EXIT_INTERRUPTED,
     Data,
     Days,
     Every,
@@ -22,22 +23,23 @@ from riftberg.cli.options import (
     Quiet,
     Settings,
     Without,
+    announce_compilation,
     check_folder,
     check_output,
     make_options,
     named_files,
     output_folder,
     positive,
+    reported,
     results_folder,
+    say,
     within,
     words_without,
 )
-from riftberg.cli.terminal import EXIT_INTERRUPTED, announce_compilation, reported, say
 from riftberg.errors import InputError, RiftbergError, RunError
 from riftberg.experiments import EXPERIMENTS, Info, Numerics, Options
 from riftberg.system.atomic_files import refusal
-from riftberg.system.input_files import check_file, is_folder, shown
-from riftberg.system.limits import allow_extreme, allow_large
+from riftberg.system.input_files import allow_extreme, allow_large, check_file, is_folder, shown
 from riftberg.system.process import held
 
 if TYPE_CHECKING:

@@ -14,16 +14,18 @@ from riftberg.cli.options import (
     ExperimentToRun,
     Members,
     PlanName,
+    announce_compilation,
     check_folder,
     output_folder,
     positive,
+    reported,
     results_folder,
+    say,
     with_ensemble_options,
 )
-from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.config.units import duration_text
 from riftberg.errors import InputError, RunError
-from riftberg.system.limits import allow_large
+from riftberg.system.input_files import allow_large
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

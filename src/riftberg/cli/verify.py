@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import Hour, PositionError, check_folder, dates, results_folder, within
-from riftberg.cli.terminal import console, reported, say, table
+from riftberg.cli.options import (
+    Hour,
+    PositionError,
+    check_folder,
+    console,
+    dates,
+    reported,
+    results_folder,
+    say,
+    table,
+    within,
+)
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
 from riftberg.verification.scores import USUAL_ERROR

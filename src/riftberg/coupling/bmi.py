@@ -21,8 +21,7 @@ from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.system.input_files import check_file, reading
-from riftberg.system.limits import MOST_YAML
+from riftberg.system.input_files import MOST_YAML, check_file, reading
 
 SECTIONS: Final = ("grid", "berg", "parameters", "ocean", "days")
 """What a configuration file may hold."""

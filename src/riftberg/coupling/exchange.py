@@ -17,9 +17,8 @@ from riftberg.coupling.fields import GIVEN, TAKEN, OceanForcing, taken
 from riftberg.coupling.shelf import IceShelf, Shares, shares_of
 from riftberg.errors import ForcingError, InputError
 from riftberg.life.calving import FluxCalving, Stores, check_flux
-from riftberg.life.ledger import PROCESSES, stocks
 from riftberg.life.melt import scaled_mass
-from riftberg.life.process import LifeModel, date_of_birth, missing_water
+from riftberg.life.process import PROCESSES, LifeModel, date_of_birth, missing_water, stocks
 from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress

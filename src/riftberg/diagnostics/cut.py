@@ -49,7 +49,7 @@ from riftberg.stepping.forces import media
 from riftberg.stepping.forces.implicit_velocity import apply_at_velocities
 from riftberg.stepping.forces.media import allocate_surroundings, find_surroundings
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fragments.outline import measure_outlines
+from riftberg.stepping.fragments.tree import measure_outlines
 
 _WORDS: Final = {
     "water": "ocean drag",

@@ -20,12 +20,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
-from riftberg.bergs.outline import DATE_KEYS, rows_of_csv
+from riftberg.bergs.outline import DATE_KEYS
 from riftberg.config.values import parse_date
 from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
-from riftberg.system.input_files import check_file, reading, value_shown
+from riftberg.system.input_files import check_file, reading, rows_of_csv, value_shown
 
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
 """Sources of positions in the BYU/NIC tables, the ones preferred first; NIC positions are given once a week."""

@@ -31,8 +31,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.runs.accessor import best_pairs
 from riftberg.runs.tracks import principal_azimuth
 from riftberg.state import Floats
-from riftberg.system.input_files import reading
-from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.input_files import MOST_VALUES, reading, refuse_large
 from riftberg.system.netcdf_lock import open_lazily
 
 if TYPE_CHECKING:

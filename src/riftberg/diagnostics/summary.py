@@ -50,15 +50,14 @@ from riftberg.bergs.bonding import Metric, separations
 from riftberg.config.units import area_text
 from riftberg.config.values import finding_text
 from riftberg.errors import InputError
-from riftberg.life.ledger import PROCESSES, melt_of
+from riftberg.life.process import PROCESSES, melt_of
 from riftberg.runs.layout import called, forcing_text, read_start
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.state.variables import LARGEST
 from riftberg.stepping.fragments.tree import centroid
-from riftberg.system.input_files import check_file, reading, shown
-from riftberg.system.limits import MOST_TEXT
+from riftberg.system.input_files import MOST_TEXT, check_file, reading, shown
 from riftberg.version import __version__
 
 if TYPE_CHECKING:

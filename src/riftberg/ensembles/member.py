@@ -29,8 +29,7 @@ from riftberg.runs.run_file import RunWriter
 from riftberg.runs.tracks import Shapes
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import aground
-from riftberg.system.input_files import value_shown
-from riftberg.system.limits import allow_large
+from riftberg.system.input_files import allow_large, value_shown
 
 if TYPE_CHECKING:
     from riftberg.model import BareModel, Recorder

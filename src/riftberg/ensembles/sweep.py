@@ -35,8 +35,7 @@ from riftberg.plane import EqualAreaPlane
 from riftberg.runs.progress import SweepBar
 from riftberg.state import Floats
 from riftberg.system.atomic_files import only_writer, replacing, write_text
-from riftberg.system.input_files import check_file, is_folder, reading, value_shown
-from riftberg.system.limits import large_allowed
+from riftberg.system.input_files import check_file, is_folder, large_allowed, reading, value_shown
 from riftberg.system.process import Hold, held
 
 if TYPE_CHECKING:

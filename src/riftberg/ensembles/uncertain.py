@@ -10,11 +10,11 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from riftberg.bergs.outline import rows_of_csv
 from riftberg.config.values import Section, key, parse_date
 from riftberg.errors import InputError
 from riftberg.experiments.changes import started
 from riftberg.ocean.errors import Errors, FieldError, UncertainForcing
+from riftberg.system.input_files import rows_of_csv
 
 if TYPE_CHECKING:
     from riftberg.runs.model import Model

@@ -12,7 +12,6 @@ from typing import Any, Final, get_args, get_origin
 import numpy as np
 from pydantic.fields import FieldInfo
 
-from riftberg.bergs.outline import rows_of_csv
 from riftberg.config.values import allowed, given, kinds_of, native, number, required, unit_of
 from riftberg.ensembles.distributions import EXAMPLE as EXAMPLE_DRAWN
 from riftberg.ensembles.distributions import (
@@ -30,8 +29,7 @@ from riftberg.ensembles.distributions import (
 from riftberg.ensembles.uncertain import SEED, UNCERTAIN, has_fields, is_uncertain, read_starts
 from riftberg.errors import InputError
 from riftberg.experiments.changes import SETTABLE, file_field, file_value, find_field, is_of_file
-from riftberg.system.input_files import value_shown
-from riftberg.system.limits import refuse_large
+from riftberg.system.input_files import refuse_large, rows_of_csv, value_shown
 
 MOST_MEMBERS: Final = 10_000
 """Members of a sweep, unless more are allowed."""

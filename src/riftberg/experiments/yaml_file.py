@@ -37,8 +37,7 @@ from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.formulas import Sum
 from riftberg.parameters import Earth, Parameters
-from riftberg.system.input_files import check_file, shown, value_shown
-from riftberg.system.limits import MOST_YAML
+from riftberg.system.input_files import MOST_YAML, check_file, shown, value_shown
 from riftberg.system.netcdf_lock import closing_files
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from riftberg.kid.parameters import LATE_START, NamelistGroup, date_after
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, wind_from_stress
 from riftberg.state import Floats
-from riftberg.system.limits import MEANT, extreme_allowed
+from riftberg.system.input_files import MEANT, extreme_allowed
 
 BLOCK_BYTES: Final = 8 * 2**20
 """Stored bytes of one variable in a block, about; a block holds at least one chunk."""

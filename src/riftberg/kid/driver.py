@@ -46,7 +46,7 @@ from riftberg.physics.floating import roll
 from riftberg.runs.model import Model
 from riftberg.state import Bonds, Elements, Floats, new_elements
 from riftberg.system.atomic_files import replacing
-from riftberg.system.limits import MEANT, MOST_STEPS, extreme_allowed, refuse_large
+from riftberg.system.input_files import MEANT, MOST_STEPS, extreme_allowed, refuse_large
 from riftberg.system.netcdf_lock import open_netcdf
 from riftberg.system.process import held
 

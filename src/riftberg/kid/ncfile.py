@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from riftberg.errors import InputError, RunError
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import refusal, replacing
-from riftberg.system.input_files import check_file, reading, value_shown
-from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.input_files import MOST_VALUES, check_file, reading, refuse_large, value_shown
 from riftberg.system.netcdf_lock import NETCDF, open_netcdf, whole_size
 from riftberg.system.process import opening
 

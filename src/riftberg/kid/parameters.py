@@ -42,8 +42,7 @@ from riftberg.ocean.grid import Grid
 from riftberg.parameters import Compatibility, Packing, Parameters, Scheme
 from riftberg.state import Bonds, Elements
 from riftberg.stepping.speed_limit import DEBRIS_SPEED
-from riftberg.system.input_files import check_file, reading
-from riftberg.system.limits import MOST_YAML, extreme_allowed
+from riftberg.system.input_files import MOST_YAML, check_file, extreme_allowed, reading
 from riftberg.system.process import own_filters
 
 MONTH: Final = 30 * 86_400

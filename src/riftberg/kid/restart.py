@@ -36,7 +36,7 @@ from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_element
 from riftberg.state.population import rows_of
 from riftberg.state.variables import GONE
 from riftberg.system.atomic_files import replacing
-from riftberg.system.limits import MEANT, extreme_allowed
+from riftberg.system.input_files import MEANT, extreme_allowed
 from riftberg.system.netcdf_lock import open_netcdf
 
 _LOW = 0xFFFFFFFF

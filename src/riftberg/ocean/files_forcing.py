@@ -40,8 +40,7 @@ from riftberg.products.reading import members_in, open_raw
 from riftberg.products.registry import Choice, open_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.state import Floats
-from riftberg.system.input_files import is_address
-from riftberg.system.limits import refuse_large
+from riftberg.system.input_files import is_address, refuse_large
 from riftberg.system.netcdf_lock import closing_files
 
 MARGIN = 3

@@ -12,9 +12,9 @@ import netCDF4
 import numpy as np
 
 from riftberg.errors import RunError
-from riftberg.life.ledger import PROCESSES, SOURCES, melt_of
 from riftberg.life.melt import mass_in_bits
 from riftberg.life.motion import GIVERS, bonds_vibrate
+from riftberg.life.process import PROCESSES, SOURCES, melt_of
 from riftberg.runs.layout import define_texts, texts
 from riftberg.state import Floats, Variable
 from riftberg.state.population import by_identifier

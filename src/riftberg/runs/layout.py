@@ -27,8 +27,7 @@ from riftberg.parameters import Parameters
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
 from riftberg.state.population import rows_of
 from riftberg.state.variables import ABOVE_0, GONE, LARGEST, LARGEST_WHOLE
-from riftberg.system.input_files import check_file, reading, shown, value_shown
-from riftberg.system.limits import MOST_VALUES, refuse_large
+from riftberg.system.input_files import MOST_VALUES, check_file, reading, refuse_large, shown, value_shown
 from riftberg.system.netcdf_lock import NETCDF, open_lazily
 from riftberg.version import __version__
 

@@ -21,7 +21,7 @@ import netCDF4
 import numpy as np
 
 from riftberg.errors import InputError
-from riftberg.life.ledger import PROCESSES, SOURCES
+from riftberg.life.process import PROCESSES, SOURCES
 from riftberg.parameters import Parameters
 from riftberg.runs.layout import Allowed, check_bond_ends, forcing_text, read_parameters, read_start
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Variable, new_bonds, new_elements
@@ -30,8 +30,7 @@ from riftberg.state.variables import LARGEST, LARGEST_WHOLE
 from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
 from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
-from riftberg.system.input_files import check_file, reading, shown, value_shown
-from riftberg.system.limits import MOST_SUBSTEPS, MOST_VALUES
+from riftberg.system.input_files import MOST_SUBSTEPS, MOST_VALUES, check_file, reading, shown, value_shown
 from riftberg.system.netcdf_lock import NETCDF, open_netcdf
 from riftberg.system.process import opening
 from riftberg.version import __version__

@@ -119,7 +119,7 @@ class Shapes:
     def sides(self, length: Floats, width: Floats, gyration: Floats) -> tuple[Floats, Floats]:
         """Return length and width of the rectangles with the area of the bergs and the ratio of their second moments.
 
-        As `riftberg.stepping.fragments.outline` has them for drag. ``length``, ``width``: of the elements, m;
+        As `riftberg.stepping.fragments.tree` has them for drag. ``length``, ``width``: of the elements, m;
         ``gyration``: squares of their radii of gyration, m2.
         """
         own = 0.5 * self.mean(gyration)  # an element may lie any way round

@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple, cast, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.system.limits import MOST_SUBSTEPS
+from riftberg.system.input_files import MOST_SUBSTEPS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

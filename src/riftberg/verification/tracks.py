@@ -20,13 +20,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from riftberg.bergs.outline import rows_of_csv
 from riftberg.config.values import parse_date
 from riftberg.diagnostics.observed import SENSORS
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
-from riftberg.system.input_files import is_folder, value_shown
+from riftberg.system.input_files import is_folder, rows_of_csv, value_shown
 from riftberg.verification.scores import (
     FEWEST,
     Point,

@@ -28,6 +28,7 @@ from riftberg.compiled.kernels import kernel
 from riftberg.constants import EARTH_ROTATION
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
+from riftberg.physics.geometry import multiply, solve, times
 from riftberg.state import Elements, Floats, Ints, Shown
 from riftberg.state import Motion as ElementMotion
 from riftberg.stepping.forces.media import (
@@ -51,7 +52,6 @@ from riftberg.stepping.forces.media import (
     grounded_part,
 )
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.mat3 import multiply, solve, times
 
 Booleans = NDArray[np.bool_]
 

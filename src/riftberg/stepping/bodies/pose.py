@@ -18,9 +18,8 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.physics.geometry import nearest_image
+from riftberg.physics.geometry import multiply, nearest_image
 from riftberg.state import Floats, Ints
-from riftberg.stepping.mat3 import multiply
 
 
 class Bodies(NamedTuple):

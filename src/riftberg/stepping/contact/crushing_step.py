@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
-from riftberg.physics.geometry import gap, overlap
+from riftberg.physics.geometry import gap, overlap, solve
 from riftberg.state import Floats, Ints
 from riftberg.stepping.contact.islands import (
     Island,
@@ -42,7 +42,6 @@ from riftberg.stepping.contact.islands import (
     result_part,
     spin_lever,
 )
-from riftberg.stepping.mat3 import solve
 
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, SEEN = range(13)
 """Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time

@@ -14,8 +14,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
-from riftberg.physics.bonds import normal_force
-from riftberg.physics.fracture import damage_rate, exceeds, grown_damage, residual_strength, stress_ratio
+from riftberg.physics.bonds import damage_rate, exceeds, grown_damage, normal_force, residual_strength, stress_ratio
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList

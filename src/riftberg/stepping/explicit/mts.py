@@ -29,14 +29,17 @@ from riftberg.stepping.contact.broad_phase import (
 from riftberg.stepping.explicit.beams import WORTH_THREADS, take_substeps_in_threads, take_substeps_of_beams
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs, pairs_from_list
 from riftberg.stepping.explicit.lone_bergs import find_islands, take_substeps_of_islands
-from riftberg.stepping.explicit.outer_kick import (
+from riftberg.stepping.explicit.springs import take_substeps_of_springs
+from riftberg.stepping.explicit.substeps import (
+    POLAR_LATITUDE,
     OuterWorkspace,
+    StepPlan,
+    Workspace,
     allocate_outer_workspace,
+    allocate_workspace,
     first_half_kick,
     second_half_kick,
 )
-from riftberg.stepping.explicit.springs import take_substeps_of_springs
-from riftberg.stepping.explicit.substeps import POLAR_LATITUDE, StepPlan, Workspace, allocate_workspace
 from riftberg.stepping.forces.media import Surroundings, allocate_surroundings, find_surroundings
 from riftberg.stepping.forces.pair_law import NeighbourLists, pair_law
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes

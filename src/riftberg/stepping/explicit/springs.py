@@ -15,16 +15,18 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, move
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.explicit.breaking import add_contacts
-from riftberg.stepping.explicit.outer_kick import OuterWorkspace, any_of, mark_converged
 from riftberg.stepping.explicit.substeps import (
+    OuterWorkspace,
     StepPlan,
     SubstepFields,
     Workspace,
+    any_of,
     begin_substeps,
     drifted,
     end_substeps,
     floor_rate_at,
     kicked,
+    mark_converged,
     mid_step_velocity,
     publish_all_velocities,
     publish_velocities,

@@ -47,7 +47,7 @@ MAX_LANCZOS_STEPS: Final = 400
 """Lanczos steps at most; some 30 to 80 are usual."""
 
 MAX_SUBSTEPS: Final = 1e15
-"""Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.system.limits`."""
+"""Sub-steps beyond which nothing can be counted; how many a run may take is a matter of `riftberg.system.input_files`."""
 
 SINGLE_STEP: Final = {"verlet": 4.0, "runge_kutta": 0.5}
 """Largest squared frequency of bonds times step for schemes without sub-steps: of Verlet the bound of the leapfrog; in

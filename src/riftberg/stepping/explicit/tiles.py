@@ -29,8 +29,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
-from riftberg.physics.bonds import beam_parts, damping_constant, isotropic_parts, signed_slip
-from riftberg.physics.fracture import residual_strength
+from riftberg.physics.bonds import beam_parts, damping_constant, isotropic_parts, residual_strength, signed_slip
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.forces.sizes import Sizes

@@ -26,7 +26,7 @@ from riftberg.compiled.kernels import borrower, kernel
 from riftberg.config.parameter_groups import Fracture
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
-from riftberg.physics.fracture import (
+from riftberg.physics.bonds import (
     damage_rate,
     grown_damage,
     residual_strength,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel, stage
-from riftberg.physics.fracture import exceeds
+from riftberg.physics.bonds import exceeds
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import partners_over_bonds
 

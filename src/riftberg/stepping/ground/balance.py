@@ -22,6 +22,7 @@ import shapely
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
+from riftberg.physics.geometry import solve
 from riftberg.physics.seabed import (
     WATER_STIFFNESS,
     add_moments,
@@ -36,7 +37,6 @@ from riftberg.physics.seabed import (
 from riftberg.state import Floats, Ints
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.ground.floor import CORNERS, Patches
-from riftberg.stepping.mat3 import solve
 
 MAX_ITERATIONS: Final = 100
 """Of Newton's method; five to ten are usual."""

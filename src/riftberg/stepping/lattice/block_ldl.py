@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
+from riftberg.physics.geometry import invert_symmetric, subtract_product
 from riftberg.state import Floats, Ints
-from riftberg.stepping.mat3 import invert_symmetric, subtract_product
 
 
 def minimum_degree(count: int, first: Ints, second: Ints) -> Ints:

@@ -15,13 +15,12 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
-from riftberg.physics.fracture import principal
+from riftberg.physics.bonds import principal
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.fragments.connectivity import Bridges, bridge_moments, find_bridges
 from riftberg.stepping.lattice.block_ldl import BlockLDL, Factors, solve_factored
-from riftberg.stepping.lattice.cells import Booleans, freed_edges
-from riftberg.stepping.lattice.elastic_cells import ElasticCells
+from riftberg.stepping.lattice.cells import Booleans, ElasticCells, freed_edges
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
 from riftberg.stepping.lattice.triangles import (
     ClosingFaces,

@@ -17,8 +17,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes, sides_of
-from riftberg.stepping.lattice.cells import outline_of_cells
-from riftberg.stepping.lattice.elastic_cells import laid_flat, lattices
+from riftberg.stepping.lattice.cells import laid_flat, lattices, outline_of_cells
 from riftberg.stepping.run_state import RunState
 
 

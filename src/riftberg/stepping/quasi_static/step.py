@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from riftberg.errors import RunError
 from riftberg.ocean.cells import settle_elements
 from riftberg.parameters import KernelParameters
-from riftberg.physics.fracture import stress_ratio
+from riftberg.physics.bonds import stress_ratio
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import put_back
 from riftberg.stepping.bodies.dynamics import (
@@ -86,7 +86,7 @@ from riftberg.stepping.fracture.criteria import (
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.ground.landing import GroundPhase, Seabed, joined, without
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness, CellTopology
-from riftberg.stepping.lattice.elastic_cells import (
+from riftberg.stepping.lattice.cells import (
     CELL_NAMES,
     ElasticCells,
     cells_from_arrays,
@@ -111,13 +111,15 @@ from riftberg.stepping.quasi_static.lone_bergs import (
 )
 from riftberg.stepping.quasi_static.rigid_step import (
     BodyState,
+    StepSnapshot,
     accumulate_step_forces,
     assemble_operators,
     correct,
     predict,
     remove_rigid_modes,
+    sync_bodies,
+    take_snapshot,
 )
-from riftberg.stepping.quasi_static.sync import StepSnapshot, sync_bodies, take_snapshot
 from riftberg.stepping.run_state import RunState
 
 MAX_CRACKS_PER_STEP = 64

@@ -1,6 +1,6 @@
 """Machine code that a wheel brings along, so that the first run compiles nothing.
 
-    python -m riftberg.compiled.machine_code FOLDER [EXPERIMENT ...]
+    python benchmarks/machine_code.py FOLDER [EXPERIMENT ...]
 
 runs experiments with kernels compiled for a common kind of processor and leaves their machine code in a folder. A wheel that
 is built with ``RIFTBERG_MACHINE_CODE=FOLDER`` holds it (``hatch_build.py``). It is data: where sources, Python, numba or the
