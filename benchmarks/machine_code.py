@@ -17,7 +17,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from riftberg.compiled.kernels import LEVELS, digest_of
+from riftberg.compiled.kernels import LEVELS, toolchain_digest
 
 RUNS = {
     "a68a": [],
@@ -40,7 +40,7 @@ def make(folder: Path, experiments: list[str]) -> Path:
         for name in experiments:
             words = ["run", name, *RUNS[name], "--quiet", "--output", str(Path(passing) / "out" / name)]
             subprocess.run([sys.executable, "-m", "riftberg", *words], check=True, env=environment)
-        made = Path(passing) / "kernels" / digest_of(f"{level} ")
+        made = Path(passing) / "kernels" / toolchain_digest(f"{level} ")
         return Path(shutil.copytree(made, folder / made.name, dirs_exist_ok=True))
 
 

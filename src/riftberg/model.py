@@ -122,7 +122,7 @@ class BareModel(RunState):
     ) -> None:
         asked = Parameters() if parameters is None else parameters
         check_arguments(berg, forcing, asked)
-        began = start_of(forcing, None if start is None else moment(start, where="start"))
+        began = time_zero(forcing, None if start is None else moment(start, where="start"))
         check_coordinates(berg, forcing, asked)
         check_balance(forcing, asked)
         if asked.bonds.packing == "hexagonal" and berg.packing == "square" and berg.elements.size:
@@ -666,7 +666,7 @@ def check_recorders(recorders: object) -> None:
             )
 
 
-def start_of(forcing: Forcing, given: datetime | None) -> datetime:
+def time_zero(forcing: Forcing, given: datetime | None) -> datetime:
     """Return the date of time zero: as given, or that from which the forcing counts."""
     own = getattr(forcing, "start", None)
     if given is not None and isinstance(own, datetime) and own != given:

@@ -16,7 +16,7 @@ import netCDF4
 import pytest
 
 from fakes import FakeModel
-from riftberg.diagnostics.compare import Known, compare, observed_part, read_compared, with_hours
+from riftberg.diagnostics.compare import RealEvent, compare, observed_part, read_compared, with_hours
 from riftberg.diagnostics.observed import Fix
 from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
@@ -81,7 +81,7 @@ def test_days_outside_of_the_run_are_left_out(folder: Path) -> None:
 def test_the_table_has_events_bonds_and_days(folder: Path, tmp_path: Path) -> None:
     other = make_run(tmp_path / "two", break_time=math.inf)
     seen = [fix(folder, 0, WHOLE, north=1000.0)]
-    known = Known({"break-up 1": "about then"}, {"break-up 2": "nobody's"}, seen)
+    known = RealEvent({"break-up 1": "about then"}, {"break-up 2": "nobody's"}, seen)
     runs = [read_compared(folder, "one", seen), read_compared(other, "two", seen)]
     found = compare(runs, known)
     assert found.columns == ["", "published", "observed", "one", "two"]
@@ -97,7 +97,7 @@ def test_the_table_has_events_bonds_and_days(folder: Path, tmp_path: Path) -> No
     assert "S" in rows["2020-12-09 13:00"][1]
     assert [label for label, _ in found.rows][-2:] == ["2020-12-09 13:00", "rms of the days"]
     bare = [dataclasses.replace(seen[0], azimuth=math.nan)]  # a position alone has no turn
-    rows = dict(compare([read_compared(folder, "one", bare)], Known(fixes=bare)).rows)
+    rows = dict(compare([read_compared(folder, "one", bare)], RealEvent(fixes=bare)).rows)
     assert rows["rms of the days"][-1] == "1.0 km"
     told = json.loads(found.write(tmp_path / "c.json").read_text())
     assert told["runs"][0]["breakups"][0]["area_km2"] == 54.0

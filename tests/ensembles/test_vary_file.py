@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg import forecast, open_sweep, sweep
-from riftberg.cli.compare import opened
+from riftberg.cli.compare import opened_result
 from riftberg.ensembles.forecast import forecast_errors
 from riftberg.ensembles.uncertain import with_errors
 from riftberg.ensembles.vary import Draws, designed, grouped, members_of, varied_of, vary_with_file
@@ -48,7 +48,7 @@ def test_berg_placement_and_forcing_of_a_file_are_varied(file: str, tmp_path: Pa
 def test_members_that_start_later_have_their_own_dates(file: str, tmp_path: Path) -> None:
     result = sweep(file, "start=2020-12-09,2020-12-11 06:00", every_hours=1, workers=0, output=tmp_path / "s")
     assert (result["fragment_birth_time"].diff("member") == np.timedelta64(54, "h")).all()
-    assert opened(tmp_path / "s" / "sweep.nc#1")["time"].values[0] == np.datetime64("2020-12-11T06:00")
+    assert opened_result(tmp_path / "s" / "sweep.nc#1")["time"].values[0] == np.datetime64("2020-12-11T06:00")
     assert open_sweep(tmp_path / "s")["time"].values[0] == np.datetime64("2020-12-09")
 
 

@@ -13,7 +13,7 @@ from riftberg.cli.run import ledger_lines
 from riftberg.diagnostics.summary import summarize
 from riftberg.errors import InputError
 from riftberg.experiments import Options, build
-from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, elastic_energy, stock
+from riftberg.life.motion import CLOSES, GIVERS, MotionBalance, energy_in_bonds, stock
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
@@ -108,11 +108,11 @@ def test_bonds_hold_the_same_energy_when_sides_melt() -> None:
     model = lattice(parameters(stepping=ALONE))
     shake(model, speed=0.1, spin=5e-5)
     model.step()
-    held = elastic_energy(model.elements, model.bonds, model)
+    held = energy_in_bonds(model.elements, model.bonds, model)
     model.elements.length[:] *= 0.95
     model.elements.width[:] *= 0.95
     assert held > 0.0
-    assert elastic_energy(model.elements, model.bonds, model) == pytest.approx(held, rel=1e-12)
+    assert energy_in_bonds(model.elements, model.bonds, model) == pytest.approx(held, rel=1e-12)
 
 
 def test_bonds_that_break_release_what_they_held() -> None:
@@ -121,7 +121,7 @@ def test_bonds_that_break_release_what_they_held() -> None:
     for _ in range(2):
         model.step()
     assert balance(model).released == 0.0
-    held = elastic_energy(model.elements, model.bonds, model)
+    held = energy_in_bonds(model.elements, model.bonds, model)
     model.bonds.strength[:] = 1e-9
     model.step()
     assert (model.bonds.status != 0).any()

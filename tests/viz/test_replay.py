@@ -18,7 +18,7 @@ from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz import colours
-from riftberg.viz.replay import Members, ReplayContent, chosen_records, pack, write_replay
+from riftberg.viz.replay import ForecastMembers, ReplayContent, chosen_records, quantised, write_replay
 from viz.browser import drawn, opened, unpack, until
 
 RING = np.array([[-39.2, -55.1], [-38.8, -55.1], [-38.8, -54.9], [-39.2, -54.9]])
@@ -50,14 +50,14 @@ def data_of(page: Path) -> dict[str, Any]:
 @pytest.mark.parametrize("kind", ["int16", "uint16", "uint8"])
 def test_packing_keeps_values_to_half_a_step_and_gaps(kind: str) -> None:
     values = np.array([[-3.0, np.nan, 5.5], [1e-3, 2.0, 7.0]])
-    packed = pack(values, kind)
+    packed = quantised(values, kind)
     np.testing.assert_allclose(unpack(packed), values, atol=0.501 * packed["scale"])
 
 
 def test_packing_of_whole_numbers_and_of_constants_is_exact() -> None:
     numbers = np.array([0.0, 3.0, 65_000.0])
-    np.testing.assert_array_equal(unpack(pack(numbers, "uint16", step=1.0)), numbers)
-    np.testing.assert_allclose(unpack(pack(np.full(4, 200.0))), 200.0)
+    np.testing.assert_array_equal(unpack(quantised(numbers, "uint16", step=1.0)), numbers)
+    np.testing.assert_allclose(unpack(quantised(np.full(4, 200.0))), 200.0)
 
 
 def test_positions_on_the_page_are_true_to_metres(run: xr.Dataset, page: Path) -> None:
@@ -254,7 +254,7 @@ def forecast() -> xr.Dataset:
 
 def test_members_and_probabilities_are_where_the_forecast_has_them(run: xr.Dataset, forecast: xr.Dataset) -> None:
     scenarios = [(0, 0.5, "no piece breaks off"), (1, 0.5, "breaks off 30 km2")]
-    content = ReplayContent(run, title="", observed={}, members=Members(forecast, scenarios, "what is likely"))
+    content = ReplayContent(run, title="", observed={}, members=ForecastMembers(forecast, scenarios, "what is likely"))
     found = content.data()["members"]
     # The forecast starts at midnight, the run at 13:00.
     assert found["seconds"] == pytest.approx([-46800.0, 39600.0, 126000.0])
@@ -282,7 +282,7 @@ def test_members_and_probabilities_are_where_the_forecast_has_them(run: xr.Datas
 
 def test_a_page_with_members_works_in_a_browser(run: xr.Dataset, forecast: xr.Dataset, tmp_path: Path) -> None:
     scenarios = [(0, 0.5, "no piece breaks off"), (1, 0.5, "breaks off 30 km2")]
-    page = write_replay(run, tmp_path / "replay.html", members=Members(forecast, scenarios, "what is likely"))
+    page = write_replay(run, tmp_path / "replay.html", members=ForecastMembers(forecast, scenarios, "what is likely"))
     with opened(page) as browser:
         assert browser.find_element("id", "note").text == "what is likely"
         browser.execute_script("replay.go(39600)")

@@ -13,8 +13,8 @@ import numpy as np
 from riftberg.bergs.bonding import (
     Metric,
     crossed_by,
+    given_strengths,
     inscribed_radius,
-    listed,
     mapped,
     mark_cracks,
     refuse_overlap,
@@ -255,7 +255,7 @@ class BondedBerg:
             if is_map(distribution) or isinstance(distribution, Path):
                 factors = mapped(distribution, elements, bonds)
             else:
-                factors = listed(distribution, len(bonds.first))
+                factors = given_strengths(distribution, len(bonds.first))
             made = {"distribution": "given", "least": float(factors.min()), "largest": float(factors.max())}
         bonds.strength[:] *= factors
         return replace(self, elements=elements, bonds=bonds, report={**self.report, "scatter": made})

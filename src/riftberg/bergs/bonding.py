@@ -374,7 +374,7 @@ LEAST_MODULUS = 0.05
 """Weibull modulus below which the mean of the distribution is lost in floating point."""
 
 
-def listed(values: Any, size: int) -> Floats:
+def given_strengths(values: Any, size: int) -> Floats:
     """Return given relative strengths, one for each of ``size`` bonds, if they are that."""
     try:
         strengths = np.asarray(values, dtype=np.float64)

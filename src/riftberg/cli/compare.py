@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from rich.table import Table
 
-    from riftberg.diagnostics.compare import Comparison, Known
+    from riftberg.diagnostics.compare import Comparison, RealEvent
     from riftberg.diagnostics.cut import Breakup
     from riftberg.diagnostics.score import Match, Score
     from riftberg.diagnostics.why import Reasons
@@ -123,9 +123,9 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
     for run in runs:
         if not member_of(run):
             check_file(folder_of(run) / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
-    known = _known(opened(runs[0]), observed)
+    known = _known(opened_result(runs[0]), observed)
     found = [
-        member_compared(opened(run), name, known.fixes)
+        member_compared(opened_result(run), name, known.fixes)
         if member_of(run)
         else read_compared(folder_of(run), name, known.fixes)
         for run, name in zip(runs, names, strict=True)
@@ -140,7 +140,7 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
     return compare(found, meant)
 
 
-def opened(run: Path) -> xr.Dataset:
+def opened_result(run: Path) -> xr.Dataset:
     """Return a run, or a member of a sweep."""
     import numpy as np
 
@@ -162,9 +162,9 @@ def opened(run: Path) -> xr.Dataset:
     return one
 
 
-def _known(first: xr.Dataset, observed: Path | None) -> Known:
+def _known(first: xr.Dataset, observed: Path | None) -> RealEvent:
     """Return what is known of the event that the first run is about."""
-    from riftberg.diagnostics.compare import Known, with_hours
+    from riftberg.diagnostics.compare import RealEvent, with_hours
     from riftberg.diagnostics.observed import Fix, read_observed
     from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
 
@@ -182,8 +182,8 @@ def _known(first: xr.Dataset, observed: Path | None) -> Known:
             if o.day not in PARTIAL
         ]
     if not experiment.startswith("a68a"):
-        return Known(fixes=fixes)
-    return Known(dict(PUBLISHED), dict(SEEN), fixes)
+        return RealEvent(fixes=fixes)
+    return RealEvent(dict(PUBLISHED), dict(SEEN), fixes)
 
 
 def show(result: Comparison) -> None:
@@ -296,7 +296,7 @@ def _kept_of_member(run: Path) -> tuple[dict[str, str], list[str]]:
     from riftberg.ensembles.result import values_of
     from riftberg.experiments.changes import setting
 
-    one = opened(run)
+    one = opened_result(run)
     return dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()]
 
 

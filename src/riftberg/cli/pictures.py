@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from riftberg.diagnostics.observed import Observations
     from riftberg.viz.panels import Projection
-    from riftberg.viz.replay import Members
+    from riftberg.viz.replay import ForecastMembers
 
 
 Run = Annotated[Path, typer.Argument(metavar="RUN.nc", help="Run file, or the folder that 'riftberg run' made.")]
@@ -296,7 +296,7 @@ def replay(
         typer.launch(str(path))
 
 
-def _of_forecast(run: Path) -> tuple[Path, Members | None]:
+def _of_forecast(run: Path) -> tuple[Path, ForecastMembers | None]:
     """Return the run to play, and the members around it where a forecast was named."""
     file = run / "forecast.nc" if is_folder(run) and not (run / "run.nc").exists() else run
     if file.name != "forecast.nc" or not file.exists():
@@ -304,7 +304,7 @@ def _of_forecast(run: Path) -> tuple[Path, Members | None]:
     from riftberg.ensembles.member import CONTROL_RUN
     from riftberg.ensembles.probability import scenarios, told
     from riftberg.ensembles.result import open_sweep
-    from riftberg.viz.replay import Members
+    from riftberg.viz.replay import ForecastMembers
 
     control = file.with_name(CONTROL_RUN)
     if not control.exists():
@@ -321,4 +321,4 @@ def _of_forecast(run: Path) -> tuple[Path, Members | None]:
     rows = [(s.number, s.probability, s.told().partition(": ")[2]) for s in scenarios(result)]
     first, *chances = told(result)[:3]
     words = f"{first} {', '.join(line.strip() for line in chances)}"
-    return control, Members(result, rows, words)
+    return control, ForecastMembers(result, rows, words)

@@ -231,8 +231,8 @@ SHIPPED: Final = Path(__file__).with_name("machine_code")
 """Folder of the machine code that a wheel brings along; see `riftberg.compiled.machine_code`."""
 
 
-def digest_of(processor: str) -> str:
-    """Return the name of the folder for machine code made by exactly these tools for a processor; see `compiled.sources`."""
+def toolchain_digest(processor: str) -> str:
+    """Return the name of the folder for machine code made by exactly these tools for a processor."""
     tools = numba.__version__, llvm_version, sys.implementation.cache_tag, llvm.get_process_triple(), processor
     digest = hashlib.sha256(" ".join(map(str, tools)).encode())
     for source in ("kernels.py", "parts.py"):  # the way in which kernels are compiled
@@ -250,7 +250,7 @@ def cache_folder() -> Path:
         features = llvm.get_host_cpu_features().flatten()
     base = os.environ.get("RIFTBERG_CACHE")
     home = Path(base) if base else user_cache_path("riftberg")
-    return _writable(home / "kernels" / digest_of(f"{name} {features}"))
+    return _writable(home / "kernels" / toolchain_digest(f"{name} {features}"))
 
 
 @cache
@@ -259,7 +259,7 @@ def shipped_folder() -> Path | None:
     level, needed = LEVELS.get(platform.machine().lower(), ("", ()))
     if not level or not SHIPPED.is_dir() or config.CPU_NAME is not None:  # type: ignore[attr-defined]
         return None
-    folder = SHIPPED / digest_of(f"{level} ")
+    folder = SHIPPED / toolchain_digest(f"{level} ")
     has = llvm.get_host_cpu_features()
     return folder if folder.is_dir() and all(has.get(feature, False) for feature in needed) else None
 

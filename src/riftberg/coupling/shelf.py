@@ -28,7 +28,7 @@ from riftberg.errors import BergError, InputError
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.geometry import separation
-from riftberg.physics.spreading import HEXAGON, RECTANGLE, Cells, Footprints, add_shares, cover_all, lattice_angle
+from riftberg.physics.spreading import HEXAGON, RECTANGLE, Cells, ElementShapes, add_shares, cover_all, lattice_angle
 from riftberg.plane import EqualAreaPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.variables import THICKEST
@@ -98,7 +98,7 @@ def shares_of(elements: Elements, bonds: Bonds, grid: Grid, p: Parameters) -> Sh
     g, place, body = grid.arrays, elements.place, elements.body
     shape = HEXAGON if p.bonds.packing == "hexagonal" and p.bonds.law != "none" else RECTANGLE
     angle = element_axes(elements, bonds, p)
-    bergs = Footprints(place.lon, place.lat, place.cell_i, place.cell_j, shape, body.length, body.width, angle)
+    bergs = ElementShapes(place.lon, place.lat, place.cell_i, place.cell_j, shape, body.length, body.width, angle)
     on = Cells(g.lon, g.lat, g.mask, g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period)
     room = 2 * elements.size + 64  # most elements lie in one cell or two; if these are too few, they are counted
     while True:

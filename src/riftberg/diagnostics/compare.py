@@ -91,7 +91,7 @@ MOST_EVENTS: Final = 6
 
 
 @dataclass(frozen=True)
-class Known:
+class RealEvent:
     """What is known of the real event, for columns beside the runs."""
 
     # Texts by the label of a row, of the published run and of the real berg
@@ -99,11 +99,11 @@ class Known:
     observed: dict[str, str] = field(default_factory=dict)
     fixes: Sequence[Fix] = ()  # Where the berg was
 
-    def within(self, begin: np.datetime64, end: np.datetime64) -> Known:
+    def within(self, begin: np.datetime64, end: np.datetime64) -> RealEvent:
         """Return what there is of these dates (an hour apart at most); texts stand beside positions, not alone."""
         hour = np.timedelta64(1, "h")
         fixes = [fix for fix in self.fixes if begin - hour <= np.datetime64(fix.when) <= end + hour]
-        return replace(self, fixes=fixes) if fixes else Known()
+        return replace(self, fixes=fixes) if fixes else RealEvent()
 
 
 @dataclass(frozen=True)
@@ -283,9 +283,9 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
     return berg_position(scene.x[record][rows], scene.y[record][rows], scene.area[rows], radius=scene.radius)
 
 
-def compare(runs: Sequence[ComparedRun], known: Known | None = None) -> Comparison:
+def compare(runs: Sequence[ComparedRun], known: RealEvent | None = None) -> Comparison:
     """Return runs side by side."""
-    known = known or Known()
+    known = known or RealEvent()
     seen = {}
     for fix in known.fixes:
         turned = "" if math.isnan(fix.azimuth) else f", {fix.azimuth:.0f}°"

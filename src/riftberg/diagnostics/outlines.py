@@ -193,11 +193,11 @@ def _dated_pieces(mask: xr.DataArray, attributes: Mapping[str, Any], path: Path,
             raster = read_raster(field.drop_vars("time", errors="ignore"))
         except BergError as error:
             raise InputError(error.what, where=where, remedy=error.remedy) from error
-        for name, ring in pieces_of(raster, mask.attrs, where):
+        for name, ring in mask_pieces(raster, mask.attrs, where):
             yield Outline(name, when, day_only, ring)
 
 
-def pieces_of(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[tuple[str, Floats]]:
+def mask_pieces(mask: Raster, attributes: Mapping[str, Any], where: str) -> list[tuple[str, Floats]]:
     """Return names and outer rings of the pieces of a mask, those too small left out."""
     values = np.nan_to_num(mask.values)
     if str(attributes.get("units", "")).strip().lower() in ("%", "percent", "per cent"):

@@ -241,7 +241,7 @@ LARGEST_ZIP: Final = 200e6
 
 
 @dataclass(frozen=True)
-class Source:
+class PositionSource:
     """Where positions come from."""
 
     title: str
@@ -251,11 +251,11 @@ class Source:
 
 
 SOURCES: Final = {
-    "byu": Source(
+    "byu": PositionSource(
         "BYU/NIC consolidated database (Budge and Long 2018)", "https://www.scp.byu.edu/data/iceberg/",
         "consolidated_database_v8.0.zip", "version 5 was read; version 8, which is fetched, was not tried",
     ),
-    "usnic": Source(
+    "usnic": PositionSource(
         "US National Ice Center, current week", "https://usicecenter.gov/File/", "DownloadCurrent?pId=134", "not tried"
     ),
 }  # fmt: skip
@@ -267,10 +267,10 @@ def fetch_positions(what: str, folder: str | Path, *, progress: Progress | bool 
     source, folder = SOURCES[what], made(Path(folder))
     with progressing(progress) as show:
         path = fetch_one(source.name, None, folder, source.base, Resuming(show), renew=True)
-    return unpacked(path, folder) if zipfile.is_zipfile(path) else [path]
+    return unpacked_tables(path, folder) if zipfile.is_zipfile(path) else [path]
 
 
-def unpacked(path: Path, folder: Path) -> list[Path]:
+def unpacked_tables(path: Path, folder: Path) -> list[Path]:
     """Unpack the tables of a database, all into one folder."""
     tables = []
     with zipfile.ZipFile(path) as archive:

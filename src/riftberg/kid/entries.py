@@ -394,7 +394,7 @@ def convert(entry: Entry, raw: Any, where: str = "", start: int = 1) -> Value:
     return raw.strip()
 
 
-def refused(entries: Iterable[Entry], values: dict[str, Value]) -> list[tuple[Entry, Value]]:
+def refused_entries(entries: Iterable[Entry], values: dict[str, Value]) -> list[tuple[Entry, Value]]:
     """Return the entries that are refused at the value they have, with that value."""
     return [(e, values[e.name]) for e in entries if e.treatment == REFUSED and values[e.name] != e.accepted]
 

@@ -35,7 +35,7 @@ from riftberg.kid.entries import (
     convert,
     find_entry,
     lacking,
-    refused,
+    refused_entries,
 )
 from riftberg.kid.restart import CALVING_FILE, DENSITIES, id_text, read_stores, split_id
 from riftberg.ocean.grid import Grid
@@ -223,7 +223,7 @@ def read_namelist(path: Path) -> KidNamelist:
 def check_supported(namelist: KidNamelist) -> None:
     """Raise `NamelistError` if an active entry asks for something that Riftberg does not do, naming all of them."""
     group = namelist.icebergs
-    refusals = refused(GROUPS[group.name], group.values)
+    refusals = refused_entries(GROUPS[group.name], group.values)
     if refusals:
         written = {True: ".true.", False: ".false."}
         shown = [(e, written[value] if isinstance(value, bool) else value) for e, value in refusals]

@@ -34,7 +34,7 @@ from riftberg.stepping.fragments.tree import FragmentTree
 _LARGEST: Final = 2.0**32 - 1.0
 
 
-class Draws(Protocol):
+class CalvingDraws(Protocol):
     """Where random numbers from 0 to 1 come from."""
 
     def draw(self, rank: int, identifier: int, step: int) -> float:
@@ -133,7 +133,7 @@ class Circumstances(NamedTuple):
     day: float  # Date of birth
     step: int  # Number of the long step
     grid: Grid | None  # Grid on which the children lie
-    draws: Draws  # Random places on the rim
+    draws: CalvingDraws  # Random places on the rim
     # Processes of the reference along x and y whose results are followed; 1, 1 in runs of Riftberg's own
     ranks: tuple[int, int] = (1, 1)
     # Gives the identifier of a child from the cell (column, row) of its parent; None where the population numbers them

@@ -324,7 +324,7 @@ class MotionLedger:
             return known
         kept = np.zeros((self.rows, 3))
         kept[START] = kept[NOW] = was
-        kept[BONDS, 0] = elastic_energy(elements, bonds, run) or 0.0
+        kept[BONDS, 0] = energy_in_bonds(elements, bonds, run) or 0.0
         return kept
 
     def _cracks(self, kept: Floats, before: Elements, bonds_before: Bonds, run: RunState) -> None:
@@ -340,14 +340,14 @@ class MotionLedger:
             return
         left = bonds_before.copy()
         left.status[broke] = 1
-        held = [elastic_energy(before, some, run) or 0.0 for some in (bonds_before, left)]
+        held = [energy_in_bonds(before, some, run) or 0.0 for some in (bonds_before, left)]
         kept[BONDS, 1] += held[0] - held[1]  # with what freed diagonals held
 
     def balance(self, run: RunState, remembered: MutableMapping[str, Floats]) -> MotionBalance:
         """Return the ledger from the start to now."""
         now = stock(run.elements, self.parameters)
         kept = self._known(remembered)
-        elastic = elastic_energy(run.elements, run.bonds, run)
+        elastic = energy_in_bonds(run.elements, run.bonds, run)
         if kept is None:
             kept = np.zeros((self.rows, 3))
             kept[START] = kept[NOW] = now
@@ -420,7 +420,7 @@ def bonds_vibrate(run: RunState) -> bool:
     return run.parameters.stepping.scheme == "mts" and bool(run.constants.dem and run.constants.bonds_on)
 
 
-def elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float | None:
+def energy_in_bonds(elements: Elements, bonds: Bonds, run: RunState) -> float | None:
     """Return the elastic energy (J) in unbroken bonds, None where their law is not that of a vibrating lattice.
 
     Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``;

@@ -20,13 +20,21 @@ import numpy as np
 
 from riftberg.constants import LATENT_HEAT
 from riftberg.errors import InputError
-from riftberg.life.footloose import Calved, Circumstances, Draws, Living, OwnDraws, calve_footloose, let_children_go
+from riftberg.life.footloose import (
+    Calved,
+    CalvingDraws,
+    Circumstances,
+    Living,
+    OwnDraws,
+    calve_footloose,
+    let_children_go,
+)
 from riftberg.life.melt import NO_RATES, MeltStep, life_values, melt_step, scaled_mass
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import by_identifier, summed
-from riftberg.stepping.laws import ElementLaw, rows_of
+from riftberg.stepping.laws import ElementLaw, law_values
 
 PROCESSES: Final = ("base", "sides", "waves", "bergy_bits", "footloose_bits", "footloose_bergy_bits")
 """Ways in which ice becomes melt water. Waves: without what became bits; footloose bits: all melt of theirs."""
@@ -270,7 +278,7 @@ class LifeProcess:
         self.last: LifeStep | None = None
         self.look_around: Callable[[LifeModel], None] | None = None
         self.born: Callable[[LifeModel], tuple[int, float]] = date_of_birth
-        self.draws: Draws = OwnDraws(own.seed, parameters.compatibility.one_draw)
+        self.draws: CalvingDraws = OwnDraws(own.seed, parameters.compatibility.one_draw)
         self.ranks: tuple[int, int] = (1, 1)
         self.names: Callable[[int, int], int] | None = None
         self._ledger: Ledger | None = None
@@ -285,7 +293,7 @@ class LifeProcess:
             self.look_around(model)
         self.follow_outlines(model)
         fragment = model.elements.body.berg.copy()
-        rates = NO_RATES if self.law is None else rows_of(self.law, model.elements, model.time, "melt", MELTS, 0.0)
+        rates = NO_RATES if self.law is None else law_values(self.law, model.elements, model.time, "melt", MELTS, 0.0)
         step = melt_step(model.elements, self.values, born, rates)
         water = water_by_process(step)
         add_melt(model.remembered, fragment, water)

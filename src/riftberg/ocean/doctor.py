@@ -31,9 +31,9 @@ from riftberg.products.records import (
     remarks,
     usual_interval,
 )
-from riftberg.products.registry import Choice, expand, joined, product_named, read_named
+from riftberg.products.registry import Choice, expand, joined_files, product_named, read_named
 from riftberg.products.repair import VALID
-from riftberg.products.vectors import together
+from riftberg.products.vectors import paired_vectors
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 Flags = NDArray[np.bool_]
@@ -120,15 +120,15 @@ def _opened_entries(entries: Sequence[tuple[str, Choice]], report: Report) -> li
     for number, (name, product) in enumerate(entries):
         try:
             parts = read_named(name, product, number)
-            joined(parts)  # what its product makes of its records may be refused too
+            joined_files(parts)  # what its product makes of its records may be refused too
             usable.append(parts)
         except ForcingError as error:
             report.unreadable[name] = _other_kind(name) or _without_place(error)
     try:
-        return together(joined([part for parts in usable for part in parts]))
+        return paired_vectors(joined_files([part for parts in usable for part in parts]))
     except ForcingError as error:  # each is good by itself, together they do not go
         report.clashes.append(f"{error.where}: {_without_place(error)}")
-        return [ds for parts in usable for ds in joined(parts)]
+        return [ds for parts in usable for ds in joined_files(parts)]
 
 
 def _other_kind(name: str) -> str:

@@ -26,18 +26,18 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import SharedLock
 from riftberg.ocean.grid import wind_from_stress
 from riftberg.products.levels import layer_limits
-from riftberg.products.mesh import Places, Points, beside, utc
+from riftberg.products.mesh import Places, ProductPoints, beside, utc
 from riftberg.products.quantities import QUANTITIES, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
     Gap,
     cover_of,
+    field_values,
     gap_error,
     gap_limit,
     minute,
     named,
     outside_remedy,
-    values_of,
 )
 from riftberg.products.repair import VALID
 from riftberg.state import Floats, Ints
@@ -197,7 +197,14 @@ def _across_cell(sw: float, se: float, nw: float, ne: float, xi: float, eta: flo
 
 @kernel
 def fill_vorticity(
-    east: Blend, north: Blend, places: Places, points: Points, lon: Floats, lat: Floats, draft: Floats, out: Floats
+    east: Blend,
+    north: Blend,
+    places: Places,
+    points: ProductPoints,
+    lon: Floats,
+    lat: Floats,
+    draft: Floats,
+    out: Floats,
 ) -> None:
     """Fill the vorticity ``dv/dE - du/dN`` (s-1) of a current; 0 where a point around does not know it.
 
@@ -243,7 +250,7 @@ def _faces(position: float, first: int, last: int, around: int) -> tuple[int, in
 
 @kernel
 def _change(
-    level: Blend, points: Points, j: int, i: int, j1: int, i1: int, lon: float, lat: float
+    level: Blend, points: ProductPoints, j: int, i: int, j1: int, i1: int, lon: float, lat: float
 ) -> tuple[float, float, float]:
     """Change of the field, and of the position to the east and north (rad), from one point to the next."""
     e0, n0 = beside(points.lon[j, i], points.lat[j, i], lon, lat)
@@ -254,7 +261,7 @@ def _change(
 
 @kernel
 def fill_slopes(
-    level: Blend, places: Places, points: Points, lon: Floats, lat: Floats, out_x: Floats, out_y: Floats
+    level: Blend, places: Places, points: ProductPoints, lon: Floats, lat: Floats, out_x: Floats, out_y: Floats
 ) -> None:
     """Fill the slope of the sea surface to the east and north.
 
@@ -288,7 +295,14 @@ def fill_slopes(
 
 @kernel
 def add_shore_drift(
-    moment: Blend, places: Places, points: Points, lon: Floats, lat: Floats, speed: float, out_x: Floats, out_y: Floats
+    moment: Blend,
+    places: Places,
+    points: ProductPoints,
+    lon: Floats,
+    lat: Floats,
+    speed: float,
+    out_x: Floats,
+    out_y: Floats,
 ) -> None:
     """Add a current away from land (m s-1): ``speed`` times how much more water there is on one side of the cell."""
     x, y = points.lon, points.lat
@@ -543,7 +557,7 @@ def as_block(field: xr.DataArray, where: str) -> Floats:
     """Return values in the order (time, level, row, column); axes that a field lacks have length 1."""
     plane = plane_dims(field)
     lead = [name for name in ("time", "depth") if name in field.dims]
-    values = np.asarray(values_of(field.transpose(*lead, *plane), where), np.float64)
+    values = np.asarray(field_values(field.transpose(*lead, *plane), where), np.float64)
     shape = [field.sizes.get(name, 1) for name in ("time", "depth")]
     rows = [1] if len(plane) == 1 else []
     return np.ascontiguousarray(values.reshape(*shape, *rows, *(field.sizes[name] for name in plane)))

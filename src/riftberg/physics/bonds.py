@@ -19,7 +19,7 @@ from riftberg.compiled.kernels import kernel
 
 
 @kernel
-def overlap(rest_length: float, length: float) -> float:
+def bond_overlap(rest_length: float, length: float) -> float:
     """Half the shortening of the bond, m: ``(l_0 - l) / 2``, positive in compression."""
     return 0.5 * (rest_length - length)
 

@@ -41,7 +41,7 @@ class Cells(NamedTuple):
     period: float
 
 
-class Footprints(NamedTuple):
+class ElementShapes(NamedTuple):
     """Where elements lie, and their shapes."""
 
     lon: Floats  # Centre, degrees or m
@@ -243,7 +243,7 @@ def _ring(r: int, k: int) -> tuple[int, int]:
 
 
 @kernel
-def cover(berg: Footprints, e: int, g: Cells, cells: Ints, shares: Floats, start: int, scratch: Floats) -> int:
+def cover(berg: ElementShapes, e: int, g: Cells, cells: Ints, shares: Floats, start: int, scratch: Floats) -> int:
     """Find the cells under one footprint and its shares of them; return how many there are.
 
     Cells are looked at ring by ring around that of the centre, until a ring has nothing of the footprint. The shares are
@@ -322,7 +322,7 @@ def cover(berg: Footprints, e: int, g: Cells, cells: Ints, shares: Floats, start
 
 
 @kernel
-def cover_all(bergs: Footprints, grid: Cells, first: Ints, cells: Ints, shares: Floats) -> int:
+def cover_all(bergs: ElementShapes, grid: Cells, first: Ints, cells: Ints, shares: Floats) -> int:
     """Find cells and shares of many footprints, see `cover`; return how many pairs there are.
 
     ``first`` gets the place of the first pair of each footprint. Where ``cells`` is too short the number is right all

@@ -45,7 +45,7 @@ FOR_MEAN = 3
 """Nodes whose weighted mean counts where a field must not have steps: on a model grid, and for the other component."""
 
 
-class Points(NamedTuple):
+class ProductPoints(NamedTuple):
     """Points of a product, degrees, shape (rows, columns); NaN where there is none."""
 
     lon: Floats  # Positions
@@ -68,7 +68,7 @@ class Mesh(Protocol):
     """Points of a product, and the search among them."""
 
     @property
-    def points(self) -> Points:
+    def points(self) -> ProductPoints:
         """All points."""
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
@@ -157,7 +157,7 @@ class AxesMesh:
         repeated = abs(lon[-1] - lon[0] - 360.0) < 1e-6  # the first meridian stands at the end once more
         around = lon.size - repeated if goes_round(lon) else 0
         self._lat, self._lon = lat, np.append(lon, lon[0] + 360.0) if around == lon.size else lon
-        self.points = Points(*np.meshgrid(lon, lat), around)
+        self.points = ProductPoints(*np.meshgrid(lon, lat), around)
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
         """Return the places of positions."""
@@ -181,7 +181,7 @@ class ProjectedMesh:
         project: Callable[[Floats, Floats], tuple[Floats, Floats]],
     ) -> None:
         self._x, self._y, self._project = x, y, project
-        self.points = Points(np.ascontiguousarray(positions[0]), np.ascontiguousarray(positions[1]), 0)
+        self.points = ProductPoints(np.ascontiguousarray(positions[0]), np.ascontiguousarray(positions[1]), 0)
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
         """Return the places of positions."""
@@ -220,7 +220,7 @@ class CurvilinearMesh:
         known = np.isfinite(lon) & np.isfinite(lat)
         lon, lat = (np.ascontiguousarray(np.where(known, q, np.nan)) for q in (lon, lat))
         around = lon.shape[1] if goes_round_in_x(unit_vectors(lon, lat)) else 0
-        self.points = Points(lon, lat, around)
+        self.points = ProductPoints(lon, lat, around)
         self._known = np.flatnonzero(known)
 
     @cached_property
@@ -246,7 +246,7 @@ class NodeMesh:
     def __init__(self, lon: Floats, lat: Floats) -> None:
         from scipy.spatial import cKDTree
 
-        self.points = Points(lon[None, :], lat[None, :], 0)
+        self.points = ProductPoints(lon[None, :], lat[None, :], 0)
         self._tree = cKDTree(unit_vectors(lon, lat))
         # Five hundred nodes tell the usual distance as well as millions.
         some = np.linspace(0, lon.size - 1, min(lon.size, 500)).astype(int)
@@ -311,7 +311,7 @@ def beside(lon: float, lat: float, lon0: float, lat0: float) -> tuple[float, flo
 
 @kernel
 def find_quadrilaterals(
-    lon: Floats, lat: Floats, points: Points, row: Ints, column: Ints, xi: Floats, eta: Floats
+    lon: Floats, lat: Floats, points: ProductPoints, row: Ints, column: Ints, xi: Floats, eta: Floats
 ) -> None:
     """Find the quadrilateral around each place.
 

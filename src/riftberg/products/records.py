@@ -225,7 +225,7 @@ def _a_few(field: xr.DataArray, where: str) -> NDArray[Any]:
     field = field.isel(depth=0) if "depth" in field.dims else field
     if "time" in field.dims:
         field = field.isel(time=np.unique(np.linspace(0, field.sizes["time"] - 1, 3).astype(int)))
-    values = values_of(field, where)
+    values = field_values(field, where)
     return np.asarray(values[np.isfinite(values)])
 
 
@@ -253,7 +253,7 @@ def named_remarks(datasets: Sequence[xr.Dataset]) -> list[str]:
     return [f"{named(ds)}: {said}" for ds in datasets for said in remarks(ds)]
 
 
-def values_of(field: xr.DataArray, where: str) -> NDArray[Any]:
+def field_values(field: xr.DataArray, where: str) -> NDArray[Any]:
     """Return the values of a field; `ForcingError` where a damaged file (``where``) does not give them up."""
     what = f"values of {field.attrs.get('original_name', field.name)} cannot be read"
     with reading(where or "forcing", what, "The file is damaged: fetch it again", ForcingError):
@@ -272,11 +272,11 @@ def empty_records(field: xr.DataArray, where: str = "") -> NDArray[np.bool_]:
     for k in range(empty.size):
         if known is not None and known[k]:
             continue
-        finite = np.isfinite(values_of(surface.isel(time=k), where))
+        finite = np.isfinite(field_values(surface.isel(time=k), where))
         empty[k] = not finite.any()
         if known is None and not empty[k] and surface.ndim > 2:  # scattered points have no rows
             row = int(finite.sum(axis=-1).argmax())
-            known = np.isfinite(values_of(surface.isel({surface.dims[1]: row}), where)).any(axis=-1)
+            known = np.isfinite(field_values(surface.isel({surface.dims[1]: row}), where)).any(axis=-1)
     return empty
 
 

@@ -19,7 +19,7 @@ from riftberg.products.product import Heading, Product, noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
-from riftberg.products.vectors import together
+from riftberg.products.vectors import paired_vectors
 from riftberg.system.input_files import is_address
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
@@ -191,7 +191,7 @@ def open_named(entries: Iterable[tuple[str, Choice]], member: int | None = None)
     ``entries``: files ((path, choice)); ``member``: of files with members of an ensemble, from 0.
     """
     read_files = (read_named(path, product, number, member) for number, (path, product) in enumerate(entries))
-    return together(joined([part for parts in read_files for part in parts]))
+    return paired_vectors(joined_files([part for parts in read_files for part in parts]))
 
 
 def read_named(path: str, product: Choice, number: int, member: int | None = None) -> list[tuple[xr.Dataset, Product]]:
@@ -225,7 +225,7 @@ def _placed(ds: xr.Dataset, number: int) -> xr.Dataset:
     return ds.assign({name: field.assign_attrs({PLACE: number}) for name, field in ds.data_vars.items()})
 
 
-def joined(parts: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset]:
+def joined_files(parts: Sequence[tuple[xr.Dataset, Product]]) -> list[xr.Dataset]:
     """Join files of one product: first those with the same fields in time, then different fields on the same points."""
     groups: dict[tuple[object, ...], list[xr.Dataset]] = {}
     products = {product.name: product for _, product in parts}
@@ -255,7 +255,7 @@ def in_memory(datasets: Sequence[xr.Dataset], names: Mapping[str, str] | None = 
         titled = " ".join(title.replace("/", " ").split())[:LONGEST_NAME] if isinstance(title, str) else ""
         called = str(ds.encoding.get("source") or titled or f"dataset {number}")
         parts += [_settled(part, product) for part in canonical_parts(ds.copy(), product, called)]
-    return together(_merged(parts))
+    return paired_vectors(_merged(parts))
 
 
 def _settled(ds: xr.Dataset, product: Product) -> xr.Dataset:

@@ -197,7 +197,7 @@ def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
     return xr.Dataset(fields, attrs=attributes).assign_coords(axes)
 
 
-def together(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+def paired_vectors(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     """Bring both components of each vector to the same points, and turn those along a grid to east and north."""
     parts = list(datasets)
     for east, north in VECTORS:

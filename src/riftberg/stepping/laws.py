@@ -123,7 +123,7 @@ class WithForce(WrappedForcing):
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements, and the force on them."""
         self.forcing.sample(elements, time)
-        rows = [rows_of(law, elements, time, "force", ("eastward", "northward")) for law in self.forces.values()]
+        rows = [law_values(law, elements, time, "force", ("eastward", "northward")) for law in self.forces.values()]
         self.called.append(np.stack(rows))
         elements.environment.own_x[:], elements.environment.own_y[:] = self.called[-1].sum(axis=0)
 
@@ -175,7 +175,7 @@ def name_of(law: object) -> str:
     return str(getattr(law, "__name__", "a function"))
 
 
-def rows_of(
+def law_values(
     law: ElementLaw, elements: Elements, time: float, kind: str, names: tuple[str, ...], least: float = -math.inf
 ) -> Floats:
     """Return what a law gives for each of some names, shape (names, elements); NaN where it gives None."""

@@ -61,7 +61,7 @@ _GONE: Final = (errno.EPIPE, errno.EIO)
 """What the system says when the reader of a pipe, or a terminal, has gone."""
 
 
-class Stream:
+class GuardedStream:
     """Stream whose listener may go; what is written from then on goes nowhere.
 
     Parameters
@@ -119,7 +119,7 @@ def make_streams_last() -> None:
             stream = open(number, "w", encoding="utf-8", closefd=False)  # noqa: SIM115  it is open as long as the process
         with suppress(AttributeError, ValueError, OSError):  # not a stream of the system
             stream.fileno()
-            setattr(sys, name, Stream(stream, told=number == 2))
+            setattr(sys, name, GuardedStream(stream, told=number == 2))
 
 
 _LOG = logging.getLogger(__name__)

@@ -35,7 +35,7 @@ _MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}
 _LIMITS: Final = {"int16": (-32767, 32767), "uint16": (0, 65534), "uint8": (0, 254)}
 
 
-def pack(values: NDArray[Any], kind: str = "int16", *, step: float | None = None) -> dict[str, Any]:
+def quantised(values: NDArray[Any], kind: str = "int16", *, step: float | None = None) -> dict[str, Any]:
     """Quantise an array."""
     low, high = _LIMITS[kind]
     values = np.asarray(values, np.float64)
@@ -74,7 +74,7 @@ MOST_VALUES: Final = 1_500_000
 
 
 @dataclass(frozen=True)
-class Members:
+class ForecastMembers:
     """A forecast around the run: what `riftberg replay` shows with the control."""
 
     result: xr.Dataset  # From `riftberg.open_sweep`
@@ -89,7 +89,7 @@ def write_replay(
     title: str = "",
     observed: Mapping[str, Sequence[Floats]] | None = None,
     largest: float = LARGEST,
-    members: Members | None = None,
+    members: ForecastMembers | None = None,
 ) -> Path:
     """Write the replay of a run.
 
@@ -134,7 +134,7 @@ class ReplayContent:
     title: str  # Heading
     observed: Mapping[str, Sequence[Floats]]  # Outlines by ISO day
     largest: float = LARGEST  # Size in bytes
-    members: Members | None = None  # The forecast of which the run is the control
+    members: ForecastMembers | None = None  # The forecast of which the run is the control
 
     def __post_init__(self) -> None:
         """Read the geometry of the run and choose the records."""
@@ -169,13 +169,13 @@ class ReplayContent:
             "side": np.round(np.sqrt(scene.area), 1).tolist(),
             "draft": scene.draft(),
             "strength": fracture.normal_strength if fracture.enabled else None,
-            "lowest": None if lowest is None else pack(lowest[self.records], "uint16"),
+            "lowest": None if lowest is None else quantised(lowest[self.records], "uint16"),
             "colours": list(FRAGMENTS),
             "small": SMALL,
             "elements": self._elements(tension),
             "bonds": self._bonds(),
             "fragments": self._fragments(),
-            "peak": pack(tension.max(axis=1, initial=0.0), "uint16"),
+            "peak": quantised(tension.max(axis=1, initial=0.0), "uint16"),
             "water": self._currents(),
             "floor": self._floor(),
             "coast": self._coast(),
@@ -198,16 +198,16 @@ class ReplayContent:
         damage = scene.bond_damage()
         return {
             "count": lon.shape[1],
-            "x": pack(x),
-            "y": pack(y),
-            "angle": pack(np.mod(angle, 2.0 * np.pi / scene.sides)),
+            "x": quantised(x),
+            "y": quantised(y),
+            "angle": quantised(np.mod(angle, 2.0 * np.pi / scene.sides)),
             "scale": float(self.plane.scale(lon, lat).mean()),
-            "speed": pack(np.hypot(self._table("u"), self._table("v")), "uint16"),
-            "stress": pack(self._largest_of_bonds(tension), "uint16"),
-            "damage": None if damage is None else pack(self._largest_of_bonds(damage[chosen]), "uint8"),
-            "berg": pack(scene.berg[chosen], "uint16", step=1.0),
-            "thickness": pack(thickness[0] if constant else thickness, "uint16"),
-            "aground": pack(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
+            "speed": quantised(np.hypot(self._table("u"), self._table("v")), "uint16"),
+            "stress": quantised(self._largest_of_bonds(tension), "uint16"),
+            "damage": None if damage is None else quantised(self._largest_of_bonds(damage[chosen]), "uint8"),
+            "berg": quantised(scene.berg[chosen], "uint16", step=1.0),
+            "thickness": quantised(thickness[0] if constant else thickness, "uint16"),
+            "aground": quantised(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
         }
 
     def _table(self, name: str) -> Floats:
@@ -261,7 +261,7 @@ class ReplayContent:
 
     # --- members ---------------------------------------------------------------------------------------------------
 
-    def _members(self, members: Members) -> dict[str, Any]:
+    def _members(self, members: ForecastMembers) -> dict[str, Any]:
         """Return tracks, probabilities and ellipses of a forecast; times are seconds since the first record shown."""
         ds = members.result
         done = np.flatnonzero(ds["status"].values == 0)
@@ -274,8 +274,8 @@ class ReplayContent:
             "words": members.words,
             "scenarios": [{"number": n, "share": p, "text": text} for n, p, text in members.scenarios],
             "seconds": self._since_first(ds["time"].values),
-            "x": pack(x),
-            "y": pack(y),
+            "x": quantised(x),
+            "y": quantised(y),
             "scenario": ds["scenario"].values[shown].tolist(),
             "all": int(done.size),
             **share,
@@ -298,7 +298,7 @@ class ReplayContent:
         there = np.where(inside, values[:, np.where(inside, j, 0), np.where(inside, i, 0)], 0.0)
         return {
             "x": [float(xs[0]), float(xs[-1])], "y": [float(ys[0]), float(ys[-1])],
-            "seconds": self._since_first(ds["time"].values[::every]), "share": pack(100.0 * there, "uint8", step=0.5),
+            "seconds": self._since_first(ds["time"].values[::every]), "share": quantised(100.0 * there, "uint8", step=0.5),
         }  # fmt: skip
 
     def _since_first(self, times: NDArray[Any]) -> list[float]:
@@ -331,8 +331,8 @@ class ReplayContent:
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
             "seconds": (self.water.times - zero).tolist(),
-            "u": pack(u * np.cos(turn) - v * np.sin(turn)),
-            "v": pack(u * np.sin(turn) + v * np.cos(turn)),
+            "u": quantised(u * np.cos(turn) - v * np.sin(turn)),
+            "v": quantised(u * np.sin(turn) + v * np.cos(turn)),
         }
 
     def _floor(self) -> dict[str, Any] | None:
@@ -355,7 +355,7 @@ class ReplayContent:
         return {
             "x": [float(xs[0]), float(xs[-1])],
             "y": [float(ys[0]), float(ys[-1])],
-            "depth": pack(depth, "uint16"),
+            "depth": quantised(depth, "uint16"),
             "lines": [
                 {"depth": level, "lines": lines} for level in _ISOBATHS if (lines := _contours(xs, ys, depth, level))
             ],

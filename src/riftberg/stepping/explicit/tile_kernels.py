@@ -22,9 +22,9 @@ from riftberg.physics.bonds import (
     advance_slip,
     along_and_across,
     bending_torque,
+    bond_overlap,
     bond_section,
     normal_force,
-    overlap,
     shear_stiffness,
     shear_stress_of,
     slip_speed,
@@ -89,7 +89,7 @@ def find_sections(bond: Floats, scratch: Floats, ends: Floats, latlon: bool, fla
         # One division serves direction, width and thickness: divisions are the slowest of these instructions.
         length = math.sqrt(rx * rx + ry * ry)
         inverse = 1.0 / length
-        half = overlap(bond[tile.REST + k], length)
+        half = bond_overlap(bond[tile.REST + k], length)
         width, thickness = bond_section(
             min(r1, r2), abs(r1 - r2), bond[tile.THICKNESS_SMALL + k], bond[tile.THICKNESS_GAP + k], half, inverse
         )

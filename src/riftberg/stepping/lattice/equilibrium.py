@@ -25,7 +25,7 @@ import numpy as np
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
-from riftberg.physics.bonds import bond_section, overlap, shear_stress_of, tensile_stress
+from riftberg.physics.bonds import bond_overlap, bond_section, shear_stress_of, tensile_stress
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.block_ldl import BlockLDL
@@ -87,7 +87,7 @@ def _find_lattice(
         rx, ry = xy[i, 0] - xy[j, 0], xy[i, 1] - xy[j, 1]
         length[b] = np.sqrt(rx * rx + ry * ry)
         nx[b], ny[b] = rx / length[b], ry / length[b]
-        half = overlap(rest[b], length[b])
+        half = bond_overlap(rest[b], length[b])
         small, other = (t1, t2) if r1 <= r2 else (t2, t1)
         width[b], height[b] = bond_section(min(r1, r2), abs(r1 - r2), small, other - small, half, 1.0 / length[b])
         arm_first[b], arm_second[b] = r1 - half, r2 - half
