@@ -47,7 +47,9 @@ def riftberg(
     (folder / "berg.yaml").write_text(EXPERIMENT)
     return subprocess.run(
         [sys.executable, "-m", "riftberg", *arguments], cwd=folder, capture_output=True, text=True, timeout=500,
-        preexec_fn=limit, env={**os.environ, "MPLBACKEND": "Agg", **environment}, check=False,
+        preexec_fn=limit, check=False,
+        # Where files may not grow, Python would leave cut bytecode of the package behind, which all later imports trip over.
+        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONDONTWRITEBYTECODE": "1", **environment},
     )  # fmt: skip
 
 

@@ -122,7 +122,7 @@ def test_a_processor_that_lacks_what_the_code_needs_does_without(
     monkeypatch.setattr(kernels, "SHIPPED", tmp_path)
     for needs, found in (((), True), (("instructions of the year 2100",), False)):
         monkeypatch.setitem(kernels.LEVELS, machine, ("x86-64-v3", needs))
-        (tmp_path / kernels.digest_of("x86-64-v3 ")).mkdir(exist_ok=True)
+        (tmp_path / kernels.toolchain_digest("x86-64-v3 ")).mkdir(exist_ok=True)
         kernels.shipped_folder.cache_clear()
         assert (kernels.shipped_folder() is not None) is found
     kernels.shipped_folder.cache_clear()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 
 from physics.agreement import MIRROR, SEEDS, angle, assert_same, between, quick, turn
 from riftberg.physics import drag as waves
@@ -54,7 +54,8 @@ def test_wave_force_points_along_the_wind(ua, va):
 @quick
 @given(ua=wind, va=wind, uo=current, vo=current, a=angle)
 def test_wave_force_turns_and_mirrors_with_wind_and_current(ua, va, uo, vo, a):
-    """Invariance."""
+    """Invariance; a wind of a picometre per second over still water raises waves of 1e-26 m, whose length is round-off."""
+    assume(np.hypot(ua - uo, va - vo) > 1e-9)
     got = np.array(waves.wave_acceleration(ua, va, uo, vo, *BERG))
     for matrix in (turn(a), MIRROR):
         turned = waves.wave_acceleration(*(matrix @ [ua, va]), *(matrix @ [uo, vo]), *BERG)

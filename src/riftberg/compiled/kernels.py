@@ -228,7 +228,7 @@ same digits, for numba contracts no products and sums.
 """
 
 SHIPPED: Final = Path(__file__).with_name("machine_code")
-"""Folder of the machine code that a wheel brings along; see `riftberg.compiled.machine_code`."""
+"""Folder of the machine code that a wheel brings along; see ``benchmarks/machine_code.py``."""
 
 
 def toolchain_digest(processor: str) -> str:
