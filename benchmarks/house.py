@@ -230,6 +230,12 @@ def main() -> None:
         f"functions of more than {MANY} arguments": with_many_arguments(trees, kernels=True),
         "the same, kernels apart": with_many_arguments(trees),
         "names with more than one home": [f"{name}: {', '.join(homes)}" for name, homes in names.items()],
+        # A command has the name of the function that it calls.
+        "of these public, commands apart": [
+            f"{name}: {', '.join(homes)}"
+            for name, homes in names.items()
+            if not name.startswith("_") and sum(not home.startswith(f"{PACKAGE}.cli.") for home in homes) > 1
+        ],
         "private words in use": private,
     }
     print(f"{'modules':>40}  {len(trees)}")

@@ -246,7 +246,7 @@ def story_model(
     return Model(berg, ocean_here, options.apply(parameters))
 
 
-def build(options: Options) -> tuple[Model, Info]:
+def build_a68a(options: Options) -> tuple[Model, Info]:
     """Build the experiment (see `riftberg.experiments.build`)."""
     notices = []
     if options.days is not None and options.days > DAYS:

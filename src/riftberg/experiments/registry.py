@@ -99,7 +99,7 @@ class BuiltIn:
 
 
 EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (
-    BuiltIn("a68a", "a68a:build", "A68a in December 2020 in an analytic ocean: drift, grounding, two break-ups",
+    BuiltIn("a68a", "a68a:build_a68a", "A68a in December 2020 in an analytic ocean: drift, grounding, two break-ups",
           ("shoal", "shear"), lattice=True),
     BuiltIn("a68a-paper", "a68a:build_paper", "the published run of A68a, from its own files (riftberg fetch a68a, 1.3 GB)",
           ("shoal",), fetches=True),

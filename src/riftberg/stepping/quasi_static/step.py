@@ -274,7 +274,8 @@ class QuasiStaticStepper:
         (lone, quiet), self._lattice, self._state = found, None, None
         applied = np.zeros((model.elements.size, len(FORCES), 2))
         done = step_lone_bergs(model, bodies, unknown, lone, sizes, applied)
-        # Fragments of several elements that nobody may touch, then all that may meet: events cut the step of each group alone.
+        # The quiet, fragments of several elements that nobody may touch, then the company of all that may meet: events cut the
+        # step of each group alone.
         company = ~quiet
         company[done.rows] = False
         parts, touched, cracked = [(done.rows, done.bodies)], [], False
@@ -421,7 +422,12 @@ class Move(NamedTuple):
 
 
 class TimeStep:
-    """One time step of a model, from event to event."""
+    """One time step of a model, from event to event.
+
+    ``lattice``, ``state``, ``sizes`` and ``work`` are those of the step before, where nothing has changed since. ``unknown``:
+    bodies that take the velocity of their elements, None where the twists of ``bodies`` are right; ``cells``: the elastic cells
+    and the topology of their mesh; ``cracks``: the tips, and the highest number of a crack in the run.
+    """
 
     def __init__(
         self, model: RunState, bodies: Bodies | None = None, lattice: FactoredLattice | None = None,
