@@ -29,6 +29,7 @@ coverage() {
 
 docs() {
   python docs/build.py --site "$@"
+  python -m pytest -m slow tests/test_docs.py -k howto  # pages of ensembles, which the quick tests leave out
 }
 
 package() {

@@ -188,7 +188,19 @@ def test_all_tutorials_are_run() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in (DOCS / "howto").glob("*.md")))
+ENSEMBLES = (
+    "calibration.md", "ensemble-forecast.md", "hazard-products.md", "sensitivity.md", "update.md", "verification.md",
+)  # fmt: skip
+"""Pages of ten to twenty seconds each, which run with the site; tests of their commands have smaller ensembles."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(path.name, marks=pytest.mark.slow if path.name in ENSEMBLES else ())
+        for path in sorted((DOCS / "howto").glob("*.md"))
+    ],
+)
 def test_howto_runs(name: str, tmp_path: Path) -> None:
     run_page(DOCS / "howto" / name, tmp_path)
 
