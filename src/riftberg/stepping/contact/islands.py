@@ -212,21 +212,21 @@ def trapezoidal_correction(
         return accelerations, net_force
 
     old_accelerations, old_force = forces(start.levers[rows], forcing_of_rows(rows, start.forcing))
-    accelerations, net_force = forces(levers, forcing)
     for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
-        jacobian = np.zeros((*now.shape, 3))
-        assemble_force_and_jacobian(body, levers, now, forcing, active, np.zeros(now.shape), jacobian)
+        net_force, jacobian = np.zeros(now.shape), np.zeros((*now.shape, 3))
+        assemble_force_and_jacobian(body, levers, now, forcing, active, net_force, jacobian)
         matrix = np.eye(3) + half_dt * mobility @ jacobian
         change = half_dt * mobility @ (net_force - old_force)[:, :, None]
         now += np.linalg.solve(matrix, change + (contact.twist - now)[:, :, None])[:, :, 0]
-        accelerations, net_force = forces(levers, forcing)
     twist[bodies] = now
-    applied = contact.applied + half_dt * (accelerations - old_accelerations)
+    applied = contact.applied + half_dt * (forces(levers, forcing)[0] - old_accelerations)
     return twist, contact._replace(twist=now, applied=applied)
 
 
 def forcing_of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:
-    """Return the forcing of some elements."""
+    """Return the forcing of some elements, each once; that of all as it is."""
+    if rows.size == forcing.mass.size and (np.diff(rows) > 0).all():
+        return forcing
     return forcing._replace(
         **{name: part[rows] for name, part in forcing._asdict().items() if not isinstance(part, bool)}
     )

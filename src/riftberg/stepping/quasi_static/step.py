@@ -111,13 +111,15 @@ from riftberg.stepping.quasi_static.lone_bergs import (
 )
 from riftberg.stepping.quasi_static.rigid_step import (
     BodyState,
+    StepSnapshot,
     accumulate_step_forces,
     assemble_operators,
     correct,
     predict,
     remove_rigid_modes,
+    sync_bodies,
+    take_snapshot,
 )
-from riftberg.stepping.quasi_static.sync import StepSnapshot, sync_bodies, take_snapshot
 from riftberg.stepping.run_state import RunState
 
 MAX_CRACKS_PER_STEP = 64
