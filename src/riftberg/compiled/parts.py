@@ -29,7 +29,7 @@ from numba.core.sigutils import normalize_signature
 from numba.core.targetconfig import ConfigStack
 from numba.core.types import Array, BaseTuple
 from numba.extending import intrinsic
-from numpy import array, ndarray
+from numpy import array, empty, ndarray
 
 
 class PartLibrary(JITCodeLibrary):
@@ -174,7 +174,7 @@ class TupleKernel(Kernel):
                 given.append(f"a[{n}]")
                 return f"x{len(given) - 1}"
             kind, loose = typeof(value), list(_loose(value, f"a[{n}]"))
-            names[f"read{n}"] = _reader(kind, n, value, len(classes))
+            names[f"read{n}"] = _reader(kind, n, _hollow(value), len(classes))
             classes.extend(_classes(value))
             own = "".join(f"x{len(given) + k}, " for k in range(len(loose)))
             given.extend(loose)
@@ -209,6 +209,13 @@ def _loose(value: Any, expression: str) -> Iterator[str]:
             yield from _loose(field, f"{expression}[{n}]")
     elif not _is_read(value):
         yield expression
+
+
+def _hollow(value: Any) -> Any:
+    """Return a value of the same kind without the data of its arrays, which would be held as long as the code is."""
+    if isinstance(value, ndarray):
+        return empty((0,) * value.ndim, value.dtype)
+    return tuple(map(_hollow, value)) if isinstance(value, tuple) else value
 
 
 def _classes(value: Any) -> Iterator[int]:

@@ -156,15 +156,16 @@ def _add_inertial_slope(flows: Sequence[Flow], elements: Elements, time: float) 
     The water goes with the whole current that the elements carry; its change is that of the formulas. Of fields from files it is
     left out: their accelerations are tides and noise.
     """
-    if all(isinstance(flow, Uniform) for flow in flows):
+    curved = [flow for flow in flows if not isinstance(flow, Uniform)]
+    if not curved:
         return
     place, e = elements.place, elements.environment
     east, north = MATERIAL_STEP * e.uo, MATERIAL_STEP * e.vo
-    if flows[0].latlon:
+    if curved[0].latlon:
         metre = 1.0 / (DEGREE * EARTH_RADIUS_A68)
         east, north = east * metre / np.maximum(np.cos(place.lat * DEGREE), NEAR_POLE), north * metre
     for sign in (1.0, -1.0):
-        for flow in flows:
+        for flow in curved:
             at = place.lon + sign * east, place.lat + sign * north, time + sign * MATERIAL_STEP
             u, v, _ = flow.flow(*at)
             e.slope_x[:] -= u * (sign / (2.0 * MATERIAL_STEP * GRAVITY))

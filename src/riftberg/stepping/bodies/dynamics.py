@@ -398,11 +398,22 @@ def allocate_body_workspace(count: int) -> BodyWorkspace:
 
 
 @kernel
+def _is_afloat(floor_drag: Floats) -> bool:
+    """Whether the sea floor takes nothing from a fragment: its drag is positive semi-definite, so the diagonal says it."""
+    return bool(floor_drag[0, 0] == 0.0 and floor_drag[1, 1] == 0.0 and floor_drag[2, 2] == 0.0)
+
+
+@kernel
 def pade_factors(matrices: BodyMatrices, half_dt: float, work: BodyWorkspace) -> None:
     """Find W and P M^-1 of the text above over half a step of ``half_dt`` seconds, for each fragment."""
     mobility, floor_drag = matrices.mobility, matrices.floor_drag
     z, square, ahead = work.scratch[0], work.scratch[1], work.scratch[2]
     for b in range(floor_drag.shape[0]):
+        if _is_afloat(floor_drag[b]):  # nearly all bergs, nearly always: W is 1
+            for i in range(3):
+                for j in range(3):
+                    work.exp_factor[b, i, j], work.phi_factor[b, i, j] = 1.0 if i == j else 0.0, mobility[b, i, j]
+            continue
         multiply(mobility[b], floor_drag[b], z)
         for i in range(3):
             for j in range(3):
@@ -425,7 +436,10 @@ def half_kick_explicit(
     for b in range(twist.shape[0]):
         x, y, z = times(work.phi_factor[b], net_force[b])
         right[0], right[1], right[2] = twist[b, 0] + half_dt * x, twist[b, 1] + half_dt * y, twist[b, 2] + half_dt * z
-        new[b, 0], new[b, 1], new[b, 2] = solve(work.exp_factor[b], right)
+        if _is_afloat(matrices.floor_drag[b]):
+            new[b, 0], new[b, 1], new[b, 2] = right[0], right[1], right[2]
+        else:
+            new[b, 0], new[b, 1], new[b, 2] = solve(work.exp_factor[b], right)
 
 
 @kernel
@@ -515,6 +529,8 @@ def mean_drag_velocity(
     """
     z = scratch[0]
     for b in range(after.shape[0]):
+        if _is_afloat(matrices.floor_drag[b]):  # nobody asks
+            continue
         multiply(matrices.mobility[b], matrices.floor_drag[b], z)
         slowed, pushed = times(z, after[b]), times(matrices.mobility[b], net_force[b])
         for i in range(3):

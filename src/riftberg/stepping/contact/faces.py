@@ -114,10 +114,12 @@ class FaceContact:
 
     def force(self, model: RunState) -> Floats:
         """Force and torque (N, N, N m) of lasting contact on the elements after the last sub-step; shape (elements, 3)."""
-        out = np.zeros((model.elements.size, 3))
+        out, s = np.zeros((model.elements.size, 3)), self.pairs.state
+        lasting = s[:, SINCE] >= LASTING
+        if not lasting.any():
+            return out
         rows, known = rows_of(model.elements.body.id, self.pairs.pair.ravel())
-        rows, s = rows.reshape(-1, 2), self.pairs.state
-        both = known.reshape(-1, 2).all(axis=1) & (s[:, SINCE] >= LASTING)
+        rows, both = rows.reshape(-1, 2), known.reshape(-1, 2).all(axis=1) & lasting
         for side, sign, torque in ((0, -1.0, TORQUE_1), (1, 1.0, TORQUE_2)):
             push = np.column_stack([sign * s[:, PUSH_X], sign * s[:, PUSH_Y], s[:, torque]])
             np.add.at(out, rows[both, side], push[both])
@@ -223,7 +225,7 @@ def _known_states(pairs: FacePairs, ids: Ints) -> Floats:
     """Return the states of pairs of elements (by identifiers, in either order); zeros for those that did not press each other."""
     out = np.zeros((len(ids), COLUMNS))
     if len(pairs.pair):
-        place = {(int(min(pair)), int(max(pair))): k for k, pair in enumerate(pairs.pair)}
+        place = {(min(pair), max(pair)): k for k, pair in enumerate(pairs.pair.tolist())}
         for n, pair in enumerate(ids.tolist()):
             if (k := place.get((min(pair), max(pair)))) is not None:
                 out[n] = pairs.state[k]

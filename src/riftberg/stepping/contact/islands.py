@@ -195,31 +195,38 @@ def trapezoidal_correction(
 
     In the sub-steps the media are those of the start; with this correction they act by the trapezoidal rule.
     """
-    bodies, rows, half_dt = contact.bodies, contact.rows, 0.5 * dt
-    twist[bodies] = contact.twist
-    active, mobility = np.zeros(twist.shape[0], np.bool_), end.matrices.mobility[bodies]
-    active[bodies] = True
+    bodies, rows, half_dt, now = contact.bodies, contact.rows, 0.5 * dt, contact.twist.copy()
+    active, mobility, place = (
+        np.ones(bodies.size, np.bool_),
+        end.matrices.mobility[bodies],
+        np.zeros(len(twist), np.int64),
+    )
+    place[bodies] = np.arange(bodies.size)
+    # Of the elements of bodies in contact alone: among a thousand bergs they are few.
+    body, levers, forcing = place[end.body[rows]], end.levers[rows], forcing_of_rows(rows, end.forcing)
 
-    def forces(op: BodyOperators) -> tuple[Floats, Floats]:
-        """Accelerations of the elements by each force, and net forces on the bodies, at ``twist``."""
-        accelerations, net_force = np.zeros((op.body.size, len(FORCES), 2)), np.zeros(twist.shape)
-        add_forces(op.body, op.levers, twist, op.forcing, accelerations, np.empty((op.body.size, 3)), net_force)
-        return accelerations[rows], net_force[bodies]
+    def forces(levers: Floats, forcing: ElementForcing) -> tuple[Floats, Floats]:
+        """Accelerations of the elements by each force, and net forces on the bodies, at ``now``."""
+        accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(now.shape)
+        add_forces(body, levers, now, forcing, accelerations, np.empty((rows.size, 3)), net_force)
+        return accelerations, net_force
 
-    (old_accelerations, old_force), (accelerations, net_force) = forces(start), forces(end)
+    old_accelerations, old_force = forces(start.levers[rows], forcing_of_rows(rows, start.forcing))
     for _ in range(2):  # Newton's method from a guess that is nearly right: two iterations leave round-off
-        jacobian = np.zeros((*twist.shape, 3))
-        assemble_force_and_jacobian(end.body, end.levers, twist, end.forcing, active, np.zeros(twist.shape), jacobian)
-        matrix = np.eye(3) + half_dt * mobility @ jacobian[bodies]
+        net_force, jacobian = np.zeros(now.shape), np.zeros((*now.shape, 3))
+        assemble_force_and_jacobian(body, levers, now, forcing, active, net_force, jacobian)
+        matrix = np.eye(3) + half_dt * mobility @ jacobian
         change = half_dt * mobility @ (net_force - old_force)[:, :, None]
-        twist[bodies] += np.linalg.solve(matrix, change + (contact.twist - twist[bodies])[:, :, None])[:, :, 0]
-        accelerations, net_force = forces(end)
-    applied = contact.applied + half_dt * (accelerations - old_accelerations)
-    return twist, contact._replace(twist=twist[bodies], applied=applied)
+        now += np.linalg.solve(matrix, change + (contact.twist - now)[:, :, None])[:, :, 0]
+    twist[bodies] = now
+    applied = contact.applied + half_dt * (forces(levers, forcing)[0] - old_accelerations)
+    return twist, contact._replace(twist=now, applied=applied)
 
 
 def forcing_of_rows(rows: Ints, forcing: ElementForcing) -> ElementForcing:
-    """Return the forcing of some elements."""
+    """Return the forcing of some elements, each once; that of all as it is."""
+    if rows.size == forcing.mass.size and (np.diff(rows) > 0).all():
+        return forcing
     return forcing._replace(
         **{name: part[rows] for name, part in forcing._asdict().items() if not isinstance(part, bool)}
     )
