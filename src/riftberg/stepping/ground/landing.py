@@ -32,7 +32,7 @@ from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.islands import ContactPhase, PeakContactLoad, forcing_of_rows
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.balance import Bed, Bending, Hull, Pressure, hull_of, press
-from riftberg.stepping.ground.floor import Floor
+from riftberg.stepping.ground.floor import STEEPEST, Floor
 from riftberg.stepping.lattice.footprints import BodyFootprint, FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
 
@@ -61,9 +61,6 @@ TOUCH_STEP: Final = 60.0
 
 LEAST_STEP: Final = 0.01
 """Shortest sub-step, s."""
-
-STEEPEST: Final = 0.5
-"""Slope of the floor up to which an element that is deep enough in its middle is not looked at."""
 
 ASIDE: Final = 100.0
 """How far forces may take a fragment from its way in a step, m."""
