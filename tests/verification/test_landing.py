@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import math
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -168,6 +169,37 @@ def test_a_berg_aground_stays_for_a_year(days: int) -> None:
     x = model.elements.lon.mean()
     model.advance(days=days)
     assert abs(model.elements.lon.mean() - x) < 0.02
+
+
+def test_friction_takes_what_a_sliding_berg_loses() -> None:
+    """On a flat bed mu N times the way, and that is the work of the sea floor but for what stays in the anchors."""
+    model = berg_model(floor=flat(DRAFT - 0.01), speed=0.3, dt=600.0, sediment="sand", cell=200.0, bending=False)
+    x = model.elements.lon.mean()
+    model.advance(steps=12)
+    ledger, load = model.motion.balance(model, model.remembered), model.elements.keel.floor_load.sum()
+    assert ledger.rubbed == pytest.approx(0.5 * load * (model.elements.lon.mean() - x), rel=0.01)
+    assert ledger.rubbed == pytest.approx(-ledger.work["sea_floor"], rel=0.01)
+    assert ledger.gouged == 0.0
+    assert f"friction {-ledger.rubbed:+.3g}" in ledger.lines()[1]
+
+
+def test_gouges_take_their_volume_times_the_strength_of_the_bed(tmp_path: Path) -> None:
+    sea = rising(30.0)
+    model = berg_model(floor=sea, sediment="clay", shear_strength=2e3, speed=0.2, towards=30.0, bending=False, dt=300.0)
+    spent = []
+    for _ in range(12):
+        model.step()
+        ledger = model.motion.balance(model, model.remembered)
+        spent.append((ledger.rubbed, ledger.gouged))
+    assert (np.diff(spent, axis=0) >= 0.0).all()
+    gouges = model._stepper._seabed.floor.gouges.values()  # type: ignore[attr-defined]
+    assert ledger.gouged == pytest.approx(1.2e4 * 50.0**2 * sum(depth.sum() for depth in gouges), rel=1e-9)
+    # What is left of the work of the floor is lift, which would come back, and the error of the sub-steps.
+    assert ledger.rubbed + ledger.gouged == pytest.approx(-ledger.work["sea_floor"], rel=0.02)
+    again = Model.resume(model.save(tmp_path / "aground.restart.nc"), model.forcing)
+    for one in (model, again):
+        one.advance(steps=2)
+    assert again.motion.balance(again, again.remembered) == model.motion.balance(model, model.remembered)
 
 
 def test_tide_floats_it_off_when_the_level_says() -> None:

@@ -229,14 +229,14 @@ class Floor:
         by_slot[self._slot] = self._key
         return np.asarray(by_slot[slots])
 
-    def plough(self, patches: Patches, excess: Floats) -> bool:
-        """Deepen the gouges by the volume (m3, of each polygon) in which the overlap exceeds what the bed bears.
+    def plough(self, patches: Patches, excess: Floats) -> float:
+        """Deepen the gouges by the volume (m3, of each polygon) in which the overlap exceeds what the bed bears; returns it all.
 
-        A whole block that yields is from then on looked at by cells. Returns whether anything has changed.
+        A whole block that yields is from then on looked at by cells: these are deepened the next time.
         """
         gouging = np.flatnonzero(excess > 0.0)
         if not gouging.size:
-            return False
+            return 0.0
         keys, area = self.keys_of(patches.cell[gouging, 0]), self.cell * self.cell
         for key, (slot, j, i), volume in zip(
             keys.tolist(), patches.cell[gouging].tolist(), excess[gouging].tolist(), strict=True
@@ -246,7 +246,7 @@ class Floor:
                 gouge[j, i] += volume / area
             self.gouges[key] = gouge.copy()
             self._flat[slot] = False
-        return True
+        return float(excess[gouging][patches.cell[gouging, 1] >= 0].sum())
 
     def settle(self, patches: Patches) -> None:
         """Deepen the gouges to where the keels are, so that nothing presses; whole blocks are looked at by cells from then on."""

@@ -112,7 +112,7 @@ class GroundPhase(NamedTuple):
 
 
 class _Friction(NamedTuple):
-    """Friction in a sub-step."""
+    """Friction in a sub-step; ``plastic``: energy (J) that keels lose as they slide."""
 
     velocity: Floats  # V1; shape (3,)
     anchor: Floats  # Of each element, N; shape (elements, 2)
@@ -121,6 +121,7 @@ class _Friction(NamedTuple):
     torque: Floats  # About the centre of the element, N m
     net: Floats  # On the fragment; shape (3,)
     slides: bool
+    plastic: float
 
 
 class Seabed:
@@ -130,18 +131,30 @@ class Seabed:
         p, forcing = model.parameters, model.forcing
         self.bed = bed_of(p.grounding)
         self.floor = Floor(p.grounding.cell, forcing.depth, p.earth.latlon, p.earth.radius)
+        self.plastic = np.zeros(2)  # Work of friction and of gouging since the start, J
         self._footprints = footprints
         self._fragments: dict[int, Fragment] = {}
         self._key: list[bytes] = []
 
+    def checkpoint(self) -> tuple[dict[int, Floats], Floats]:
+        """Return what a step changes: gouges and plastic work."""
+        return self.floor.checkpoint(), self.plastic.copy()
+
+    def rollback(self, before: tuple[dict[int, Floats], Floats]) -> None:
+        """Return to what `checkpoint` gave."""
+        self.floor.rollback(before[0])
+        self.plastic = before[1].copy()
+
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
-        return self.floor.to_arrays()
+        return {**self.floor.to_arrays(), "bed_plastic": self.plastic}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
         if "gouge_block" in saved:
             self.floor.take_up(np.asarray(saved["gouge_block"]), np.asarray(saved["gouge_depth"]))
+        if "bed_plastic" in saved:
+            self.plastic = np.array(saved["bed_plastic"], np.float64)
 
     def prepare(self, model: RunState, bodies: Bodies) -> None:
         """Bring the fragments up to date with the state."""
@@ -414,7 +427,9 @@ class _Landing:
 
     def _no_friction(self) -> _Friction:
         n = self.rows.size
-        return _Friction(self.velocity, self.anchor, self.capacity, np.zeros((n, 2)), np.zeros(n), np.zeros(3), True)
+        return _Friction(
+            self.velocity, self.anchor, self.capacity, np.zeros((n, 2)), np.zeros(n), np.zeros(3), True, 0.0
+        )
 
     def _friction(self, dt: float, pose: Floats, found: Pressure) -> _Friction | None:
         """Solve for the velocity at the end of a sub-step, with the anchors; None where it does not settle."""
@@ -481,7 +496,11 @@ class _Landing:
             return None
         force = f + found.slope
         net = np.einsum("eak,ea->k", lever, force)
-        return _Friction(v, f, largest, force, ox * force[:, 1] - oy * force[:, 0], net, bool(slides.any()))
+        # Where it slides, the anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
+        tried = np.hypot(*(anchor - spring[:, None] * (lever @ (0.5 * (v0 + v)))).T)[slides]
+        yields = np.maximum(tried - limit[slides], 0.0) * self.bed.anchor_way / largest[slides]
+        plastic = float((limit[slides] * yields).sum())
+        return _Friction(v, f, largest, force, ox * force[:, 1] - oy * force[:, 0], net, bool(slides.any()), plastic)
 
     def _accept(self, dt: float, middle: tuple[Floats, Pressure], friction: _Friction, end: Pressure) -> None:
         """Make a sub-step the state of the fragment."""
@@ -504,7 +523,9 @@ class _Landing:
             for patch in end.bending():
                 cut = bent_bonds(patch, self.fragment.xy, self.fragment.first, self.fragment.second)
                 self.flexure[cut] = np.maximum(self.flexure[cut], patch.stress)
-        self.seabed.floor.plough(end.patches, end.excess)
+        self.seabed.plastic += (
+            friction.plastic, self.bed.strength * self.seabed.floor.plough(end.patches, end.excess)
+        )  # fmt: skip
 
     def _finish(self) -> None:
         """Write what the floor does at the end to the keels."""

@@ -184,9 +184,9 @@ class QuasiStaticStepper:
         return self._touched
 
     @property
-    def crushed(self) -> float:
-        """See `riftberg.stepping.stepper.Stepper.crushed`."""
-        return float(self._faces.pairs.dissipated[0])
+    def plastic(self) -> Floats:
+        """See `riftberg.stepping.stepper.Stepper.plastic`."""
+        return np.append(self._faces.pairs.dissipated, np.zeros(2) if self._seabed is None else self._seabed.plastic)
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
@@ -350,8 +350,8 @@ N_CONNECTIVITY = 5
 """How many of them are about connectivity: which elements there are, how they are bonded and supported."""
 
 
-Memory = tuple[dict[int, Floats] | None, FacePairs | None]
-"""Gouges of the sea floor, and faces that press each other."""
+Memory = tuple[tuple[dict[int, Floats], Floats] | None, FacePairs | None]
+"""Gouges of the sea floor and the work that went into it, and faces that press each other."""
 
 
 class LawsWithMemory(NamedTuple):
@@ -363,15 +363,15 @@ class LawsWithMemory(NamedTuple):
     def checkpoint(self) -> Memory:
         """Return what a step changes of them."""
         return (
-            None if self.seabed is None else self.seabed.floor.checkpoint(),
+            None if self.seabed is None else self.seabed.checkpoint(),
             None if self.faces is None else self.faces.pairs,
         )
 
     def rollback(self, before: Memory) -> None:
         """Return to what `checkpoint` gave."""
-        gouges, pairs = before
-        if self.seabed is not None and gouges is not None:
-            self.seabed.floor.rollback(gouges)
+        bed, pairs = before
+        if self.seabed is not None and bed is not None:
+            self.seabed.rollback(bed)
         if self.faces is not None and pairs is not None:
             self.faces.pairs = pairs
 
