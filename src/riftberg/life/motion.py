@@ -362,7 +362,8 @@ class MotionLedger:
             (rows[START][0], rows[START][1]), (rows[NOW][0], rows[NOW][1]),
             {name: (row[0], row[1]) for name, row in zip(GIVERS, rows, strict=False)}, rows[START][2], rows[NOW][2],
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
-            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], *rows[PLASTIC],
+            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[PLASTIC][0],
+            rows[PLASTIC][1], rows[PLASTIC][2],
             {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[PLASTIC + 1 :], strict=True)},
         )  # fmt: skip
 
