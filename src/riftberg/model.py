@@ -348,7 +348,7 @@ class BareModel(RunState):
                 if self._force is not None and self.laws.several():
                     self._own = self._force.shared(self.elements.body.mass, applied[:, OWN])
                 self.motion.moved(
-                    saved.elements, saved.bonds, self, applied, self.remembered, self._stepper.crushed, self._own
+                    saved.elements, saved.bonds, self, applied, self.remembered, self._stepper.plastic, self._own
                 )
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants

@@ -155,12 +155,12 @@ def test_gouges_hold_the_volume_that_was_ploughed() -> None:
 
     whole = patches()
     assert (whole.cell[:, 1:] == -1).all()
-    assert floor.plough(whole, np.full(whole.owner.size, 50.0))
+    assert floor.plough(whole, np.full(whole.owner.size, 50.0)) == 0.0
     assert all((gouge == 0.0).all() for gouge in floor.gouges.values())
     cells = patches()
     assert (cells.cell[:, 1:] >= 0).all()
     volume = np.linspace(1.0, 300.0, cells.owner.size)
-    assert floor.plough(cells, volume)
+    assert floor.plough(cells, volume) == pytest.approx(volume.sum())
     assert sum(gouge.sum() for gouge in floor.gouges.values()) * 100.0**2 == pytest.approx(volume.sum(), rel=1e-12)
     # The overlap over each cell is less by its gouge.
     after = patches()
@@ -168,7 +168,7 @@ def test_gouges_hold_the_volume_that_was_ploughed() -> None:
         slot, j, i = cells.cell[k].tolist()
         sunk = floor.gouges[int(floor.keys_of(np.array(slot)))][j, i]
         np.testing.assert_allclose(after.corner[a:b, 2], cells.corner[a:b, 2] - sunk, atol=1e-12)
-    assert not floor.plough(cells, np.zeros(cells.owner.size))
+    assert floor.plough(cells, np.zeros(cells.owner.size)) == 0.0
 
 
 def patch(share: float, *, inside: list[int], area: Any, length: float = 600.0, count: int = 30) -> Bending:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import math
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ import pytest
 
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError, RiftbergError
-from riftberg.physics.seabed import bending_length
+from riftberg.physics.seabed import WATER_STIFFNESS, bending_length
 
 pytestmark = pytest.mark.compiled
 
@@ -168,6 +169,86 @@ def test_a_berg_aground_stays_for_a_year(days: int) -> None:
     x = model.elements.lon.mean()
     model.advance(days=days)
     assert abs(model.elements.lon.mean() - x) < 0.02
+
+
+def test_friction_takes_what_a_sliding_berg_loses() -> None:
+    """On a flat bed mu N times the way, and that is the work of the sea floor but for what stays in the anchors."""
+    model = berg_model(floor=flat(DRAFT - 0.01), speed=0.3, dt=600.0, sediment="sand", cell=200.0, bending=False)
+    x = model.elements.lon.mean()
+    model.advance(steps=12)
+    ledger, load = model.motion.balance(model, model.remembered), model.elements.keel.floor_load.sum()
+    assert ledger.rubbed == pytest.approx(0.5 * load * (model.elements.lon.mean() - x), rel=0.01)
+    assert ledger.rubbed == pytest.approx(-ledger.work["sea_floor"], rel=0.01)
+    assert ledger.gouged == 0.0
+    assert ledger.momentum_error < 1e-12
+    assert f"friction {-ledger.rubbed:+.3g}" in ledger.lines()[1]
+
+
+def test_gouges_take_their_volume_times_the_strength_of_the_bed(tmp_path: Path) -> None:
+    sea = rising(30.0)
+    model = berg_model(floor=sea, sediment="clay", shear_strength=2e3, speed=0.2, towards=30.0, bending=False, dt=300.0)
+    spent = []
+    for _ in range(12):
+        model.step()
+        ledger = model.motion.balance(model, model.remembered)
+        spent.append((ledger.rubbed, ledger.gouged))
+    assert (np.diff(spent, axis=0) >= 0.0).all()
+    gouges = model._stepper._seabed.floor.gouges.values()  # type: ignore[attr-defined]
+    assert ledger.gouged == pytest.approx(1.2e4 * 50.0**2 * sum(depth.sum() for depth in gouges), rel=1e-9)
+    # What is left of the work of the floor is lift, which would come back, and the error of the sub-steps.
+    assert ledger.rubbed + ledger.gouged == pytest.approx(-ledger.work["sea_floor"], rel=0.02)
+    again = Model.resume(model.save(tmp_path / "aground.restart.nc"), model.forcing)
+    for one in (model, again):
+        one.advance(steps=2)
+    assert again.motion.balance(again, again.remembered) == model.motion.balance(model, model.remembered)
+
+
+def struck(dt: float, aground: float) -> Model:
+    """A berg of 10 x 5 km that strikes one of 8 x 6 km which stands on the bed, ``aground`` m deep, at 0.2 m/s."""
+    shape = {"density": 850.0, "latlon": False}
+    one = Iceberg.rectangle(10e3, 5e3, thickness=200.0, radius=500.0, velocity=(0.2, 0.0), **shape)
+    two = Iceberg.rectangle(8e3, 6e3, thickness=250.0, radius=1000.0, placement=(9030.0, 700.0), **shape)
+    parameters = Parameters(
+        ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+        grounding={"law": "seabed", "bending": False}, fracture={"enabled": False}, stepping={"time_step": dt},
+    )  # fmt: skip
+    return Model(Iceberg.join([one, two]), flat(DRAFT - aground), parameters)
+
+
+@pytest.mark.parametrize("dt", [60.0, 1800.0])
+def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: float) -> None:
+    """Bug: in the sub-steps of the impact it went as if it were afloat, and the other came 73 m into it in a step of ten minutes.
+
+    In half an hour it was 196 m. The other comes back at a tenth of its speed, both bear the largest force, and the floor takes
+    the impulse.
+    """
+    model = struck(dt, 0.6)
+    first, stress, gap = model.bonds.first < 50, np.zeros(2), math.inf
+    for _ in range(round(1800.0 / dt)):
+        model.step()
+        el, peak = model.elements, model.bonds.peak_stress
+        stress = np.maximum(stress, [peak[first].max(), peak[~first].max()])
+        gap = min(gap, float(el.lon[50:].min() - el.lon[:50].max()) - 1500.0)
+    assert 0.05 < -el.u[:50].mean() / 0.2 < 0.1
+    assert np.abs(el.u[50:]).max() < 1e-6
+    assert gap > -5.0
+    assert stress == pytest.approx([12.35e3, 8.08e3], rel=0.01)
+    ledger = model.motion.balance(model, model.remembered)
+    given = (el.mass[:50] * (el.u[:50] - 0.2)).sum()
+    water, floor = (ledger.impulse[name][0] for name in ("water", "sea_floor"))
+    assert floor == pytest.approx(given - water, rel=1e-3)
+
+
+@pytest.mark.parametrize("dt", [60.0, 1800.0])
+def test_a_berg_that_is_struck_harder_than_the_bed_can_hold_slides_until_friction_stops_it(dt: float) -> None:
+    """By what an impact of two free bergs leaves it; bug once: over 5 m, 1 m or not at all, by the step."""
+    model = struck(dt, 0.05)
+    x, mass = model.elements.lon[50:].mean(), [model.elements.mass[:50].sum(), model.elements.mass[50:].sum()]
+    model.advance(steps=round(1800.0 / dt))
+    speed = 1.09 * 0.2 * mass[0] / (mass[0] + mass[1])
+    friction = 0.5 * WATER_STIFFNESS * 48e6 * 0.05
+    assert model.elements.lon[50:].mean() - x == pytest.approx(0.5 * speed**2 * mass[1] / friction, rel=0.12)
+    assert np.abs(model.elements.u[50:]).max() < 1e-6
 
 
 def test_tide_floats_it_off_when_the_level_says() -> None:

@@ -41,9 +41,9 @@ step in a Coriolis force that does no work, elements among each other (with land
 
 LOADS, SUPPORTS, TIME_STEP, ELEMENTS, OTHER = map(GIVERS.index, ("loads", "supports", "time_step", "elements", "other"))
 
-START, NOW, BONDS = len(GIVERS), len(GIVERS) + 1, len(GIVERS) + 2
-"""Rows after those of the givers: stock at the start, stock now; elastic energy at the start, released by cracks, lost by
-crushing."""
+START, NOW, BONDS, PLASTIC = range(len(GIVERS), len(GIVERS) + 4)
+"""Rows after those of the givers: stock at the start, stock now; elastic energy at the start and released by cracks; plastic
+work of crushing, of friction on a bed of sediment, of gouges."""
 
 KEPT: Final = "motion_ledger"
 """Name under which a restart keeps the ledger."""
@@ -70,6 +70,8 @@ class MotionBalance(NamedTuple):
     crushed: (
         float  # Plastic work and friction of faces that crush each other, J: a part of what is lost between elements
     )
+    rubbed: float  # Work of friction on a bed of sediment, J: a part of that of the sea floor, as the next one
+    gouged: float  # Work that makes gouges in it, J
     # Momentum (N s, east and north) and work (J) of each of several laws of one's own; together those of "own".
     own: dict[str, tuple[float, float, float]]
 
@@ -108,6 +110,8 @@ class MotionBalance(NamedTuple):
             for name, (x, y) in self.impulse.items() if name != "elements" and (x or y)
         ]  # fmt: skip
         work = [f"{_shown(name)} {w:+.3g}" for name, w in self.work.items() if name != "elements" and w]
+        if self.rubbed or self.gouged:
+            work.append(f"of that of the sea floor friction {-self.rubbed:+.3g}, gouges {-self.gouged:+.3g}")
         given += [f"of it {name} {x:+.3g}, {y:+.3g}" for name, (x, y, _) in self.own.items()]
         work += [f"of it {name} {w:+.3g}" for name, (_, _, w) in self.own.items()]
         ends = [f"kinetic {self.kinetic_start:.3g} to {self.kinetic_now:.3g}"]
@@ -274,16 +278,16 @@ class MotionLedger:
 
     def __init__(self, parameters: Parameters, own: tuple[str, ...] = ()) -> None:
         self.parameters, self.own = parameters, own  # several laws of one's own have a row each after all others
-        self.rows = BONDS + 1 + len(own)
+        self.rows = PLASTIC + 1 + len(own)
 
     def moved(
         self, before: Elements, bonds_before: Bonds, run: RunState, applied: Floats,
-        remembered: MutableMapping[str, Floats], crushed: float, own: Floats | None = None,
+        remembered: MutableMapping[str, Floats], plastic: Floats, own: Floats | None = None,
     ) -> None:  # fmt: skip
         """Enter a step of motion.
 
         ``applied``: mean accelerations, m s-2 (shape (elements, forces, 2)); ``own``: those of several laws of one's own in
-        place of the row of all of them; ``crushed``: as `Stepper.crushed`, J.
+        place of the row of all of them; ``plastic``: as `Stepper.plastic`, J.
         """
         if own is not None:
             applied = np.concatenate([applied, own], axis=1)
@@ -305,8 +309,8 @@ class MotionLedger:
         kept = self._begun(remembered, before, bonds_before, run, was)
         _enter_step(kept, was, stands, given)
         self._cracks(kept, before, bonds_before, run)
-        kept[BONDS, 2] = crushed
-        kept[BONDS + 1 :] += forces[len(FORCES) :]
+        kept[PLASTIC] = plastic
+        kept[PLASTIC + 1 :] += forces[len(FORCES) :]
         remembered[KEPT] = kept
 
     def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
@@ -358,8 +362,9 @@ class MotionLedger:
             (rows[START][0], rows[START][1]), (rows[NOW][0], rows[NOW][1]),
             {name: (row[0], row[1]) for name, row in zip(GIVERS, rows, strict=False)}, rows[START][2], rows[NOW][2],
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
-            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[BONDS][2],
-            {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[BONDS + 1 :], strict=True)},
+            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[PLASTIC][0],
+            rows[PLASTIC][1], rows[PLASTIC][2],
+            {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[PLASTIC + 1 :], strict=True)},
         )  # fmt: skip
 
     def _known(self, remembered: Mapping[str, Floats]) -> Floats | None:

@@ -126,6 +126,11 @@ def _motion_totals(model: BareModel) -> Sequence[Any]:
     return *b.momentum_now, b.kinetic_now, b.released, b.crushed
 
 
+def _energy_in_the_bed(model: BareModel) -> Sequence[Any]:
+    b = model.motion.balance(model, model.remembered)
+    return b.rubbed, b.gouged
+
+
 def _energy_in_bonds(model: BareModel) -> Sequence[Any]:
     b = model.motion.balance(model, model.remembered)
     return b.elastic_now, b.dissipated
@@ -166,6 +171,12 @@ IN_BONDS: Final = Derived((
 ), _energy_in_bonds, "total")  # fmt: skip
 """What that ledger has besides where bonds vibrate."""
 
+IN_THE_BED: Final = Derived((
+    Variable("bed_friction_energy", "J", "work of friction on a bed of sediment since the start"),
+    Variable("gouge_energy", "J", "work that made gouges in a bed of sediment since the start"),
+), _energy_in_the_bed, "total")  # fmt: skip
+"""What it has besides on a bed of sediment."""
+
 ICE: Final = (
     Derived((
         Variable("melt_water", "kg", "melt water since the start by process"),
@@ -195,6 +206,8 @@ def ledgers_of(model: BareModel) -> tuple[Derived, ...]:
         motion = (*motion, _own_totals(names))
     if motion and bonds_vibrate(model):
         motion = (*motion, IN_BONDS)
+    if motion and model.parameters.grounding.law == "seabed":
+        motion = (*motion, IN_THE_BED)
     return motion if model.life is None else (*motion, *ICE)
 
 

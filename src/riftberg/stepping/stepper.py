@@ -43,8 +43,8 @@ class Stepper(Protocol):
         """Rows of the pairs of elements of different bergs that were in contact in the last long step."""
 
     @property
-    def crushed(self) -> float:
-        """Plastic work and friction of faces that crush each other since the start, J; 0 in schemes without that law."""
+    def plastic(self) -> Floats:
+        """Plastic work since the start, J: of faces that crush each other, of friction on a bed of sediment, of gouges in it."""
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
@@ -57,9 +57,9 @@ class Stateless:
     """Schemes that need nothing beside the state."""
 
     @property
-    def crushed(self) -> float:
-        """See `Stepper.crushed`."""
-        return 0.0
+    def plastic(self) -> Floats:
+        """See `Stepper.plastic`: none."""
+        return np.zeros(3)
 
     def state_dict(self) -> dict[str, Any]:
         """Return nothing."""

@@ -154,9 +154,11 @@ class MultipleStepper(Stateless):
             self._impacts = RigidImpacts(run)
 
     @property
-    def crushed(self) -> float:
-        """See `riftberg.stepping.stepper.Stepper.crushed`."""
-        return 0.0 if self._impacts is None else float(self._impacts.faces.pairs.dissipated[0])
+    def plastic(self) -> Floats:
+        """See `riftberg.stepping.stepper.Stepper.plastic`."""
+        return (
+            super().plastic if self._impacts is None else np.append(self._impacts.faces.pairs.dissipated, np.zeros(2))
+        )
 
     def state_dict(self) -> dict[str, Any]:
         """See `riftberg.stepping.stepper.Stepper.state_dict`."""

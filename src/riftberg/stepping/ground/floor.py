@@ -31,6 +31,12 @@ FLAT: Final = 1e-3
 OPEN_DEPTH: Final = 1e4
 """Depth (m) where none is known."""
 
+WIDE: Final = 8 * BLOCK
+"""Cells along the side of the squares whose least depth is looked at before that of blocks."""
+
+STEEPEST: Final = 0.5
+"""Largest slope of the floor that the search for what may come near it reckons with."""
+
 REACH: Final = 2.0
 """Clearance (m) up to which cells are kept for the search of the balance: a tilt may press on them."""
 
@@ -80,15 +86,28 @@ class Blocks(NamedTuple):
     flat: Booleans  # One plane to `FLAT`
 
 
+class Survey:
+    """Least depths of squares of the floor that have been asked for that alone: most are too deep to be cut."""
+
+    def __init__(self, side: int, margin: float) -> None:
+        self.side, self.margin = side, margin  # Cells; m, that the floor may rise above what is known
+        self.key = np.zeros(0, np.int64)  # Sorted
+        self.least = np.zeros(0)
+
+    def take(self, keys: Ints, least: Floats) -> None:
+        """Take some squares into the store."""
+        at = np.searchsorted(self.key, keys)
+        self.key, self.least = np.insert(self.key, at, keys), np.insert(self.least, at, least)
+
+
 class Floor:
     """Depths of the blocks that keels have come near to, and gouges by place."""
 
     def __init__(self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float) -> None:
         self.cell, self.latlon, self.radius = cell, latlon, radius
         self._depth = depth
-        # Least depth of blocks that have been asked for that alone: most are too deep to be cut.
-        self._least_key = np.zeros(0, np.int64)  # Sorted
-        self._least = np.zeros(0)
+        # Wide squares are sampled at other places than blocks, less than a cell away.
+        self._surveys = (Survey(WIDE, STEEPEST * cell), Survey(BLOCK, 0.0))
         self.gouges: dict[int, Floats] = {}  # By the number of the block; shape (BLOCK, BLOCK), m
         self._key = np.zeros(0, np.int64)  # Sorted
         self._slot = np.zeros(0, np.int64)
@@ -103,17 +122,35 @@ class Floor:
         self, body: BodyFootprint, lon: Floats, lat: Floats, draft: Floats, some: Booleans, level: float, way: float
     ) -> Booleans:
         """Which of ``some`` elements may come within `REACH` of the floor on a way of some metres, by least depths of blocks."""
-        keels = Keels(body.start, self._coordinates(body, lon, lat), body.owner, draft, some)
+        corner = self._coordinates(body, lon, lat)
+        for survey in self._surveys:
+            some = self._in_reach(survey, Keels(body.start, corner, body.owner, draft, some), level, way)
+            if not some.any():
+                break
+        return some
+
+    def _in_reach(self, survey: Survey, keels: Keels, level: float, way: float) -> Booleans:
+        """Which elements that are looked at have a square of a survey within `REACH`."""
         raster = Raster(self.cell, self.latlon, self.radius)
         while True:
-            near, missing = np.zeros(draft.size, np.bool_), np.empty(self._room, np.int64)
-            absent = blocks_in_reach(keels, level, way / self.cell, raster, self._least_key, self._least, near, missing)
+            near = np.zeros(keels.draft.size, np.bool_)
+            missing = np.empty(self._room * BLOCK**2 // survey.side**2, np.int64)  # as many cells of either
+            absent = squares_in_reach(
+                keels,
+                level,
+                REACH + survey.margin,
+                way / self.cell,
+                raster,
+                survey.side,
+                survey.key,
+                survey.least,
+                near,
+                missing,
+            )
             if not absent:
                 return near
             keys = np.unique(missing[:absent])
-            at = np.searchsorted(self._least_key, keys)
-            least = self._depths(keys).min(axis=(1, 2))
-            self._least_key, self._least = np.insert(self._least_key, at, keys), np.insert(self._least, at, least)
+            survey.take(keys, self._depths(keys, survey.side).min(axis=(1, 2)))
 
     def _coordinates(self, body: BodyFootprint, lon: Floats, lat: Floats) -> Floats:
         """Corners for the kernels: x, y, nothing, longitude (x on a plane), latitude (y) in cells."""
@@ -148,14 +185,14 @@ class Floor:
             else:
                 return Patches(start[: count + 1], out[: start[count]], owner[:count], gradient[:count], cell[:count])
 
-    def _depths(self, keys: Ints) -> Floats:
-        """Ask the depth at the corners of the cells of some blocks."""
+    def _depths(self, keys: Ints, side: int = BLOCK) -> Floats:
+        """Ask the depth at the corners of the cells of some blocks, or of squares of another ``side`` (cells)."""
         rows, columns = (keys + SHIFT // 2) // SHIFT, (keys + SHIFT // 2) % SHIFT - SHIFT // 2
-        step = np.arange(BLOCK + 1)
-        y = (rows[:, None, None] * BLOCK + step[None, :, None]) * self.cell
-        x = columns[:, None, None] * BLOCK + step[None, None, :]
-        per_degree = np.array([columns_of(row, self.cell, self.latlon, self.radius) for row in rows])
-        lon = np.broadcast_to(x / per_degree[:, None, None], (keys.size, BLOCK + 1, BLOCK + 1))
+        step = np.arange(side + 1)
+        y = (rows[:, None, None] * side + step[None, :, None]) * self.cell
+        x = columns[:, None, None] * side + step[None, None, :]
+        per_degree = np.array([columns_of(row, side, self.cell, self.latlon, self.radius) for row in rows])
+        lon = np.broadcast_to(x / per_degree[:, None, None], (keys.size, side + 1, side + 1))
         lat = np.broadcast_to(y / (DEGREE * self.radius if self.latlon else 1.0), lon.shape)
         depth = np.asarray(self._depth(lon.ravel(), lat.ravel()), float).reshape(lon.shape)
         return np.where(np.isfinite(depth), depth, OPEN_DEPTH)
@@ -192,14 +229,14 @@ class Floor:
         by_slot[self._slot] = self._key
         return np.asarray(by_slot[slots])
 
-    def plough(self, patches: Patches, excess: Floats) -> bool:
-        """Deepen the gouges by the volume (m3, of each polygon) in which the overlap exceeds what the bed bears.
+    def plough(self, patches: Patches, excess: Floats) -> float:
+        """Deepen the gouges by the volume (m3, of each polygon) in which the overlap exceeds what the bed bears; returns it all.
 
-        A whole block that yields is from then on looked at by cells. Returns whether anything has changed.
+        A whole block that yields is from then on looked at by cells: these are deepened the next time.
         """
         gouging = np.flatnonzero(excess > 0.0)
         if not gouging.size:
-            return False
+            return 0.0
         keys, area = self.keys_of(patches.cell[gouging, 0]), self.cell * self.cell
         for key, (slot, j, i), volume in zip(
             keys.tolist(), patches.cell[gouging].tolist(), excess[gouging].tolist(), strict=True
@@ -209,7 +246,7 @@ class Floor:
                 gouge[j, i] += volume / area
             self.gouges[key] = gouge.copy()
             self._flat[slot] = False
-        return True
+        return float(excess[gouging][patches.cell[gouging, 1] >= 0].sum())
 
     def settle(self, patches: Patches) -> None:
         """Deepen the gouges to where the keels are, so that nothing presses; whole blocks are looked at by cells from then on."""
@@ -257,13 +294,13 @@ class Floor:
 
 
 @kernel
-def columns_of(row: int, cell: float, latlon: bool, radius: float) -> float:
-    """Columns of cells per degree of longitude (per metre on a plane) in a row of blocks."""
+def columns_of(row: int, side: int, cell: float, latlon: bool, radius: float) -> float:
+    """Columns of cells per degree of longitude (per metre on a plane) in a row of blocks, of ``side`` cells each."""
     if not latlon:
         return 1.0 / cell
-    lat = (row + 0.5) * BLOCK * cell / radius
-    blocks = max(1.0, math.floor(2.0 * math.pi * radius * max(math.cos(lat), 0.0) / (BLOCK * cell) + 0.5))
-    return blocks * BLOCK / 360.0
+    lat = (row + 0.5) * side * cell / radius
+    blocks = max(1.0, math.floor(2.0 * math.pi * radius * max(math.cos(lat), 0.0) / (side * cell) + 0.5))
+    return blocks * side / 360.0
 
 
 @kernel
@@ -280,12 +317,13 @@ def place_of(keys: Ints, key: int, at: int, before: int) -> int:
 
 
 @kernel
-def blocks_in_reach(
-    keels: Keels, level: float, way: float, raster: Raster, keys: Ints, least: Floats, near: Booleans, missing: Ints
-) -> int:
-    """Set which elements have a block within `REACH` on a ``way`` (cells); returns how many blocks are missing.
+def squares_in_reach(
+    keels: Keels, level: float, reach: float, way: float, raster: Raster, side: int, keys: Ints, least: Floats, near: Booleans,
+    missing: Ints,
+) -> int:  # fmt: skip
+    """Set which elements have a square within ``reach`` (m) on a ``way`` (cells); returns how many squares are missing.
 
-    ``keys``, ``least``: numbers of blocks, sorted, and their least depths (m).
+    ``side``: of the squares, cells; ``keys``, ``least``: their numbers, sorted, and least depths (m).
     """
     start, corner, owner, draft, some = keels
     cell, latlon, radius = raster
@@ -299,13 +337,13 @@ def blocks_in_reach(
         for n in range(start[k], start[k + 1]):
             west, east = min(west, corner[n, 3]), max(east, corner[n, 3])
             south, north = min(south, corner[n, 4]), max(north, corner[n, 4])
-        for jb in range(math.floor((south - way) / BLOCK), math.floor((north + way) / BLOCK) + 1):
+        for jb in range(math.floor((south - way) / side), math.floor((north + way) / side) + 1):
             if near[e]:
                 break
-            per_degree = columns_of(jb, cell, latlon, radius)
-            around = round(per_degree * 360.0 / BLOCK) if latlon else 0
-            first = math.floor((west * per_degree - way) / BLOCK)
-            last = math.floor((east * per_degree + way) / BLOCK)
+            per_degree = columns_of(jb, side, cell, latlon, radius)
+            around = round(per_degree * 360.0 / side) if latlon else 0
+            first = math.floor((west * per_degree - way) / side)
+            last = math.floor((east * per_degree + way) / side)
             at, before = -1, 0
             for ib in range(first, last + 1):
                 # Numbers of columns go round the sphere once.
@@ -315,7 +353,7 @@ def blocks_in_reach(
                     if absent < missing.size:
                         missing[absent] = key
                         absent += 1
-                elif least[at] + level - draft[e] <= REACH:
+                elif least[at] + level - draft[e] <= reach:
                     near[e] = True
                     break
     return absent
@@ -350,7 +388,7 @@ def cut_by_cells(
             size = cut(room, size, 4, (jb + 1) * BLOCK, -1.0, row)
             if size < 3:
                 continue
-            per_degree = columns_of(jb, cell, latlon, radius)
+            per_degree = columns_of(jb, BLOCK, cell, latlon, radius)
             around = round(per_degree * 360.0 / BLOCK) if latlon else 0
             west, east = row[0, 3], row[0, 3]
             for n in range(size):

@@ -26,13 +26,19 @@ from riftberg.ocean.forcing import sea_level
 from riftberg.parameters import Grounding, KernelParameters
 from riftberg.physics.floating import draft_of
 from riftberg.state import Floats, Ints, Keel
-from riftberg.stepping.bodies.dynamics import BodyOperators, ElementForcing, add_forces, assemble_force_and_jacobian
+from riftberg.stepping.bodies.dynamics import (
+    BodyOperators,
+    ElementForcing,
+    add_forces,
+    add_inertia_and_floor_drag,
+    assemble_force_and_jacobian,
+)
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses, tangent_coordinates
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.islands import ContactPhase, PeakContactLoad, forcing_of_rows
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.balance import Bed, Bending, Hull, Pressure, hull_of, press
-from riftberg.stepping.ground.floor import Floor
+from riftberg.stepping.ground.floor import STEEPEST, Floor, Patches
 from riftberg.stepping.lattice.footprints import BodyFootprint, FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
 
@@ -62,11 +68,11 @@ TOUCH_STEP: Final = 60.0
 LEAST_STEP: Final = 0.01
 """Shortest sub-step, s."""
 
-STEEPEST: Final = 0.5
-"""Slope of the floor up to which an element that is deep enough in its middle is not looked at."""
-
 ASIDE: Final = 100.0
 """How far forces may take a fragment from its way in a step, m."""
+
+STRUCK: Final = 0.05
+"""Change of velocity (m s-1) in a step that makes an impact; pieces that lean on each other give less."""
 
 DEEP_KEEL: Final = 1.0
 """How far below the floor a keel may start, m."""
@@ -115,7 +121,7 @@ class GroundPhase(NamedTuple):
 
 
 class _Friction(NamedTuple):
-    """Friction in a sub-step."""
+    """Friction in a sub-step; ``plastic``: energy (J) that keels lose as they slide."""
 
     velocity: Floats  # V1; shape (3,)
     anchor: Floats  # Of each element, N; shape (elements, 2)
@@ -124,6 +130,7 @@ class _Friction(NamedTuple):
     torque: Floats  # About the centre of the element, N m
     net: Floats  # On the fragment; shape (3,)
     slides: bool
+    plastic: float
 
 
 class Seabed:
@@ -133,18 +140,30 @@ class Seabed:
         p, forcing = model.parameters, model.forcing
         self.bed = bed_of(p.grounding)
         self.floor = Floor(p.grounding.cell, forcing.depth, p.earth.latlon, p.earth.radius)
+        self.plastic = np.zeros(2)  # Work of friction and of gouging since the start, J
         self._footprints = footprints
         self._fragments: dict[int, Fragment] = {}
         self._key: list[bytes] = []
 
+    def checkpoint(self) -> tuple[dict[int, Floats], Floats]:
+        """Return what a step changes: gouges and plastic work."""
+        return self.floor.checkpoint(), self.plastic.copy()
+
+    def rollback(self, before: tuple[dict[int, Floats], Floats]) -> None:
+        """Return to what `checkpoint` gave."""
+        self.floor.rollback(before[0])
+        self.plastic = before[1].copy()
+
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
-        return self.floor.to_arrays()
+        return {**self.floor.to_arrays(), "bed_plastic": self.plastic}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
         if "gouge_block" in saved:
             self.floor.take_up(np.asarray(saved["gouge_block"]), np.asarray(saved["gouge_depth"]))
+        if "bed_plastic" in saved:
+            self.plastic = np.array(saved["bed_plastic"], np.float64)
 
     def prepare(self, model: RunState, bodies: Bodies) -> None:
         """Bring the fragments up to date with the state."""
@@ -208,6 +227,21 @@ class Seabed:
                 phases.append(run)
         return GroundPhase(_phase_of(phases, h), keel, flexure) if phases else None
 
+    def held_in_contact(self, model: RunState, op: BodyOperators, twist: Floats, slides: Ints) -> BodyOperators:
+        """Return the operators for sub-steps of contact, in which the bed brakes all fragments on it but ``slides``.
+
+        Its drag is linear and gives what friction can bear at the speed now, or at 1 mm/s: a fragment at rest is held.
+        """
+        el = model.elements
+        capacity = np.where(np.isin(op.body, slides), 0.0, el.keel.anchor_capacity)
+        if not capacity.any():
+            return op
+        u, v = (np.einsum("ek,ek->e", op.levers[:, k : k + 3], twist[op.body]) for k in (0, 3))
+        speed, drag = np.maximum(np.hypot(u, v), SLOW), np.zeros_like(op.matrices.floor_drag)
+        forcing = op.forcing._replace(floor_rate=op.forcing.floor_rate + capacity / (el.mass * speed))
+        add_inertia_and_floor_drag(op.body, op.levers, forcing, np.zeros_like(drag), drag)
+        return op._replace(forcing=forcing, matrices=op.matrices._replace(floor_drag=drag))
+
     def _near(
         self, model: RunState, bodies: Bodies, b: int, rows: Ints, time: float, h: float
     ) -> NDArray[np.bool_]:  # fmt: skip
@@ -228,7 +262,7 @@ class Seabed:
         return self.floor.near(fragment.footprint, lon, lat, draft, some, level, way)
 
     def check_start(self, model: RunState, bodies: Bodies) -> None:
-        """Refuse keels that start deep below the floor, or settle them into gouges."""
+        """Refuse keels that start deep below the floor, or settle them into gouges; find what the floor carries at the start."""
         self.prepare(model, bodies)
         el, c, g = model.elements, model.constants, model.parameters.grounding
         for b in range(bodies.pose.shape[0]):
@@ -237,21 +271,29 @@ class Seabed:
             if not near.any():
                 continue
             fragment = self.fragment(model, bodies, b)
-            lon, lat = corner_positions(fragment.footprint.corner, bodies.pose[b], c)
+            place = corner_positions(fragment.footprint.corner, bodies.pose[b], c)
             level = _level(model, bodies.pose[b], model.time)
-            patches = self.floor.patches(fragment.footprint, lon, lat, fragment.draft, near, level)
+            patches = self.floor.patches(fragment.footprint, *place, fragment.draft, near, level)
             deepest = patches.corner[:, 2].max(initial=0.0)
-            if deepest <= DEEP_KEEL:
-                continue
-            if g.start == "refuse":
+            if deepest > DEEP_KEEL and g.start == "refuse":
                 at = np.searchsorted(patches.start, patches.corner[:, 2].argmax(), side="right") - 1
                 e = int(rows[patches.owner[at]])
                 raise InputError(
                     f"the keel of element {el.body.id[e]} at ({el.lon[e]:.6g}, {el.lat[e]:.6g}) starts {deepest:.3g} m below the "
                     "sea floor", where="Model", remedy="Place the berg in deeper water, or set grounding.start to settle",
                 )  # fmt: skip
-            for _ in range(2):  # whole blocks first, then their cells
-                self.floor.settle(self.floor.patches(fragment.footprint, lon, lat, fragment.draft, near, level))
+            for _ in range(2 if deepest > DEEP_KEEL else 0):  # whole blocks first, then their cells
+                self.floor.settle(patches)
+                patches = self.floor.patches(fragment.footprint, *place, fragment.draft, near, level)
+            found = self.press(model, fragment, patches, np.zeros(3))
+            el.keel.floor_load[rows], el.keel.anchor_capacity[rows] = found.load, found.capacity
+
+    def press(self, model: RunState, f: Fragment, patches: Patches, rise: Floats) -> Pressure:
+        """Rise and loads of a fragment; ``rise``: where the search begins."""
+        try:
+            return press(patches, f.rows.size, f.hull, self.bed, f.thickness, f.first, f.second, rise)
+        except FloatingPointError:
+            raise RunError(f"the heave of a berg aground did not settle at {model.date:%Y-%m-%d %H:%M}") from None
 
 
 def corner_positions(corner: Floats, pose: Floats, p: KernelParameters) -> tuple[Floats, Floats]:
@@ -271,6 +313,15 @@ def _level(model: RunState, pose: Floats, time: float) -> float:
     """Sea level (m) at the centre of a fragment."""
     lon, lat = corner_positions(np.zeros((1, 2)), pose, model.constants)
     return float(sea_level(model.forcing, lon, lat, time)[0])
+
+
+def bodies_that_are_struck(contact: ContactPhase, op: BodyOperators, twist: Floats) -> Ints:
+    """Bodies that contact gives a change of velocity of more than `STRUCK`."""
+    hit = [
+        math.hypot(*_impulse_of(contact, op, twist, b)[:2]) > STRUCK * op.matrices.inertia[b, 0, 0]
+        for b in contact.bodies.tolist()
+    ]
+    return contact.bodies[hit]
 
 
 def _impulse_of(contact: ContactPhase | None, op: BodyOperators, twist: Floats, b: int) -> Floats:
@@ -332,7 +383,7 @@ class _Landing:
         move_poses(self.pose, (path / t)[None], t, self.c.latlon, self.c.earth_radius, new, np.empty((3, 3)))
         return new
 
-    def _patches(self, pose: Floats, t: float) -> Any:
+    def _patches(self, pose: Floats, t: float) -> Patches:
         lon, lat = corner_positions(self.fragment.footprint.corner, pose[0], self.c)
         level = _level(self.model, pose[0], self.time + t)
         return self.seabed.floor.patches(
@@ -344,14 +395,8 @@ class _Landing:
 
     def _press(self, path: Floats, t: float) -> tuple[Floats, Pressure]:
         """Pose and pressure after a path (m, m, rad), ``t`` s from the start."""
-        f, pose = self.fragment, self._pose_after(path, t)
-        try:
-            found = press(
-                self._patches(pose, t), f.rows.size, f.hull, self.bed, f.thickness, f.first, f.second, self.rise
-            )
-        except FloatingPointError:
-            raise RunError(f"the heave of a berg aground did not settle at {self.model.date:%Y-%m-%d %H:%M}") from None
-        return pose, found
+        pose = self._pose_after(path, t)
+        return pose, self.seabed.press(self.model, self.fragment, self._patches(pose, t), self.rise)
 
     def integrate(self, h: float) -> None:
         """Take the fragment through ``h`` s."""
@@ -417,7 +462,9 @@ class _Landing:
 
     def _no_friction(self) -> _Friction:
         n = self.rows.size
-        return _Friction(self.velocity, self.anchor, self.capacity, np.zeros((n, 2)), np.zeros(n), np.zeros(3), True)
+        return _Friction(
+            self.velocity, self.anchor, self.capacity, np.zeros((n, 2)), np.zeros(n), np.zeros(3), True, 0.0
+        )
 
     def _friction(self, dt: float, pose: Floats, found: Pressure) -> _Friction | None:
         """Solve for the velocity at the end of a sub-step, with the anchors; None where it does not settle."""
@@ -432,11 +479,8 @@ class _Landing:
         anchor = np.where(loaded[:, None], self.anchor, 0.0)
         largest = np.where(loaded, np.maximum(self.capacity, found.capacity), 0.0)
         spring = dt * largest / self.bed.anchor_way
-        net_media, jacobian = np.zeros((1, 3)), np.zeros((1, 3, 3))
-        assemble_force_and_jacobian(
-            self.body_of, m, v0[None].copy(), self.forcing, np.ones(1, np.bool_), net_media, jacobian
-        )
-        constant = net_media[0] + np.einsum("eak,ea->k", lever, found.slope) + self.push
+        net_media, jacobian, always = np.zeros((1, 3)), np.zeros((1, 3, 3)), np.ones(1, np.bool_)
+        constant = np.einsum("eak,ea->k", lever, found.slope) + self.push
         limit = found.capacity
 
         def forces(v: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
@@ -451,7 +495,12 @@ class _Landing:
             )
 
         def residual(v: Floats, f: Floats) -> Floats:
-            net = constant - 0.5 * jacobian[0] @ (v - v0) + np.einsum("eak,ea->k", lever, f)
+            # Media at the mean velocity, as the ledger has them: momentum closes to round-off.
+            net_media[:], jacobian[:] = 0.0, 0.0
+            assemble_force_and_jacobian(
+                self.body_of, m, 0.5 * (v0 + v)[None], self.forcing, always, net_media, jacobian
+            )
+            net = net_media[0] + constant + np.einsum("eak,ea->k", lever, f)
             return np.asarray(v - v0 - dt * (self.mobility @ net))
 
         def size_of(r: Floats) -> float:
@@ -484,7 +533,11 @@ class _Landing:
             return None
         force = f + found.slope
         net = np.einsum("eak,ea->k", lever, force)
-        return _Friction(v, f, largest, force, ox * force[:, 1] - oy * force[:, 0], net, bool(slides.any()))
+        # Where it slides, the anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
+        tried = np.hypot(*(anchor - spring[:, None] * (lever @ (0.5 * (v0 + v)))).T)[slides]
+        yields = np.maximum(tried - limit[slides], 0.0) * self.bed.anchor_way / largest[slides]
+        plastic = float((limit[slides] * yields).sum())
+        return _Friction(v, f, largest, force, ox * force[:, 1] - oy * force[:, 0], net, bool(slides.any()), plastic)
 
     def _accept(self, dt: float, middle: tuple[Floats, Pressure], friction: _Friction, end: Pressure) -> None:
         """Make a sub-step the state of the fragment."""
@@ -507,7 +560,9 @@ class _Landing:
             for patch in end.bending():
                 cut = bent_bonds(patch, self.fragment.xy, self.fragment.first, self.fragment.second)
                 self.flexure[cut] = np.maximum(self.flexure[cut], patch.stress)
-        self.seabed.floor.plough(end.patches, end.excess)
+        self.seabed.plastic += (
+            friction.plastic, self.bed.strength * self.seabed.floor.plough(end.patches, end.excess)
+        )  # fmt: skip
 
     def _finish(self) -> None:
         """Write what the floor does at the end to the keels."""
@@ -561,12 +616,11 @@ def joined(contact: ContactPhase | None, ground: ContactPhase, body: Ints) -> Co
     """Return both as one: fragments on the floor go as their sub-steps say, in which contact has acted, too."""
     if contact is None:
         return ground
-    loaded = ~np.isin(contact.peak_load.bodies, ground.bodies)
-    some = contact.peak_load
-    rows = ~np.isin(body[some.rows], ground.bodies)
-    rest = without(contact, ground.bodies, body)
-    kept = PeakContactLoad(some.rows[rows], some.force[rows], some.axes[rows], some.bodies[loaded], some.spin[loaded])
-    peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(kept, ground.peak_load, strict=True)))
+    rest, some = without(contact, ground.bodies, body), ground.peak_load
+    # An impact loads a fragment more than the floor that it makes it press on.
+    alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (some.bodies, body[some.rows]))
+    kept = PeakContactLoad(some.rows[rows], some.force[rows], some.axes[rows], some.bodies[alone], some.spin[alone])
+    peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(contact.peak_load, kept, strict=True)))
 
     def both(name: str) -> Any:
         return np.concatenate([getattr(rest, name), getattr(ground, name)])

@@ -84,7 +84,7 @@ from riftberg.stepping.fracture.criteria import (
     store_stresses,
 )
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
-from riftberg.stepping.ground.landing import GroundPhase, Seabed, joined, without
+from riftberg.stepping.ground.landing import GroundPhase, Seabed, bodies_that_are_struck, joined, without
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness, CellTopology
 from riftberg.stepping.lattice.cells import (
     CELL_NAMES,
@@ -134,6 +134,13 @@ contact, and the shortest interval between two cracks for overload (under half a
 
 LONGEST_CONTACT_STEP = 1800.0
 """Longest trial step (s) in which fragments touch: in longer ones the loads at its end are not those of the impact."""
+
+LONGEST_SLIDING_STEP = 20.0
+"""Longest trial step (s) in which a fragment slides over a bed of sediment that others press: an impact lasts some 15 s."""
+
+YIELDS = 0.02
+"""Way (m) that a held fragment gives in a long step from which on it may be pushed harder than the bed can bear: at 1 mm/s under
+that force, for the time of an impact."""
 
 MAX_LOW_RANK_UPDATES = 90
 """Rank of the correction for broken bonds beyond which the stiffness matrix is factored anew: about where that is quicker."""
@@ -186,9 +193,9 @@ class QuasiStaticStepper:
         return self._touched
 
     @property
-    def crushed(self) -> float:
-        """See `riftberg.stepping.stepper.Stepper.crushed`."""
-        return float(self._faces.pairs.dissipated[0])
+    def plastic(self) -> Floats:
+        """See `riftberg.stepping.stepper.Stepper.plastic`."""
+        return np.append(self._faces.pairs.dissipated, np.zeros(2) if self._seabed is None else self._seabed.plastic)
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
@@ -353,8 +360,8 @@ N_CONNECTIVITY = 5
 """How many of them are about connectivity: which elements there are, how they are bonded and supported."""
 
 
-Memory = tuple[dict[int, Floats] | None, FacePairs | None]
-"""Gouges of the sea floor, and faces that press each other."""
+Memory = tuple[tuple[dict[int, Floats], Floats] | None, FacePairs | None]
+"""Gouges of the sea floor and the work that went into it, and faces that press each other."""
 
 
 class LawsWithMemory(NamedTuple):
@@ -366,15 +373,15 @@ class LawsWithMemory(NamedTuple):
     def checkpoint(self) -> Memory:
         """Return what a step changes of them."""
         return (
-            None if self.seabed is None else self.seabed.floor.checkpoint(),
+            None if self.seabed is None else self.seabed.checkpoint(),
             None if self.faces is None else self.faces.pairs,
         )
 
     def rollback(self, before: Memory) -> None:
         """Return to what `checkpoint` gave."""
-        gouges, pairs = before
-        if self.seabed is not None and gouges is not None:
-            self.seabed.floor.rollback(gouges)
+        bed, pairs = before
+        if self.seabed is not None and bed is not None:
+            self.seabed.rollback(bed)
         if self.faces is not None and pairs is not None:
             self.faces.pairs = pairs
 
@@ -407,6 +414,7 @@ class Trial:
     h: float  # s
     state: BodyState  # At its end
     contact: ContactPhase | None  # What contact did on the way
+    slides: bool = False  # Whether a bed of sediment cannot hold a fragment that others press
     peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
 
@@ -419,6 +427,7 @@ class Move(NamedTuple):
     contact: ContactPhase | None  # Of bodies that met
     ground: GroundPhase | None  # Of bodies on a bed of sediment
     phase: ContactPhase | None  # Of both
+    slides: bool  # Whether that bed cannot hold a body that met another
 
 
 class TimeStep:
@@ -518,6 +527,10 @@ class TimeStep:
         if h > LONGEST_CONTACT_STEP * (1.0 + 1e-9) and trial.contact is not None and trial.contact.first.size:
             self._rollback(checkpoint)
             self._max_dt = LONGEST_CONTACT_STEP
+            return math.inf
+        if h > LONGEST_SLIDING_STEP * (1.0 + 1e-9) and trial.slides:
+            self._rollback(checkpoint)
+            self._max_dt = LONGEST_SLIDING_STEP
             return math.inf
 
         def touches(h: float) -> bool:
@@ -627,8 +640,7 @@ class TimeStep:
 
         # Contact: fragments that may touch each other go through the step in sub-steps, island by island; then those that
         # touch a bed of sediment. ``phase`` holds what both have done; it is None where no fragment took sub-steps.
-        contact = self._resolve_contacts(start, h)
-        ground = self._run_aground(start, h, contact)
+        contact, ground, slides = self._resolve_contacts_and_bed(start, h)
         phase = contact if ground is None else joined(contact, ground.motion, bodies.body)
 
         # Predictor: first half kick and drift. Bodies in contact drift with the mean twist of their sub-steps.
@@ -642,11 +654,11 @@ class TimeStep:
         new, ashore = self._constrained_by_land(new)
 
         self.model.forcing.sample(el, start.time + h)
-        return Move(new, self._operators(new), ashore, contact, ground, phase)
+        return Move(new, self._operators(new), ashore, contact, ground, phase, slides)
 
     def _trial(self, start: BodyState, h: float) -> Trial:
         """Take a trial step of ``h`` s: the fragments at the new place with their velocities, loads and equilibrium."""
-        (new, op, ashore, contact, ground, phase), bodies = self._move(start, h), start.bodies
+        (new, op, ashore, contact, ground, phase, slides), bodies = self._move(start, h), start.bodies
         work, time = self._workspace(bodies), start.time + h
 
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
@@ -680,7 +692,38 @@ class TimeStep:
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load), c)
             drive = lattice.criterion.damage_drive(middle, lattice.strengths(self.bonds, c))
             grow_damage(self.bonds, lattice.intact, drive, h, c)
-        return Trial(h, state, phase)
+        return Trial(h, state, phase, slides)
+
+    def _resolve_contacts_and_bed(
+        self, start: BodyState, h: float
+    ) -> tuple[ContactPhase | None, GroundPhase | None, bool]:
+        """Take fragments through contact and over a bed of sediment; the third value is that of `Move.slides`.
+
+        What stands on the bed is held while others press it, unless it turns out to slide then: it goes through the contact as
+        if it were afloat, and over the bed with the mean force, in steps in which friction takes little of its speed.
+        """
+        none = NO_PAIRS[0]
+        if self.seabed is None:
+            return self._resolve_contacts(start, h, none), None, False
+        memory, keel = self.laws.checkpoint(), [array.copy() for array in self.el.keel]
+        contact = self._resolve_contacts(start, h, none)
+        ground = self._run_aground(start, h, contact)
+        if contact is None or ground is None:
+            return contact, ground, False
+        struck = bodies_that_are_struck(contact, start.operators, start.bodies.twist)
+        way, pushed = (h * np.hypot(phase.mean[:, 0], phase.mean[:, 1]) for phase in (ground.motion, contact))
+        slides = np.intersect1d(ground.motion.bodies[way > self.seabed.bed.anchor_way], struck)
+        if h > LONGEST_SLIDING_STEP * (1.0 + 1e-9):
+            # The mean force of an impact in a long step is small, but what it does to a fragment that is held shows.
+            yields = np.intersect1d(contact.bodies[pushed > YIELDS], ground.motion.bodies)
+            return contact, ground, bool(slides.size or np.intersect1d(yields, struck).size)
+        if slides.size:
+            self.laws.rollback(memory)
+            for array, values in zip(self.el.keel, keel, strict=True):
+                array[:] = values
+            contact = self._resolve_contacts(start, h, slides)
+            ground = self._run_aground(start, h, contact)
+        return contact, ground, bool(slides.size)
 
     def _run_aground(self, start: BodyState, h: float, contact: ContactPhase | None) -> GroundPhase | None:
         """Take the fragments that touch a bed of sediment within ``h`` s through sub-steps, up to what it does at the end."""
@@ -692,13 +735,18 @@ class TimeStep:
         self.bonds.flexural_stress[:] = 0.0 if ground is None else ground.flexure
         return ground
 
-    def _resolve_contacts(self, start: BodyState, h: float) -> ContactPhase | None:
-        """Take the fragments that may touch each other within ``h`` s through sub-steps."""
+    def _resolve_contacts(self, start: BodyState, h: float, slides: Ints) -> ContactPhase | None:
+        """Take the fragments that may touch each other within ``h`` s through sub-steps; the bed does not hold ``slides``."""
         bodies = start.bodies
         if self.faces is None or bodies.pose.shape[0] < 2 or not self.c.interactions:
             return None
+        op = (
+            start.operators
+            if self.seabed is None
+            else self.seabed.held_in_contact(self.model, start.operators, bodies.twist, slides)
+        )
         try:
-            return self.faces.resolve(self.model, bodies, start.operators, h, self.sizes)
+            return self.faces.resolve(self.model, bodies, op, h, self.sizes)
         except FloatingPointError:
             raise RunError(
                 f"the velocities of bergs in contact did not converge at {self.model.date:%Y-%m-%d %H:%M}"
