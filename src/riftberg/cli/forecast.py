@@ -68,7 +68,7 @@ def forecast(
     """Forecast how likely a berg breaks, grounds and where it drifts: an ensemble with errors in all inputs."""
     from riftberg.ensembles.forecast import errors_line, forecast_plan
     from riftberg.ensembles.probability import notes, told
-    from riftberg.ensembles.sweep import draws_of
+    from riftberg.ensembles.sweep import WEIGHTS, draws_of
 
     def make(experiment: str) -> Plan:
         draws = draws_of({"members": members, "plan": plan, "seed": shared.seed})
@@ -87,6 +87,8 @@ def forecast(
                     say(f"  {v.told()}")
         with results_folder(store.folder, RESULTS):
             result = run_members(store, "forecast", shared)
+        if (store.folder / WEIGHTS).exists() and not store.weights():
+            say("Weights of earlier sightings do not hold for members that were added: use riftberg update once more")
         files = list(RESULTS[:-1])
         if not (result["status"] == 0).any():
             message = next((str(text) for text in result["message"].values if text), "")

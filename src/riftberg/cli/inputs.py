@@ -241,7 +241,8 @@ def calibrate(
             found = calibrated(
                 str(asked["experiment"]), seen, asked["vary"] or [], errors=errors, output=folder,
                 resume=shared.resume is not None, bar=bar, changes=made.changes, without=asked["without"] or (),
-                seed=asked["seed"] or 1, scheduler=shared.scheduler, workers=shared.workers, **same, **dates,
+                seed=asked["seed"] or 1, scheduler=shared.scheduler, workers=shared.workers,
+                member_time=shared.member_time, **same, **dates,
             )  # fmt: skip
         except (KeyboardInterrupt, SystemExit):
             if (folder / ASKED).exists():

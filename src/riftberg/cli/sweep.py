@@ -21,7 +21,7 @@ from riftberg.cli.options import (
     with_ensemble_options,
 )
 from riftberg.cli.terminal import announce_compilation, reported, say
-from riftberg.config.units import duration_text
+from riftberg.config.units import duration_text, quantity_text
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
 
@@ -166,6 +166,10 @@ def resumed(folder: Path, experiment: str | None = None, members: int | None = N
         raise InputError(f"holds a {found}", where=f"--resume {folder}", remedy=f"Go on by 'riftberg {found} --resume'")
     if experiment is not None and Path(experiment).stem != Path(known["experiment"]).stem:
         raise InputError(f"a sweep of {known['experiment']}, not of {experiment}", where=f"--resume {folder}")
+    if members is not None and known.get("design"):
+        raise InputError(
+            "its members are the rows of a table", where=f"--resume {folder}, --members", remedy="Leave --members out"
+        )
     options = Options(
         changes=known["changes"], days=known["days"], data=None if known["data"] is None else Path(known["data"]),
         without=frozenset(known["without"]), numerics=known["numerics"],
@@ -204,7 +208,9 @@ def run_members(store: Store, command: str, shared: EnsembleOptions) -> xr.Datas
     number = len(store.plan.members) + store.plan.forecast  # a forecast has its control beside the members
     try:
         bar = None if shared.quiet else SweepBar(number)
-        return run_sweep(store, scheduler=shared.scheduler, workers=shared.workers, bar=bar)
+        return run_sweep(
+            store, scheduler=shared.scheduler, workers=shared.workers, member_time=shared.member_time, bar=bar
+        )
     except (KeyboardInterrupt, SystemExit):
         say(f"{len(store.done)} of {number} members are done. "
             f"Go on with: riftberg {command} --resume {store.folder}")  # fmt: skip
@@ -220,6 +226,8 @@ def _size(store: Store) -> str:
 
 def summary_lines(result: xr.Dataset) -> list[str]:
     """Return a sweep in a few lines: what came of each member, and what failed."""
+    from riftberg.ensembles.probability import fates
+
     names = [str(name) for name in result.coords if "parameter" in result[name].attrs]
     lines = []
     for k in range(min(result.sizes["member"], 20)):
@@ -234,17 +242,14 @@ def summary_lines(result: xr.Dataset) -> list[str]:
             )
             date = str(member["first_breakup"].values)[:16]
             lines.append(f"  {said}: {end}" + ("" if date == "NaT" else f", first break-up {date.replace('T', ' ')}"))
-        elif int(member["status"]) == 1:
-            lines.append(f"  {said}: failed: {member['message'].item()}")
         else:
-            lines.append(f"  {said}: waits")
+            how = {1: f"failed: {member['message'].item()}", 3: member["message"].item()}
+            lines.append(f"  {said}: {how.get(int(member['status']), 'waits')}")
     if result.sizes["member"] > 20:
         lines.append(f"  and {result.sizes['member'] - 20} more, see sweep.nc")
-    failed = int((result["status"] == 1).sum())
-    return [f"{result.attrs['title']}, {failed} failed", *lines]
+    return [f"{result.attrs['title']}, {fates(result)}", *lines]
 
 
 def _value(value: xr.DataArray) -> str:
     item = value.item()
-    unit = value.attrs.get("units", "1")
-    return f"{item:.6g}{'' if unit == '1' else ' ' + unit}" if isinstance(item, float) else str(item)
+    return quantity_text(item, value.attrs.get("units", "1")) if isinstance(item, float) else str(item)

@@ -321,6 +321,9 @@ def log_likelihood(
             if not times[0] <= now <= times[-1] + DAY:
                 raise InputError(f"{date:%Y-%m-%d %H:%M} is not within the forecast", where="update")
             right = (~np.isnat(first) & (first <= now)) == was
+            if not (right & np.isfinite(found)).any():
+                _LOG.warning("no member %s by %s: this sighting tells none from another",
+                             "had broken up" if was else "was still whole", f"{date:%Y-%m-%d %H:%M}")  # fmt: skip
             found += np.log(np.where(right, 1.0 - doubt, doubt))
             count += 1
     if not count:
