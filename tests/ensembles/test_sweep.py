@@ -113,6 +113,7 @@ def test_the_file_speaks_cf(alone: xr.Dataset, tmp_path: Path) -> None:
         assert raw["member"].attrs["standard_name"] == "realization"
         assert raw["time"].attrs["units"].startswith("seconds since 2020-12-09")
         assert raw["lon"].attrs["standard_name"] == "longitude"
+        assert {"fragment_lat", "fragment_lon"} < set(raw["fragment_area"].coords)  # as the checker of CF asks
         assert not any("_FillValue" in raw[name].encoding for name in ("member", "fragment", "time"))  # CF, 2.5.1
         for name, variable in raw.data_vars.items():
             assert "long_name" in variable.attrs or "standard_name" in variable.attrs, name

@@ -208,10 +208,12 @@ def _add_fragments(
             for name in FRAGMENT:
                 table[name][number, place] = outcome.fragments[name][row]
     dims = ("member", "fragment")
-    ds["fragment_number"] = (dims, table["number"], {"units": "1", "long_name": "number of the fragment in its member"})
+    at = {"coordinates": " ".join(f"fragment_{shown}" for shown, _ in reversed(_place(latlon).values()))}
+    about: dict[str, str] = {"units": "1", "long_name": "number of the fragment in its member", **at}
+    ds["fragment_number"] = (dims, table["number"], about)
     for name, (unit, meaning) in _ABOUT.items():
-        ds[f"fragment_{name}"] = (dims, table[name], {"units": unit, "long_name": meaning})
-    birth = {"long_name": "time at which the fragment broke off; the start for a berg that was there"}
+        ds[f"fragment_{name}"] = (dims, table[name], {"units": unit, "long_name": meaning, **at})
+    birth = {"long_name": "time at which the fragment broke off; the start for a berg that was there", **at}
     ds["fragment_birth_time"] = (dims, _dates(table["birth_time"] + later[:, None], start), birth)
     for name, (shown, about) in _place(latlon).items():
         ds[f"fragment_{shown}"] = (dims, table[name], {**about, "long_name": f"{about['long_name']} at birth"})
