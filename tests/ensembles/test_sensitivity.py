@@ -199,6 +199,30 @@ def drifting(speed: float = 0.1, strength: float = 1.0) -> Model:
     return Model(berg, Steady(current=(speed, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
 
 
+@pytest.mark.parametrize("result", [3.0, [1.0, 2.0], ["a"] * 4])
+def test_a_result_that_is_no_number_for_each_member_is_refused(result: Any) -> None:
+    with pytest.raises(InputError, match=r"the function of 'own' returns .* one number for each of the 4 members"):
+        riftberg.sensitivity(
+            drifting, {"speed": "~uniform(0.1, 0.2)"}, members=2, days="1 h", every_hours=1, workers=0,
+            default_errors=False, results={"own": lambda ds: result},
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(("row", "berg", "said"), [
+    ("2021-12-09T01:00,-37.0,-56.0", [], "no position during the runs"),
+    ("2020-12-09T14:00,-37.0,-56.0", ["--berg", "B1"], "no positions of B1"),
+])  # fmt: skip
+def test_observations_that_do_not_fit_are_refused_before_the_runs(
+    row: str, berg: list[str], said: str, tmp_path: Path
+) -> None:
+    seen, out = tmp_path / "seen.csv", tmp_path / "out"
+    seen.write_text(f"name,date,lon,lat\nA1,{row}\n")
+    words = ["sensitivity", "a68a", "--days", "0.25", "--draws", "2", "--observed", str(seen), "-o", str(out)]
+    result = CliRunner().invoke(app, [*words, *berg])
+    assert said in " ".join(result.output.split())
+    assert not out.exists()
+
+
 def test_a_function_of_inputs(tmp_path: Path) -> None:
     vary = {"speed": "~uniform(0.1, 0.2)", "strength": "~uniform(0.5, 1)"}
     found = riftberg.sensitivity(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -76,6 +77,7 @@ def sensitivity(
     from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, results_of
     from riftberg.ensembles.sweep import draws_of, planned
     from riftberg.system.atomic_files import write_text
+    from riftberg.verification.sightings import drift_error, sightings_during
 
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
@@ -90,6 +92,8 @@ def sensitivity(
         announce_compilation(shared.quiet)
         store = opened(context, "sensitivity", experiment, make, RESULTS, shared, draws)
         plan = store.plan
+        if seen is not None:  # refused before the runs, not after them
+            sightings_during(seen, berg, None, plan.start, plan.start, plan.start + timedelta(days=plan.days))
         for day in at_day or ():
             positive(day, "--at-day", "days", most=plan.days)
         if not shared.quiet:
@@ -102,8 +106,6 @@ def sensitivity(
                 raise RunError("no run came to its end")
             results = results_of(ds, at_day or ())
             if seen is not None:
-                from riftberg.verification.sightings import drift_error
-
                 results["drift error"] = Result(drift_error(ds, seen, berg=berg), "km")
             found = indices(ds, results)
             write_text(store.folder / "sensitivity.csv", found.to_dataframe().to_csv(lineterminator="\n"))

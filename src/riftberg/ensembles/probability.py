@@ -576,7 +576,9 @@ def told(ds: xr.Dataset) -> list[str]:
             spread = f"90 % within an ellipse of {major:.0f} by {minor:.0f} km (semi-axes)"
         else:
             spread = "one member says nothing of the spread"
-        lines.append(f"  position {place_text(lon, lat, latlon=True, digits=2)}; {spread}")
+        bergs = int((done["fragment_parent"].isel(member=0).values == 0.0).sum())
+        whose = f" of the first of {bergs} bergs" if bergs > 1 else ""
+        lines.append(f"  position{whose} {place_text(lon, lat, latlon=True, digits=2)}; {spread}")
     best = np.unravel_index(int(ds["crack_probability"].values.argmax()), ds["crack_probability"].shape)
     share = float(ds["crack_probability"].values[best])
     if share > 0.0:

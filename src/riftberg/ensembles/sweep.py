@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
 import numpy as np
 import xarray as xr
 
+from riftberg.config.units import duration_text
 from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.cluster import computed, connected, cores
@@ -319,7 +320,7 @@ def planned(
         every_hours = min(USUAL_HOURS, 24.0 * length)
     if not 0.0 < every_hours <= 24.0 * length:
         raise InputError(
-            f"a position every {every_hours:g} h in runs of {length:g} days", where="every_hours",
+            f"a position every {every_hours:g} h in runs of {duration_text(length)}", where="every_hours",
             remedy="Give a number above 0, at most the length of the runs",
         )  # fmt: skip
     return Plan(

@@ -165,16 +165,23 @@ def drift_error(
     ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, hour: float | None = None
 ) -> Floats:
     """Return the mean distance (km) of each member's berg from the observed positions after the start."""
-    times = times_of(ensemble)
-    _, seen = sightings_of(observed, berg, start_of(ensemble), hour)
-    apart = [
-        np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1)
-        for s in seen
-        if times[0] < np.datetime64(s.when, "ns") <= times[-1]
-    ]
-    if not apart:
+    start, end = (date.astype("datetime64[us]").item() for date in times_of(ensemble)[[0, -1]])
+    seen = sightings_during(observed, berg, hour, start_of(ensemble), start, end)
+    return np.asarray(np.mean([np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1) for s in seen], axis=0))
+
+
+def sightings_during(
+    observed: Observations, berg: str | None, hour: float | None, first: datetime, start: datetime, end: datetime
+) -> list[Sighting]:
+    """Return when and where a berg was seen after the start of runs until their end; refuse none.
+
+    ``first``: start of the run whose hour days without a time get, unless ``hour`` says it.
+    """
+    _, seen = sightings_of(observed, berg, first, hour)
+    during = [s for s in seen if start < s.when <= end]
+    if not during:
         raise InputError("no position during the runs", where=str(observed.source), remedy="Observe the berg then")
-    return np.asarray(np.mean(apart, axis=0))
+    return during
 
 
 def outline_of_run(file: Path) -> Any:
