@@ -19,8 +19,8 @@ from typer.testing import CliRunner
 
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
+from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
-from riftberg.cli.sweep import summary_lines
 from riftberg.ensembles.member import Job, Outcome, Tracks, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
 from riftberg.ensembles.sweep import Store, join_parts, planned

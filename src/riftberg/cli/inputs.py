@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from riftberg.cli.ensembles import opened, run_members
 from riftberg.cli.options import (
     AzimuthError,
     BergInFile,
@@ -29,7 +30,6 @@ from riftberg.cli.options import (
     with_ensemble_options,
     within,
 )
-from riftberg.cli.sweep import opened, run_members
 from riftberg.cli.terminal import announce_compilation, reported, say
 from riftberg.errors import InputError, RunError
 from riftberg.system.limits import allow_large
