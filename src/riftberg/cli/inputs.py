@@ -77,7 +77,7 @@ def sensitivity(
     from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, results_of
     from riftberg.ensembles.sweep import draws_of, planned
     from riftberg.system.atomic_files import write_text
-    from riftberg.verification.sightings import drift_error, sightings_during
+    from riftberg.verification.sightings import drift_error, during, sightings_of
 
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
@@ -93,7 +93,8 @@ def sensitivity(
         store = opened(context, "sensitivity", experiment, make, RESULTS, shared, draws)
         plan = store.plan
         if seen is not None:  # refused before the runs, not after them
-            sightings_during(seen, berg, None, plan.start, plan.start, plan.start + timedelta(days=plan.days))
+            end = plan.start + timedelta(days=plan.days)
+            during(*sightings_of(seen, berg, plan.start, None), plan.start, end, str(observed))
         for day in at_day or ():
             positive(day, "--at-day", "days", most=plan.days)
         if not shared.quiet:

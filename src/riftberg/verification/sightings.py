@@ -166,22 +166,19 @@ def drift_error(
 ) -> Floats:
     """Return the mean distance (km) of each member's berg from the observed positions after the start."""
     start, end = (date.astype("datetime64[us]").item() for date in times_of(ensemble)[[0, -1]])
-    seen = sightings_during(observed, berg, hour, start_of(ensemble), start, end)
+    seen = during(*sightings_of(observed, berg, start_of(ensemble), hour), start, end, str(observed.source))
     return np.asarray(np.mean([np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1) for s in seen], axis=0))
 
 
-def sightings_during(
-    observed: Observations, berg: str | None, hour: float | None, first: datetime, start: datetime, end: datetime
-) -> list[Sighting]:
-    """Return when and where a berg was seen after the start of runs until their end; refuse none.
-
-    ``first``: start of the run whose hour days without a time get, unless ``hour`` says it.
-    """
-    _, seen = sightings_of(observed, berg, first, hour)
-    during = [s for s in seen if start < s.when <= end]
-    if not during:
-        raise InputError("no position during the runs", where=str(observed.source), remedy="Observe the berg then")
-    return during
+def during(name: str, seen: list[Sighting], start: datetime, end: datetime, where: str) -> list[Sighting]:
+    """Return when and where a berg was seen after the start of runs until their end; none is refused."""
+    found = [s for s in seen if start < s.when <= end]
+    if not found:
+        raise InputError(
+            f"no position of {name or 'the berg'} from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}", where=where,
+            remedy="Give positions of the time of the runs",
+        )  # fmt: skip
+    return found
 
 
 def outline_of_run(file: Path) -> Any:
