@@ -184,6 +184,8 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     members = f"{done} member{'s' if done > 1 else ''}" + (
         f", {count:.1f} of them count" if count < 0.995 * done else ""
     )
+    unfinished = int((result["status"] == 3).sum())
+    members += f", {unfinished} more unfinished" if unfinished else ""
     name = Path(str(result.attrs.get("experiment", "Forecast"))).stem
     style.put_title(figure, f"{name}: {members}, {style.span_text(result['time'].values)}", size=13.0)
     style.lay_out(figure)
