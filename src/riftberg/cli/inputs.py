@@ -146,7 +146,7 @@ def summary_lines(found: Any) -> list[str]:
 CALIBRATION = ("calibration.nc", "calibration.csv", "posterior.png", "predictive.png")
 """Files that the command writes into its folder, beside one folder for each wave."""
 
-WHERE = ("output", "scheduler", "workers", "resume", "figure", "quiet", "large", "verbose")
+WHERE = ("output", "scheduler", "workers", "member_time", "resume", "figure", "quiet", "large", "verbose")
 """Parameters of the command that do not say what is calibrated."""
 
 ASKED = "calibration.json"
@@ -244,7 +244,7 @@ def calibrate(
             found = calibrated(
                 str(asked["experiment"]), seen, asked["vary"] or [], errors=errors, output=folder,
                 resume=shared.resume is not None, bar=bar, changes=made.changes, without=asked["without"] or (),
-                seed=asked["seed"] or 1, scheduler=shared.scheduler, workers=shared.workers,
+                seed=asked["seed"], scheduler=shared.scheduler, workers=shared.workers,
                 member_time=shared.member_time, **same, **dates,
             )  # fmt: skip
         except (KeyboardInterrupt, SystemExit):

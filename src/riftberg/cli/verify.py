@@ -311,10 +311,8 @@ def _scored(models: dict[str, DriftModel], cases: list[Case], bergs: str, error:
         result["errors"][name] = table(rows)
         tuned = [row for row in rows if row.tuned]
         result["tuned"][name] = {"bergs": sorted({row.berg for row in tuned}), "starts": len(tuned)}
-        if not held or not (training or name not in BASELINES):
-            continue
-        many = name not in BASELINES and len(next(iter(forecast(model, held[0]).values()))) > 1 if held else False
-        if not many and not training:
+        many = bool(held) and name not in BASELINES and len(next(iter(forecast(model, held[0]).values()))) > 1
+        if not held or not (many or training):
             continue
         ensemble = model if many else Dressed(model, training)
         shown = name if many else f"{name}, dressed"

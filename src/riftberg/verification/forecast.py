@@ -126,7 +126,7 @@ def verified(
     before = {s.when: s.place for s in seen if timedelta(0) < first - s.when <= timedelta(days=DAYS_BEFORE)}
     heading = _heading(before, origin)
     axes = (1.0, 0.0) if heading is None else heading
-    later = during(named, seen, *(date.astype("datetime64[us]").item() for date in (start, times[-1])), where)
+    later = during(named, seen, first, times[-1].astype("datetime64[us]").item(), where)
     points: dict[int, list[Point]] = {}
     baselines: dict[str, dict[int, list[Point]]] = {}
     own: dict[int, list[tuple[Floats, Floats]]] = {}

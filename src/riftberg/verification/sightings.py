@@ -165,8 +165,8 @@ def drift_error(
     ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, hour: float | None = None
 ) -> Floats:
     """Return the mean distance (km) of each member's berg from the observed positions after the start."""
-    start, end = (date.astype("datetime64[us]").item() for date in times_of(ensemble)[[0, -1]])
-    seen = during(*sightings_of(observed, berg, start_of(ensemble), hour), start, end, str(observed.source))
+    start, end = start_of(ensemble), times_of(ensemble)[-1].astype("datetime64[us]").item()
+    seen = during(*sightings_of(observed, berg, start, hour), start, end, str(observed.source))
     return np.asarray(np.mean([np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1) for s in seen], axis=0))
 
 
