@@ -77,6 +77,12 @@ def test_a_sighting_of_a_break_up_weighs_by_its_doubt() -> None:
         log_likelihood(ds, None, error=5.0, broken=date.replace(year=2022))
 
 
+def test_positions_need_a_forecast_in_degrees() -> None:
+    ds = spread([0.0, 0.0], [np.nan, 1.5]).rename(lon="x", lat="y")
+    with pytest.raises(InputError, match="ensemble: positions in metres"):
+        log_likelihood(ds, fix(0.0), error=5.0)
+
+
 def test_a_break_up_that_no_member_had_is_said(caplog: pytest.LogCaptureFixture) -> None:
     ds = spread([0.0, 0.0], [np.nan, 1.5])
     log_likelihood(ds, None, error=5.0, broken=DAYS[1].astype("datetime64[us]").item())

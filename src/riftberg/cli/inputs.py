@@ -93,6 +93,10 @@ def sensitivity(
         store = opened(context, "sensitivity", experiment, make, RESULTS, shared, draws)
         plan = store.plan
         if seen is not None:  # refused before the runs, not after them
+            if not plan.first.parameters.earth.latlon:
+                raise InputError(
+                    "runs in metres", where="--observed", remedy="Observations need longitude and latitude"
+                )
             end = plan.start + timedelta(days=plan.days)
             during(*sightings_of(seen, berg, plan.start, None), plan.start, end, str(observed))
         for day in at_day or ():

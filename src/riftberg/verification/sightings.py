@@ -142,6 +142,8 @@ def start_of(ds: xr.Dataset) -> datetime:
 
 def away_from(ds: xr.Dataset, when: datetime, place: tuple[float, float]) -> Floats:
     """Return kilometres of the first berg of each member east and north of a place at a date (members, 2)."""
+    if "lon" not in ds:
+        raise InputError("positions in metres", where="ensemble", remedy="Observations need longitude and latitude")
     lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
     (first, after), part = between(times_of(ds), when)
     before, then = (np.stack(local(*place, lon[:, k], lat[:, k]), axis=-1) for k in (first, after))
