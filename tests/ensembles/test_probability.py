@@ -74,6 +74,7 @@ def test_an_unfinished_member_counts_until_it_took_too_long_and_then_both_ways()
     assert lines[0].startswith("6 members, 1 failed, 2 unfinished; after 4 days")
     assert any("then both ways" in line for line in lines)
     assert not any("unfinished" in line for line in told(forecast_of([still(0), still(1)], 4)))
+    assert any("first break-up by 2020-12-10 00:00" in line for line in told(forecast_of([broke, still(1)], 4)))
 
 
 def test_wilson_covers_at_the_ends() -> None:

@@ -57,9 +57,9 @@ def quantiles(values: Floats, weight: Floats, levels: Any) -> Floats:
     return np.asarray(values[known][order][np.minimum(rank, len(order) - 1)])
 
 
-def counted(ds: xr.Dataset) -> tuple[xr.Dataset, Floats]:
-    """Return the members that came to their end, and their weights, which add up to 1."""
-    kept = np.flatnonzero(ds["status"].values == 0)
+def counted(ds: xr.Dataset, *also: str) -> tuple[xr.Dataset, Floats]:
+    """Return the members that came to their end, or have another status too, and their weights, which add up to 1."""
+    kept = np.flatnonzero(np.isin(ds["status"].values, [STATUS[name] for name in ("done", *also)]))
     done = ds if kept.size == ds.sizes["member"] else ds.isel(member=kept)
     weight = np.asarray(done["weight"].values if "weight" in done.coords else np.ones(done.sizes["member"]), float)
     total = weight.sum()
@@ -137,9 +137,7 @@ def _add_dated(ds: xr.Dataset) -> None:
 
     What an unfinished member did counts; what it would have done after its last position is not known.
     """
-    kept, time = np.isin(ds["status"].values, (STATUS["done"], STATUS["unfinished"])), ds["time"].values
-    of = ds.isel(member=kept)
-    weight = of["weight"].values / max(of["weight"].values.sum(), 1e-300)
+    (of, weight), time = counted(ds, "unfinished"), ds["time"].values
     beyond = np.zeros((weight.size, time.size), bool)
     for k in np.flatnonzero(of["status"].values == STATUS["unfinished"]):
         there = np.isfinite(of["area"].isel(member=k).values).any(axis=0)
@@ -153,9 +151,8 @@ def _add_dated(ds: xr.Dataset) -> None:
 
 def _unfinished_share(ds: xr.Dataset) -> float:
     """Return the weight of unfinished members among those that did not fail."""
-    weight, status = ds["weight"].values, ds["status"].values
-    parts = [float(weight[status == STATUS[name]].sum()) for name in ("done", "unfinished")]
-    return parts[1] / max(sum(parts), 1e-300)
+    of, weight = counted(ds, "unfinished")
+    return float(weight[of["status"].values == STATUS["unfinished"]].sum())
 
 
 def _add(
@@ -557,18 +554,18 @@ def told(ds: xr.Dataset) -> list[str]:
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
-    if _unfinished_share(ds) > 0.0:
-        lines.append("  unfinished members count until they took too long, then both ways; all below is of the others")
     at_start = 100.0 * float(ds["p_aground"].values[0])
     if at_start > 5.0:
         doubt = "is that so, or are errors of floor and thickness too large?"
         lines.append(f"  {at_start:.0f} % of the members are aground at the start: {doubt}")
-    dates = done["first_breakup"].values
+    begun, share_of = counted(ds, "unfinished")
+    dates = begun["first_breakup"].values
     order = np.argsort(dates)
-    reached = np.cumsum(weight[order]) * 1.0
-    half = np.flatnonzero((reached >= 0.5) & ~np.isnat(dates[order]))
+    half = np.flatnonzero((np.cumsum(share_of[order]) >= 0.5) & ~np.isnat(dates[order]))
     if half.size:
         lines.append(f"  first break-up by {str(dates[order][half[0]])[:16].replace('T', ' ')} with 50 %")
+    if _unfinished_share(ds) > 0.0:
+        lines.append("  unfinished members count above as far as they came, then both ways; below are the others")
     if "cone_major" in ds:
         major, minor = (float(ds[name].sel(cone=0.9).values[-1]) / 1e3 for name in ("cone_major", "cone_minor"))
         lat, lon = (float(ds[name].values[-1]) for name in ("cone_lat", "cone_lon"))
