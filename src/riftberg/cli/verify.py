@@ -138,7 +138,7 @@ def _both(row: dict[str, Any], bare: dict[str, Any], key: str, form: str) -> str
 def _show(result: dict[str, Any]) -> None:
     page = console(150)
     for one in result["forecasts"]:
-        failed = f", {one['failed']} failed" if one["failed"] else ""
+        failed = f", {one['failed']} failed or unfinished" if one["failed"] else ""
         page.print(
             f"{one['berg']}, start {one['start'][:16].replace('T', ' ')}: {one['members']} members{failed}; axes: {one['axes']}"
         )
