@@ -13,7 +13,7 @@ from fakes import FakeModel
 from riftberg.cli.main import app
 from riftberg.cli.run import short_summary
 from riftberg.compiled import kernels
-from riftberg.config.units import area_text, duration_text, place_text
+from riftberg.config.units import area_text, duration_text, place_text, quantity_text
 from riftberg.experiments import Info
 from riftberg.parameters import A68A_2022
 
@@ -66,6 +66,10 @@ def test_lengths_areas_and_places_are_written_in_units_that_suit_them() -> None:
         "7.25 m2",
         "0 km2",
     ]
+    assert [quantity_text(*pair) for pair in ((16000.0, "Pa"), (9e9, "Pa"), (-500.0, "Pa"), (5e4, "m"), (0.0, "m"),
+                                              (259200.0, "s"), (1234567.0, "kg"), (0.3, "1"))] == [
+        "16 kPa", "9000 MPa", "-500 Pa", "50 km", "0 m", "3 day", "1.23457e+06 kg", "0.3",
+    ]  # fmt: skip
     assert place_text(-37.56, -54.93, latlon=True) == "54.930 S, 37.560 W"
     assert place_text(63e3, 60e3, latlon=False) == "x 63 km, y 60 km"
     assert place_text(350.0, 60.0, latlon=False) == "x 350 m, y 60 m"

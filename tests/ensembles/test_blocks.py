@@ -108,8 +108,8 @@ def test_progress_says_how_long_it_takes(monkeypatch: pytest.MonkeyPatch, capsys
     monkeypatch.setattr(progress.clock, "monotonic", lambda: next(times, 400.0))
     bar = progress.SweepBar(20)
     for done in (5, 10, 20):
-        bar.show(dict.fromkeys(range(done), "done"))
-    assert "10 of 20 members, 2 min left" in capsys.readouterr().err
+        bar.show({**dict.fromkeys(range(done), "done"), 0: "failed", 1: "unfinished"})
+    assert "10 of 20 members, 1 failed, 1 unfinished, 2 min left" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -250,6 +250,13 @@ def test_a_forecast_goes_on_as_forecast_and_a_sweep_as_sweep(command: str, holds
     assert f"holds a {holds}. Go on by 'riftberg {holds} --resume'" in " ".join(said.output.split())
 
 
+def test_a_design_takes_no_more_members(tmp_path: Path) -> None:
+    (tmp_path / "sweep.json").write_text(json.dumps({"experiment": "a68a", "vary": {}, "days": 1.0, "design": True}))
+    said = CliRunner().invoke(app, ["sweep", "--resume", str(tmp_path), "--members", "9"])
+    assert said.exit_code == 2
+    assert "its members are the rows of a table. Leave --members out" in " ".join(said.output.split())
+
+
 @pytest.mark.parametrize("options", [["--days", "3"], ["--members", "4"], ["--vary", "start.east=1,2"]])
 def test_parts_are_joined_as_they_are(options: list[str], tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["sweep", "--join", str(tmp_path), *options])
@@ -265,7 +272,7 @@ def test_the_command_line_draws_and_says_what(tmp_path: Path) -> None:
         "--members", "2", "--days", "0.1", "--workers", "0", "-o", str(out), "--no-map",
     ])  # fmt: skip
     assert said.exit_code == 0, said.output
-    assert "lognormal, median 18000 Pa, standard deviation of the logarithm 0.2" in said.output
+    assert "lognormal, median 18 kPa, standard deviation of the logarithm 0.2" in said.output
     more = CliRunner().invoke(app, ["sweep", "--resume", str(out), "--members", "3", "--workers", "0", "--no-map"])
     assert "3 members" in more.output
     assert "2 are done" in more.output

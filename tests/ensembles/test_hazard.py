@@ -15,7 +15,7 @@ import shapely
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg.cli.forecast import _distance
+from riftberg.cli.ensembles import _distance
 from riftberg.cli.main import app
 from riftberg.ensembles.hazard import approach, geojson, ice_limits, positions, smallest_line
 from riftberg.ensembles.result import write_sweep

@@ -54,6 +54,29 @@ def test_a_failed_member_counts_in_nothing() -> None:
     assert ds["scenario"].values.tolist() == [0, -1, 1]
 
 
+def test_an_unfinished_member_counts_until_it_took_too_long_and_then_both_ways() -> None:
+    """One broke before it was left, the other was whole: what it would have done is not known."""
+    broke, whole = (outcome(k, [-37.0] * 3, [-56.0] * 3, broken=1.0 if k == 0 else None) for k in range(2))
+    for one in (broke, whole):
+        one.status, one.message = "unfinished", "unfinished after 10 min"
+    ds = forecast_of([broke, whole, *(still(k) for k in range(2, 8)), Outcome(8, "failed", "no")], 4)
+    assert ds["p_broken"].values == pytest.approx([0.0, 1 / 8, 1 / 8, 1 / 7, 1 / 7])
+    assert ds["p_broken_low"].values[1:] == pytest.approx([wilson(1 / 8, 8.0)[0]] * 4)
+    highs = [wilson(share, 8.0)[1] for share in (1 / 8, 1 / 8, 2 / 8, 2 / 8)]
+    assert ds["p_broken_high"].values[1:] == pytest.approx(highs)
+    # Positions and areas are of the others; the ends of the interval take the two as with and without such a fragment.
+    none, all_ = ds["p_area"].values[0, 0], ds["p_area"].values[3, 0]
+    assert (none, all_) == (0.0, 1.0)
+    assert ds["p_area_high"].values[0, 0] == pytest.approx(wilson(2 / 8, 6.0)[1])
+    assert ds["p_area_low"].values[3, 0] == pytest.approx(wilson(6 / 8, 6.0)[0])
+    assert ds.attrs["not_covered"].endswith("; 2 unfinished members")
+    lines = told(ds)
+    assert lines[0].startswith("6 members, 1 failed, 2 unfinished; after 4 days")
+    assert any("then both ways" in line for line in lines)
+    assert not any("unfinished" in line for line in told(forecast_of([still(0), still(1)], 4)))
+    assert any("first break-up by 2020-12-10 00:00" in line for line in told(forecast_of([broke, still(1)], 4)))
+
+
 def test_wilson_covers_at_the_ends() -> None:
     low, high = wilson(np.array([0.0, 1.0]), 20.0)
     assert low[0] == 0.0

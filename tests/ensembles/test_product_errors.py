@@ -13,8 +13,7 @@ from ocean.test_errors import probes
 from riftberg import Steady
 from riftberg.cli.main import app
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.product_errors import estimated, stated_error
-from riftberg.ensembles.uncertain import with_errors
+from riftberg.ensembles.uncertain import estimated, stated_error, with_errors
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import build
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing

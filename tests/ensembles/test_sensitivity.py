@@ -167,7 +167,7 @@ def test_the_error_of_the_drift_is_the_mean_distance() -> None:
     # A degree of latitude is 111.2 km; after 1 to 4 days 2.5 degrees on average.
     assert drift_error(ds, seen) == pytest.approx([0.0, 2.5 * 111.195], abs=0.5)
     late = Observations(Path("seen.csv"), fixes=(Fix("a", dates[-1].replace(year=2022), False, -37.0, -56.0),))
-    with pytest.raises(InputError, match="no position during the runs"):
+    with pytest.raises(InputError, match="no position of a"):
         drift_error(ds, late)
 
 
@@ -197,6 +197,30 @@ def drifting(speed: float = 0.1, strength: float = 1.0) -> Model:
     """Return two elements in a current; the strength does nothing."""
     berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
     return Model(berg, Steady(current=(speed, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
+
+
+@pytest.mark.parametrize("result", [3.0, [1.0, 2.0], ["a"] * 4])
+def test_a_result_that_is_no_number_for_each_member_is_refused(result: Any) -> None:
+    with pytest.raises(InputError, match=r"the function of 'own' returns .* one number for each of the 4 members"):
+        riftberg.sensitivity(
+            drifting, {"speed": "~uniform(0.1, 0.2)"}, members=2, days="1 h", every_hours=1, workers=0,
+            default_errors=False, results={"own": lambda ds: result},
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(("row", "berg", "said"), [
+    ("2021-12-09T01:00,-37.0,-56.0", [], "no position of A1 from"),
+    ("2020-12-09T14:00,-37.0,-56.0", ["--berg", "B1"], "no positions of B1"),
+])  # fmt: skip
+def test_observations_that_do_not_fit_are_refused_before_the_runs(
+    row: str, berg: list[str], said: str, tmp_path: Path
+) -> None:
+    seen, out = tmp_path / "seen.csv", tmp_path / "out"
+    seen.write_text(f"name,date,lon,lat\nA1,{row}\n")
+    words = ["sensitivity", "a68a", "--days", "0.25", "--draws", "2", "--observed", str(seen), "-o", str(out)]
+    result = CliRunner().invoke(app, [*words, *berg])
+    assert said in " ".join(result.output.split())
+    assert not out.exists()
 
 
 def test_a_function_of_inputs(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +19,14 @@ from typer.testing import CliRunner
 
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
+from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
-from riftberg.cli.sweep import summary_lines
 from riftberg.ensembles.member import Job, Outcome, Tracks, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
 from riftberg.ensembles.sweep import Store, join_parts, planned
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
+from riftberg.runs.run_file import open_run
 
 SPEEDS = [0.1, 0.2, 0.3]
 
@@ -111,6 +113,7 @@ def test_the_file_speaks_cf(alone: xr.Dataset, tmp_path: Path) -> None:
         assert raw["member"].attrs["standard_name"] == "realization"
         assert raw["time"].attrs["units"].startswith("seconds since 2020-12-09")
         assert raw["lon"].attrs["standard_name"] == "longitude"
+        assert {"fragment_lat", "fragment_lon"} < set(raw["fragment_area"].coords)  # as the checker of CF asks
         assert not any("_FillValue" in raw[name].encoding for name in ("member", "fragment", "time"))  # CF, 2.5.1
         for name, variable in raw.data_vars.items():
             assert "long_name" in variable.attrs or "standard_name" in variable.attrs, name
@@ -156,6 +159,62 @@ def test_a_member_goes_on_from_the_state_that_it_saved(tmp_path: Path) -> None:
     assert not job.state_file.exists()
     job.state_file.write_bytes(b"no state")
     assert run_member(job).track == whole.track
+
+
+class Slow:
+    """Clock by which each step of one member takes a minute and those of the others nothing."""
+
+    now = 0.0
+
+    def monotonic(self) -> float:
+        """Return seconds."""
+        return self.now
+
+    perf_counter = monotonic
+
+    def model(self, speed: float) -> Model:
+        """Return a model that costs nothing by the clock of the wall."""
+        made = drifting(speed)
+        if speed == SPEEDS[1]:
+            made.after_step.append(lambda _: setattr(self, "now", self.now + 60.0))
+        return made
+
+
+def test_a_member_that_takes_too_long_is_left_told_and_goes_on_when_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = sweep(drifting, {"speed": SPEEDS}, days=1, every_hours=1, workers=0)
+    slow = Slow()
+    monkeypatch.setattr("riftberg.ensembles.member.clock", slow)
+    run = partial(sweep, slow.model, {"speed": SPEEDS}, days=1, every_hours=1, workers=0, output=tmp_path / "s")
+    result = run(member_time="10 min")
+    assert result["status"].values.tolist() == [0, 3, 0]
+    message = result["message"].values[1]
+    assert message.startswith("unfinished after 10 min, at day 0.")
+    assert summary_lines(result)[0].endswith("0 failed, 1 unfinished")
+    assert summary_lines(result)[2].endswith(message)
+    known = np.isfinite(result["area"].values[1, 0])
+    assert 0 < known.sum() < known.size  # what it came to until then is there
+    assert np.array_equal(result["lon"].values[1, 0, known], whole["lon"].values[1, 0, known])
+    again = run(resume=True)  # from the state that it saved
+    assert again["status"].values.tolist() == [0, 0, 0]
+    for name in ("lon", "lat", "area", "pieces"):
+        assert np.array_equal(again[name].values, whole[name].values)
+    with pytest.raises(InputError, match="member_time: 0 s"):
+        sweep(drifting, {"speed": SPEEDS}, days=1, member_time=0)
+
+
+def test_the_control_of_a_forecast_takes_the_time_that_it_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow = Slow()
+    monkeypatch.setattr("riftberg.ensembles.member.clock", slow)
+    result = riftberg.forecast(
+        partial(slow.model, SPEEDS[1]), {"current_error.speed": ["0.1 m/s"]}, members=2, days=1, workers=0,
+        default_errors=False, output=tmp_path / "f", member_time="10 min",
+    )  # fmt: skip
+    assert result["status"].values.tolist() == [3, 3]
+    assert open_run(tmp_path / "f" / "control.nc").sizes["time"] > 1
 
 
 def test_another_sweep_in_the_folder_is_not_gone_on_with(tmp_path: Path) -> None:

@@ -221,7 +221,7 @@ def test_baselines_get_the_errors_of_other_bergs(tmp_path: Path) -> None:
         (["forecast0", "missing.csv"], "missing.csv"),
         (["forecast0", "seen0.csv", "--berg", "B09"], "no positions of B09. Name one with --berg: A00"),
         (["forecast0", "two.csv"], "several bergs. Name one with --berg: A01, A02"),
-        (["forecast0", "late.csv"], "no position of LATE from 2020-12-09 13:00 to 2020-12-16T13:00"),
+        (["forecast0", "late.csv"], "no position of LATE from 2020-12-09 13:00 to 2020-12-16 13:00"),
         (["forecast0", "seen0.csv", "--broken", "soon"], "'soon' is not a date"),
         (["forecast0", "seen0.csv", "--broken", "2020-12-12", "--broken", "never"], "2 dates for 1 forecasts"),
         (

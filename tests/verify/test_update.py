@@ -77,6 +77,21 @@ def test_a_sighting_of_a_break_up_weighs_by_its_doubt() -> None:
         log_likelihood(ds, None, error=5.0, broken=date.replace(year=2022))
 
 
+def test_positions_need_a_forecast_in_degrees() -> None:
+    ds = spread([0.0, 0.0], [np.nan, 1.5]).rename(lon="x", lat="y")
+    with pytest.raises(InputError, match="ensemble: positions in metres"):
+        log_likelihood(ds, fix(0.0), error=5.0)
+
+
+def test_a_break_up_that_no_member_had_is_said(caplog: pytest.LogCaptureFixture) -> None:
+    ds = spread([0.0, 0.0], [np.nan, 1.5])
+    log_likelihood(ds, None, error=5.0, broken=DAYS[1].astype("datetime64[us]").item())
+    assert "no member had broken up by" in caplog.text
+    caplog.clear()
+    log_likelihood(ds, None, error=5.0, whole_until=DAYS[1].astype("datetime64[us]").item())
+    assert not caplog.text
+
+
 def test_sightings_that_no_member_explains_are_refused_and_not_weighed() -> None:
     """Bug: columns of longitude and latitude the wrong way round left one member, with an area of 0 by 0 km."""
     ds = spread([-20.0, 0.0, 30.0])
@@ -173,4 +188,6 @@ def test_the_command_weights_a_forecast_and_draws_anew(tmp_path: Path) -> None:
     assert said.exit_code == 0, said.output
     new = open_sweep(tmp_path / "f-updated")
     assert new.sizes["member"] == 4
+    said = CliRunner().invoke(app, ["forecast", "--resume", str(out), "--members", "5", "--no-map", "--workers", "0"])
+    assert "Weights of earlier sightings do not hold" in said.output
     assert float(new["start_east"].std()) < float(open_sweep(out)["start_east"].std())

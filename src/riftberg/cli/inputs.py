@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from riftberg.cli.ensembles import opened, run_members
 from riftberg.cli.options import (
     AzimuthError,
     BergInFile,
@@ -31,7 +33,6 @@ from riftberg.cli.options import (
     with_ensemble_options,
     within,
 )
-from riftberg.cli.sweep import opened, run_members
 from riftberg.errors import InputError, RunError
 from riftberg.system.input_files import allow_large
 from riftberg.verification.scores import AZIMUTH_ERROR, USUAL_ERROR
@@ -78,6 +79,7 @@ def sensitivity(
     from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, results_of
     from riftberg.ensembles.sweep import draws_of, planned
     from riftberg.system.atomic_files import write_text
+    from riftberg.verification.sightings import drift_error, during, sightings_of
 
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
@@ -92,6 +94,13 @@ def sensitivity(
         announce_compilation(shared.quiet)
         store = opened(context, "sensitivity", experiment, make, RESULTS, shared, draws)
         plan = store.plan
+        if seen is not None:  # refused before the runs, not after them
+            if not plan.first.parameters.earth.latlon:
+                raise InputError(
+                    "runs in metres", where="--observed", remedy="Observations need longitude and latitude"
+                )
+            end = plan.start + timedelta(days=plan.days)
+            during(*sightings_of(seen, berg, plan.start, None), plan.start, end, str(observed))
         for day in at_day or ():
             positive(day, "--at-day", "days", most=plan.days)
         if not shared.quiet:
@@ -104,8 +113,6 @@ def sensitivity(
                 raise RunError("no run came to its end")
             results = results_of(ds, at_day or ())
             if seen is not None:
-                from riftberg.verification.sightings import drift_error
-
                 results["drift error"] = Result(drift_error(ds, seen, berg=berg), "km")
             found = indices(ds, results)
             write_text(store.folder / "sensitivity.csv", found.to_dataframe().to_csv(lineterminator="\n"))
@@ -145,7 +152,7 @@ def summary_lines(found: Any) -> list[str]:
 CALIBRATION = ("calibration.nc", "calibration.csv", "posterior.png", "predictive.png")
 """Files that the command writes into its folder, beside one folder for each wave."""
 
-WHERE = ("output", "scheduler", "workers", "resume", "figure", "quiet", "large", "verbose")
+WHERE = ("output", "scheduler", "workers", "member_time", "resume", "figure", "quiet", "large", "verbose")
 """Parameters of the command that do not say what is calibrated."""
 
 ASKED = "calibration.json"
@@ -243,7 +250,8 @@ def calibrate(
             found = calibrated(
                 str(asked["experiment"]), seen, asked["vary"] or [], errors=errors, output=folder,
                 resume=shared.resume is not None, bar=bar, changes=made.changes, without=asked["without"] or (),
-                seed=asked["seed"] or 1, scheduler=shared.scheduler, workers=shared.workers, **same, **dates,
+                seed=asked["seed"], scheduler=shared.scheduler, workers=shared.workers,
+                member_time=shared.member_time, **same, **dates,
             )  # fmt: skip
         except (KeyboardInterrupt, SystemExit):
             if (folder / ASKED).exists():

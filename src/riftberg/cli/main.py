@@ -49,7 +49,7 @@ _ELSEWHERE: Final = {
     **dict.fromkeys(("experiments", "kid"), "run"),
     **dict.fromkeys(("rerun", "why", "score"), "compare"),
     **dict.fromkeys(("doctor", "fetch", "new"), "forcing_files"),
-    **dict.fromkeys(("product-errors", "update", "hazard"), "forecast"),
+    **dict.fromkeys(("sweep", "forecast", "product-errors", "update", "hazard"), "ensembles"),
     **dict.fromkeys(("sensitivity", "calibrate"), "inputs"),
     "verify-tracks": "verify",
     **dict.fromkeys(("plot", "animate", "replay"), "pictures"),

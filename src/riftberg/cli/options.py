@@ -101,6 +101,13 @@ Scheduler = Annotated[
 Workers = Annotated[
     int | None, typer.Option("--workers", min=0, help="Processes on this machine; 0 to run in this process.")
 ]
+MemberTime = Annotated[
+    str | None,
+    typer.Option(
+        "--member-time", metavar="TIME",
+        help="Wall time after which a member is left unfinished and told so, such as 10min.  [default: no limit]",
+    ),
+]  # fmt: skip
 Resume = Annotated[
     Path | None, typer.Option("--resume", metavar="FOLDER", help="Continue in the folder of an earlier call.")
 ]
@@ -228,6 +235,7 @@ class EnsembleOptions:
     seed: Seed = None
     scheduler: Scheduler = None
     workers: Workers = None
+    member_time: MemberTime = None
     resume: Resume = None
     quiet: Quiet = False
     large: AllowMore = False

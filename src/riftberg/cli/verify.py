@@ -148,7 +148,7 @@ def _both(row: dict[str, Any], bare: dict[str, Any], key: str, form: str) -> str
 def _show(result: dict[str, Any]) -> None:
     page = console(150)
     for one in result["forecasts"]:
-        failed = f", {one['failed']} failed" if one["failed"] else ""
+        failed = f", {one['failed']} failed or unfinished" if one["failed"] else ""
         page.print(
             f"{one['berg']}, start {one['start'][:16].replace('T', ' ')}: {one['members']} members{failed}; axes: {one['axes']}"
         )
@@ -321,10 +321,8 @@ def _scored(models: dict[str, DriftModel], cases: list[Case], bergs: str, error:
         result["errors"][name] = table(rows)
         tuned = [row for row in rows if row.tuned]
         result["tuned"][name] = {"bergs": sorted({row.berg for row in tuned}), "starts": len(tuned)}
-        if not held or not (training or name not in BASELINES):
-            continue
-        many = name not in BASELINES and len(next(iter(forecast(model, held[0]).values()))) > 1 if held else False
-        if not many and not training:
+        many = bool(held) and name not in BASELINES and len(next(iter(forecast(model, held[0]).values()))) > 1
+        if not held or not (many or training):
             continue
         ensemble = model if many else Dressed(model, training)
         shown = name if many else f"{name}, dressed"

@@ -199,6 +199,18 @@ def area_text(area: float, *, squared: str = "2") -> str:
     return f"{km2:.2g} km{squared}" if km2 >= 0.01 or area <= 0.0 else f"{area:.3g} m{squared}"
 
 
+_LARGER: Final = {"Pa": (("MPa", 1e6), ("kPa", 1e3)), "m": (("km", 1e3),), "s": (("day", 86_400.0), ("h", 3600.0))}
+"""Units in which people write large numbers, the largest first."""
+
+
+def quantity_text(value: float, unit: str) -> str:
+    """Return a number with its unit as people write it: ``16 kPa``, ``50 km``, ``3 day``; small numbers stay as they are."""
+    for larger, factor in _LARGER.get(unit, ()):
+        if abs(value) >= factor:
+            return f"{value / factor:.6g} {larger}"
+    return f"{value:.6g}" + ("" if unit in ("", "1") else f" {unit}")
+
+
 def minute_text(text: str) -> str:
     """Return an ISO date and time to the minute, as it stands in tables and titles."""
     return text.replace("T", " ")[:16]

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from riftberg.config.units import looks_like_quantity
+from riftberg.config.units import looks_like_quantity, quantity_text
 from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
@@ -131,7 +131,7 @@ class Distribution:
             named = ", ".join(value_shown(v) for v in self.choices[:8]) + (", ..." if len(self.choices) > 8 else "")
             return f"each of {named} in turn" if self.name == "each" else f"one of {named}, equally likely"
         parts = [
-            f"{word} {number:g}" + (f" {unit}" if unit not in ("", "1") and "logarithm" not in word else "")
+            f"{word} {quantity_text(number, '' if 'logarithm' in word else unit)}"
             for word, number in zip(ARGUMENTS[self.name], self.numbers, strict=True)
         ]
         cut = self.cut_off

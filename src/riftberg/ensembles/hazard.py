@@ -15,6 +15,8 @@ from typing import Any, Final
 import numpy as np
 import shapely
 import xarray as xr
+from shapely.geometry import mapping
+from shapely.geometry.polygon import orient
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.probability import axes_of, counted, effective, near, quantiles, wilson
@@ -178,15 +180,9 @@ def _hull(points: Floats) -> Floats:
 
 def area_km2(line: Floats) -> float:
     """Return the area inside of a line, km2."""
-    return _area(line) * (DEGREE * EARTH_RADIUS_A68 / 1e3) ** 2
-
-
-def _area(line: Floats) -> float:
-    """Return the area inside of a line in square degrees of latitude."""
-    if not len(line):
-        return 0.0
-    x, y = (line[:, 0] * np.cos(line[:, 1].mean() * DEGREE)), line[:, 1]
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    middle = float(line[:, 1].mean()) if len(line) else 0.0
+    flat = line * (DEGREE * EARTH_RADIUS_A68 / 1e3 * np.array([math.cos(middle * DEGREE), 1.0]))
+    return float(shapely.Polygon(flat).area)
 
 
 # ---- positions --------------------------------------------------------------------------------------------------------
@@ -355,25 +351,12 @@ def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
 
 def _polygon(line: Floats) -> dict[str, Any]:
     """Return a closed line as a polygon, counter-clockwise and cut at the date line."""
-    shape = shapely.Polygon(line)
     # Longitudes on one branch may pass 180 degrees; each part then stands on its own side.
-    parts = []
-    for turn in (-360.0, 0.0, 360.0):
-        piece = shapely.intersection(
-            shapely.transform(shape, lambda p, t=turn: p + np.array([t, 0.0])), shapely.box(-180.0, -90.0, 180.0, 90.0)
-        )
-        parts += [
-            part for part in getattr(piece, "geoms", [piece]) if part.geom_type == "Polygon" and not part.is_empty
-        ]
-    rings = [
-        [[[round(float(a), 5), round(float(b), 5)] for a, b in shapely.geometry.polygon.orient(part).exterior.coords]]
-        for part in parts
-    ]
-    return (
-        {"type": "Polygon", "coordinates": rings[0]}
-        if len(rings) == 1
-        else {"type": "MultiPolygon", "coordinates": rings}
-    )
+    turned = [shapely.Polygon(line + np.array([turn, 0.0])) for turn in (-360.0, 0.0, 360.0)]
+    pieces = shapely.get_parts(shapely.intersection(turned, shapely.box(-180.0, -90.0, 180.0, 90.0)))
+    parts = [orient(piece) for piece in pieces if piece.geom_type == "Polygon" and not piece.is_empty]
+    whole = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+    return dict(mapping(shapely.transform(whole, lambda places: np.round(places, 5))))
 
 
 def kml(features: dict[str, Any]) -> str:

@@ -7,6 +7,7 @@ the same digits, for a run that goes on from a restart file gives bit for bit th
 from __future__ import annotations
 
 import hashlib
+import math
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,6 +18,7 @@ import numpy as np
 import shapely
 
 from riftberg.bergs.regions import turned
+from riftberg.config.units import duration_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.uncertain import is_uncertain, with_errors
 from riftberg.ensembles.vary import grouped
@@ -76,6 +78,7 @@ class Job:
     cells: float | None = None
     digest: str = ""  # Of the experiment file when the sweep began
     lag: float = 0.0  # How much earlier than the forecast the member starts, s
+    most_seconds: float = math.inf  # Wall time of an attempt; the control of a forecast takes what it needs
 
     @property
     def cells_path(self) -> Path:
@@ -103,10 +106,12 @@ class Outcome:
     """What a member came to, in numbers and texts alone."""
 
     number: int  # Of the member
-    status: str  # "done", "failed", or "stopped" for one that can go on
-    message: str = ""  # Why it failed
-    time: float = 0.0  # Model time reached, and wall time spent by the attempt that ended it, s
-    wall_seconds: float = 0.0  # Model time reached, and wall time spent by the attempt that ended it, s
+    status: (
+        str  # "done", "failed", "unfinished" for one that took too long, or "stopped" for one that was asked to stop
+    )
+    message: str = ""  # Why it failed or is unfinished
+    time: float = 0.0  # Model time reached, s
+    wall_seconds: float = 0.0  # Wall time spent by the attempt that ended it, s
     totals: dict[str, float] = field(default_factory=dict)  # Counts and sizes at the end
     fragments: dict[str, list[float]] = field(default_factory=dict)  # Table of bergs and fragments
     # Rows of time, number, longitude, latitude, area, 1 where aground, azimuth, the largest stress over strength so far,
@@ -121,6 +126,10 @@ class Outcome:
 
 class StoppedError(RiftbergError):
     """The sweep was asked to stop."""
+
+
+class TooLongError(RiftbergError):
+    """A member took longer than a member may."""
 
 
 def digest_of(experiment: str | Maker) -> str:
@@ -159,12 +168,19 @@ def run_member(job: Job) -> Outcome:
                 raise StoppedError("the sweep was asked to stop")
             model, fresh = _begun(job)
             left = job.days - model.time / SECONDS_PER_DAY
+            status, message = "done", ""
             if left * SECONDS_PER_DAY > 0.5 * model.parameters.stepping.time_step:
-                _advance(model, left, track, job)
+                try:
+                    _advance(model, left, track, job)
+                except TooLongError as error:  # what it came to until then is a result too
+                    status, message = "unfinished", _sentence(error)
+                    _forget_files(job)
             else:
                 track.start(model)
-            job.state_file.unlink(missing_ok=True)
+            if status == "done":
+                job.state_file.unlink(missing_ok=True)
             outcome = outcome_of(job.number, model, track)
+            outcome.status, outcome.message = status, message
             outcome.cracks = _cracks(model, fresh, job.values)
             outcome.shapes = _shapes(model, fresh)
     except StoppedError:
@@ -209,7 +225,7 @@ def _advance(model: Model, days: float, track: Tracks, job: Job) -> None:
     keeper = Keeper(job, track)
     try:
         model.advance(days, recorders=[track, *_files(job), keeper])
-    except (StoppedError, KeyboardInterrupt, SystemExit):
+    except (StoppedError, TooLongError, KeyboardInterrupt, SystemExit):
         keeper.save(model)
         raise
 
@@ -368,7 +384,7 @@ class Keeper:
 
     def __init__(self, job: Job, track: Tracks) -> None:
         self.job, self.track = job, track
-        self._saved = self._looked = clock.monotonic()
+        self._began = self._saved = self._looked = clock.monotonic()
 
     def start(self, model: BareModel) -> None:
         """Do nothing."""
@@ -380,6 +396,10 @@ class Keeper:
             self._looked = now
             if (self.job.folder / STOP).exists():
                 raise StoppedError("the sweep was asked to stop")
+        last = model.time >= self.job.days * SECONDS_PER_DAY - _TOLERANCE
+        if now - self._began > self.job.most_seconds and self.job.number != CONTROL and not last:
+            said, day = duration_text(self.job.most_seconds / SECONDS_PER_DAY), model.time / SECONDS_PER_DAY
+            raise TooLongError(f"unfinished after {said}, at day {day:.3g} of {self.job.days:g}")
         if now - self._saved >= self.job.save_seconds:
             self.save(model)
 

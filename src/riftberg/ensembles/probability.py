@@ -14,6 +14,7 @@ import xarray as xr
 from riftberg.compiled.kernels import kernel
 from riftberg.config.units import duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.ensembles.result import MEANS, STATUS
 from riftberg.state import Floats
 
 LEVEL: Final = 0.9
@@ -56,9 +57,9 @@ def quantiles(values: Floats, weight: Floats, levels: Any) -> Floats:
     return np.asarray(values[known][order][np.minimum(rank, len(order) - 1)])
 
 
-def counted(ds: xr.Dataset) -> tuple[xr.Dataset, Floats]:
-    """Return the members that came to their end, and their weights, which add up to 1."""
-    kept = np.flatnonzero(ds["status"].values == 0)
+def counted(ds: xr.Dataset, *also: str) -> tuple[xr.Dataset, Floats]:
+    """Return the members that came to their end, or have another status too, and their weights, which add up to 1."""
+    kept = np.flatnonzero(np.isin(ds["status"].values, [STATUS[name] for name in ("done", *also)]))
     done = ds if kept.size == ds.sizes["member"] else ds.isel(member=kept)
     weight = np.asarray(done["weight"].values if "weight" in done.coords else np.ones(done.sizes["member"]), float)
     total = weight.sum()
@@ -113,10 +114,10 @@ def with_probabilities(
     ds.attrs["effective_members"] = number
     ds.attrs["interval"] = f"Wilson, {100 * LEVEL:.0f} %"
     ds.attrs["not_covered"] = f"ice smaller than an element, {breaks.side**2 / 1e6:.3g} km2"
-    for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
-        # A member that never breaks has no date and stays in the denominator.
-        dates = done[when].values
-        _add(ds, name, ("time",), np.array([share_of[dates <= now].sum() for now in time]), number)
+    unfinished = int((ds["status"].values == STATUS["unfinished"]).sum())
+    if unfinished:
+        ds.attrs["not_covered"] += f"; {unfinished} unfinished member{'s' if unfinished > 1 else ''}"
+    _add_dated(ds)
     bounds = np.array(AREA_CLASSES)
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
     ds["area_class_upper"] = ("area_class", bounds[1:], {"units": "m2", "long_name": "largest area of the class"})
@@ -124,16 +125,46 @@ def with_probabilities(
     for w, part in parts_of(done, share_of):
         area = part["area"].values
         share += [w @ ((area >= low) & (area < high)).any(axis=1) for low, high in pairwise(bounds)]
-    _add(ds, "p_area", ("area_class", "time"), share, number)
+    _add(ds, "p_area", ("area_class", "time"), share, number, _unfinished_share(ds))
     if "lat" in done:
         _add_presence(ds, done, share_of)
         _add_cones(ds, done, share_of)
     return breaks.added_to(ds)
 
 
-def _add(ds: xr.Dataset, name: str, dims: tuple[str, ...], share: Floats, number: float) -> None:
+def _add_dated(ds: xr.Dataset) -> None:
+    """Add the probabilities of what has a date; a member that never breaks has none and stays in the denominator.
+
+    What an unfinished member did counts; what it would have done after its last position is not known.
+    """
+    (of, weight), time = counted(ds, "unfinished"), ds["time"].values
+    beyond = np.zeros((weight.size, time.size), bool)
+    for k in np.flatnonzero(of["status"].values == STATUS["unfinished"]):
+        there = np.isfinite(of["area"].isel(member=k).values).any(axis=0)
+        beyond[k] = np.cumsum(there[::-1])[::-1] == 0
+    for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
+        yes = of[when].values[:, None] <= time
+        unknown = weight @ (beyond & ~yes)
+        share = weight @ yes / np.maximum(1.0 - unknown, 1e-300)
+        _add(ds, name, ("time",), share, effective(weight), unknown)
+
+
+def _unfinished_share(ds: xr.Dataset) -> float:
+    """Return the weight of unfinished members among those that did not fail."""
+    of, weight = counted(ds, "unfinished")
+    return float(weight[of["status"].values == STATUS["unfinished"]].sum())
+
+
+def _add(
+    ds: xr.Dataset, name: str, dims: tuple[str, ...], share: Floats, number: float, unknown: float | Floats
+) -> None:  # fmt: skip
+    """Add a probability and its interval, whose ends take what is not known of members as no and as yes.
+
+    ``unknown``: weight of the members of which it is not known; ``share``: of the others.
+    """
     share = np.clip(share, 0.0, 1.0)
-    low, high = wilson(share, number)
+    least = share * (1.0 - unknown)
+    low, high = wilson(least, number)[0], wilson(np.minimum(least + unknown, 1.0), number)[1]
     about = {"units": "1", "long_name": _ABOUT[name]}
     ds[name] = (dims, share, about)
     ds[f"{name}_low"] = (dims, low, {**about, "long_name": f"{_ABOUT[name]}: lower end of the interval"})
@@ -433,8 +464,6 @@ GROUPS: Final = {
 
 def inputs_of(done: xr.Dataset) -> dict[str, Floats]:
     """Return all inputs of the members that are numbers and differ, drawn ones and means of random fields."""
-    from riftberg.ensembles.result import MEANS
-
     names = [str(name) for name in done.coords if "parameter" in done[name].attrs] + [
         name for name in MEANS if name in done
     ]
@@ -501,6 +530,12 @@ def notes(ds: xr.Dataset) -> list[str]:
 # ---- in words ---------------------------------------------------------------------------------------------------------
 
 
+def fates(ds: xr.Dataset) -> str:
+    """Return how many members failed, and how many are unfinished."""
+    failed, unfinished = (int((ds["status"].values == STATUS[name]).sum()) for name in ("failed", "unfinished"))
+    return f"{failed} failed" + (f", {unfinished} unfinished" if unfinished else "")
+
+
 def told(ds: xr.Dataset) -> list[str]:
     """Return a forecast in a few lines."""
     done, weight = counted(ds)
@@ -512,11 +547,10 @@ def told(ds: xr.Dataset) -> list[str]:
         for name in ("p_broken", "p_aground")
     }
     days = float(ds["lead"].values[-1]) / 24.0
-    failed = int((ds["status"].values == 1).sum())
     counting = effective(weight)
     members = f"{number} member{'s' if number > 1 else ''}"
     members += f", {counting:.1f} of them count" if counting < 0.995 * number else ""
-    lines = [f"{members}, {failed} failed; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"]
+    lines = [f"{members}, {fates(ds)}; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"]
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
@@ -524,12 +558,14 @@ def told(ds: xr.Dataset) -> list[str]:
     if at_start > 5.0:
         doubt = "is that so, or are errors of floor and thickness too large?"
         lines.append(f"  {at_start:.0f} % of the members are aground at the start: {doubt}")
-    dates = done["first_breakup"].values
+    begun, share_of = counted(ds, "unfinished")
+    dates = begun["first_breakup"].values
     order = np.argsort(dates)
-    reached = np.cumsum(weight[order]) * 1.0
-    half = np.flatnonzero((reached >= 0.5) & ~np.isnat(dates[order]))
+    half = np.flatnonzero((np.cumsum(share_of[order]) >= 0.5) & ~np.isnat(dates[order]))
     if half.size:
         lines.append(f"  first break-up by {str(dates[order][half[0]])[:16].replace('T', ' ')} with 50 %")
+    if _unfinished_share(ds) > 0.0:
+        lines.append("  unfinished members count above as far as they came, then both ways; below are the others")
     if "cone_major" in ds:
         major, minor = (float(ds[name].sel(cone=0.9).values[-1]) / 1e3 for name in ("cone_major", "cone_minor"))
         lat, lon = (float(ds[name].values[-1]) for name in ("cone_lat", "cone_lon"))
@@ -537,7 +573,9 @@ def told(ds: xr.Dataset) -> list[str]:
             spread = f"90 % within an ellipse of {major:.0f} by {minor:.0f} km (semi-axes)"
         else:
             spread = "one member says nothing of the spread"
-        lines.append(f"  position {place_text(lon, lat, latlon=True, digits=2)}; {spread}")
+        bergs = int((done["fragment_parent"].isel(member=0).values == 0.0).sum())
+        whose = f" of the first of {bergs} bergs" if bergs > 1 else ""
+        lines.append(f"  position{whose} {place_text(lon, lat, latlon=True, digits=2)}; {spread}")
     best = np.unravel_index(int(ds["crack_probability"].values.argmax()), ds["crack_probability"].shape)
     share = float(ds["crack_probability"].values[best])
     if share > 0.0:

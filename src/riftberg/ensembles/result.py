@@ -23,7 +23,7 @@ from riftberg.system.input_files import check_file, is_folder, reading
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf, write_dataset
 from riftberg.version import __version__
 
-STATUS: Final = {"done": 0, "failed": 1, "waiting": 2}
+STATUS: Final = {"done": 0, "failed": 1, "waiting": 2, "unfinished": 3}
 """Values of the variable ``status``."""
 
 MOST_LISTED: Final = 64
@@ -164,7 +164,7 @@ def _add_ends(
     values["first_aground"] += later
     flags = {"flag_values": np.array(list(STATUS.values()), dtype="i4"), "flag_meanings": " ".join(STATUS)}
     ds["status"] = ("member", status, {"long_name": "how the member ended", **flags})
-    ds["message"] = ("member", message, {"long_name": "why the member failed"})
+    ds["message"] = ("member", message, {"long_name": "why the member failed or is unfinished"})
     for name, (unit, meaning) in {**TOTALS, **{name: MEANS[name] for name in means}}.items():
         ds[name] = ("member", values[name], {"units": unit, "long_name": meaning})
     for name, seconds, what in (
@@ -208,10 +208,12 @@ def _add_fragments(
             for name in FRAGMENT:
                 table[name][number, place] = outcome.fragments[name][row]
     dims = ("member", "fragment")
-    ds["fragment_number"] = (dims, table["number"], {"units": "1", "long_name": "number of the fragment in its member"})
+    at = {"coordinates": " ".join(f"fragment_{shown}" for shown, _ in reversed(_place(latlon).values()))}
+    about: dict[str, str] = {"units": "1", "long_name": "number of the fragment in its member", **at}
+    ds["fragment_number"] = (dims, table["number"], about)
     for name, (unit, meaning) in _ABOUT.items():
-        ds[f"fragment_{name}"] = (dims, table[name], {"units": unit, "long_name": meaning})
-    birth = {"long_name": "time at which the fragment broke off; the start for a berg that was there"}
+        ds[f"fragment_{name}"] = (dims, table[name], {"units": unit, "long_name": meaning, **at})
+    birth = {"long_name": "time at which the fragment broke off; the start for a berg that was there", **at}
     ds["fragment_birth_time"] = (dims, _dates(table["birth_time"] + later[:, None], start), birth)
     for name, (shown, about) in _place(latlon).items():
         ds[f"fragment_{shown}"] = (dims, table[name], {**about, "long_name": f"{about['long_name']} at birth"})

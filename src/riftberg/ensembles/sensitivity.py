@@ -17,6 +17,7 @@ from riftberg.ensembles.sweep import SweepOptions, sweep
 from riftberg.ensembles.uncertain import SEED
 from riftberg.errors import InputError
 from riftberg.state import Floats
+from riftberg.system.input_files import value_shown
 
 if TYPE_CHECKING:
     from riftberg.ensembles.member import Maker
@@ -235,5 +236,11 @@ def sensitivity(
     ds = sweep(experiment, merged, **options)
     found = results_of(ds, at_days)
     for name, function in (results or {}).items():
-        found[name] = Result(np.asarray(function(ds), float), "1")
+        values = np.asarray(function(ds))
+        if values.shape != (ds.sizes["member"],) or values.dtype.kind not in "fiub":
+            raise InputError(
+                f"the function of {name!r} returns {value_shown(function(ds))}", where="results",
+                remedy=f"Return one number for each of the {ds.sizes['member']} members, in their order",
+            )  # fmt: skip
+        found[name] = Result(values.astype(float), "1")
     return indices(ds, found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
 import numpy as np
 import xarray as xr
 
+from riftberg.config.units import duration_text
 from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.cluster import computed, connected, cores
@@ -79,6 +81,8 @@ class WorkerOptions(TypedDict, total=False):
     # Processes of this machine, one for each core by default; 0 runs one member after the other in this process
     workers: int | None
     save_seconds: float  # Wall time between two saved states of a member, s; 60 by default
+    # Wall time (s, or text such as "10 min") after which a member is left unfinished; none by default
+    member_time: float | str | None
 
 
 class SweepOptions(WorkerOptions, total=False):
@@ -132,7 +136,7 @@ def sweep(
         Show how many members are done.
     **options
         What is the same for all members (changes, without, data, numerics, cells), how they are drawn (members, plan, seed),
-        and where they run (scheduler, workers, save_seconds): `SweepOptions`.
+        and where they run, and how long (scheduler, workers, save_seconds, member_time): `SweepOptions`.
 
     Returns
     -------
@@ -254,13 +258,13 @@ class Plan:
             **({"members": d.number, "plan": d.plan, "seed": d.seed} if (d := self.draws).number else {}),
         }
 
-    def job(self, number: int, folder: Path, save_seconds: float) -> Job:
+    def job(self, number: int, folder: Path, save_seconds: float, most_seconds: float = math.inf) -> Job:
         """Return what a worker must know of a member."""
         values = self.control if number == CONTROL else self.members[number]
         lag = self.lag(number)
         return Job(
             number, values, self.experiment, self.options, self.days + lag / SECONDS_PER_DAY, self.every, folder, save_seconds,
-            large_allowed(), self.cells, self.digest, lag,
+            large_allowed(), self.cells, self.digest, lag, most_seconds,
         )  # fmt: skip
 
 
@@ -315,7 +319,7 @@ def planned(
         every_hours = min(USUAL_HOURS, 24.0 * length)
     if not 0.0 < every_hours <= 24.0 * length:
         raise InputError(
-            f"a position every {every_hours:g} h in runs of {length:g} days", where="every_hours",
+            f"a position every {every_hours:g} h in runs of {duration_text(length)}", where="every_hours",
             remedy="Give a number above 0, at most the length of the runs",
         )  # fmt: skip
     return Plan(
@@ -481,7 +485,7 @@ class Store:
         self._means.update(name for name in MEANS if name in outcome.totals)
 
     def waiting(self) -> list[int]:
-        """Return the members that are still to be run; those that failed before are tried again."""
+        """Return the members that are still to be run; those that failed are tried again, unfinished ones go on."""
         return [k for k in self.own if self.done.get(k) != "done"]
 
     def stop(self) -> None:
@@ -613,16 +617,19 @@ def read_plan(folder: Path) -> dict[str, Any]:
 
 def run_sweep(
     store: Store, *, scheduler: Any = None, workers: int | None = None, save_seconds: float = 60.0,
-    bar: SweepBar | None = None,
+    member_time: float | str | None = None, bar: SweepBar | None = None,
 ) -> xr.Dataset:  # fmt: skip
     """Run the members that wait, write the result, and return it with its tracks still in the file."""
     workers = native(workers)
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 0):
         raise InputError(f"{workers!r} processes", where="workers", remedy="Give a whole number, 0 or more")
+    most = math.inf if member_time is None else number(member_time, "s", where="member_time")
+    if not most > 0.0:
+        raise InputError(f"{most:g} s", where="member_time", remedy="Give a time above 0, such as 10 min")
     numbers = store.waiting()
     for k in numbers:
         store.done.pop(k, None)
-    jobs = (store.plan.job(k, store.members, save_seconds) for k in numbers)
+    jobs = (store.plan.job(k, store.members, save_seconds, most) for k in numbers)
     _LOG.info("%d of %d members to run", len(numbers), len(store.plan.members))
     processes = min(cores() if workers is None else workers, len(numbers))
     with (

@@ -319,32 +319,12 @@ def check_draws(varied: Sequence[Varied], draws: Draws) -> None:
         )  # fmt: skip
 
 
-class Members(Sequence[dict[str, Any]]):
-    """Values by name of each member, kept by columns: 10,000 members as they are used would take 10 MB."""
-
-    def __init__(self, columns: Mapping[str, Sequence[Any]]) -> None:
-        self._columns = {name: _packed(values) for name, values in columns.items()}
-        self._count = len(next(iter(columns.values())))
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, k: Any) -> Any:
-        if isinstance(k, slice):
-            return [self[one] for one in range(*k.indices(self._count))]
-        return {name: native(values[range(self._count)[k]]) for name, values in self._columns.items()}
-
-    def __eq__(self, other: object) -> bool:
-        return list(self) == other
+def _rows(columns: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
+    """Return the values by name of each member from those of all members by name."""
+    return [dict(zip(columns, map(native, row), strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _packed(values: Sequence[Any]) -> Any:
-    """Return numbers of one kind as an array, anything else as it is."""
-    kinds = {type(value) for value in values}
-    return np.array(values) if kinds in ({float}, {int}) else values
-
-
-def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> Members:
+def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> list[dict[str, Any]]:
     """Return every combination of the listed values, the last parameter changing fastest, for each draw in turn.
 
     So a member stays what it is when further ones are drawn.
@@ -365,7 +345,7 @@ def members_of(varied: Sequence[Varied], draws: Draws | None = None) -> Members:
     found = {v.name: [row[k] for _ in seeds for row in combinations] for k, v in enumerate(listed)}
     found |= {name: [value for value in values for _ in combinations] for name, values in columns.items()}
     own = {SEED: [seed for seed in seeds for _ in combinations]} if seeded else {}
-    return Members({name: found[name] for name in order} | own)
+    return _rows({name: found[name] for name in order} | own)
 
 
 def read_design(path: Path) -> dict[str, list[str]]:
@@ -387,7 +367,9 @@ def read_design(path: Path) -> dict[str, list[str]]:
     return {name.strip(): [row[name].strip() for row in rows] for name in rows[0]}
 
 
-def designed(columns: Mapping[str, Sequence[Any]], *, free: bool = False) -> tuple[tuple[Varied, ...], Members]:
+def designed(
+    columns: Mapping[str, Sequence[Any]], *, free: bool = False
+) -> tuple[tuple[Varied, ...], list[dict[str, Any]]]:
     """Return what a plan made elsewhere varies, and its members: one of each row.
 
     ``free``: a function makes the models, whose arguments take any value.
@@ -413,7 +395,7 @@ def designed(columns: Mapping[str, Sequence[Any]], *, free: bool = False) -> tup
     if has_fields(names) and SEED not in names:
         found[SEED] = [member_seed(Draws().seed, k) for k in range(count)]
     refuse_large(count, MOST_MEMBERS, "members", where="--design", remedy="Give fewer rows", kind=InputError)
-    return tuple(varied), Members(found)
+    return tuple(varied), _rows(found)
 
 
 def _columns(drawn: Sequence[Varied], draws: Draws, seeded: bool) -> tuple[dict[str, list[Any]], list[int]]:

@@ -13,6 +13,7 @@ from typing import Any, Final, Literal, NamedTuple, TypedDict
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from riftberg.config.values import check_names, given, moment, number, required
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
@@ -466,6 +467,15 @@ class DatasetForcing(DescribedForcing):
         places = part.mesh.locate(_flat(lon), _flat(lat))
         depth = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
         return np.where(depth > 0.0, depth, np.nan).reshape(np.shape(lon))
+
+    def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
+        """Return which points of the products are land: no current is known there, or no depth above 0."""
+        x, y, found = _flat(lon), _flat(lat), np.zeros(np.size(lon), bool)
+        for name in ("uo", "depth_below_surface"):
+            if (part := self._part_with(name)) is not None:
+                values = self.currents(x, y, 0.0)[0] if name == "uo" else self.depth(x, y)
+                found |= np.isnan(values) & (part.mesh.locate(x, y).row >= 0)
+        return found.reshape(np.shape(lon))
 
     def describe(self) -> str:
         """Return what each product gives, on which points and at which times."""

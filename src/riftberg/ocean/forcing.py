@@ -7,6 +7,7 @@ import threading
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.config.units import POINTS
 from riftberg.ocean.grid import Grid
@@ -125,3 +126,15 @@ def sea_level(forcing: Forcing, lon: Floats, lat: Floats, time: float) -> Floats
     """
     given = getattr(forcing, "sea_level", None)
     return np.zeros(np.shape(lon)) if given is None else np.asarray(given(lon, lat, time), float)
+
+
+def land_at(forcing: Forcing, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
+    """Return which points a forcing knows to be land; what lies beyond the data of a product is none.
+
+    A forcing of one's own may have a method ``land(lon, lat)``; without it, land is where it has no current or no water.
+    """
+    given = getattr(forcing, "land", None)
+    if given is not None:
+        return np.asarray(given(lon, lat), bool)
+    flow, depth = forcing.currents(lon, lat, 0.0)[0], np.asarray(forcing.depth(lon, lat), float)
+    return np.asarray(np.isnan(flow) | ~(depth > 0.0))

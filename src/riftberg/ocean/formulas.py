@@ -23,6 +23,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar, dataclass_transform
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs
@@ -47,7 +48,7 @@ from riftberg.config.values import (
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import FIELD_DEFAULTS
-from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, pair_text, said, sea_level
+from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, land_at, pair_text, said, sea_level
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
@@ -247,6 +248,10 @@ class Sum(Formula):
         """Return the depth of water (m) at arrays of points: that of the shallowest part."""
         shallowest: Floats = np.min([part.depth(lon, lat) for part in self.parts], axis=0)
         return np.where(np.isinf(shallowest), FIELD_DEFAULTS["depth"], shallowest)
+
+    def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
+        """Return which points are land in any part."""
+        return np.asarray(np.any([land_at(part, lon, lat) for part in self.parts], axis=0))
 
     def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
         """Return the sea level (m) at arrays of points: the sum of all parts."""

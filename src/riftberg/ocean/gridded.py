@@ -10,7 +10,7 @@ from datetime import date, datetime, timedelta
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from riftberg.config.values import moment, number, required
 from riftberg.errors import ForcingError
@@ -273,12 +273,19 @@ class GriddedForcing(DescribedForcing):
             remedy="Fill the gap, for example with the nearest valid value, or make the cell land in the mask",
         )
 
-    def _located(self, lon: Floats, lat: Floats) -> Points:
+    def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
+        """Return which points lie in cells of land."""
+        points = self._located(lon, lat, dry=True)
+        return ((points.i >= 0) & (self._grid.arrays.mask[points.j, points.i] < 0.5)).reshape(np.shape(lon))
+
+    def _located(self, lon: Floats, lat: Floats, *, dry: bool = False) -> Points:
+        """Return points in their cells, with -1 outside and, unless ``dry`` ones count, on land."""
         x, y = (np.ascontiguousarray(q, dtype=np.float64).ravel() for q in (lon, lat))
         i, j = np.empty(x.size, dtype=np.int64), np.empty(x.size, dtype=np.int64)
         xi, eta = np.empty(x.size), np.empty(x.size)
         locate_points(x, y, self._grid.arrays, False, i, j, xi, eta)
-        i[(i >= 0) & (self._grid.arrays.mask[j, i] < 0.5)] = -1
+        if not dry:
+            i[(i >= 0) & (self._grid.arrays.mask[j, i] < 0.5)] = -1
         return Points(x, y, i, j, xi, eta)
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:

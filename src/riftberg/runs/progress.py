@@ -145,8 +145,9 @@ class SweepBar:
 
     def show(self, done: Mapping[int, str]) -> None:
         """Show how many members have a status."""
-        failed = sum(status == "failed" for status in done.values())
-        text = f"{len(done)} of {self.total} members" + (f", {failed} failed" if failed else "") + self._left(len(done))
+        statuses = list(done.values())
+        told = "".join(f", {n} {word}" for word in ("failed", "unfinished") if (n := statuses.count(word)))
+        text = f"{len(done)} of {self.total} members{told}{self._left(len(done))}"
         if self._bar is not None:
             self._bar.show(len(done), text)
         elif (now := clock.monotonic()) - self._shown >= LOG_SECONDS or len(done) == self.total:

@@ -25,7 +25,16 @@ from riftberg.ensembles.distributions import member_seed, shares
 from riftberg.ensembles.forecast import LATTICE, default_errors
 from riftberg.ensembles.matching import Matched, Posterior, Targets, likeliest, match, posterior
 from riftberg.ensembles.probability import quantiles
-from riftberg.ensembles.sweep import Plan, Store, SweepOptions, WorkerOptions, common_options, planned, run_sweep
+from riftberg.ensembles.sweep import (
+    Plan,
+    Store,
+    SweepOptions,
+    WorkerOptions,
+    common_options,
+    draws_of,
+    planned,
+    run_sweep,
+)
 from riftberg.ensembles.uncertain import SEED, has_fields
 from riftberg.ensembles.vary import Varied, varied_of
 from riftberg.errors import InputError
@@ -377,7 +386,7 @@ class CalibrateOptions(WorkerOptions, total=False):
     data: str | Path | None  # As for `riftberg.sweep`
     numerics: Literal["own", "reference"] | None  # As for `riftberg.sweep`
     members: int | None  # Of each wave; by default ten for each input
-    seed: int  # Of all that is drawn; 1 by default
+    seed: int | None  # Of all that is drawn; 1 by default
     waves: int  # 3 by default
     berg: str | None  # Name of the berg, where the observations have several
     hour: float | None  # Of observations without a time (UTC); by default that of the start
@@ -442,7 +451,7 @@ def calibrate(
     varied, nuisance = checked_inputs(experiment, vary)
     if not 1 <= waves <= MOST_WAVES:
         raise InputError(f"{waves} waves", where="waves", remedy=f"Give 1 to {MOST_WAVES}")
-    seed = int(options.get("seed") or 1)
+    seed = draws_of({"seed": options.get("seed")}).seed
     common = common_options(days, cast(SweepOptions, options))
     where = {name: value for name, value in options.items() if name in WorkerOptions.__annotations__}
     with TemporaryDirectory(prefix="riftberg-calibrate-") if output is None else nullcontext(output) as folder:

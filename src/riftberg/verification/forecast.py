@@ -40,6 +40,7 @@ from riftberg.verification.sightings import (
     away_from,
     between,
     check_dates,
+    during,
     outlines_at,
     sightings_of,
     start_of,
@@ -125,12 +126,7 @@ def verified(
     before = {s.when: s.place for s in seen if timedelta(0) < first - s.when <= timedelta(days=DAYS_BEFORE)}
     heading = _heading(before, origin)
     axes = (1.0, 0.0) if heading is None else heading
-    later = [s for s in seen if start < np.datetime64(s.when, "ns") <= times[-1]]
-    if not later:
-        raise InputError(
-            f"no position of {named} from {first:%Y-%m-%d %H:%M} to {times[-1].astype('datetime64[m]')}", where=where,
-            remedy="Observe the berg during the forecast",
-        )  # fmt: skip
+    later = during(named, seen, first, times[-1].astype("datetime64[us]").item(), where)
     points: dict[int, list[Point]] = {}
     baselines: dict[str, dict[int, list[Point]]] = {}
     own: dict[int, list[tuple[Floats, Floats]]] = {}

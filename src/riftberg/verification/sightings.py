@@ -142,6 +142,8 @@ def start_of(ds: xr.Dataset) -> datetime:
 
 def away_from(ds: xr.Dataset, when: datetime, place: tuple[float, float]) -> Floats:
     """Return kilometres of the first berg of each member east and north of a place at a date (members, 2)."""
+    if "lon" not in ds:
+        raise InputError("positions in metres", where="ensemble", remedy="Observations need longitude and latitude")
     lon, lat = (ds[name].isel(fragment=0).values.astype(float) for name in ("lon", "lat"))
     (first, after), part = between(times_of(ds), when)
     before, then = (np.stack(local(*place, lon[:, k], lat[:, k]), axis=-1) for k in (first, after))
@@ -165,16 +167,20 @@ def drift_error(
     ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, hour: float | None = None
 ) -> Floats:
     """Return the mean distance (km) of each member's berg from the observed positions after the start."""
-    times = times_of(ensemble)
-    _, seen = sightings_of(observed, berg, start_of(ensemble), hour)
-    apart = [
-        np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1)
-        for s in seen
-        if times[0] < np.datetime64(s.when, "ns") <= times[-1]
-    ]
-    if not apart:
-        raise InputError("no position during the runs", where=str(observed.source), remedy="Observe the berg then")
-    return np.asarray(np.mean(apart, axis=0))
+    start, end = start_of(ensemble), times_of(ensemble)[-1].astype("datetime64[us]").item()
+    seen = during(*sightings_of(observed, berg, start, hour), start, end, str(observed.source))
+    return np.asarray(np.mean([np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1) for s in seen], axis=0))
+
+
+def during(name: str, seen: list[Sighting], start: datetime, end: datetime, where: str) -> list[Sighting]:
+    """Return when and where a berg was seen after the start of runs until their end; none is refused."""
+    found = [s for s in seen if start < s.when <= end]
+    if not found:
+        raise InputError(
+            f"no position of {name or 'the berg'} from {start:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M}", where=where,
+            remedy="Give positions of the time of the runs",
+        )  # fmt: skip
+    return found
 
 
 def outline_of_run(file: Path) -> Any:
@@ -321,6 +327,9 @@ def log_likelihood(
             if not times[0] <= now <= times[-1] + DAY:
                 raise InputError(f"{date:%Y-%m-%d %H:%M} is not within the forecast", where="update")
             right = (~np.isnat(first) & (first <= now)) == was
+            if not (right & np.isfinite(found)).any():
+                _LOG.warning("no member %s by %s: this sighting tells none from another",
+                             "had broken up" if was else "was still whole", f"{date:%Y-%m-%d %H:%M}")  # fmt: skip
             found += np.log(np.where(right, 1.0 - doubt, doubt))
             count += 1
     if not count:

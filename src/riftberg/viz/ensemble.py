@@ -85,7 +85,7 @@ def draw_sweep(result: xr.Dataset, path: str | Path, *, dpi: int = 150) -> Path:
         if words:
             axes[name].set_xticks(range(len(words)), words)
     style.letters(list(axes.values()))
-    note = f"{done.sizes['member']} runs" + (f", {missing} more failed or not yet run" if missing else "")
+    note = f"{done.sizes['member']} runs" + (f", {missing} more failed, unfinished or not yet run" if missing else "")
     style.put_title(figure, f"{str(done.attrs.get('title', 'Sweep')).split(':')[0]}, {note}", size=13.0)
     style.lay_out(figure)
     chart.draw_place(*ice)
@@ -184,6 +184,8 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     members = f"{done} member{'s' if done > 1 else ''}" + (
         f", {count:.1f} of them count" if count < 0.995 * done else ""
     )
+    unfinished = int((result["status"] == 3).sum())
+    members += f", {unfinished} more unfinished" if unfinished else ""
     name = Path(str(result.attrs.get("experiment", "Forecast"))).stem
     style.put_title(figure, f"{name}: {members}, {style.span_text(result['time'].values)}", size=13.0)
     style.lay_out(figure)
