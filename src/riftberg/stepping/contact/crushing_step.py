@@ -140,6 +140,7 @@ class CrushingWorkspace(NamedTuple):
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
     skin: Floats  # Way (m) of each of a pair towards the other at which faces that stand on each other overlap; shape (pairs, 2)
+    changed: Ints  # Sweep in which each body's velocities changed last; shape (bodies,)
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
@@ -192,7 +193,7 @@ def integrate_faces(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)),
             np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
-            np.empty((pairs, 2)), np.empty(pairs, np.int64), np.empty((pairs, 25)),
+            np.empty((pairs, 2)), np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 25)),
             np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
@@ -679,12 +680,17 @@ def _sweep(
         # The forces of the sub-step before are a first guess.
         _push(row, ROW_N, h * pair_state[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
         _push(row, ROW_T, h * pair_state[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
-    for _ in range(MAX_SWEEPS):
+    work.changed[:] = 0
+    for sweep in range(1, MAX_SWEEPS + 1):
         most = 0.0
         for f in range(count):
             k, row = work.active[f], work.face[f]
             i, j = island.first[k], island.second[k]
             a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
+            # Where neither body has changed since its last turn, a face has nothing to add: clusters converge each by itself.
+            if max(work.changed[a], work.changed[b]) < sweep - 1:
+                continue
+            own = 0.0
             one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
             thickness = min(faces.thickness[i], faces.thickness[j])
             stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
@@ -697,14 +703,17 @@ def _sweep(
             change = force - state[FORCE]
             state[FORCE] = force
             _push(row, ROW_N, h * change, one, two, v, w)
-            most = max(most, abs(give * change))
+            own = max(own, abs(give * change))
             if law.friction > 0.0:
                 give = h * row[GIVE_T]
                 slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / give, force, law.friction)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
                 _push(row, ROW_T, h * change, one, two, v, w)
-                most = max(most, abs(give * change))
+                own = max(own, abs(give * change))
+            if own > SWEEP_RTOL * scale:
+                work.changed[a] = work.changed[b] = sweep
+            most = max(most, own)
         if most <= SWEEP_RTOL * scale:
             return
 
