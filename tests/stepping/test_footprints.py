@@ -30,8 +30,10 @@ def test_footprints_fill_the_outline_and_are_convex(rotation: float, packing: st
     found = FootprintBook(run).follow(run)
     rings = [shapely.Polygon(found.corner[a:b]) for a, b in zip(found.start[:-1], found.start[1:], strict=True)]
     area = np.bincount(found.owner, shapely.area(rings))
-    assert area.sum() == pytest.approx(108e6, rel=1e-9)
+    assert area.sum() == pytest.approx(108e6, rel=1e-6)
     assert area.max() < 3.0 * area.min()
+    # Bug: edges of millimetres, whose direction is round-off, made depths of contact depend on which of two bergs came first.
+    assert min(np.hypot(*(np.roll(c, 1, axis=0) - c).T).min() for c in (r.exterior.coords[:-1] for r in rings)) > 0.01
     np.testing.assert_allclose(shapely.area(shapely.convex_hull(rings)), shapely.area(rings), rtol=1e-9)
 
 

@@ -46,7 +46,7 @@ from riftberg.stepping.contact.islands import (
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, SEEN = range(13)
 """Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
 since touching (s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques
-(N m); depth at the end of the last step (m). Of faces that overlap and part the closing speed now, below 0."""
+(N m); depth at the end of the last step (m). At rest, and of faces that overlap and part, the closing speed now."""
 
 COLUMNS: Final = 13
 
@@ -66,12 +66,15 @@ SLOW: Final = 2e-3
 """Speed (m s-1) up to which faces touch without an impact."""
 
 AGAIN: Final = 10e-3
-"""Closing speed (m s-1) at which rest becomes an impact."""
+"""Closing speed (m s-1) at which rest becomes an impact, if it has doubled within a sub-step: something struck."""
 
 IMPACT_OVER: Final = 0.02
 """Part of the speed of touching below which an impact comes to rest, `SETTLING` over the frequency after touching."""
 
 SETTLING: Final = 3.0
+
+LASTS: Final = 10.0
+"""An impact takes at most this time over its frequency: it loads for half of pi of it. What goes on is driven, as at rest."""
 
 LEAST_CHORD: Final = 1e-6
 """Square of the chord of an overlap over its area, below which one face lies wholly in the other.
@@ -85,11 +88,14 @@ SKIN: Final = 0.01
 LEAST_FACE: Final = 1.0
 """Chord (m) from which on faces can stand on each other."""
 
-UNSEEN: Final = 0.1
-"""Way (m) by which faces that part in one place may close in another within a sub-step."""
+UNSEEN, UNSEEN_PART = 0.1, 5e-4
+"""Way by which faces that part in one place may close in another within a sub-step: in m, and as a part of their size."""
 
 REST_STEP: Final = 60.0
 """Longest sub-step of faces that overlap, s."""
+
+REST_WAY: Final = 0.5
+"""Way (m) by which they are driven into each other at most within it: a small part of the depth of crushing."""
 
 MAX_SWEEPS: Final = 400
 """Sweeps over the faces; impulses are equal and opposite after each of them, so momentum does not depend on their number."""
@@ -132,7 +138,8 @@ class CrushingWorkspace(NamedTuple):
     peak: Floats  # shape (bodies,)
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
-    skin: Floats  # Way (m) of the first of each pair at which faces that stand on each other overlap; shape (pairs, 2)
+    skin: Floats  # Way (m) of each of a pair towards the other at which faces that stand on each other overlap; shape (pairs, 2)
+    changed: Ints  # Sweep in which each body's velocities changed last; shape (bodies,)
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
     # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
@@ -185,7 +192,7 @@ def integrate_faces(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)),
             np.empty((bodies, 3)), np.empty((bodies, 3)),
             np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
-            np.empty((pairs, 2)), np.empty(pairs, np.int64), np.empty((pairs, 25)),
+            np.empty((pairs, 2)), np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 25)),
             np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
             np.empty((most, 2)), np.empty((most, 2)), np.empty((2, 4 * most, 3)), np.empty((4, 3, 3)), np.zeros(1),
@@ -335,7 +342,8 @@ def _overlap_of_pair(
     """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin."""
     i, j = island.first[k], island.second[k]
     ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
-    x1, y1 = x1 + work.skin[k, 0], y1 + work.skin[k, 1]
+    # Half of the skin to each, so that neither is the first one.
+    x1, y1, x2, y2 = x1 + work.skin[k, 0], y1 + work.skin[k, 1], x2 - work.skin[k, 0], y2 - work.skin[k, 1]
     area = moment_x = moment_y = chord_x = chord_y = 0.0
     for p in range(faces.begin[i], faces.end[i]):
         corners = _place(faces, p, x1, y1, ca, sa, work.one)
@@ -435,6 +443,8 @@ def _longest_substep(
         if pair_state[k, PHASE] == REST:
             # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * before)
+            if pair_state[k, SPEED] * limit > REST_WAY:
+                limit = REST_WAY / pair_state[k, SPEED]
             continue
         work.gap[k] = np.inf
         ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
@@ -466,9 +476,9 @@ def _longest_substep(
         if nearest <= SKIN and free and (closing <= SLOW or parting):
             # They stand on each other, or part: whatever drives them together, the force of the sub-step answers.
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP)
-            work.skin[k, 0], work.skin[k, 1] = SKIN * nx, SKIN * ny
+            work.skin[k, 0], work.skin[k, 1] = 0.5 * SKIN * nx, 0.5 * SKIN * ny
             if closing > SLOW:  # they part where they stand on each other, and turn into each other beside it
-                limit = min(limit, max(UNSEEN / closing, entry))
+                limit = min(limit, max(max(UNSEEN, UNSEEN_PART * smaller) / closing, entry))
             continue
         if nearest <= 0.0:
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, entry if free else REST_STEP)
@@ -597,7 +607,7 @@ def _find_faces(
         ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         area, moment_x, moment_y, chord_x, chord_y = _overlap_of_pair(island, faces, path, k, work)
         chord = math.hypot(chord_x, chord_y)
-        skin = math.hypot(work.skin[k, 0], work.skin[k, 1])
+        skin = 2.0 * math.hypot(work.skin[k, 0], work.skin[k, 1])
         if skin > 0.0 and chord < LEAST_FACE:  # a corner, until it is in the other face
             continue
         if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
@@ -669,12 +679,17 @@ def _sweep(
         # The forces of the sub-step before are a first guess.
         _push(row, ROW_N, h * pair_state[k, FORCE], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
         _push(row, ROW_T, h * pair_state[k, FRICTION], work.compliance[a], work.compliance[b], work.new[a], work.new[b])
-    for _ in range(MAX_SWEEPS):
+    work.changed[:] = 0
+    for sweep in range(1, MAX_SWEEPS + 1):
         most = 0.0
         for f in range(count):
             k, row = work.active[f], work.face[f]
             i, j = island.first[k], island.second[k]
             a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
+            # Where neither body has changed since its last turn, a face has nothing to add: clusters converge each by itself.
+            if max(work.changed[a], work.changed[b]) < sweep - 1:
+                continue
+            own = 0.0
             one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
             thickness = min(faces.thickness[i], faces.thickness[j])
             stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
@@ -687,14 +702,17 @@ def _sweep(
             change = force - state[FORCE]
             state[FORCE] = force
             _push(row, ROW_N, h * change, one, two, v, w)
-            most = max(most, abs(give * change))
+            own = max(own, abs(give * change))
             if law.friction > 0.0:
                 give = h * row[GIVE_T]
                 slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / give, force, law.friction)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
                 _push(row, ROW_T, h * change, one, two, v, w)
-                most = max(most, abs(give * change))
+                own = max(own, abs(give * change))
+            if own > SWEEP_RTOL * scale:
+                work.changed[a] = work.changed[b] = sweep
+            most = max(most, own)
         if most <= SWEEP_RTOL * scale:
             return
 
@@ -737,12 +755,18 @@ def _update_faces(
         if force == 0.0 and closing <= 0.0:
             state[PHASE], state[SPEED] = APART, closing
         elif state[PHASE] == REST:
-            if closing > AGAIN:
-                state[PHASE], state[SPEED], state[SINCE] = IMPACT, closing, 0.0
-        elif closing < max(IMPACT_OVER * state[SPEED], SLOW):
-            frequency = math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
-            if state[SINCE] * frequency > SETTLING:
-                state[PHASE] = REST
+            state[SPEED] = closing
+            if closing > max(AGAIN, 2.0 * row[CLOSING]):
+                state[PHASE], state[SINCE] = IMPACT, 0.0
+        else:
+            if (
+                force > 0.0 == row[BEFORE] and row[CLOSING] > AGAIN and state[SINCE] > h
+            ):  # unloaded before: an impact of its own
+                state[SINCE], state[SPEED] = h, row[CLOSING]
+            since = state[SINCE] * math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
+            slow = closing < max(IMPACT_OVER * state[SPEED], SLOW)
+            if (slow and since > SETTLING) or (force > 0.0 and since > LASTS):
+                state[PHASE], state[SPEED] = REST, closing
 
 
 @borrower

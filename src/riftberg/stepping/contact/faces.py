@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
@@ -42,6 +43,8 @@ from riftberg.stepping.run_state import RunState
 
 DRIVEN: Final = 2e-4
 """Acceleration (m s-2) at which media drive two bergs together at most: twice that of the Coriolis force at 0.7 m/s."""
+
+GOLDEN_RATIO: Final = 0.5 * (1.0 + math.sqrt(5.0))
 
 LASTING: Final = 600.0
 """Time (s) that contact lasts before the lattices bear it as a load at rest; of what is shorter they bear the largest impact.
@@ -148,8 +151,9 @@ class FaceContact:
         near = face_gaps(first, second, apart, faces)[:, 0] <= way
         if not near.any():
             return None
-        first, second = first[near], second[near]
-        lists, whole = gather_islands(op, first, second, apart[near])
+        order = np.flatnonzero(near)[np.argsort(_place_in_line(el, first[near], second[near]))]
+        first, second = first[order], second[order]
+        lists, whole = gather_islands(op, first, second, apart[order])
         ids = np.column_stack([el.body.id[first[lists.order]], el.body.id[second[lists.order]]])
         pair_state, rows = _known_states(before, ids), lists.rows
         faces = faces._replace(
@@ -219,6 +223,16 @@ class FaceContact:
             begin = np.searchsorted(owner, np.arange(el.size + 1)).astype(np.int64)
             self._polygons = _Polygons(begin, ring, corner, element, reach)
         return self._polygons
+
+
+def _place_in_line(el: Elements, first: Ints, second: Ints) -> Floats:
+    """Where pairs stand on a line from south-west to north-east, in which the sweeps over the faces take them.
+
+    Friction between several faces that stick is statically indeterminate, and how the sweeps share it out depends on their order.
+    By place it is the same in whatever order the bergs were given. No row of a lattice stands square to this line.
+    """
+    lon, lat = el.shown.lon_pair, el.shown.lat_pair
+    return np.asarray(lon[first] + lon[second] + GOLDEN_RATIO * (lat[first] + lat[second]))
 
 
 def _known_states(pairs: FacePairs, ids: Ints) -> Floats:

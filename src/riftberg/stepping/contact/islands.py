@@ -114,7 +114,10 @@ class ContactPhase(NamedTuple):
 
 
 def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
-    """Find the islands among ``count`` bodies: connected components by the candidate pairs of elements, each given once."""
+    """Find the islands among ``count`` bodies: connected components by the candidate pairs of elements, each given once.
+
+    Within an island the pairs keep their order.
+    """
     part = connected_parts(count, body[first], body[second], np.zeros(first.size, np.int64))
     involved = np.zeros(count, bool)
     involved[body[first]] = involved[body[second]] = True
@@ -129,8 +132,7 @@ def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
     at = np.zeros(body.size, np.int64)
     at[rows] = np.arange(rows.size) - np.repeat(row_start, np.diff(np.append(row_start, rows.size)))
     island = part[body[first]]
-    # Within an island in the order of the rows, so that its sums do not depend on what is elsewhere.
-    order = np.lexsort((second, first, island))
+    order = np.argsort(island, kind="stable")
     return Islands(
         members, np.append(start, members.size), rows, np.append(row_start, rows.size), place[body[rows]],
         at[first[order]], at[second[order]], np.append(np.searchsorted(island[order], numbers), order.size), order,

@@ -8,7 +8,7 @@ so that births, melt and cracks leave them alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import shapely
@@ -34,6 +34,10 @@ class Footprints(NamedTuple):
 
 FOOTPRINT_NAMES = tuple(f"footprint_{name}" for name in Footprints._fields)
 """Names in a restart file."""
+
+
+SHORTEST_EDGE: Final = 1e-5
+"""Shortest edge of a footprint, as a part of the radius: a few times what moving the centres makes of a corner."""
 
 
 def with_new_footprints(
@@ -99,8 +103,13 @@ def _footprints_of(
             convex = shapely.convex_hull(polygon).area <= (1.0 + 1e-12) * polygon.area
             pieces = [polygon] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
             for piece in pieces:
-                rings.append(np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2])
-                owner.append(k)
+                # An edge of millimetres, which the round-off and the moved centres leave at corners, says not which way a face
+                # looks: the depth of an overlap that is cut by it would be a micrometre off, one way or the other.
+                ring = np.asarray(shapely.orient_polygons(piece).exterior.coords)[:-1, :2]
+                edge = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
+                if np.count_nonzero(edge > SHORTEST_EDGE * radius) > 2:
+                    rings.append(ring[edge > SHORTEST_EDGE * radius])
+                    owner.append(k)
     start = np.concatenate([[0], np.cumsum([len(ring) for ring in rings])]).astype(np.int64)
     corner = np.vstack(rings) if rings else np.zeros((0, 2))
     size = el.body.length[rows] * el.body.width[rows]
