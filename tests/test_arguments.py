@@ -137,3 +137,10 @@ def test_nothing_is_read_beyond_the_end_of_a_tuple_or_of_what_is_no_array() -> N
     for pair in (None, (), (np.ones(1),)):
         with pytest.raises(NumbaError):
             _summed(_outer(np.ones((2, 2)))._replace(pair=pair), np.ones(2), 1.0, np.zeros(1))
+
+
+def test_code_for_other_types_has_a_name_of_its_own() -> None:
+    for array in (np.ones((2, 2)), np.ones((2, 2), np.float32)):
+        _first_row(_outer(array))
+    names = [call.__globals__["by_address"].py_func.__name__ for call in _first_row._variants.values()]
+    assert len(set(names)) == len(names) > 1

@@ -232,3 +232,28 @@ def test_a_wheel_with_machine_code_draws_its_first_map_without_compiling(tmp_pat
     with xr.open_dataset(tmp_path / "out" / "run.nc") as one, xr.open_dataset(tmp_path / "native" / "run.nc") as other:
         for name in one.variables:
             np.testing.assert_array_equal(one[name].values, other[name].values, err_msg=str(name))
+
+
+GROUNDED = """
+import sys
+import numpy as np
+from riftberg import Parameters
+from riftberg.stepping.forces.media import aground
+
+constants = Parameters().kernel_values()
+for shape in eval(sys.argv[1]):
+    print(int(aground(np.full(shape, 300.0), np.full(shape, 200.0), constants).sum()), end=" ")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_code_for_other_types_that_another_process_kept_is_not_taken_for_ones_own(tmp_path: Path) -> None:
+    """Bug: numba gave both the same name, for each was the first that its process compiled, and they shared their constants.
+
+    A process that had loaded one kept the other with constants beyond those that it had by itself: the next one failed.
+    """
+    environment = {**os.environ, "RIFTBERG_CACHE": str(tmp_path)}
+    for shapes, said in (("[(3,)]", "3"), *2 * (("[(3,), (2, 2)]", "3 4"),)):
+        done = subprocess.run([sys.executable, "-c", GROUNDED, shapes], env=environment, capture_output=True, text=True)
+        assert (done.returncode, done.stdout.strip()) == (0, said), done.stderr

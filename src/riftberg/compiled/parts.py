@@ -15,6 +15,7 @@ an array, and three times as long for one inside of a tuple, a tenth of all that
 from __future__ import annotations
 
 import gc
+import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property, reduce
@@ -182,9 +183,13 @@ class TupleKernel(Kernel):
             return f"read{n}(x0, x1, ({own}))"
 
         whole = ", ".join([taken(n, value) for n, value in enumerate(arguments)])
-        name, received = f"{self.py_func.__name__}_by_address", ", ".join(f"x{k}" for k in range(len(given)))
-        # The source stands for the code that is kept, so it says what the readers expect.
-        text = "\n".join([f"def {name}({received}):", f"    return kernel({whole})", *expected])
+        received = ", ".join(f"x{k}" for k in range(len(given)))
+        # The source stands for the code that is kept, so it says what the readers expect. The name too: numba names machine
+        # code by function, number in its process and types, which are addresses here. Two codes of one name that come from
+        # two processes would be taken for each other.
+        body = "\n".join([f"({received}):", f"    return kernel({whole})", *expected])
+        name = f"{self.py_func.__name__}_by_address_{hashlib.sha256(body.encode()).hexdigest()[:8]}"
+        text = f"def {name}{body}"
         key = text, *classes
         if key not in self._variants:
             exec(text, names)

@@ -138,19 +138,21 @@ def _through(
 ) -> Iterator[tuple[Any, Any]]:
     """Send jobs through an executor and give what has ended, until none is left or the executor is broken."""
     flying: dict[Any, Any] = {}
+    ended: list[tuple[Any, Any]] = []
     broken = False
-    while flying or (waiting and not (broken or hold.requested)):
-        while waiting and len(flying) < workers and not (broken or hold.requested):
+    while flying or ended or (waiting and not (broken or hold.requested)):
+        while len(flying) < workers and not (broken or hold.requested) and waiting:
             job = waiting.next()
             try:
                 flying[executor.submit(_called, _packed(function, job))] = job
             except BrokenProcessPool:
                 waiting.again.append(job)
                 broken = True
+        yield from ended  # while the next ones are on their way: no process waits for what is done with these
         # Looked at now and then, so that a signal is not missed.
-        for future in wait(flying, timeout=WAIT_SECONDS, return_when=FIRST_COMPLETED).done:
-            broken = broken or isinstance(future.exception(), BrokenProcessPool)
-            yield future, flying.pop(future)
+        done = wait(flying, timeout=WAIT_SECONDS, return_when=FIRST_COMPLETED).done
+        ended = [(future, flying.pop(future)) for future in done]
+        broken = broken or any(isinstance(future.exception(), BrokenProcessPool) for future, _ in ended)
 
 
 def _packed(function: Callable[[Any], Any], job: Any) -> bytes:

@@ -9,7 +9,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -476,7 +476,7 @@ class Store:
 
     def keep(self, outcome: Outcome) -> None:
         """Keep what a member came to."""
-        write_text(self.members / f"{outcome.number:05d}.json", json.dumps(asdict(outcome)))
+        write_text(self.members / f"{outcome.number:05d}.json", json.dumps(vars(outcome)))
         self._count(outcome)
 
     def _count(self, outcome: Outcome) -> None:

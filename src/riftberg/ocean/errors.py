@@ -138,7 +138,7 @@ class RandomField:
 
 @kernel
 def read_spline(
-    first: Floats, last: Floats, factors: tuple[float, float], step: float, middle: tuple[float, float], periodic: bool,
+    first: Floats, last: Floats, factors: tuple[float, float], step: float, middle: tuple[int, int], periodic: bool,
     x: Floats, y: Floats, out: Floats,
 ) -> None:  # fmt: skip
     """Fill value, both first (m-1) and both second derivatives (m-2) of a cubic spline; beyond its edge the edge counts.
@@ -151,10 +151,11 @@ def read_spline(
     wx, wy = np.zeros((3, 4)), np.zeros((3, 4))
     across = np.zeros(4, np.int64)
     for n in range(x.size):
-        east_points, north_points = x[n] / step + middle[0], y[n] / step + middle[1]
+        # The place within its cell has the same digits wherever the first point lies, as a run that goes on needs it.
+        east_points, north_points = x[n] / step, y[n] / step
         i, j = math.floor(east_points), math.floor(north_points)
         for a in range(4):  # once for all rows: a remainder takes as long as all else of a coefficient
-            column = int(i) + a - 1
+            column = int(i) + middle[0] + a - 1
             across[a] = column % columns if periodic else min(max(column, 0), columns - 1)
         for weights, t in ((wx, east_points - i), (wy, north_points - j)):
             s = 1.0 - t
@@ -168,7 +169,7 @@ def read_spline(
             weights[2, 0], weights[2, 1], weights[2, 2], weights[2, 3] = s, 3.0 * t - 2.0, 3.0 * s - 2.0, t
         value = east = north = east2 = north2 = 0.0
         for b in range(4):
-            row = int(j) + b - 1
+            row = int(j) + middle[1] + b - 1
             row = row % rows if periodic else min(max(row, 0), rows - 1)
             s0 = s1 = s2 = 0.0
             for a in range(4):
@@ -268,7 +269,7 @@ class Envelope:
         self.forcing, self.plane, self.size = forcing, plane, size
         self.step = 0.25 * length
         self.window = (np.inf, np.inf, -np.inf, -np.inf)  # Least and largest x and y of places that it holds, m
-        self.middle = (0.0, 0.0)  # Number of the point at the middle of the plane, along x and y
+        self.middle = (0, 0)  # Number of the point at the middle of the plane, along x and y
         self.factor = np.empty((0, 0))  # Empty where it is 1 everywhere
 
     def at(self, place: Floats, ends: Ends) -> Floats:
@@ -293,7 +294,7 @@ class Envelope:
         east, north = (math.ceil(end / self.step) + 5 * lengths for end in ends[2:])
         self.window = (self.step * west, self.step * south, self.step * east, self.step * north)
         axes = [np.arange(low - margin, high + margin + 1) for low, high in ((west, east), (south, north))]
-        self.middle = (float(-axes[0][0]), float(-axes[1][0]))
+        self.middle = (int(-axes[0][0]), int(-axes[1][0]))
         lon, lat = self.plane.inverse(*np.meshgrid(*(self.step * axis for axis in axes)))
         land = land_at(self.forcing, lon, lat)
         self.factor = np.empty((0, 0))
@@ -471,7 +472,7 @@ class UncertainForcing(WrappedForcing):
     def _read(self, field: RandomField, place: Floats, time: float) -> Floats:
         """Return value and derivatives (per m) of a field at places of the plane."""
         out = np.empty((5, place.shape[1]))
-        read_spline(*field.at(time), field.step, (0.0, 0.0), True, place[0], place[1], out)
+        read_spline(*field.at(time), field.step, (0, 0), True, place[0], place[1], out)
         return out
 
     def _wind_error(self, field: RandomField, place: Floats, time: float) -> Floats:
