@@ -251,3 +251,13 @@ def test_a_run_file_has_no_variable_without_a_value(tmp_path: Path) -> None:
         assert "kinetic_energy" in run
         numbers = [name for name, v in run.variables.items() if v.dtype.kind == "f" and v.size]
         assert not [name for name in numbers if np.isnan(run[name].values).all()]
+
+
+def test_a_restart_from_before_the_work_on_the_bed_was_kept_goes_on() -> None:
+    """Bug: its ledger was refused, as it had a row less."""
+    model = melting()
+    model.step()
+    del model.remembered["motion_on_bed"]
+    b = balance(model)
+    assert (b.rubbed, b.gouged) == (0.0, 0.0)
+    model.step()

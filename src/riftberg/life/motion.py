@@ -41,12 +41,12 @@ step in a Coriolis force that does no work, elements among each other (with land
 
 LOADS, SUPPORTS, TIME_STEP, ELEMENTS, OTHER = map(GIVERS.index, ("loads", "supports", "time_step", "elements", "other"))
 
-START, NOW, BONDS, PLASTIC = range(len(GIVERS), len(GIVERS) + 4)
-"""Rows after those of the givers: stock at the start, stock now; elastic energy at the start and released by cracks; plastic
-work of crushing, of friction on a bed of sediment, of gouges."""
+START, NOW, BONDS = range(len(GIVERS), len(GIVERS) + 3)
+"""Rows after those of the givers: stock at the start, stock now; elastic energy at the start, released by cracks, lost by
+crushing."""
 
-KEPT: Final = "motion_ledger"
-"""Name under which a restart keeps the ledger."""
+KEPT, KEPT_ON_BED = "motion_ledger", "motion_on_bed"
+"""Names under which a restart keeps the ledger, and the work of friction and gouges on a bed of sediment beside it."""
 
 CLOSES: Final = 1e-9
 """Largest part of the momentum given that may be left over between bonded elements."""
@@ -278,7 +278,7 @@ class MotionLedger:
 
     def __init__(self, parameters: Parameters, own: tuple[str, ...] = ()) -> None:
         self.parameters, self.own = parameters, own  # several laws of one's own have a row each after all others
-        self.rows = PLASTIC + 1 + len(own)
+        self.rows = BONDS + 1 + len(own)
 
     def moved(
         self, before: Elements, bonds_before: Bonds, run: RunState, applied: Floats,
@@ -309,9 +309,9 @@ class MotionLedger:
         kept = self._begun(remembered, before, bonds_before, run, was)
         _enter_step(kept, was, stands, given)
         self._cracks(kept, before, bonds_before, run)
-        kept[PLASTIC] = plastic
-        kept[PLASTIC + 1 :] += forces[len(FORCES) :]
-        remembered[KEPT] = kept
+        kept[BONDS, 2] = plastic[0]
+        kept[BONDS + 1 :] += forces[len(FORCES) :]
+        remembered[KEPT], remembered[KEPT_ON_BED] = kept, plastic[1:].copy()
 
     def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
         """Enter what another process has done, under one of `GIVERS`."""
@@ -358,13 +358,13 @@ class MotionLedger:
             kept[BONDS, 0] = elastic or 0.0
         _enter(kept, "other", now)
         rows = kept.tolist()
+        rubbed, gouged = remembered.get(KEPT_ON_BED, np.zeros(2)).tolist()
         return MotionBalance(
             (rows[START][0], rows[START][1]), (rows[NOW][0], rows[NOW][1]),
             {name: (row[0], row[1]) for name, row in zip(GIVERS, rows, strict=False)}, rows[START][2], rows[NOW][2],
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
-            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[PLASTIC][0],
-            rows[PLASTIC][1], rows[PLASTIC][2],
-            {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[PLASTIC + 1 :], strict=True)},
+            None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[BONDS][2],
+            rubbed, gouged, {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[BONDS + 1 :], strict=True)},
         )  # fmt: skip
 
     def _known(self, remembered: Mapping[str, Floats]) -> Floats | None:

@@ -276,6 +276,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "rigid_left_.+": Bound(("left",)),
     "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
     "motion_ledger": Bound((None, 3)),  # the ledger itself knows how many rows it has
+    "motion_on_bed": Bound((2,)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
     "front_shapes": Bound((None,), 0, 255),
     "front_bergs": Bound(("outlines",), 0, "fragments"),

@@ -136,6 +136,13 @@ class CrushingWorkspace(NamedTuple):
     stiffness: Floats  # Of its faces over its mass, s-2; shape (bodies,)
     size: Floats  # Sum of the forces on its faces, N; shape (bodies,)
     peak: Floats  # shape (bodies,)
+    travelled: (
+        Floats  # Way of each body in the axes of the island's mean motion at the start, at most, m; shape (bodies,)
+    )
+    speed: Floats  # The same of its speed, m s-1, and of its acceleration, m s-2; shape (bodies, 2)
+    measured: (
+        Floats  # Of each pair: its gap when last measured (m), and how far both bodies had travelled; shape (pairs, 2)
+    )
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
     skin: Floats  # Way (m) of each of a pair towards the other at which faces that stand on each other overlap; shape (pairs, 2)
@@ -191,7 +198,8 @@ def integrate_faces(
         work = CrushingWorkspace(
             np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)),
             np.empty((bodies, 3)), np.empty((bodies, 3)),
-            np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.empty(pairs), np.empty(pairs),
+            np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies), np.empty((bodies, 2)),
+            np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs),
             np.empty((pairs, 2)), np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 25)),
             np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)),
             np.zeros((rows, 3)), np.zeros((bodies, 3)), np.zeros((rows, 3)), np.ones(bodies, np.bool_),
@@ -254,10 +262,11 @@ def _integrate_island(
         _record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
-                mean = 0.5 * (twist[b, i] + work.new[b, i])
-                about.twist_integral[b, i] += h * mean
-                result.path[b, i] += h * mean
+                work.middle[b, i] = 0.5 * (twist[b, i] + work.new[b, i])
+                about.twist_integral[b, i] += h * work.middle[b, i]
+                result.path[b, i] += h * work.middle[b, i]
                 twist[b, i] = work.new[b, i]
+            work.travelled[b] += h * _speed_bound(work.middle[b], work.arm[b])
         accumulate_floor_impulse(island, twist, h, result.applied)
         elapsed += h
         left = left - h if left > h else 0.0
@@ -435,6 +444,9 @@ def _longest_substep(
             for j in range(3):
                 work.acceleration[b, i] += mobility[b, i, j] * work.net_force[b, j]
     fastest, quickest = approach_bound(twist, work.arm), approach_bound(work.acceleration, work.arm)
+    for b in range(twist.shape[0]):
+        work.speed[b, 0] = _speed_bound(twist[b], work.arm[b])
+        work.speed[b, 1] = _speed_bound(work.acceleration[b], work.arm[b])
     impact = False
     for k in range(island.first.size):
         i, j = island.first[k], island.second[k]
@@ -446,6 +458,13 @@ def _longest_substep(
             if pair_state[k, SPEED] * limit > REST_WAY:
                 limit = REST_WAY / pair_state[k, SPEED]
             continue
+        # A gap that both cannot have crossed since it was measured, nor can within the sub-step, need not be measured again.
+        least = work.measured[k, 0] - (work.travelled[a] + work.travelled[b] - work.measured[k, 1])
+        if least > SKIN:
+            closing, driven = work.speed[a, 0] + work.speed[b, 0], work.speed[a, 1] + work.speed[b, 1]
+            if _most_of_way(least, closing, driven)[0] >= limit:
+                work.gap[k], work.bound[k] = least, closing + driven * limit
+                continue
         work.gap[k] = np.inf
         ca, sa, cb, sb, x1, y1, x2, y2 = _places_of_pair(island, path, k)
         far, reach = math.hypot(x1 - x2, y1 - y2), faces.reach[i] + faces.reach[j]
@@ -453,6 +472,7 @@ def _longest_substep(
             _set_apart(pair_state[k])
             continue
         nearest, nx, ny = _gap_of_pair(island, faces, path, k, work)
+        work.measured[k, 0], work.measured[k, 1] = nearest, work.travelled[a] + work.travelled[b]
         mx, my = spin_lever(m, ca, sa)
         ox, oy = spin_lever(n, cb, sb)
         rx, ry = x1 - x2, y1 - y2
@@ -512,6 +532,12 @@ def _longest_substep(
         if most > 0.0:
             limit = min(limit, IMPACT_PHASE / math.sqrt(most))
     return limit
+
+
+@kernel
+def _speed_bound(twist: Floats, arm: float) -> float:
+    """Upper bound of the speed (m s-1) of the points of a body; or of their acceleration (m s-2)."""
+    return math.hypot(twist[0], twist[1]) + arm * abs(twist[2])
 
 
 @kernel
