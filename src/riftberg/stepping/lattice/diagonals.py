@@ -82,4 +82,4 @@ def diagonal_lengths(diagonals: Diagonals, bonds: Bonds) -> Floats:
     """Lengths at rest (m) of diagonals: `diagonal_length` of all."""
     left = (bonds.status[diagonals.way[:, 0]] == 0).all(axis=1)
     along, on = np.where(left[:, None], diagonals.way[:, 0], diagonals.way[:, 1]).T
-    return np.hypot(bonds.rest_length[along], bonds.rest_length[on])
+    return np.asarray(np.hypot(bonds.rest_length[along], bonds.rest_length[on]))
