@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -274,6 +275,25 @@ def test_a_cut_frees_the_diagonals_across_it_at_once_and_for_good() -> None:
         tile_kernels_applied(work.tiles, el, bonds, interaction_sizes(el, k), k, work.fields)
     again = find_diagonals(el, bonds, k)
     assert again.first.size == len(left)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.2, 0.6, 1.0])
+def test_diagonals_are_those_that_a_walk_around_each_element_finds(part: float) -> None:
+    """The plain twin goes from one unbroken bond of an element to the next; a corner that is left on one side has one way."""
+    berg, k, random = plate(9, 7), isotropic("square").kernel_values(), np.random.default_rng(3)
+    el, bonds = berg.elements, berg.bonds
+    bonds.status[random.random(bonds.status.size) < part] = 1
+    ways: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for e in range(el.size):
+        own = [b for b in range(bonds.status.size) if bonds.status[b] == 0 and e in (bonds.first[b], bonds.second[b])]
+        ends = [(int(bonds.first[b] + bonds.second[b]) - e, b) for b in own]
+        for (a, along), (c, on) in combinations(sorted(ends), 2):
+            one, two = (np.array([el.lon[n] - el.lon[e], el.lat[n] - el.lat[e]]) for n in (a, c))
+            if abs(one @ two) < 0.5 * np.hypot(*one) * np.hypot(*two):
+                ways.setdefault((a, c), []).append((along, on))
+    found = find_diagonals(el, bonds, k)
+    assert list(zip(found.first.tolist(), found.second.tolist(), strict=True)) == sorted(ways)
+    assert found.way.tolist() == [[*map(list, ways[pair]), [-1, -1]][:2] for pair in sorted(ways)]
 
 
 def test_no_diagonals_for_hexagons_and_published_bonds() -> None:

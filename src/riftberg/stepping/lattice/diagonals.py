@@ -8,6 +8,7 @@ corner is left, of two unbroken bonds, so that any set of broken bonds that part
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -38,23 +39,28 @@ def find_diagonals(el: Elements, bonds: Bonds, p: KernelParameters) -> Diagonals
     if not p.isotropic:
         return NO_DIAGONALS
     start, partner, bond = partners_over_bonds(bonds.first, bonds.second, bonds.status, el.size)
-    metric = Metric(p.latlon, p.earth_radius, p.period)
-    lon, lat = el.place.lon, el.place.lat
-    ways: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for e in np.flatnonzero(np.where(el.body.sides > 0, el.body.sides, p.max_sides) == 4):
-        near, own = partner[start[e] : start[e + 1]], bond[start[e] : start[e + 1]]
-        x, y = separations(metric, lon[near], lat[near], lon[e], lat[e])
-        length = np.hypot(x, y)
-        cosine = (np.outer(x, x) + np.outer(y, y)) / np.outer(length, length)
-        for m, n in zip(*np.nonzero(np.triu(abs(cosine) < RIGHT_ANGLE, 1)), strict=True):
-            # In order of the elements: which end of a bond is its first one must not matter.
-            (a, along), (c, on) = sorted([(int(near[m]), int(own[m])), (int(near[n]), int(own[n]))])
-            ways.setdefault((a, c), []).append((along, on))
-    if not ways:
+    around, lon, lat = np.repeat(np.arange(el.size), np.diff(start)), el.place.lon, el.place.lat
+    x, y = separations(Metric(p.latlon, p.earth_radius, p.period), lon[partner], lat[partner], lon[around], lat[around])
+    length, corners = np.hypot(x, y), np.flatnonzero(np.where(el.body.sides > 0, el.body.sides, p.max_sides) == 4)
+    most, found = int(np.diff(start)[corners].max(initial=0)), []
+    for m, n in combinations(range(most), 2):  # two bonds of an element, of all elements at once
+        e = corners[start[corners] + n < start[corners + 1]]
+        one, two = start[e] + m, start[e] + n
+        turns = abs((x[one] * x[two] + y[one] * y[two]) / (length[one] * length[two])) < RIGHT_ANGLE
+        e, one, two = e[turns], one[turns], two[turns]
+        # In order of the elements: which end of a bond is its first one must not matter.
+        one, two = np.where(partner[one] < partner[two], (one, two), (two, one))
+        found.append((partner[one], partner[two], e, bond[one], bond[two]))
+    if not found:
         return NO_DIAGONALS
-    pairs = sorted(ways)
-    first, second = np.array(pairs, np.int64).T.copy()
-    return Diagonals(first, second, np.array([(*ways[k], (-1, -1))[:2] for k in pairs], np.int64))
+    first, second, e, along, on = (np.concatenate(each) for each in zip(*found, strict=True))
+    order = np.lexsort((e, second, first))
+    first, second, ways = first[order], second[order], np.column_stack([along, on])[order]
+    again = np.zeros(first.size + 1, np.bool_)
+    again[1:-1] = (first[1:] == first[:-1]) & (second[1:] == second[:-1])
+    begins = np.flatnonzero(~again[:-1])
+    other = np.where(again[begins + 1][:, None], ways[np.minimum(begins + 1, first.size - 1)], -1)
+    return Diagonals(first[begins], second[begins], np.stack([ways[begins], other], axis=1))
 
 
 @kernel
@@ -73,6 +79,7 @@ def diagonal_length(way: Ints, d: int, rest: Floats, status: Ints) -> float:
 
 
 def diagonal_lengths(diagonals: Diagonals, bonds: Bonds) -> Floats:
-    """Lengths at rest (m) of diagonals."""
-    of_all = range(diagonals.first.size)
-    return np.array([diagonal_length(diagonals.way, d, bonds.rest_length, bonds.status) for d in of_all])
+    """Lengths at rest (m) of diagonals: `diagonal_length` of all."""
+    left = (bonds.status[diagonals.way[:, 0]] == 0).all(axis=1)
+    along, on = np.where(left[:, None], diagonals.way[:, 0], diagonals.way[:, 1]).T
+    return np.asarray(np.hypot(bonds.rest_length[along], bonds.rest_length[on]))
