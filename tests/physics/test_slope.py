@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 
 from physics.agreement import assert_same, between, quick
-from riftberg.physics.waves import slope_acceleration
+from riftberg.physics.drag import slope_acceleration
 from twins import slope as twin
 
 slope = between(-1e-4, 1e-4)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 from physics.agreement import MIRROR, SEEDS, angle, assert_same, between, quick, turn
-from riftberg.physics import waves
+from riftberg.physics import drag as waves
 from twins import waves as twin
 
 wind = between(-25, 25)

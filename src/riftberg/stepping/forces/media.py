@@ -26,11 +26,21 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.parameters import KernelParameters
-from riftberg.physics.drag import air_drag, exposed_sides, ocean_drag, sea_ice_drag, side_width, spin_drag
+from riftberg.physics.drag import (
+    Waves,
+    air_drag,
+    exposed_sides,
+    given_wave_acceleration,
+    ocean_drag,
+    sea_ice_drag,
+    side_width,
+    slope_acceleration,
+    spin_drag,
+    wave_acceleration,
+)
 from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import coriolis_parameter
 from riftberg.physics.seabed import grounded_fraction, grounding_rate, grounding_spin_rate, quadratic_grounding
-from riftberg.physics.waves import Waves, given_wave_acceleration, slope_acceleration, wave_acceleration
 from riftberg.state import Body, Elements, Environment, Floats, Place
 from riftberg.stepping.forces.sizes import Sizes, sides_of
 
