@@ -142,6 +142,12 @@ YIELDS = 0.02
 """Way (m) that a held fragment gives in a long step from which on it may be pushed harder than the bed can bear: at 1 mm/s under
 that force, for the time of an impact."""
 
+AT_REST = 0.01
+"""Speed (m s-1) below which a fragment on the bed is held when others strike it."""
+
+PARTED = 0.5
+"""Largest distance (m) between the places to which contact and the bed take a fragment that slides in a long step."""
+
 MAX_LOW_RANK_UPDATES = 90
 """Rank of the correction for broken bonds beyond which the stiffness matrix is factored anew: about where that is quicker."""
 
@@ -710,13 +716,15 @@ class TimeStep:
         ground = self._run_aground(start, h, contact)
         if contact is None or ground is None:
             return contact, ground, False
-        struck = bodies_that_are_struck(contact, start.operators, start.bodies.twist)
-        way, pushed = (h * np.hypot(phase.mean[:, 0], phase.mean[:, 1]) for phase in (ground.motion, contact))
-        slides = np.intersect1d(ground.motion.bodies[way > self.seabed.bed.anchor_way], struck)
+        both, of_contact, of_floor = np.intersect1d(contact.bodies, ground.motion.bodies, return_indices=True)
+        struck = np.isin(both, bodies_that_are_struck(contact, start.operators, start.bodies.twist))
+        pushed, gone = h * contact.mean[of_contact, :2], h * ground.motion.mean[of_floor, :2]
         if h > LONGEST_SLIDING_STEP * (1.0 + 1e-9):
             # The mean force of an impact in a long step is small, but what it does to a fragment that is held shows.
-            yields = np.intersect1d(contact.bodies[pushed > YIELDS], ground.motion.bodies)
-            return contact, ground, bool(slides.size or np.intersect1d(yields, struck).size)
+            rests = np.hypot(*start.bodies.twist[both, :2].T) < AT_REST
+            too_long = np.hypot(*np.where(rests[:, None], pushed, pushed - gone).T) > np.where(rests, YIELDS, PARTED)
+            return contact, ground, bool((struck & too_long).any())
+        slides = both[struck & (np.hypot(*gone.T) > self.seabed.bed.anchor_way)]
         if slides.size:
             self.laws.rollback(memory)
             for array, values in zip(self.el.keel, keel, strict=True):
