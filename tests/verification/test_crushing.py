@@ -331,14 +331,14 @@ def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(d
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("strength", "dt", "modulus", "bonds"),
-    [("700 Pa", 450.0, 5e6, 38), ("700 Pa", 1800.0, 5e6, 38), ("700 Pa", 1800.0, 1e7, 38), ("500 Pa", 450.0, 5e6, 64),
-     ("500 Pa", 1800.0, 9e9, 64), ("300 Pa", 450.0, 5e6, 74), ("300 Pa", 1800.0, 5e6, 74), ("300 Pa", 1800.0, 9e9, 74)],
+    [("700 Pa", 450.0, 5e6, 38), ("700 Pa", 1800.0, 1e7, 38), ("500 Pa", 450.0, 5e6, 60), ("500 Pa", 1800.0, 5e6, 60),
+     ("500 Pa", 1800.0, 9e9, 60), ("300 Pa", 450.0, 5e6, 75), ("300 Pa", 1800.0, 5e6, 75), ("300 Pa", 1800.0, 9e9, 75)],
 )  # fmt: skip
 def test_means_of_what_breaks_in_a_converging_current_hang_on_neither_step_nor_modulus(
     strength: str, dt: float, modulus: float, bonds: float
 ) -> None:
-    """Up to 30 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count by up to a third."""
-    found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 1.0)]
+    """Up to 40 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count by up to a third."""
+    found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 0.2, 0.4, 0.7, 1.0)]
     assert abs(np.mean(found) - bonds) <= 5.0
 
 

@@ -537,7 +537,7 @@ def _longest_substep(
 @kernel
 def _speed_bound(twist: Floats, arm: float) -> float:
     """Upper bound of the speed (m s-1) of the points of a body; or of their acceleration (m s-2)."""
-    return math.hypot(twist[0], twist[1]) + arm * abs(twist[2])
+    return float(math.hypot(twist[0], twist[1]) + arm * abs(twist[2]))
 
 
 @kernel
