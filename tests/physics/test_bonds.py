@@ -40,7 +40,7 @@ def composed(one, two, s, law, dt):
     dist = float(np.hypot(rx, ry))
     nx, ny = rx / dist, ry / dist
     rest = one.radius + two.radius
-    half = bonds.overlap(rest, dist)
+    half = bonds.bond_overlap(rest, dist)
     small, other = (one, two) if one.radius < two.radius else (two, one)
     gap = abs(one.thickness - two.thickness) if law.thickness_of_second else other.thickness - small.thickness
     w, h = bonds.bond_section(small.radius, abs(one.radius - two.radius), small.thickness, gap, half, 1 / dist)
@@ -178,7 +178,7 @@ def test_section_equals_twin(r1, r2, t1, t2, stretch, quirk):
     """Spec 5.4, width and thickness at the contact, with and without Q11."""
     rest = r1 + r2
     dist = stretch * rest
-    half = bonds.overlap(rest, dist)
+    half = bonds.bond_overlap(rest, dist)
     (small, t_small), (_, t_other) = ((r1, t1), (r2, t2)) if r1 < r2 else ((r2, t2), (r1, t1))
     gap = abs(t1 - t2) if quirk else t_other - t_small
     got = bonds.bond_section(small, abs(r1 - r2), t_small, gap, half, 1 / dist)
@@ -189,7 +189,7 @@ def test_section_equals_twin(r1, r2, t1, t2, stretch, quirk):
 def test_section_of_equal_elements_is_their_own():
     """W = 2 R and H = T (equations 5.4), pressed or stretched."""
     for dist in (2700.0, 3000.0, 3300.0):
-        assert bonds.bond_section(1500.0, 0.0, 200.0, 0.0, bonds.overlap(3000.0, dist), 1 / dist) == (3000.0, 200.0)
+        assert bonds.bond_section(1500.0, 0.0, 200.0, 0.0, bonds.bond_overlap(3000.0, dist), 1 / dist) == (3000.0, 200.0)
 
 
 @quick
@@ -197,7 +197,7 @@ def test_section_of_equal_elements_is_their_own():
 def test_thickness_of_equal_radii_is_the_mean_whichever_comes_first(t1, t2, stretch):
     """Riftberg's linear rule: the contact of equal radii lies half way."""
     dist = 3000.0 * stretch
-    half = bonds.overlap(3000.0, dist)
+    half = bonds.bond_overlap(3000.0, dist)
     _, forward = bonds.bond_section(1500.0, 0.0, t2, t1 - t2, half, 1 / dist)
     _, backward = bonds.bond_section(1500.0, 0.0, t1, t2 - t1, half, 1 / dist)
     assert forward == pytest.approx(0.5 * (t1 + t2), rel=1e-13)
@@ -207,7 +207,7 @@ def test_thickness_of_equal_radii_is_the_mean_whichever_comes_first(t1, t2, stre
 def test_sign_of_the_normal_force_and_stress():
     """Pressed: pushes apart, stress negative. Stretched: pulls together, stress positive. At rest: nothing."""
     for sign in (-1, 1):
-        half = bonds.overlap(3000.0, 3000.0 + sign * 30.0)
+        half = bonds.bond_overlap(3000.0, 3000.0 + sign * 30.0)
         assert np.sign(bonds.normal_force(E / 3000.0, 3000.0, 200.0, half)) == -sign
         assert np.sign(bonds.tensile_stress(E / 3000.0, half, 0.0, 3000.0)) == sign
     assert bonds.normal_force(E / 3000.0, 3000.0, 200.0, 0.0) == 0.0
@@ -276,7 +276,7 @@ def test_contact_velocity_by_hand():
 def test_rigid_rotation_has_no_contact_velocity(a, w, r1, r2, dist):
     """Levers add up to the distance, so spins w and centres turning at w cancel at the contact."""
     n = unit(a)
-    half = bonds.overlap(r1 + r2, dist)
+    half = bonds.bond_overlap(r1 + r2, dist)
     du, dv = w * dist * np.array([-n[1], n[0]])
     parting, across = bonds.along_and_across(du, dv, *n)
     c = [parting, bonds.slip_speed(across, (r1 - half + r2 - half) * w)]

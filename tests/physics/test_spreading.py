@@ -33,7 +33,7 @@ def covered(grid: Grid, lon, lat, shape, length, width, angle):
     e.lon[:], e.lat[:] = lon, lat
     grid.locate(e)
     one = np.ones(1)
-    bergs = spreading.Footprints(e.lon, e.lat, e.cell_i, e.cell_j, shape, length * one, width * one, angle * one)
+    bergs = spreading.ElementShapes(e.lon, e.lat, e.cell_i, e.cell_j, shape, length * one, width * one, angle * one)
     on = spreading.Cells(g.lon, g.lat, g.mask, g.ni, g.nj, g.halo, g.latlon, g.cyclic, grid.earth_radius, g.period)
     room = 64
     while True:

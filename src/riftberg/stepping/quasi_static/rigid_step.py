@@ -3,16 +3,9 @@
 For a berg of some hundred elements a call from Python takes as long as a law, so the kernels of `riftberg.stepping.bodies` are
 called together. All arrays come from Python (`riftberg.compiled.kernels.borrower`).
 
-<<<<<<< HEAD
-Here too: the bodies of a run in which elements came, went, were moved or parted between two steps (`StepSnapshot` and below).
-
-A fragment to which nothing has happened keeps its body, whatever is born or melts away elsewhere: a body made anew from the
-positions of its elements would take their displacements by load into its reference coordinates, again and again.
-=======
 Between two steps elements may come, go, be moved or part (`sync_bodies`). A fragment to which nothing has happened keeps its
 body: a body made anew from the positions of its elements would take their displacements by load into its reference coordinates,
 again and again.
->>>>>>> fast
 """
 
 from __future__ import annotations
