@@ -189,7 +189,10 @@ def test_section_equals_twin(r1, r2, t1, t2, stretch, quirk):
 def test_section_of_equal_elements_is_their_own():
     """W = 2 R and H = T (equations 5.4), pressed or stretched."""
     for dist in (2700.0, 3000.0, 3300.0):
-        assert bonds.bond_section(1500.0, 0.0, 200.0, 0.0, bonds.bond_overlap(3000.0, dist), 1 / dist) == (3000.0, 200.0)
+        assert bonds.bond_section(1500.0, 0.0, 200.0, 0.0, bonds.bond_overlap(3000.0, dist), 1 / dist) == (
+            3000.0,
+            200.0,
+        )
 
 
 @quick
