@@ -715,7 +715,7 @@ def _sweep(
             # Where neither body has changed since its last turn, a face has nothing to add: clusters converge each by itself.
             if max(work.changed[a], work.changed[b]) < sweep - 1:
                 continue
-            own = 0.0
+            largest = 0.0
             one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
             thickness = min(faces.thickness[i], faces.thickness[j])
             stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
@@ -728,17 +728,17 @@ def _sweep(
             change = force - state[FORCE]
             state[FORCE] = force
             _push(row, ROW_N, h * change, one, two, v, w)
-            own = max(own, abs(give * change))
+            largest = max(largest, abs(give * change))
             if law.friction > 0.0:
                 give = h * row[GIVE_T]
                 slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / give, force, law.friction)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
                 _push(row, ROW_T, h * change, one, two, v, w)
-                own = max(own, abs(give * change))
-            if own > SWEEP_RTOL * scale:
+                largest = max(largest, abs(give * change))
+            if largest > SWEEP_RTOL * scale:
                 work.changed[a] = work.changed[b] = sweep
-            most = max(most, own)
+            most = max(most, largest)
         if most <= SWEEP_RTOL * scale:
             return
 
@@ -785,9 +785,8 @@ def _update_faces(
             if closing > max(AGAIN, 2.0 * row[CLOSING]):
                 state[PHASE], state[SINCE] = IMPACT, 0.0
         else:
-            if (
-                force > 0.0 == row[BEFORE] and row[CLOSING] > AGAIN and state[SINCE] > h
-            ):  # unloaded before: an impact of its own
+            # What was unloaded and is struck again is an impact of its own.
+            if force > 0.0 and row[BEFORE] == 0.0 and row[CLOSING] > AGAIN and state[SINCE] > h:
                 state[SINCE], state[SPEED] = h, row[CLOSING]
             since = state[SINCE] * math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
             slow = closing < max(IMPACT_OVER * state[SPEED], SLOW)
