@@ -106,9 +106,7 @@ class Outcome:
     """What a member came to, in numbers and texts alone."""
 
     number: int  # Of the member
-    status: (
-        str  # "done", "failed", "unfinished" for one that took too long, or "stopped" for one that was asked to stop
-    )
+    status: str  # "done", "failed", "unfinished" if it took too long, or "stopped" if it was asked to stop
     message: str = ""  # Why it failed or is unfinished
     time: float = 0.0  # Model time reached, s
     wall_seconds: float = 0.0  # Wall time spent by the attempt that ended it, s

@@ -20,7 +20,7 @@ import importlib
 import stat
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Final
@@ -56,19 +56,22 @@ MEANT: Final = "or allow it by --allow-extreme (in Python: riftberg.system.input
 ANYWAY: Final = "or allow it by --allow-large (in Python: riftberg.system.input_files.allow_large())"
 
 _ALLOWED: ContextVar[bool] = ContextVar("riftberg_large_allowed", default=False)
-
-
 _EXTREME: ContextVar[bool] = ContextVar("riftberg_extreme_allowed", default=False)
 
 
 @contextmanager
-def allow_extreme(allowed: bool = True) -> Iterator[None]:
-    """Allow KID runs in currents, wind and sea level that no sea has, and ice of any speed below 1000 m/s."""
-    token = _EXTREME.set(allowed or _EXTREME.get())
+def _allow(flag: ContextVar[bool], allowed: bool) -> Iterator[None]:
+    """Raise a flag within a ``with`` block; one that an outer block has raised stays raised."""
+    token = flag.set(allowed or flag.get())
     try:
         yield
     finally:
-        _EXTREME.reset(token)
+        flag.reset(token)
+
+
+def allow_extreme(allowed: bool = True) -> AbstractContextManager[None]:
+    """Allow KID runs in currents, wind and sea level that no sea has, and ice of any speed below 1000 m/s."""
+    return _allow(_EXTREME, allowed)
 
 
 def extreme_allowed() -> bool:
@@ -76,14 +79,9 @@ def extreme_allowed() -> bool:
     return _EXTREME.get()
 
 
-@contextmanager
-def allow_large(allowed: bool = True) -> Iterator[None]:
+def allow_large(allowed: bool = True) -> AbstractContextManager[None]:
     """Allow runs and files beyond the limits within a ``with`` block."""
-    token = _ALLOWED.set(allowed or _ALLOWED.get())
-    try:
-        yield
-    finally:
-        _ALLOWED.reset(token)
+    return _allow(_ALLOWED, allowed)
 
 
 def large_allowed() -> bool:

@@ -198,11 +198,8 @@ def trapezoidal_correction(
     In the sub-steps the media are those of the start; with this correction they act by the trapezoidal rule.
     """
     bodies, rows, half_dt, now = contact.bodies, contact.rows, 0.5 * dt, contact.twist.copy()
-    active, mobility, place = (
-        np.ones(bodies.size, np.bool_),
-        end.matrices.mobility[bodies],
-        np.zeros(len(twist), np.int64),
-    )
+    active, mobility = np.ones(bodies.size, np.bool_), end.matrices.mobility[bodies]
+    place = np.zeros(len(twist), np.int64)
     place[bodies] = np.arange(bodies.size)
     # Of the elements of bodies in contact alone: among a thousand bergs they are few.
     body, levers, forcing = place[end.body[rows]], end.levers[rows], forcing_of_rows(rows, end.forcing)
