@@ -253,12 +253,11 @@ def island_part(lists: Islands, k: int, whole: Island) -> Island:
     )  # fmt: skip
 
 
-@kernel
 def allocate_result(whole: Island, twist: Floats) -> IslandResult:
-    """Return the results of all islands at the start of the step."""
+    """Return the results of all islands at the start of the step, with bodies at ``twist``, which is changed."""
     bodies, rows = twist.shape[0], whole.body_of.size
     return IslandResult(
-        twist.copy(), np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_), np.zeros(whole.first.size, np.bool_),
+        twist, np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_), np.zeros(whole.first.size, np.bool_),
         np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), whole.levers[:, 9:11].copy(),
         np.zeros(bodies),
     )  # fmt: skip
