@@ -1,6 +1,7 @@
 """Do the tests bite? Small changes of the source, one at a time, and whether the tests of the same folder notice them.
 
-    python tests/mutations.py results.jsonl                          # 300 changes; goes on where it was stopped
+    python tests/mutations.py results.jsonl --count 100 --seed 26    # 100 changes; goes on where it was stopped
+    python tests/mutations.py results.jsonl --for 450                # a piece: stops after so many seconds
     python tests/mutations.py results.jsonl --folders physics,life   # those of two folders
     python tests/mutations.py results.jsonl --again --tests tests/ocean/test_grid.py   # those not noticed, by these tests
     python tests/mutations.py results.jsonl --again --compiled       # those not noticed, once more with compilation
@@ -10,10 +11,11 @@ A change turns a sign, a comparison, ``and`` into ``or``, ``min`` into ``max``, 
 opposite or a constant times 1.1. Messages, names, defaults of arguments and annotations are left alone. The source is copied
 once, beside the results, and changed there; so a later edit of the source does not mix two samples.
 
-The tests run without compilation first. One run of a folder's tests on the unchanged source, with a probe before the statement of
-each change, finds how long every test takes and which statements it reaches. A change is then tried on the tests that
-reach it, the quickest first, and on the others of their files. Tests that fail, or take over ten seconds, on the unchanged
-source are left out. A test that no longer ends has noticed.
+The tests of `PLAIN` run without compilation first, those of other folders with it. One run of a
+folder's tests on the unchanged source, with a probe before the statement of each change, finds how long every test takes and
+which statements it reaches. A change is then tried on the tests that reach it, the quickest first, and on the others of
+their files. Tests that fail, or take over ten seconds, on the unchanged source are left out. A test that no longer ends has
+noticed.
 
 `SAME` lists changes that mean the same; where they go unnoticed they do not count. Look at each that it takes out.
 """
@@ -24,6 +26,7 @@ import argparse
 import ast
 import builtins
 import json
+import math
 import os
 import random
 import re
@@ -43,10 +46,22 @@ SOURCE, TESTS = ROOT / "src" / "riftberg", ROOT / "tests"
 
 SAME = TESTS / "mutations_same.txt"
 
-FOLDERS = ("physics", "stepping", "life", "ocean", "products", "bergs", "diagnostics", "runs")
+FOLDERS = tuple(sorted(p.parent.name for p in SOURCE.glob("*/__init__.py")))
 
-OTHERS = {"physics": ("stepping",), "diagnostics": ("viz", "cli"), "runs": ("cli",)}
-"""Folders of tests that also hold a folder of the source to its word."""
+OTHERS = {
+    "physics": ("stepping",),
+    "diagnostics": ("viz", "cli"),
+    "runs": ("cli",),
+    "cli": ("ensembles", "verify"),
+    "verification": ("verify",),
+    "config": ("test_usual.py", "test_values.py", "test_units.py", "test_arguments.py", "experiments"),
+    "system": ("test_bad_input.py", "test_values.py", "test_units.py", "experiments"),
+    "compiled": ("test_machine_code.py", "test_threads.py"),
+}
+"""Folders and files of tests that also hold a folder of the source to its word."""
+
+PLAIN = ("physics", "stepping", "life", "ocean")
+"""Folders made of kernels, whose tests run without compilation first: no probe is seen in machine code."""
 
 COMPILED_OTHERS = {"stepping": ("verification",), "physics": ("verification",)}
 """The same, of tests that take too long without compilation."""
@@ -159,7 +174,9 @@ def sample(source: Path, count: int, seed: int) -> list[Change]:
 def folder_of_tests(folder: str, *, compiled: bool) -> list[str]:
     """Return the files of tests for a folder of the source."""
     others = (*OTHERS.get(folder, ()), *(COMPILED_OTHERS.get(folder, ()) if compiled else ()))
-    return [str(p.relative_to(ROOT)) for name in (folder, *others) for p in sorted((TESTS / name).rglob("test_*.py"))]
+    places = [TESTS / name for name in (folder, *others)]
+    files = [p for place in places for p in ([place] if place.is_file() else sorted(place.rglob("test_*.py")))]
+    return [str(p.relative_to(ROOT)) for p in files]
 
 
 class Tree:
@@ -174,6 +191,10 @@ class Tree:
         self.folder = Path(tempfile.mkdtemp(prefix="changed-"))
         shutil.copytree(self.pinned, self.folder / "src")
         shutil.copy(__file__, self.folder / "mutations.py")
+
+    def has_kernels(self, change: Change) -> bool:
+        """Whether a change is in a module with compiled functions, whose statements no probe sees once compiled."""
+        return "compiled.kernels" in (self.pinned / "riftberg" / change.path).read_text("utf-8")
 
     def pytest(self, files: list[str], orders: dict[str, Any], *, compiled: bool, seconds: float) -> tuple[int, str]:
         """Run tests on the copy; return how pytest ended and what it printed."""
@@ -214,28 +235,51 @@ class Tree:
             return -1, ""
         return process.returncode, text
 
-    def reach(self, folder: str, changes: list[Change]) -> dict[str, Any]:
-        """Return how long each test of a folder takes and which changes it reaches; found once and kept beside the results."""
-        path = self.results.with_suffix(f".{folder}.json")
-        if path.exists():
-            return json.loads(path.read_text())
-        by_path: dict[str, list[tuple[int, int]]] = {}
-        for number, change in enumerate(changes):
-            by_path.setdefault(change.path, []).append((change.start, number))
-        for name, places in by_path.items():
-            file = self.folder / "src" / "riftberg" / name
-            file.write_text(probed(file.read_text("utf-8"), places), "utf-8")
-        keys = [key(c) for c in changes]
-        try:
-            self.pytest(
-                folder_of_tests(folder, compiled=False), {"keys": keys, "to": str(path), "options": ["--timeout", "15"]},
-                compiled=False, seconds=3600.0,
-            )  # fmt: skip
-        finally:
-            for name in by_path:
-                shutil.copy(self.pinned / "riftberg" / name, self.folder / "src" / "riftberg" / name)
-                forget(self.folder / "src" / "riftberg" / name)
-        return json.loads(path.read_text())
+    def reach(self, folder: str, changes: list[Change], *, compiled: bool, seconds: float) -> dict[str, Any] | None:
+        """Return how long each test of a folder takes and which changes it reaches; None if the time does not suffice.
+
+        It is kept beside the results, a line for each test, so that a second call goes on.
+        """
+        path = self.results.with_suffix(f".{folder}.jsonl")
+        rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+        if rows[-1:] != ["all"]:
+            by_path: dict[str, list[tuple[int, int]]] = {}
+            seen = [c for c in changes if not compiled or not self.has_kernels(c)]
+            for number, change in enumerate(seen):
+                by_path.setdefault(change.path, []).append((change.start, number))
+            for name, places in by_path.items():
+                file = self.folder / "src" / "riftberg" / name
+                file.write_text(probed(file.read_text("utf-8"), places), "utf-8")
+            # Programs that tests start have probes too.
+            (self.folder / "sitecustomize.py").write_text("import builtins\nbuiltins.__reached__ = set().add\n")
+            known = {
+                "keys": [key(c) for c in seen],
+                "known": [row["test"] for row in rows],
+                "to": str(path),
+                "options": ["--timeout", "15"],
+            }
+            files = folder_of_tests(folder, compiled=False)
+            try:
+                code, text = self.pytest(files, known, compiled=compiled, seconds=seconds)
+            finally:
+                (self.folder / "sitecustomize.py").unlink()
+                for name in by_path:
+                    shutil.copy(self.pinned / "riftberg" / name, self.folder / "src" / "riftberg" / name)
+                    forget(self.folder / "src" / "riftberg" / name)
+            if code == -1:
+                return None
+            if code not in (0, 1, 5):
+                raise SystemExit(text)
+            with path.open("a") as file:
+                file.write('"all"\n')
+            rows = [json.loads(line) for line in path.read_text().splitlines()]
+        found: dict[str, Any] = {"seconds": {}, "reached": {}}
+        for row in rows[:-1]:
+            if row["seconds"] is not None:
+                found["seconds"][row["test"]] = row["seconds"]
+            for name in row["reached"]:
+                found["reached"].setdefault(name, []).append(row["test"])
+        return found
 
     def tried(
         self, change: Change, files: list[str], order: list[str], *, compiled: bool, seconds: float
@@ -249,7 +293,7 @@ class Tree:
         began = time.monotonic()
         try:
             code, text = self.pytest(
-                files, {"order": order, "options": ["-x", "--timeout", "120"]}, compiled=compiled, seconds=seconds
+                files, {"order": order, "options": ["-x", "--timeout", "60"]}, compiled=compiled, seconds=seconds
             )
         finally:
             path.write_bytes(raw)
@@ -311,16 +355,18 @@ def probed(text: str, places: list[tuple[int, int]]) -> str:
 ORDERS = "RIFTBERG_MUTATIONS"
 orders: dict[str, Any] = json.loads(Path(os.environ[ORDERS]).read_text()) if ORDERS in os.environ else {}
 reached: set[int] = set()
-found: dict[str, dict[str, Any]] = {"seconds": {}, "reached": {}}
+took: dict[str, float] = {}
 if "keys" in orders:
     builtins.__reached__ = reached.add  # type: ignore[attr-defined]
 
 
 def pytest_collection_modifyitems(items: list[Any]) -> None:
-    """Take the tests in the order that was given, and no others."""
+    """Take the tests in the order that was given, and no others; leave out those that are known."""
     if orders.get("order"):
         place = {test: i for i, test in enumerate(orders["order"])}
         items[:] = sorted((item for item in items if item.nodeid in place), key=lambda item: place[item.nodeid])
+    known = set(orders.get("known", ()))
+    items[:] = [item for item in items if item.nodeid not in known]
 
 
 def pytest_runtest_logstart(nodeid: str) -> None:
@@ -330,20 +376,16 @@ def pytest_runtest_logstart(nodeid: str) -> None:
 
 def pytest_runtest_logreport(report: Any) -> None:
     """Note how long a test took, unless it failed or was skipped."""
-    if "keys" in orders and report.when == "call" and report.passed:
-        found["seconds"][report.nodeid] = report.duration
+    if report.when == "call" and report.passed:
+        took[report.nodeid] = report.duration
 
 
 def pytest_runtest_logfinish(nodeid: str) -> None:
-    """Note what a test has reached."""
-    for number in reached if "keys" in orders else ():
-        found["reached"].setdefault(orders["keys"][number], []).append(nodeid)
-
-
-def pytest_sessionfinish() -> None:
-    """Write what the tests reach."""
+    """Write how long a test took and what it has reached."""
     if "keys" in orders:
-        Path(orders["to"]).write_text(json.dumps(found))
+        row = {"test": nodeid, "seconds": took.get(nodeid), "reached": [orders["keys"][n] for n in sorted(reached)]}
+        with Path(orders["to"]).open("a") as file:
+            file.write(json.dumps(row) + "\n")
 
 
 # --- the loop over the changes -------------------------------------------------------------------------------------------------
@@ -408,6 +450,7 @@ def main() -> None:
     parser.add_argument("--tests", nargs="+", default=[], help="with --again: files of tests to run")
     parser.add_argument("--only", default="", help="with --again: changes whose path:line contains this")
     parser.add_argument("--compiled", action="store_true", help="with --again: run with compilation")
+    parser.add_argument("--for", type=float, default=math.inf, dest="seconds", help="stop after so long [s]")
     parser.add_argument("--report", action="store_true")
     options = parser.parse_args()
     if options.report:
@@ -415,12 +458,14 @@ def main() -> None:
         return
     options.results.parent.mkdir(parents=True, exist_ok=True)
     tree = Tree(options.results)
+    stop = time.monotonic() + options.seconds
     known = {}
     if options.results.exists():
         known = {f"{r['path']}:{r['start']}": r for r in map(json.loads, options.results.read_text().splitlines())}
     changes = sample(tree.pinned / "riftberg", options.count, options.seed)
     for folder in options.folders.split(","):
         ours = [c for c in changes if c.path.startswith(folder + "/")]
+        compiled = options.compiled if options.again else folder not in PLAIN
         for change in ours:
             before = known.get(key(change))
             if options.again != bool(before) or (
@@ -428,19 +473,24 @@ def main() -> None:
             ):
                 continue
             if options.again:
-                files, order, seconds = options.tests or folder_of_tests(folder, compiled=options.compiled), [], 600.0
+                files, order, seconds = options.tests or folder_of_tests(folder, compiled=compiled), [], 600.0
             else:
-                reach = tree.reach(folder, ours)
+                reach = tree.reach(folder, ours, compiled=compiled, seconds=stop - time.monotonic())
+                if reach is None:
+                    break
                 files, order = tests_for(change, reach, options.budget)
                 seconds = 120.0 + 10.0 * sum(reach["seconds"][test] for test in order)
             if files:
-                result = tree.tried(change, files, order, compiled=options.compiled, seconds=seconds)
+                left = stop - time.monotonic()
+                result = tree.tried(change, files, order, compiled=compiled, seconds=min(seconds, max(left, 1.0)))
+                if result["test"] == "no end" and left < seconds:
+                    break
             else:
                 nothing = {
                     "text": "",
                     "verdict": "unnoticed",
                     "test": "none reaches it",
-                    "compiled": False,
+                    "compiled": compiled,
                     "seconds": 0.0,
                 }
                 result = {**change._asdict(), **nothing}

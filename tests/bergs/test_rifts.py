@@ -8,8 +8,9 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from riftberg.bergs.bonding import pieces, scatter
+from riftberg.bergs.bonding import crossed_by_mask, pieces, scatter
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.bergs.raster import read_raster
 from riftberg.errors import BergError
 
 
@@ -88,6 +89,19 @@ def test_rift_mask_cuts_bonds_that_pass_its_cells():
     assert gone.sum() == 4
     assert (np.minimum(e.lon[b.first[gone]], e.lon[b.second[gone]]) < 10.0).all()
     assert cut.elements.berg.max() == 2
+
+
+def test_a_rift_mask_just_beyond_the_end_of_a_bond_leaves_it():
+    """Cells on an eighth of the way from the second to the third column cut the bonds between these two alone."""
+    berg = Iceberg.rectangle(30e3, 12e3, thickness=100.0, placement=(10.0, -60.0))
+    e, b = berg.elements, berg.bonds
+    second, third = np.unique(e.lon.round(9))[1:3]
+    lon, lat = second + 0.025 * (third - second) * np.arange(-20, 21), np.linspace(-60.2, -59.8, 81)
+    values = np.isin(np.arange(-20, 21), (4, 5))[None, :] & np.ones(81, bool)[:, None]
+    mask = xr.DataArray(values.astype(float), coords={"lat": lat, "lon": lon}, dims=("lat", "lon"), name="rift")
+    gone = crossed_by_mask(e, b, read_raster(mask))
+    ends_of = np.sort([e.lon[b.first], e.lon[b.second]], axis=0)
+    np.testing.assert_array_equal(gone, np.isclose(ends_of[0], second) & np.isclose(ends_of[1], third))
 
 
 def test_rift_beside_the_berg_is_refused(block):

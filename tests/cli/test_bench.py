@@ -40,7 +40,8 @@ def test_json_has_every_documented_key(fake: FakeModel) -> None:
     assert row["relative_to_yardstick"] == pytest.approx(row["seconds_per_day"] / row["yardstick_seconds_per_day"])
 
 
-def test_a_whole_run_is_timed_day_by_day_and_with_output() -> None:
+def test_a_whole_run_is_timed_day_by_day_and_with_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "REPEATS", 2)
     result = CliRunner().invoke(app, ["bench", "collision", "--json", "--set", "stepping.scheme=quasi_static"])
     assert result.exit_code == 0, result.output
     whole = json.loads(result.stdout)["whole_run"]

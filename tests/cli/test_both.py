@@ -37,6 +37,16 @@ def files(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return stand_ins(shared / "reference" / "a68_story", folder, days=1.0, box=BOX)
 
 
+@pytest.fixture(scope="module")
+def kept(files: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folder of a run of each numerics."""
+    folder = tmp_path_factory.mktemp("kept")
+    for numerics in ("reference", "own"):
+        words = ("--days", "0.1", "-q", "--no-map", "--numerics", numerics, "-o", str(folder / numerics))
+        assert call("run", "a68a-paper", "--data", str(files), *words).exit_code == 0
+    return {numerics: folder / numerics for numerics in ("reference", "own")}
+
+
 def test_both_numerics_side_by_side_in_one_command(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -65,11 +75,12 @@ def test_two_runs_do_not_go_on_from_one_state(files: Path) -> None:
     assert "two runs cannot go on from one state" in result.stderr
 
 
-def test_runs_that_are_there_are_compared(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_that_are_there_are_compared(
+    kept: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
-    common = ("run", "a68a-paper", "--data", str(files), "-q", "--no-map")
-    assert call(*common, "--days", "0.1", "-o", "a").exit_code == 0
-    assert call(*common, "--days", "0.1", "--numerics", "own", "-o", "b").exit_code == 0
+    for name, numerics in (("a", "reference"), ("b", "own")):
+        Path(name).symlink_to(kept[numerics])
     result = call("compare", "a", "b/run.nc", "-o", "here")
     assert result.exit_code == 0, result.output
     assert [path.name for path in Path("here").iterdir()] == ["comparison.json", "tracks.png"]  # no maps
@@ -88,10 +99,9 @@ def test_runs_that_are_there_are_compared(files: Path, tmp_path: Path, monkeypat
 
 
 def test_controls_keep_the_numerics_and_the_files_of_the_run(
-    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    files: Path, kept: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The sea level of a control must be read as that of the run was."""
-    monkeypatch.chdir(tmp_path)
     asked: list[Options] = []
     true_build = experiments.build
 
@@ -99,14 +109,10 @@ def test_controls_keep_the_numerics_and_the_files_of_the_run(
         asked.append(options)
         return true_build(name, options)
 
-    common = ("run", "a68a-paper", "--data", str(files), "--days", "0.1", "-q", "--no-map")
-    for numerics in ("reference", "own"):
-        assert call(*common, "--numerics", numerics, "-o", numerics).exit_code == 0
-        monkeypatch.setattr(experiments, "build", build)
-        result = call("why", numerics, "--controls", "--data", str(files), "-q", "--no-figure")
+    monkeypatch.setattr(experiments, "build", build)
+    for folder in kept.values():
+        result = call("why", str(folder), "--controls", "--data", str(files), "-q", "--no-figure")
         assert result.exit_code == 0, result.output + result.stderr
-        monkeypatch.undo()
-        monkeypatch.chdir(tmp_path)
     assert [options.numerics for options in asked] == ["reference"] * 2 + ["own"] * 2
     assert [options.without for options in asked] == [frozenset({"shoal"}), frozenset()] * 2
 

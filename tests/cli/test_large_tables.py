@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from fakes import FakeModel
+from riftberg.diagnostics import score
 from riftberg.diagnostics.observed import read_observed
-from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter, open_run
 
@@ -39,9 +39,9 @@ def test_a_table_of_decades_gives_the_score_of_the_days_of_the_run(run: Any, tmp
     dates = np.datetime64("1990-01-01") + np.arange(100_000) * np.timedelta64(2, "h")
     far = [f"{day},-70,{k % 300 - 150},B{k % 50}" for k, day in enumerate(dates) if not str(day).startswith("2020-12")]
     begin = time.perf_counter()
-    many = score_run(run, read_observed(table(tmp_path / "many.csv", [*far, *FEW])))
+    many = score.score_run(run, read_observed(table(tmp_path / "many.csv", [*far, *FEW])))
     assert time.perf_counter() - begin < 60.0
-    few = score_run(run, read_observed(table(tmp_path / "few.csv", FEW)))
+    few = score.score_run(run, read_observed(table(tmp_path / "few.csv", FEW)))
     assert many.days == few.days
     assert len(few.days) == 2
 
@@ -50,19 +50,23 @@ def test_positions_by_the_second_are_compared_each_place_once(run: Any, tmp_path
     dates = np.datetime64("2020-12-09T13:00") + np.arange(20_000) * np.timedelta64(4, "s")
     rows = [f"{day},-55.01,-37.2,B7" for day in dates]
     begin = time.perf_counter()
-    score = score_run(run, read_observed(table(tmp_path / "dense.csv", rows)))
+    dense = score.score_run(run, read_observed(table(tmp_path / "dense.csv", rows)))
     assert time.perf_counter() - begin < 60.0
-    assert len(score.days) == 20_000
-    assert score.days[0].matches[0].distance_km == score.days[1].matches[0].distance_km
+    assert len(dense.days) == 20_000
+    assert dense.days[0].matches[0].distance_km == dense.days[1].matches[0].distance_km
 
 
-def test_more_positions_than_anybody_sees_are_refused_with_the_reason(run: Any, tmp_path: Path) -> None:
-    dates = np.datetime64("2020-12-09T13:00") + np.arange(100_001) * np.timedelta64(800, "ms")
+def test_more_positions_than_anybody_sees_are_refused_with_the_reason(
+    run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert score.MOST_COMPARED["positions"] == 100_000
+    monkeypatch.setitem(score.MOST_COMPARED, "positions", 1000)
+    dates = np.datetime64("2020-12-09T13:00") + np.arange(1001) * np.timedelta64(80, "s")
     observed = read_observed(table(tmp_path / "dense.csv", [f"{day},-55.01,-37.2,B7" for day in dates]))
     with pytest.raises(
-        InputError, match=r"dense.csv: 100001 positions during the run; the most that are compared is 100000"
+        InputError, match=r"dense.csv: 1001 positions during the run; the most that are compared is 1000"
     ):
-        score_run(run, observed)
+        score.score_run(run, observed)
 
 
 def test_thousands_of_outlines_are_read_once_each(tmp_path: Path) -> None:
@@ -85,7 +89,7 @@ def test_dates_at_the_end_of_all_years_are_no_traceback(run: Any, date: str, tmp
         InputError,
         match=r"(nothing was observed during the run|is not a date|outside the years (1678 to 2261|1 to 9999 in UTC))",
     ):
-        score_run(run, read_observed(table(tmp_path / "late.csv", [f"{date},-55,-37,B7"])), hour=24.0)
+        score.score_run(run, read_observed(table(tmp_path / "late.csv", [f"{date},-55,-37,B7"])), hour=24.0)
 
 
 @pytest.mark.parametrize(

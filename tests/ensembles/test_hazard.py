@@ -79,6 +79,21 @@ def test_limits_are_nearly_the_smallest_of_all_choices_of_members() -> None:
     assert len(smallest_line([disc, disc[:0], disc[:0]], np.full(3, 1 / 3), 0.5)[0]) == 0
 
 
+def test_a_limit_is_no_larger_than_what_is_left_if_one_member_after_another_goes() -> None:
+    """22 of 40 members: begun around single members alone it is 3 % larger."""
+    random, angle = np.random.default_rng(6), 2.0 * np.pi * np.arange(12) / 12
+    disc = 0.15 * np.column_stack([np.cos(angle), np.sin(angle)])
+    points = [place + disc for place in random.standard_normal((80, 2))[40:] * [4.0, 0.5]]
+
+    def area(points: list[Any]) -> float:
+        return float(shapely.MultiPoint(np.concatenate(points)).convex_hull.area)
+
+    found = shapely.Polygon(smallest_line(points, np.full(40, 1 / 40), 0.55)[0]).area
+    while len(points) > 22:
+        del points[min(range(len(points)), key=lambda k: area(points[:k] + points[k + 1 :]))]
+    assert found < 1.01 * area(points)
+
+
 def test_members_with_more_weight_are_kept() -> None:
     square = np.array([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)])
     points = [square, square + 0.01, square + np.array([9.0, 0.0])]

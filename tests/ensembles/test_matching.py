@@ -46,6 +46,28 @@ def test_the_emulator_is_the_plain_formula() -> None:
         assert spread[j] == pytest.approx(y.std() ** 2 * own, rel=1e-5)
 
 
+def test_lengths_and_scatter_are_those_of_the_largest_likelihood() -> None:
+    """No step in any of them makes it larger (Rasmussen and Williams 2006, 2.30, with the weak pull of lengths towards 1)."""
+    random = np.random.default_rng(4)
+    x = random.random((30, 2))
+    y = np.sin(6.0 * x[:, 0]) + 0.3 * x[:, 1] ** 2 + 0.05 * random.standard_normal(30)
+    made = Emulator(x, y)
+    z, H = (y - y.mean()) / y.std(), np.column_stack([np.ones(30), x])
+
+    def unlikely(logs: Any) -> float:
+        K = np.exp(-0.5 * (((x[:, None] - x) / np.exp(logs[:2])) ** 2).sum(axis=-1)) + np.exp(logs[2]) * np.eye(30)
+        Ki = np.linalg.inv(K)
+        rest = z - H @ np.linalg.inv(H.T @ Ki @ H) @ H.T @ Ki @ z
+        return float(
+            13.5 * np.log(rest @ Ki @ rest / 27) + 0.5 * np.linalg.slogdet(K)[1] + 0.05 * (logs[:2] ** 2).sum()
+        )
+
+    best = np.log([*made.length, made.nugget])
+    for k in range(3):
+        step = 0.02 * np.eye(3)[k]
+        assert unlikely(best) < min(unlikely(best + step), unlikely(best - step)), k
+
+
 def test_the_emulator_knows_how_far_it_is_off() -> None:
     """Its 90 % intervals hold 90 % of new members, with scatter and without; a line is a line, a constant a constant."""
     random = np.random.default_rng(2)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+
 import numpy as np
 import pytest
 
 from riftberg import Iceberg
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.lattice import cells_of_rows
-from riftberg.experiments.a68a import A68A_ROWS, a68a_berg, table_positions
+from riftberg.experiments.a68a import A68A_OBSERVED, A68A_ROWS, a68a_berg, table_positions
 
 
 def positions(path):
@@ -35,6 +37,14 @@ def test_positions_of_the_reference_to_the_last_digit(shared, northward, file):
     by_column = np.lexsort((row, column))  # as the file numbers the elements
     for ours, theirs in zip(table_positions(northward), positions(shared / file), strict=True):
         np.testing.assert_array_equal(ours[by_column], theirs)
+
+
+def test_what_was_observed_is_the_shared_table(shared):
+    with (shared / "data/observed/a68a_observed_state.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = ("centroid_lat", "centroid_lon", "mrr_azimuth_deg_mod180", "area_km2")
+    table = [(int(row["date"][-2:]), *(float(row[name]) for name in names)) for row in rows]
+    assert [tuple(seen) for seen in A68A_OBSERVED] == table[: len(A68A_OBSERVED)]
 
 
 def test_unstrained_berg_stands_where_the_reference_does(shared):

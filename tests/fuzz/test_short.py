@@ -74,47 +74,52 @@ from fuzz.judging import judge_apart
 from fuzz.kid_kinds import good_ends
 from fuzz.layouts import LAYOUTS, kind_of
 
-what, folder, every, *left_out = sys.argv[1:]
+folder, every, *left_out = sys.argv[1:]
 store()
-if what == "faults":
-    good_ends()
-    rng = random.Random(7)
-    kinds = [rng.choice(list(family())) for family in FAMILIES if family.__name__ not in left_out]
-else:
-    kinds = [kind_of(number, doctor=False) for number in range(0, LAYOUTS, int(every))]
-verdicts = [judge_apart(kind, Path(folder) / str(number)) for number, kind in enumerate(kinds)]
-Path(folder, "verdicts.json").write_text(json.dumps([[v.what, v.kind.family, v.kind.name, v.message] for v in verdicts]))
+good_ends()
+rng = random.Random(7)
+kinds = {
+    "faults": [rng.choice(list(family())) for family in FAMILIES if family.__name__ not in left_out],
+    "layouts": [kind_of(number, doctor=False) for number in range(0, LAYOUTS, int(every))],
+}
+verdicts = {
+    what: [judge_apart(kind, Path(folder, what, str(number))) for number, kind in enumerate(some)] for what, some in kinds.items()
+}
+told = {what: [[v.what, v.kind.family, v.kind.name, v.message] for v in some] for what, some in verdicts.items()}
+Path(folder, "verdicts.json").write_text(json.dumps(told))
 """
 """Kinds judged in a fresh process: one that has used threads, as earlier tests have, cannot be forked safely."""
 
 
-def judged(what: str, folder: Path) -> list[tuple[str, str]]:
-    """Return verdict and story of some kinds."""
+Judged = dict[str, list[tuple[str, str]]]
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory: pytest.TempPathFactory) -> Judged:
+    """Verdict and story of faults and of layouts, from one process that has loaded the kernels once."""
+    folder = tmp_path_factory.mktemp("judged")
     env = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]),
     }
-    done = subprocess.run(
-        [sys.executable, "-c", APART, what, str(folder), str(EVERY), *LONG],
-        env=env,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-c", APART, str(folder), str(EVERY), *LONG]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
     verdicts = json.loads((folder / "verdicts.json").read_text())
-    return [(verdict, f"{verdict}: {family}, {name}: {message}") for verdict, family, name, message in verdicts]
+    return {
+        what: [(verdict, f"{verdict}: {family}, {name}: {message}") for verdict, family, name, message in some]
+        for what, some in verdicts.items()
+    }
 
 
-def test_a_fault_of_every_family_is_right_or_refused_or_told(tmp_path: Path) -> None:
-    verdicts = judged("faults", tmp_path)
-    bad = [story for verdict, story in verdicts if verdict in BAD]
+def test_a_fault_of_every_family_is_right_or_refused_or_told(judged: Judged) -> None:
+    bad = [story for verdict, story in judged["faults"] if verdict in BAD]
     assert not bad, "\n".join(bad)
-    assert len(verdicts) >= 60
+    assert len(judged["faults"]) >= 60
 
 
-def test_layouts_are_right_at_the_berg_or_refused_or_told(tmp_path: Path) -> None:
-    verdicts = judged("layouts", tmp_path)
+def test_layouts_are_right_at_the_berg_or_refused_or_told(judged: Judged) -> None:
+    verdicts = judged["layouts"]
     bad = [story for verdict, story in verdicts if verdict in BAD]
     assert not bad, "\n".join(bad)
     assert sum(verdict == RIGHT for verdict, _ in verdicts) > len(verdicts) / 2

@@ -164,6 +164,14 @@ def a68_data(folder: Path, hours: dict[str, int], packed: bool = False) -> None:
 ALL = (a68.WIND_FILE, a68.OCEAN_FILE, a68.SEA_LEVEL_FILE)
 
 
+@pytest.mark.parametrize(("west", "east"), [(-10.0, 175.0), (5.0, 5.0), (350.0, -9.0)])
+def test_corners_more_than_half_a_turn_apart_or_backwards_are_no_row(west: float, east: float) -> None:
+    lat = np.array([[-56.0, -56.0], [-55.0, -55.0]])
+    a68._check_axes(np.array([[west, west + 1.0]] * 2), lat, Path("grid.nc"))
+    with pytest.raises(ForcingError, match=f"longitude goes from {west:g} to {east:g} at column 1 of row 1"):
+        a68._check_axes(np.array([[west, east]] * 2), lat, Path("grid.nc"))
+
+
 def a68_forcing(tmp_path: Path, **changes: Any) -> tuple[Any, Any]:
     namelist = written(tmp_path, {**A68, **changes}, **A68_ICE)
     grid = build_grid(namelist, tmp_path)

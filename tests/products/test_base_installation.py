@@ -9,8 +9,6 @@ import tomllib
 from importlib import metadata
 from pathlib import Path
 
-import pytest
-
 from products.test_odd_files import on_map, plain, shaken, written
 
 ROOT = Path(__file__).parents[2]
@@ -28,17 +26,17 @@ class Barred:
 barred = set(sys.argv[2].split(","))
 assert not barred & {name.partition(".")[0] for name in sys.modules}
 sys.meta_path.insert(0, Barred(barred))
-from riftberg.ocean.doctor import doctor
-report = doctor([sys.argv[1]])
-assert not report.unreadable, report.text()
 import datetime, pathlib
+import numpy as np
+from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
-import numpy as np
-path = pathlib.Path(sys.argv[1])
-asked = FileForcing(kind="files", files=[path.name], longitude=(-41, -37), latitude=(-57.5, -53.5))
-forcing_from_files(asked, path.parent, Run.of(datetime.datetime(2020, 12, 16, 6), 0.1, np.array([200.0]), 850.0))
-print("read", len(report.data))
+for path in map(pathlib.Path, sys.argv[1].split(",")):
+    report = doctor([str(path)])
+    assert not report.unreadable, report.text()
+    asked = FileForcing(kind="files", files=[path.name], longitude=(-41, -37), latitude=(-57.5, -53.5))
+    forcing_from_files(asked, path.parent, Run.of(datetime.datetime(2020, 12, 16, 6), 0.1, np.array([200.0]), 850.0))
+    print("read", path.parent.name, len(report.data))
 """
 
 
@@ -74,17 +72,21 @@ def barred() -> set[str]:
     return {name for name in modules if name not in allowed | ground and name.isidentifier()}
 
 
-@pytest.mark.parametrize("layout", ["axes", "scattered", "map"])
-def test_a_plain_file_is_read_without_any_extra(tmp_path: Path, layout: str) -> None:
+def test_plain_files_are_read_without_any_extra(tmp_path: Path) -> None:
+    """On axes, scattered, and on a map; one process, for to start it takes most of the time."""
     names = barred()
     assert {"pytest", "hypothesis"} <= names
     assert not {"numpy", "xarray", "netCDF4", "pyproj", "cf_xarray", "dask"} & names
     ds = plain(names=("uo", "vo"))
-    if layout == "scattered":
-        ds = shaken(ds, "scattered")
-    if layout == "map":
-        ds = on_map("Lambert", mapping=True, positions=False, flipped=False)
-    path = written(tmp_path, ds)
-    command = [sys.executable, "-c", PROGRAM, str(path), ",".join(sorted(names))]
+    layouts = {
+        "axes": ds,
+        "scattered": shaken(ds, "scattered"),
+        "map": on_map("Lambert", mapping=True, positions=False, flipped=False),
+    }
+    paths = []
+    for name, layout in layouts.items():
+        (tmp_path / name).mkdir()
+        paths.append(str(written(tmp_path / name, layout)))
+    command = [sys.executable, "-c", PROGRAM, ",".join(paths), ",".join(sorted(names))]
     done = subprocess.run(command, capture_output=True, text=True)
-    assert done.stdout == "read 1\n", done.stderr
+    assert done.stdout == "read axes 1\nread scattered 1\nread map 1\n", done.stderr

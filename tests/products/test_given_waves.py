@@ -12,7 +12,7 @@ from products.test_odd_files import AIR, CENTRE, START, elements, plain, truth, 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.doctor import doctor
-from riftberg.ocean.files_forcing import Run, forcing_from_files
+from riftberg.ocean.files_forcing import Run, _coarse, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.runs.restart import load_state
 from riftberg.stepping.forces.media import FORCES
@@ -77,6 +77,14 @@ def test_directions_are_interpolated_across_north(tmp_path: Path) -> None:
     e.lon[:] = CENTRE + 0.25
     forced(tmp_path, ds).sample(e, 0.0)
     np.testing.assert_allclose(travel(e)[1], -1.0, atol=1e-6)
+
+
+def test_means_of_blocks_have_the_direction_of_the_mean_of_unit_vectors() -> None:
+    angles = [[350.0, 10.0, 80.0, 130.0], [350.0, 10.0, 80.0, 130.0]]
+    ds = xr.Dataset({"wave_direction": (("lat", "lon"), angles, {"units": "degree"})})
+    found = _coarse(ds, {"lat": 2, "lon": 2})["wave_direction"]
+    np.testing.assert_allclose((found.values + 90.0) % 360.0 - 90.0, [[0.0, 105.0]], atol=1e-9)
+    assert found.attrs == {"units": "degree"}
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.analytic import Steady
 from riftberg.runs.model import Model
 from riftberg.runs.run_file import RunWriter, memory_run, open_own, open_run
-from riftberg.runs.scene import GROUP, KeptWater, on_even_grid, stored_water, water_of
+from riftberg.runs.scene import GROUP, KeptWater, _axes, on_even_grid, stored_water, water_of
 
 
 class Turning(FakeForcing):
@@ -159,3 +159,9 @@ def test_a_run_that_begins_late_has_water_every_six_hours_too(tmp_path: Path) ->
     model.advance(1.0, recorders=[RunWriter(tmp_path / "run.nc", every_hours=6)])
     with xr.open_dataset(tmp_path / "run.nc", group=GROUP, decode_times=False) as water:
         np.testing.assert_allclose(np.diff(water["time"].values), 21_600.0)
+
+
+@pytest.mark.parametrize("lat", [0.0, -60.0, 75.0])
+def test_on_the_sphere_the_box_is_twice_as_wide_as_high_in_kilometres(lat: float) -> None:
+    x, y = _axes(np.full((5, 1), -39.0), np.linspace(lat, lat + 0.2, 5)[:, None], True, 40)
+    assert np.ptp(x) * np.cos(np.radians(0.5 * (y[0] + y[-1]))) == pytest.approx(2.0 * np.ptp(y), rel=1e-9)

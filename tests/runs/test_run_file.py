@@ -96,6 +96,19 @@ def test_peak_stress_is_the_largest_since_the_record_before(run: tuple[FakeModel
     assert "since the record before" in ds.peak_stress.attrs["long_name"]
 
 
+def test_the_peak_of_a_new_bond_begins_with_its_first_step(tmp_path: Path) -> None:
+    class Growing(FakeModel):
+        def step(self) -> None:
+            super().step()
+            if self.step_number == 5:  # the first of the two steps up to the third record
+                self.bonds.id[-1], self.bonds.second[-1] = 999, 0  # another bond in its place
+
+    Growing().advance(0.25, recorders=[RunWriter(tmp_path / "run.nc", every_hours=1)])
+    new = open_run(tmp_path).isel(bond=-1)
+    assert np.isnan(new.peak_stress[:3]).all()
+    np.testing.assert_allclose((new.peak_stress - new.normal_stress)[3:], 500.0 - 18.0, rtol=1e-4)
+
+
 def test_attributes_allow_the_run_to_be_repeated(run: tuple[FakeModel, Path]) -> None:
     attributes = open_run(run[1]).attrs
     assert attributes["Conventions"] == "CF-1.11"

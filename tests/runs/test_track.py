@@ -17,6 +17,7 @@ from riftberg.runs.tracks import (
     berg_position,
     long_axis,
     main_berg,
+    main_position,
     track_table,
 )
 
@@ -53,6 +54,15 @@ def test_azimuth_and_centroid_on_the_sphere(lon: float, lat: float) -> None:
     assert found.lat == pytest.approx(lat, abs=1e-4)
     assert found.azimuth == pytest.approx(113.0, abs=0.01)
     assert found.area == pytest.approx(105 * 4e6)
+
+
+def test_the_main_berg_of_a_model_has_the_largest_area_not_the_most_elements() -> None:
+    """And of the sides of an element their product counts: three of 1 by 1 km, one of 3 by 2 km."""
+    model = FakeModel(4, 1, latlon=False)
+    e = model.elements
+    e.length[:], e.width[:], e.berg[:] = [1e3, 1e3, 1e3, 3e3], [1e3, 1e3, 1e3, 2e3], [1, 1, 1, 2]
+    found = main_position(model)
+    assert (found.lon, found.lat, found.area) == (e.lon[3], e.lat[3], 6e6)
 
 
 def test_area_weighs() -> None:

@@ -201,6 +201,7 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
         (["tracks", "--leads", "0"], "lead times [0]"),
         (["tracks", "--bergs", "some"], "'some' is not known"),
         (["tracks", "--error", "nan"], "nan is not possible"),
+        (["tracks", "--error", "101"], "101 is not possible"),
         (["tracks", "--model", "nothing"], "'nothing' names no function"),
         (["tracks", "--model", "no_module_here:f"], "No module named"),
         (["tracks", "--model", "typing_error:f"], "SyntaxError"),

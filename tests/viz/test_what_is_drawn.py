@@ -26,7 +26,7 @@ from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene, stored_water, stretch
 from riftberg.stepping.fragments.tree import Fragment
-from riftberg.viz import animate, colours, plots, style
+from riftberg.viz import animate, colours, ensemble, plots, style
 from riftberg.viz import score as score_picture
 from riftberg.viz.map import draw_map
 from riftberg.viz.panels import DOT, common_boxes
@@ -654,6 +654,11 @@ def test_the_legend_of_many_pieces_keeps_off_the_title(
 
 def test_longitude_180_is_neither_east_nor_west() -> None:
     assert [style.degree_label(x, "E", "W", 1) for x in (180.0, -180.0, 540.0, 179.5)] == ["180.0°"] * 3 + ["179.5°E"]
+
+
+def test_members_with_the_same_value_have_the_first_colour_of_the_scale() -> None:
+    same, apart = (ensemble._scale_of(np.array(values)) for values in ([3.0, 3.0], [3.0, 4.0]))
+    assert same.to_rgba(3.0) == apart.to_rgba(3.0) != apart.to_rgba(4.0)
 
 
 def test_an_axis_that_crosses_the_new_year_names_both_years() -> None:

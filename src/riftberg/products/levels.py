@@ -30,7 +30,7 @@ WIND_HEIGHTS = (9.0, 11.0)
 WINDS = ("ua", "va")
 CURRENTS = ("uo", "vo")
 _WATER = (*CURRENTS, "sst", "sss")
-_PRESSURES = {"pa": 0.01, "hpa": 1.0, "mb": 1.0, "mbar": 1.0, "millibar": 1.0, "millibars": 1.0}
+_PRESSURES = ("pa", "hpa", "mb", "mbar", "millibar", "millibars")
 _TOLD = re.compile(
     r"(\d+(?:\.\d+)?)\s*[- ]?(hpa|mbar|mb|millibars?|m|met(?:re|er)s?)(?:\b|_)(?!\s*(?:/|s\b|s-1|s\*\*))", re.I
 )
