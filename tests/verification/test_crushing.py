@@ -455,7 +455,7 @@ def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monke
 
     def integrate(*arguments: Any) -> Any:
         result = integrate_faces(*arguments)
-        steps.append(result[8])
+        steps.append(result[9])
         return result
 
     monkeypatch.setattr(faces, "integrate_faces", integrate)

@@ -296,3 +296,30 @@ def test_bad_beds_are_refused_by_name() -> None:
     with pytest.raises(InputError, match="below the sea floor"):
         berg_model(floor=flat(DRAFT - 1.05), speed=0.0).step()
     berg_model(floor=flat(DRAFT - 0.95), speed=0.0).step()
+
+
+@pytest.mark.parametrize("gap", [2.0, 5000.0])
+def test_a_given_load_acts_once_on_a_berg_that_another_strikes_aground(gap: float) -> None:
+    """It counted twice where contact and the bed acted in one step: contact was taken to give all that the media did not."""
+    load, dt = 1e9, 600.0
+    shape: dict[str, Any] = {"radius": 1500.0, "density": 850.0, "latlon": False}
+    berg = Iceberg.rectangle(9e3, 6e3, thickness=250.0, placement=(0.0, 0.0), velocity=(0.05, 0.0), **shape)
+    other = Iceberg.rectangle(6e3, 6e3, thickness=150.0, placement=(7.5e3 + gap, 0.0), velocity=(0.03, 0.0), **shape)
+    shoal = Forcing.slope((0.0, 0.0), 0.0, 0.0, DRAFT - 0.005, (1.0, 5000.0), latlon=False)
+    model = Model(
+        Iceberg.join([berg, other]), Forcing.uniform((0.05, 0.0), **PLANE) + shoal,
+        Parameters(
+            ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+            grounding={"law": "seabed", "sediment": "clay", "friction": 1e-4, "bending": False},
+            fracture={"enabled": False}, stepping={"time_step": dt},
+        ),
+    )  # fmt: skip
+    el = model.elements
+    el.load_x[el.thickness > 200.0] = load / 6.0
+    before = (el.mass * el.u).sum()
+    model.step()
+    el = model.elements
+    assert (el.keel.floor_load > 0.0).sum() == 6
+    assert len(model.contacts.rows) == (gap < 10.0)
+    of_media = dt * (el.mass * model._stepper.applied[:, :, 0].sum(axis=1)).sum()
+    assert (el.mass * el.u).sum() - before - of_media == pytest.approx(load * dt, rel=1e-9)

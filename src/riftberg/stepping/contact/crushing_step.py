@@ -183,7 +183,7 @@ NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T, GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, B
 @kernel
 def integrate_faces(
     lists: Islands, whole: Island, twist: Floats, faces: Faces, pair_state: Floats, dt: float, law: CrushingLaw
-) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], Floats, Floats, Floats, Floats, float, float]:
+) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_], Floats, Floats, Floats, Floats, Floats, float, float]:
     """Take all islands, ``whole``, through a step of ``dt`` s.
 
     ``pair_state``: one row for each pair, changed in place. Returns what `IslandResult` has, the shortest sub-step (s) and the
@@ -212,7 +212,9 @@ def integrate_faces(
         about = allocate_linearisation(result.twist)
         shortest = min(shortest, _integrate_island(island, of_rows, of_pairs, result, about, dt, law, work))
         dissipated += work.dissipated[0]
-    return r.twist, r.path, r.touched, r.close, r.applied, r.peak_force, r.peak_axes, r.peak_spin, shortest, dissipated
+    return (
+        r.twist, r.path, r.touched, r.close, r.applied, r.peak_force, r.peak_axes, r.peak_spin, r.impulse, shortest, dissipated,
+    )  # fmt: skip
 
 
 @kernel
@@ -257,7 +259,7 @@ def _integrate_island(
                 work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
         count = _find_faces(island, faces, pair_state, result, h, law, work)
         _sweep(island, faces, pair_state, count, h, law, work)
-        _update_faces(island, faces, pair_state, count, h, law, work, result.touched)
+        _update_faces(island, faces, pair_state, count, h, law, work, result)
         _record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
@@ -745,9 +747,9 @@ def _sweep(
 @borrower
 def _update_faces(
     island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
-    touched: NDArray[np.bool_],
+    result: IslandResult,
 ) -> None:  # fmt: skip
-    """Crush the faces as far as their forces say, and pass on from impact to rest, or apart."""
+    """Crush the faces as far as their forces say, and pass on from impact to rest, or apart; add up what they give the bodies."""
     for f in range(count):
         k, row = work.active[f], work.face[f]
         i, j = island.first[k], island.second[k]
@@ -758,7 +760,10 @@ def _update_faces(
         sliding = 0.5 * (row[SLIDING] + _speed(row, ROW_T, work.new[a], work.new[b]))
         depth = row[DEPTH] + (h if state[PHASE] == REST else 0.5 * h) * closing
         force, slide = state[FORCE], state[FRICTION]
-        touched[k] = touched[k] or force > 0.0
+        result.touched[k] = result.touched[k] or force > 0.0
+        for n in range(3):
+            result.impulse[a, n] -= h * (force * row[ROW_N + n] + slide * row[ROW_T + n])
+            result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
         crushed = depth - force / (law.ratio * stiffness)
         if force > 0.0 and crushed > state[CRUSHED]:
             stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (law.ratio * stiffness)

@@ -145,7 +145,10 @@ class FaceContact:
         faces = self._laid_out(polygons, el, op.body, op.levers, turned)
         apart = pair_separations(el, first, second, c)
         # As far as both can come in the step by themselves and by what drives them.
-        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, el.motion.spin])
+        turning = np.einsum(
+            "ek,ek->e", op.levers[:, 6:9], bodies.twist[op.body]
+        )  # not the state's, which may be of a rejected trial
+        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, turning])
         u, v, spin = np.abs(velocity[first] - velocity[second]).T
         way = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
         near = face_gaps(first, second, apart, faces)[:, 0] <= way
@@ -160,12 +163,12 @@ class FaceContact:
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
         outcome = integrate_faces(lists, whole, bodies.twist[lists.members], faces, pair_state, h, self._law)
-        found = IslandResult(*outcome[:8])
+        found = IslandResult(*outcome[:9])
         if not np.isfinite(found.twist).all():
             raise FloatingPointError
         kept = pair_state[:, PHASE] != APART
-        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[9])
-        return phase_of(op, lists, first, second, found, outcome[8], h)
+        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[10])
+        return phase_of(op, lists, first, second, found, outcome[9], h)
 
     def find_near(
         self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, turned: Floats | None, within: float

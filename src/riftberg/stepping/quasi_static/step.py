@@ -717,7 +717,7 @@ class TimeStep:
         if contact is None or ground is None:
             return contact, ground, False
         both, of_contact, of_floor = np.intersect1d(contact.bodies, ground.motion.bodies, return_indices=True)
-        struck = np.isin(both, bodies_that_are_struck(contact, start.operators, start.bodies.twist))
+        struck = np.isin(both, bodies_that_are_struck(contact, start.operators))
         pushed, gone = h * contact.mean[of_contact, :2], h * ground.motion.mean[of_floor, :2]
         if h > LONGEST_SLIDING_STEP * (1.0 + 1e-9):
             # The mean force of an impact in a long step is small, but what it does to a fragment that is held shows.
