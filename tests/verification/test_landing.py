@@ -18,6 +18,7 @@ import pytest
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError, RiftbergError
 from riftberg.physics.seabed import WATER_STIFFNESS, bending_length
+from riftberg.stepping.ground.landing import Seabed
 
 pytestmark = pytest.mark.compiled
 
@@ -323,3 +324,24 @@ def test_a_given_load_acts_once_on_a_berg_that_another_strikes_aground(gap: floa
     assert len(model.contacts.rows) == (gap < 10.0)
     of_media = dt * (el.mass * model._stepper.applied[:, :, 0].sum(axis=1)).sum()
     assert (el.mass * el.u).sum() - before - of_media == pytest.approx(load * dt, rel=1e-9)
+
+
+def test_trials_that_are_rolled_back_leave_the_depth_as_it_was(monkeypatch) -> None:
+    """The next trial looked for elements near the floor by the depth where the rejected one had ended: 4 cm off on this slope."""
+    berg = berg_model(
+        towards=math.degrees(0.5), speed=0.2, floor=rising(math.degrees(0.5), ahead=5.0), dt=1800.0, sediment="rock",
+        fracture={"normal_strength": 1e9, "shear_strength": 1e9, "flexural_strength": 1e4},
+    )  # fmt: skip
+    off: list[float] = []
+    near = Seabed._near
+
+    def seen(self: Any, model: Any, bodies: Any, b: int, rows: Any, *more: Any) -> Any:
+        el = model.elements
+        off.append(float(np.abs(model.forcing.depth(el.lon[rows], el.lat[rows]) - el.environment.depth[rows]).max()))
+        return near(self, model, bodies, b, rows, *more)
+
+    monkeypatch.setattr(Seabed, "_near", seen)
+    berg.step()
+    assert (berg.bonds.status != 0).any()
+    assert len(off) > 5
+    assert max(off) < 1e-6
