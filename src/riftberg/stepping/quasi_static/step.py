@@ -696,7 +696,7 @@ class TimeStep:
 
         state = self._in_equilibrium(state)
         if self.model.parameters.damage.enabled:
-            # By the equilibrium in the middle of the step (explicit midpoint rule).
+            # By the equilibrium in the middle of the step, and the damage at its start.
             lattice, c, displacement = self.lattice, self.c, 0.5 * (bodies.displacement + state.bodies.displacement)
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load), c)
             drive = lattice.criterion.damage_drive(middle, lattice.strengths(self.bonds, c))
@@ -932,24 +932,23 @@ class TimeStep:
             return
         bond = self._bond_on_path(now, bond)
         self.cracked, first_broken, area = True, bond, 0.0
-        released = 0.0
+        before = self.state
         while True:
             area += self._facet_area(bond)
             self.bonds.break_strength[bond] = self._exceeded(now, bond)
-            before = self.state
             self._break_bond(bond)
-            after, parted = self.state, self.state.bodies.pose.shape[0] != before.bodies.pose.shape[0]
-            if not (impact and parted):  # what the load of an impact has stored goes into the rebound
-                released += released_energy(
-                    before.bodies.displacement, before.load, after.bodies.displacement, after.load
-                )
             now = self._equilibrium(self.state)
             bond, ratio = self._critical_bond(now)
             if ratio <= 1.0:
                 break
             # What the last bonds bear while a crack runs through them is no stress that the ice has borne.
             bond = self._bond_on_path(now, bond)
-        self.bonds.released_energy[first_broken] = released
+        after = self.state
+        # What the load of an impact has stored goes into the rebound of the pieces.
+        if not (impact and after.bodies.pose.shape[0] != before.bodies.pose.shape[0]):
+            self.bonds.released_energy[first_broken] = released_energy(
+                before.bodies.displacement, before.load, after.bodies.displacement, after.load
+            )
         self.bonds.cracked_area[first_broken] = area
         self._renumber()
         self._record_peaks(self._equilibrium(self.state))
