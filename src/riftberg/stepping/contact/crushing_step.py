@@ -137,7 +137,7 @@ def _integrate_island(
                 work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
         count = find_faces(island, faces, pair_state, result, h, law, work)
         sweep_faces(island, faces, pair_state, count, h, law, work)
-        update_faces(island, faces, pair_state, count, h, law, work, result.touched)
+        update_faces(island, faces, pair_state, count, h, law, work, result)
         record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):

@@ -320,9 +320,9 @@ def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Flo
 @borrower
 def update_faces(
     island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
-    touched: NDArray[np.bool_],
+    result: IslandResult,
 ) -> None:  # fmt: skip
-    """Crush the faces as far as their forces say, and pass on from impact to rest, or apart."""
+    """Crush the faces as far as their forces say, and pass on from impact to rest, or apart; add up what they give the bodies."""
     for f in range(count):
         k, row = work.active[f], work.face[f]
         i, j = island.first[k], island.second[k]
@@ -333,7 +333,10 @@ def update_faces(
         sliding = 0.5 * (row[SLIDING] + _speed(row, ROW_T, work.new[a], work.new[b]))
         depth = row[DEPTH] + (h if state[PHASE] == REST else 0.5 * h) * closing
         force, slide = state[FORCE], state[FRICTION]
-        touched[k] = touched[k] or force > 0.0
+        result.touched[k] = result.touched[k] or force > 0.0
+        for n in range(3):
+            result.impulse[a, n] -= h * (force * row[ROW_N + n] + slide * row[ROW_T + n])
+            result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
         crushed = depth - force / (law.ratio * stiffness)
         if force > 0.0 and crushed > state[CRUSHED]:
             stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (law.ratio * stiffness)

@@ -138,7 +138,9 @@ class FaceContact:
         faces = self._laid_out(polygons, el, op.body, op.levers, turned)
         apart = pair_separations(el, first, second, c)
         # As far as both can come in the step by themselves and by what drives them.
-        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, el.motion.spin])
+        # The spin of the state may be that of a trial step that was rolled back.
+        turning = np.einsum("ek,ek->e", op.levers[:, 6:9], bodies.twist[op.body])
+        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, turning])
         u, v, spin = np.abs(velocity[first] - velocity[second]).T
         way = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
         near = face_gaps(first, second, apart, faces)[:, 0] <= way
