@@ -318,14 +318,14 @@ def _level(model: RunState, pose: Floats, time: float) -> float:
 def bodies_that_are_struck(contact: ContactPhase, op: BodyOperators) -> Ints:
     """Bodies that contact gives a change of velocity of more than `STRUCK`."""
     impulse, mass = np.hypot(*contact.impulse[:, :2].T), op.matrices.inertia[contact.bodies, 0, 0]
-    return contact.bodies[impulse > STRUCK * mass]
+    return np.asarray(contact.bodies[impulse > STRUCK * mass])
 
 
 def _impulse_of(contact: ContactPhase | None, b: int) -> Floats:
     """Impulse (N s, N s, N m s) that contact gave a fragment in the step."""
     if contact is None:
         return np.zeros(3)
-    return contact.impulse[contact.bodies == b].sum(axis=0)
+    return np.asarray(contact.impulse[contact.bodies == b].sum(axis=0))
 
 
 class _Landing:
