@@ -59,6 +59,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.skip(reason="needs compilation: takes minutes, or measures time"))
 
 
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> None:
+    """End the tests where a signal has ended a run: the program takes it up, and pytest would go on with the next test."""
+    if (
+        call.excinfo is not None
+        and call.excinfo.errisinstance(SystemExit)
+        and call.excinfo.value.code == 128 + signal.SIGTERM
+    ):
+        item.session.shouldstop = "a signal"
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Folder of shared reference data; skips where it is absent, fails if the run demands it."""

@@ -160,10 +160,6 @@ _AS_THEY_STAND: Final = {
 }  # fmt: skip
 
 
-NEED_CELLS: Final = ("ice", "toughness")
-"""Criteria of fracture that read the stress of elastic cells."""
-
-
 class Parameters(Group):
     """All parameters of a run.
 
@@ -353,7 +349,7 @@ class Parameters(Group):
         """Whether the ice is elastic in cells, and not along its bonds: the default where the lattice is in equilibrium."""
         asked, f = self.bonds.elasticity, self.fracture
         if asked is None and f.enabled and f.criterion is not None:
-            return f.criterion in NEED_CELLS
+            return f.criterion != "bond"  # the others read the stress of elastic cells
         return asked == "cells" or (
             asked is None and self.stepping.scheme == "quasi_static" and self.bonds.law == "dem"
         )

@@ -87,11 +87,12 @@ def tile_kernels_applied(tiles, el, bonds, sizes, k, fields) -> int:
     width = tile.tile_count(el.size)
     for b in tiles.in_use[:count]:
         bond = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE]
+        shape = tiles.shape[tiles.shape_of[b] : tiles.shape_of[b] + tile.SHAPE_TILE]
         ends = tiles.ends[b % width * tile.END_TILE : (b % width + 1) * tile.END_TILE]
         tile_kernels.gather_second_ends(
             tiles.scratch, tiles.second_end[b * tile.LANES : (b + 1) * tile.LANES], tiles.ends
         )
-        tile_kernels.apply_bond_law(bond, tiles.scratch, ends, tiles.kinds[b // width], 0.0, k, 0.0)
+        tile_kernels.apply_bond_law(bond, shape, tiles.scratch, ends, tiles.kinds[b // width], 0.0, k, 0.0)
     return count
 
 
@@ -214,11 +215,12 @@ def test_stress_is_that_of_the_ice() -> None:
             width = tile.tile_count(found.el.size)
             for b in tiles.in_use[: found.count]:
                 bond = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE]
+                shape = tiles.shape[tiles.shape_of[b] : tiles.shape_of[b] + tile.SHAPE_TILE]
                 ends = tiles.ends[b % width * tile.END_TILE : (b % width + 1) * tile.END_TILE]
                 tile_kernels.gather_second_ends(
                     tiles.scratch, tiles.second_end[b * tile.LANES : (b + 1) * tile.LANES], tiles.ends
                 )
-                tile_kernels.apply_bond_law(bond, tiles.scratch, ends, tiles.kinds[b // width], 0.0, k, 0.0)
+                tile_kernels.apply_bond_law(bond, shape, tiles.scratch, ends, tiles.kinds[b // width], 0.0, k, 0.0)
                 bonded = tiles.bond_ids[b * tile.LANES : (b + 1) * tile.LANES] >= 0
                 largest = max(largest, float(tiles.scratch[name : name + tile.LANES][bonded].max(initial=0.0)))
             assert largest == pytest.approx(expected, rel=1e-4)
@@ -408,18 +410,19 @@ def test_every_explicit_scheme_drifts_with_them(scheme: str, law: str) -> None:
 def test_diagonals_pull_as_the_law_of_all_bonds_says() -> None:
     """Bit for bit: their tiles leave out what is 0 for them, slip, bending and dampers; a lane without a bond bears nothing."""
     rng = np.random.default_rng(4)
-    bond, scratch, ends = (rng.uniform(0.5, 1.5, size) for size in (tile.BOND_TILE, tile.SCRATCH_TILE, tile.END_TILE))
+    sizes = (tile.BOND_TILE, tile.SHAPE_TILE, tile.SCRATCH_TILE, tile.END_TILE)
+    bond, shape, scratch, ends = (rng.uniform(0.5, 1.5, size) for size in sizes)
     lanes = slice(0, tile.LANES)
-    bond[tile.DAMPING :][lanes], bond[tile.SLIP :][lanes] = 0.0, 0.0
+    shape[tile.DAMPING :][lanes], bond[tile.SLIP :][lanes] = 0.0, 0.0
     bond[tile.INTACT :][lanes] = np.arange(tile.LANES) != 7
     scratch[tile.HALF :][lanes] *= rng.choice([-1.0, 1.0], tile.LANES)
-    bond[tile.MODULUS + 7] = np.nan
+    shape[tile.MODULUS + 7] = np.nan
     kind = np.array(tile.bond_kind(4, True, isotropic("square").kernel_values()))
     assert kind[1:].tolist() == [0.0, 0.0, 0.0]
-    every, few = (bond.copy(), scratch.copy()), (bond.copy(), scratch.copy())
+    every, few = (bond.copy(), shape, scratch.copy()), (bond.copy(), shape, scratch.copy())
     tile_kernels.forces(*every, ends, kind, 10.0, 0.3, True, False, True)
     tile_kernels.pull_diagonals(*few)
-    for table, quantity in ((0, tile.FX), (0, tile.FY), (0, tile.TORQUE2), (1, tile.TORQUE1)):
+    for table, quantity in ((0, tile.FX), (0, tile.FY), (0, tile.TORQUE2), (2, tile.TORQUE1)):
         np.testing.assert_array_equal(every[table][quantity:][lanes], few[table][quantity:][lanes])
     assert abs(few[0][tile.FX :][lanes]).max() > 0.1
     assert few[0][tile.FX + 7] == 0.0

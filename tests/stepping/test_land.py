@@ -272,3 +272,28 @@ def test_a_berg_on_the_sphere_is_not_strained_by_land() -> None:
     assert el.lon.max() < -49.75
     np.testing.assert_allclose(now, rest, rtol=1e-4)
     assert bonds.peak_stress.max() < 1500.0
+
+
+def test_a_contact_far_away_does_not_change_what_land_does_to_a_berg() -> None:
+    """Where any two bergs touched anywhere, land stopped the second half kick of a step alone, and not the first."""
+    mask = np.ones((8, 40))
+    mask[:, 34:] = 0.0
+    grid = Grid.cartesian(40, 8, 5000.0, mask=mask)
+    fields = grid.fields(uo=np.full((8, 40), CURRENT), vo=np.full((8, 40), 0.1))
+    ends = []
+    for gap in (20.0, 20e3):
+        pair = [
+            Iceberg.rectangle(
+                SIZE, SIZE, thickness=200.0, radius=1500.0, placement=(x, 20e3), latlon=False, velocity=(speed, 0.1)
+            )
+            for x, speed in ((20e3, CURRENT), (20e3 + SIZE + gap, 0.1))
+        ]
+        model = Model(
+            Iceberg.join([berg(171.4e3, 3, 3), *pair]),
+            GriddedForcing(grid, [fields, fields], np.array([0.0, 10.0 * 86400.0]), FieldRules()),
+            Parameters(earth=PLANE, fracture={"enabled": False}, stepping={"time_step": 1800.0}),
+        )
+        model.advance(steps=2)
+        assert len(model.contacts.rows) == (gap < 100.0)
+        ends.append(np.stack([a[:9] for a in (*model.elements.place[:2], model.elements.u, model.elements.v)]))
+    assert ends[0].tolist() == ends[1].tolist()

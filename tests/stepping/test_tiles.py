@@ -51,6 +51,7 @@ def loaded(columns: int, rows: int, broken: tuple[int, ...] = ()) -> tuple[Any, 
     bonds.status[list(broken)] = 1
     made = allocate_tiles(el, bonds, P)
     made.bond[: -tile.BOND_TILE] = np.nan  # what an earlier long step left must not matter
+    made.shape[:] = np.nan
     made.scratch[:] = np.nan
     count = pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
     show(made, el)
@@ -67,6 +68,11 @@ def parts(made: BondTiles, b: int, elements: int) -> tuple[Any, Any, Any]:
     )
 
 
+def shapes(made: BondTiles, b: int) -> Any:
+    """Shapes of the bonds of block ``b``."""
+    return made.shape[made.shape_of[b] : made.shape_of[b] + tile.SHAPE_TILE]
+
+
 def applied(made: BondTiles, count: int, elements: int) -> None:
     """Apply the law to all blocks, and sum over first ends."""
     made.sums[:] = 0.0
@@ -74,7 +80,7 @@ def applied(made: BondTiles, count: int, elements: int) -> None:
         block, ends, sums = parts(made, b, elements)
         tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
         tile_kernels.apply_bond_law(
-            block, made.scratch, ends, made.kinds[b // tile.tile_count(elements)], 10.0, P, P.period
+            block, shapes(made, b), made.scratch, ends, made.kinds[b // tile.tile_count(elements)], 10.0, P, P.period
         )
         tile_kernels.accumulate_first_ends(block, made.scratch, sums)
 
@@ -254,9 +260,9 @@ def test_large_angles_have_the_sine_of_all_angles() -> None:
 
 
 LOOPS: dict[str, tuple[int, tuple[str, ...], tuple[Any, ...]]] = {
-    "find_sections": (15, ("bond", "scratch", "ends"), (True, False, 6.37e6)),
+    "find_sections": (15, ("bond", "shape", "scratch", "ends"), (True, False, 6.37e6)),
     "sines": (60, ("bond", "scratch", "ends"), (False,)),
-    "forces": (40, ("bond", "scratch", "ends", "kind"), (10.0, 0.3, True, False, False)),
+    "forces": (40, ("bond", "shape", "scratch", "ends", "kind"), (10.0, 0.3, True, False, False)),
     "accumulate_first_ends": (3, ("bond", "scratch", "sums"), ()),
     "kick_tile": (20, ("elem", "ends", "scratch"), (10.0, True)),
     "drift_tile": (30, ("elem", "ends", "rotation"), (10.0, True, 6.37e6, False)),
@@ -274,6 +280,7 @@ def test_the_loops_of_the_sub_steps_are_vector_code(name: str) -> None:
     block, _, sums = parts(made, 0, el.mass.size)
     given = {
         "bond": block,
+        "shape": shapes(made, 0),
         "kind": made.kinds[0],
         "scratch": made.scratch,
         "ends": made.ends,

@@ -18,6 +18,7 @@ import pytest
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError, RiftbergError
 from riftberg.physics.seabed import WATER_STIFFNESS, bending_length
+from riftberg.stepping.ground.landing import Seabed
 
 pytestmark = pytest.mark.compiled
 
@@ -296,3 +297,51 @@ def test_bad_beds_are_refused_by_name() -> None:
     with pytest.raises(InputError, match="below the sea floor"):
         berg_model(floor=flat(DRAFT - 1.05), speed=0.0).step()
     berg_model(floor=flat(DRAFT - 0.95), speed=0.0).step()
+
+
+@pytest.mark.parametrize("gap", [2.0, 5000.0])
+def test_a_given_load_acts_once_on_a_berg_that_another_strikes_aground(gap: float) -> None:
+    """It counted twice where contact and the bed acted in one step: contact was taken to give all that the media did not."""
+    load, dt = 1e9, 600.0
+    shape: dict[str, Any] = {"radius": 1500.0, "density": 850.0, "latlon": False}
+    berg = Iceberg.rectangle(9e3, 6e3, thickness=250.0, placement=(0.0, 0.0), velocity=(0.05, 0.0), **shape)
+    other = Iceberg.rectangle(6e3, 6e3, thickness=150.0, placement=(7.5e3 + gap, 0.0), velocity=(0.03, 0.0), **shape)
+    shoal = Forcing.slope((0.0, 0.0), 0.0, 0.0, DRAFT - 0.005, (1.0, 5000.0), latlon=False)
+    model = Model(
+        Iceberg.join([berg, other]), Forcing.uniform((0.05, 0.0), **PLANE) + shoal,
+        Parameters(
+            ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+            grounding={"law": "seabed", "sediment": "clay", "friction": 1e-4, "bending": False},
+            fracture={"enabled": False}, stepping={"time_step": dt},
+        ),
+    )  # fmt: skip
+    el = model.elements
+    el.load_x[el.thickness > 200.0] = load / 6.0
+    before = (el.mass * el.u).sum()
+    model.step()
+    el = model.elements
+    assert (el.keel.floor_load > 0.0).sum() == 6
+    assert len(model.contacts.rows) == (gap < 10.0)
+    of_media = dt * (el.mass * model._stepper.applied[:, :, 0].sum(axis=1)).sum()
+    assert (el.mass * el.u).sum() - before - of_media == pytest.approx(load * dt, rel=1e-9)
+
+
+def test_trials_that_are_rolled_back_leave_the_depth_as_it_was(monkeypatch) -> None:
+    """The next trial looked for elements near the floor by the depth where the rejected one had ended: 4 cm off on this slope."""
+    berg = berg_model(
+        towards=math.degrees(0.5), speed=0.2, floor=rising(math.degrees(0.5), ahead=5.0), dt=1800.0, sediment="rock",
+        fracture={"normal_strength": 1e9, "shear_strength": 1e9, "flexural_strength": 1e4},
+    )  # fmt: skip
+    off: list[float] = []
+    near = Seabed._near
+
+    def seen(self: Any, model: Any, bodies: Any, b: int, rows: Any, *more: Any) -> Any:
+        el = model.elements
+        off.append(float(np.abs(model.forcing.depth(el.lon[rows], el.lat[rows]) - el.environment.depth[rows]).max()))
+        return near(self, model, bodies, b, rows, *more)
+
+    monkeypatch.setattr(Seabed, "_near", seen)
+    berg.step()
+    assert (berg.bonds.status != 0).any()
+    assert len(off) > 5
+    assert max(off) < 1e-6

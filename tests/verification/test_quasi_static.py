@@ -12,7 +12,7 @@ import pytest
 from scipy.linalg import expm
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import InputError
+from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
 from riftberg.experiments.cases import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
@@ -265,6 +265,42 @@ def test_a_crack_runs_through_in_one_step() -> None:
     # What is left is pulled less than what was whole.
     intact = model.bonds.status == 0
     assert model.bonds.normal_stress[intact].max() < whole.bonds.normal_stress.max()
+
+
+def test_a_crack_that_stops_inside_releases_what_griffith_says() -> None:
+    """The middle of a plate breaks over 12 km: twice the integral of K^2 t / E over half of it, for a plate of 40 km (Feddersen).
+
+    The energy had the other sign: under loads that stay the plate with the crack stores more than without.
+    """
+    p = quasi(
+        fracture={"enabled": True, "normal_strength": 1e12, "shear_strength": 1e12},
+        stepping={"only_interactions": True, "time_step": 1800.0},
+    )  # fmt: skip
+    model = Model(Iceberg.rectangle(40e3, 40e3, thickness=250.0, radius=1000.0, latlon=False), Steady(), p)
+    el, b = model.elements, model.bonds
+    el.load_x[:] = np.where(el.lon > 18e3, 4e9, np.where(el.lon < -18e3, -4e9, 0.0))
+    across = np.abs(el.lat[b.first] - el.lat[b.second]) < 1.0
+    middle, height = 0.5 * (el.lon[b.first] + el.lon[b.second]), 0.5 * (el.lat[b.first] + el.lat[b.second])
+    weak = across & (np.abs(middle) < 100.0) & (np.abs(height) < 6e3)
+    b.strength[weak] = 1e-9
+    model.step()
+    assert (model.bonds.status != 0).sum() == weak.sum() == 6
+    assert model.fragment_count == 1
+    half = np.linspace(0.0, 6e3, 601)
+    k2 = (4e9 * 20 / (250.0 * 40e3)) ** 2 * np.pi * half / np.cos(np.pi * half / 40e3)
+    griffith = 2.0 * 250.0 / p.bonds.youngs_modulus * float(np.trapezoid(k2, half))
+    assert model.bonds.released_energy.sum() == pytest.approx(griffith, rel=0.1)
+
+
+def test_a_berg_on_rollers_that_has_turned_is_refused() -> None:
+    """Rollers stood across the axis of the berg, not north: turned by 90 degrees it went 97 m through one."""
+    p = quasi(stepping={"only_interactions": True, "time_step": 1800.0}, fracture={"enabled": False})
+    model = lattice(p, 6, 2)
+    turn(model, 0.05 / 1800.0)
+    model.step()
+    model.elements.free_y[0] = 0.0
+    with pytest.raises(RunError, match=r"free_y = 0\) has turned by 2.9 degrees"):
+        model.step()
 
 
 def test_nothing_breaks_below_the_strength() -> None:

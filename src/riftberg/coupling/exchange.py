@@ -256,7 +256,10 @@ class Exchange:
             If a name, a unit, a shape or a value is wrong; nothing has been stepped then.
         """
         arrays = self._arrays(given)
-        flux, heat = self._flux(arrays)
+        shape = self.grid.arrays.nj, self.grid.arrays.ni
+        flux, heat = (np.broadcast_to(arrays.pop(name, np.zeros(shape)), shape) for name in ("calving", "calving_heat"))
+        check_flux(flux, heat, self.grid.arrays.mask[self.grid.domain], "exchange")
+        flux, heat = np.array(flux), np.array(heat)
         # All that may be refused has been checked by now: a step that is refused has changed nothing.
         self.forcing.put(self._fields(arrays))
         fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
@@ -306,12 +309,6 @@ class Exchange:
             raise InputError("wind and its stress", where="exchange", remedy="Hand over one of them")
         return arrays
 
-    def _flux(self, arrays: dict[str, Floats]) -> tuple[Floats, Floats]:
-        shape = self.grid.arrays.nj, self.grid.arrays.ni
-        flux, heat = (np.broadcast_to(arrays.pop(name, np.zeros(shape)), shape) for name in ("calving", "calving_heat"))
-        check_flux(flux, heat, self.grid.arrays.mask[self.grid.domain], "exchange")
-        return np.array(flux), np.array(heat)
-
     def _fields(self, arrays: dict[str, Floats]) -> Fields:
         """Put the fields on the grid with its halo, vectors at its corners."""
         if "taux" in arrays:
@@ -340,9 +337,9 @@ class Exchange:
         fluxes["left"] = got.left / area
         fluxes["left_heat"] = got.heat_left / area - LATENT_HEAT * fluxes["left"]
         others = self.model.elements if self.model.parameters.stepping.interactions else None
-        births = self.calving.bear(*date_of_birth(self.model, coming=True), self.ocean_step, others)
-        if births.ids.size:
-            self._bear(births.elements)
+        elements, ids = self.calving.bear(*date_of_birth(self.model, coming=True), self.ocean_step, others)
+        if ids.size:
+            self._bear(elements)
 
     def _bear(self, elements: Elements, bonds: Bonds | None = None) -> tuple[Ints, float, float]:
         """Add newborn elements to the model and its ledger; return identifiers, mass (kg) and heat (J)."""

@@ -83,16 +83,6 @@ def orientations(elements: Elements, bonds: Bonds, rules: NineCellRules, earth: 
     return value
 
 
-def bergs_of(elements: Elements, orientation: Floats) -> Spread:
-    """Return all elements as they stand, to be spread."""
-    place, body, life = elements.place, elements.body, elements.life
-    return Spread(
-        place.cell_i, place.cell_j, place.xi, place.eta, body.mass, life.mass_of_bits, life.mass_of_fl_bits,
-        life.mass_of_fl_bergy_bits, life.mass_scaling, body.length * body.width, body.thickness, elements.motion.u,
-        elements.motion.v, body.static, orientation,
-    )  # fmt: skip
-
-
 @kernel
 def _afloat(thickness: float, water: float, rho_ice: float) -> float:
     """Part of the weight of a berg that the ocean bears, by the reference: depth of water over draft, at most 1."""
@@ -226,9 +216,9 @@ class ReferenceExchange:
         dt = self.model.parameters.stepping.time_step
         self._fields = self.forcing.put(fields)
         taken = self.calving.take(flux, heat_flux, dt)
-        births = self.calving.bear(*born, dt)
-        if births.ids.size:
-            self.model.append(births.elements, ids=births.ids)
+        elements, ids = self.calving.bear(*born, dt)
+        if ids.size:
+            self.model.append(elements, ids=ids)
         self.model.step()
         assert self.life.last is not None
         area = self.grid.arrays.area[self.grid.domain]
@@ -256,7 +246,13 @@ class ReferenceExchange:
         earth = self.model.parameters.earth
         metric = earth.latlon, earth.radius, earth.period
         turn = orientations(self.model.elements, self.model.bonds, self.rules.nine, metric)
-        return bergs_of(self.model.elements, turn)
+        # All elements as they stand, to be spread.
+        place, body, life = self.model.elements.place, self.model.elements.body, self.model.elements.life
+        return Spread(
+            place.cell_i, place.cell_j, place.xi, place.eta, body.mass, life.mass_of_bits, life.mass_of_fl_bits,
+            life.mass_of_fl_bergy_bits, life.mass_scaling, body.length * body.width, body.thickness, self.model.elements.motion.u,
+            self.model.elements.motion.v, body.static, turn,
+        )  # fmt: skip
 
     def _parts(self, bergs: Spread) -> Floats:
         assert self._fields is not None

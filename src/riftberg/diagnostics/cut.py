@@ -375,7 +375,8 @@ class Cut:
             return None
         # Both stand with the bond at which a crack began.
         energy, area = (float(self.run[name].values[self.bonds].sum()) for name in ("released_energy", "cracked_area"))
-        return max(energy, 0.0) / area if area > 0.0 else None
+        # None released: what an impact breaks off, or a file of before, in which it was the energy stored.
+        return energy / area if energy > 0.0 and area > 0.0 else None
 
     # --- forces ----------------------------------------------------------------------------------------------------
 

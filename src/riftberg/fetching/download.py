@@ -89,28 +89,29 @@ class Resuming:
             raise missing_package("requests or tqdm", "fetch", "to fetch files")
         path = part_of(target.parent, url)
         with only_writer(path):
-            self._fetch_to(target, path, url)
-
-    def _fetch_to(self, target: Path, path: Path, url: str) -> None:
-        large = self.large_files(url) if self.large_files is not None else url
-        part = PartFile(path, large)
-        if part.version is None:
-            part = PartFile(path, url)
-        else:  # an earlier run has followed the pointer already, and noted its checksum
-            part.sha256 = part.version.sha256
-        self.fetch(part)
-        # The server has sent the pointer instead of the file that it stands for.
-        if part.url != large and is_pointer(path):
-            part = PartFile(path, large, _checksum_in(path))
-            part.drop()
+            large = self.large_files(url) if self.large_files is not None else url
+            part = PartFile(path, large)
+            if part.version is None:
+                part = PartFile(path, url)
+            else:  # an earlier run has followed the pointer already, and noted its checksum
+                part.sha256 = part.version.sha256
             self.fetch(part)
-        if not part.is_whole():
-            part.drop()
-            raise ForcingError(
-                f"its checksum is wrong: the pointer at {url} names sha256 {part.sha256[:12]}...", where=part.url,
-                remedy="The file has changed at its source or on the way: run again; if it stays wrong, do not use it",
-            )  # fmt: skip
-        part.finish(target)
+            # The server has sent the pointer instead of the file that it stands for.
+            if part.url != large and is_pointer(path):
+                # The sha256 that a pointer of Git LFS names; empty where it names none.
+                match = re.search(
+                    r"^oid sha256:([0-9a-f]{64})$", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE
+                )
+                part = PartFile(path, large, (match[1] if match else ""))
+                part.drop()
+                self.fetch(part)
+            if not part.is_whole():
+                part.drop()
+                raise ForcingError(
+                    f"its checksum is wrong: the pointer at {url} names sha256 {part.sha256[:12]}...", where=part.url,
+                    remedy="The file has changed at its source or on the way: run again; if it stays wrong, do not use it",
+                )  # fmt: skip
+            part.finish(target)
 
     def fetch(self, part: PartFile) -> None:
         """Fetch the whole of a part's file, continuing what is there if it is of the version that the server has."""
@@ -135,7 +136,17 @@ class Resuming:
                         remedy=f"Check the network and run again{_kept(part)}",
                     ) from error
             except OSError as error:
-                raise _disk_error(error, part.path) from error
+                # The error that tells what the disk said.
+                if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                    what, remedy = (
+                        "the disk is full",
+                        "Free some space, or choose another folder; what was fetched is kept and continued",
+                    )
+                elif error.errno in (errno.EACCES, errno.EROFS, errno.EPERM):
+                    what, remedy = "the folder cannot be written", "Choose another folder"
+                else:
+                    what, remedy = f"writing failed ({error})", "Check the disk"
+                raise ForcingError(what, where=str(part.path.parent), remedy=remedy) from error
             # Attempts that brought something do not count: a slow line may be cut many times.
             vain = 0 if part.size > before else vain + 1
             time.sleep(self.pause * vain if vain < self.attempts else 0.0)
@@ -192,7 +203,10 @@ class Resuming:
             start = have if code == 206 else 0
             length = _length(answer)
             total = start + length if length else 0
-            _check_space(part.path, length)
+            # Refuse a download that cannot fit before it fills the disk.
+            free = shutil.disk_usage(part.path.parent).free
+            if length > free:
+                raise OSError(errno.ENOSPC, f"{length / 1e6:.0f} MB are to come, {free / 1e6:.0f} MB are free")
             if start == 0:
                 part.begin(Version.told(part.url, answer.headers, total))
             written = self._write(answer, part.path, start, total)
@@ -235,14 +249,6 @@ def is_pointer(path: Path) -> bool:
         return stream.read(len(_POINTER)) == _POINTER
 
 
-def _checksum_in(pointer: Path) -> str:
-    """Return the sha256 that a pointer of Git LFS names; empty where it names none."""
-    match = re.search(
-        r"^oid sha256:([0-9a-f]{64})$", pointer.read_text(encoding="utf-8", errors="replace"), re.MULTILINE
-    )
-    return match[1] if match else ""
-
-
 def _check_status(answer: requests.Response, url: str) -> None:
     code = answer.status_code
     if code in (401, 403):
@@ -256,27 +262,6 @@ def _check_status(answer: requests.Response, url: str) -> None:
             remedy="Check the base address, or whether the source has moved",
         )
     answer.raise_for_status()
-
-
-def _check_space(part: Path, length: int) -> None:
-    """Refuse a download that cannot fit before it fills the disk."""
-    free = shutil.disk_usage(part.parent).free
-    if length > free:
-        raise OSError(errno.ENOSPC, f"{length / 1e6:.0f} MB are to come, {free / 1e6:.0f} MB are free")
-
-
-def _disk_error(error: OSError, part: Path) -> ForcingError:
-    """Return the error that tells what the disk said."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        what, remedy = (
-            "the disk is full",
-            "Free some space, or choose another folder; what was fetched is kept and continued",
-        )
-    elif error.errno in (errno.EACCES, errno.EROFS, errno.EPERM):
-        what, remedy = "the folder cannot be written", "Choose another folder"
-    else:
-        what, remedy = f"writing failed ({error})", "Check the disk"
-    return ForcingError(what, where=str(part.parent), remedy=remedy)
 
 
 class Bar:

@@ -130,7 +130,12 @@ def fetch_product(
     wanted = Wanted(name, folder, lon, lat, utc(time[0]), utc(time[1]), chosen, depth)
     if name == "ncep-r1":
         years = range(int(wanted.days[0][:4]), int(wanted.days[1][:4]) + 1)
-        return fetch_ncep(folder, years, progress=progress, tell=tell, base_url=addresses.get("ncep_url", NCEP_URL))
+        # Fetch NCEP/NCAR R1 10 m wind of whole years; files that have changed at their source since are fetched again.
+        base_url = addresses.get("ncep_url", NCEP_URL)
+        names = [f"{part}.10m.gauss.{year}.nc" for year in years for part in ("uwnd", "vwnd")]
+        with progressing(progress) as show:
+            downloader = Resuming(show)
+            return [fetch_one(name, None, folder, base_url, downloader, renew=True, tell=tell) for name in names]
     clients = {"oscar": _fetch_oscar, "era5": _fetch_era5}
     with only_writer(wanted.file(*chosen)):
         return clients.get(name, _fetch_copernicus)(wanted)
@@ -281,16 +286,6 @@ _PER_DEGREE = 240  # 15 arc seconds
 _LARGEST = 500e6
 
 
-def fetch_ncep(
-    folder: Path, years: range, *, progress: Progress | bool, tell: Tell, base_url: str = NCEP_URL
-) -> list[Path]:
-    """Fetch NCEP/NCAR R1 10 m wind of whole years; files that have changed at their source since are fetched again."""
-    names = [f"{part}.10m.gauss.{year}.nc" for year in years for part in ("uwnd", "vwnd")]
-    with progressing(progress) as show:
-        downloader = Resuming(show)
-        return [fetch_one(name, None, folder, base_url, downloader, renew=True, tell=tell) for name in names]
-
-
 def fetch_gebco(
     folder: Path, lon: Span, lat: Span, *, progress: Progress | bool, tell: Tell, base_url: str = GEBCO_URL
 ) -> list[Path]:
@@ -298,7 +293,12 @@ def fetch_gebco(
 
     ``lon``, ``lat``: box (degrees, -180..180).
     """
-    _check_box(lon, lat)
+    if not (-180.0 <= lon[0] < lon[1] <= 180.0 and -90.0 <= lat[0] < lat[1] <= 90.0):
+        raise ForcingError(
+            f"{lon[0]:g}..{lon[1]:g} east, {lat[0]:g}..{lat[1]:g} north is no box of the grid",
+            where="fetch gebco",
+            remedy="Give west before east within -180..180 (two boxes where the date line is crossed), south before north",
+        )
     target = folder / f"gebco_2020_{lon[0]:g}_{lon[1]:g}_{lat[0]:g}_{lat[1]:g}.nc"
     if target.exists() and not _fault_of_floor(target, lon, lat):
         return [target]
@@ -331,15 +331,6 @@ def gebco_query(lon: Span, lat: Span) -> str:
         first, last = max(low - cell, -limit + 0.5 * cell), min(high + cell, limit - 0.5 * cell)
         ends.append(f"%5B({first:.6f}):1:({last:.6f})%5D")
     return f"{GEBCO_GRID}.nc?elevation{''.join(ends)}"
-
-
-def _check_box(lon: Span, lat: Span) -> None:
-    if not (-180.0 <= lon[0] < lon[1] <= 180.0 and -90.0 <= lat[0] < lat[1] <= 90.0):
-        raise ForcingError(
-            f"{lon[0]:g}..{lon[1]:g} east, {lat[0]:g}..{lat[1]:g} north is no box of the grid",
-            where="fetch gebco",
-            remedy="Give west before east within -180..180 (two boxes where the date line is crossed), south before north",
-        )
 
 
 def _fault_of_floor(path: Path, lon: Span, lat: Span) -> str:

@@ -114,18 +114,6 @@ class Accumulated(NamedTuple):
     heat_flux: Floats  # Ice (kg m-2 s-1) and heat (W m-2) that arrived, after mask and running mean
     left: Floats  # What no class takes: ice (kg s-1) and heat (W) of each cell
     heat_left: Floats  # What no class takes: ice (kg s-1) and heat (W) of each cell
-    stored: float  # What went into the stores, kg and J
-    heat_stored: float  # What went into the stores, kg and J
-
-
-class Births(NamedTuple):
-    """Bergs born in a step."""
-
-    elements: Elements  # Not yet in the model; placed, with cells
-    ids: Ints  # Identifiers by the creating cell
-    mass: float  # What left the stores, kg and J
-    heat: float  # What left the stores, kg and J
-    real: Floats  # Ice calved by class, kg s-1; shape (classes, nj, ni)
 
 
 class _Birth(NamedTuple):
@@ -172,11 +160,11 @@ class FluxCalving:
             s.heat[some] = s.ice.sum(axis=0)[some] * (heat_flux * self._area)[some] / rate[some]
             s.begun = True
         left, heat_left = np.zeros_like(flux), np.zeros_like(flux)
-        stored, heat = fill_stores(
+        fill_stores(
             s.ice, s.heat, flux, heat_flux, self._area, self.is_south, (self.south.fraction, self.north.fraction),
             dt, left, heat_left,
         )  # fmt: skip
-        return Accumulated(flux, heat_flux, left, heat_left, stored, heat)
+        return Accumulated(flux, heat_flux, left, heat_left)
 
     def _smoothed(self, flux: Floats, heat_flux: Floats, dt: float) -> tuple[Floats, Floats]:
         s, tau = self.stores, self.parameters.calving.smoothing_time
@@ -187,15 +175,13 @@ class FluxCalving:
             mean[:] = new * now + old * mean
         return s.mean_flux.copy(), s.mean_heat.copy()
 
-    def bear(self, year: int, day: float, dt: float, others: Elements | None = None) -> Births:
-        """Let bergs leave the stores that hold enough ice for one (files, 3.2).
+    def bear(self, year: int, day: float, dt: float, others: Elements | None = None) -> tuple[Elements, Ints]:
+        """Let bergs leave the stores that hold enough ice for one (files, 3.2); return them, and their identifiers by cell.
 
         ``dt``: step, s; ``others``: ice beside which they must find room in their cell, or wait in their store.
         """
         s, free = self.stores, None if others is None else FreePlaces(others, self.parameters)
         rows: list[_Birth] = []
-        real = np.zeros_like(s.ice)
-        mass = heat = 0.0
         for k in range(self.south.mass.size):
             need = np.where(
                 self.is_south, self.south.mass[k] * self.south.scaling[k], self.north.mass[k] * self.north.scaling[k]
@@ -214,13 +200,7 @@ class FluxCalving:
                     rows.append(_Birth(k, j, i, day + offset / 86400.0, warmth, s.next_identifier(i, j), spot))
                     s.heat[j, i] -= need[j, i] * warmth
                     s.ice[k, j, i] -= need[j, i]
-                    mass, heat = mass + need[j, i], heat + need[j, i] * warmth
-                    real[k, j, i] += need[j, i] / dt
                     offset -= dt * PART_OF_STEP
-        elements, ids = self._elements(rows, year)
-        return Births(elements, ids, mass, heat, real)
-
-    def _elements(self, rows: list[_Birth], year: int) -> tuple[Elements, Ints]:
         e = new_elements(len(rows))
         halo = self.grid.arrays.halo
         for n, (k, j, i, day, warmth, _, spot) in enumerate(rows):

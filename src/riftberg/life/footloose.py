@@ -140,19 +140,6 @@ class Circumstances(NamedTuple):
     names: Callable[[int, int], int] | None = None
 
 
-class Calved(NamedTuple):
-    """What footloose calving did in a step."""
-
-    cell_i: Ints  # Cells of the parents, one entry for each change of their bits
-    cell_j: Ints  # Cells of the parents, one entry for each change of their bits
-    # Change of the mass of their footloose bits, kg, of all bergs that an element stands for; negative for bergs made
-    # of bits
-    bits: Floats
-    children: int  # Elements born
-    # Mass (kg) that parents gained by being given the density of the parameters (quirk T45); 0 in own runs
-    density_mass: float
-
-
 class _Calving:
     """One step of footloose calving on a model."""
 
@@ -160,14 +147,13 @@ class _Calving:
         self.model, self.p, self.values, self.when = model, p, values, when
         self.el = model.elements
         self.reference = p.compatibility.footloose_sets_density
-        self.changes: list[tuple[int, int, float]] = []
         self.born: list[tuple[Elements, int]] = []
         self.gained = 0.0
         beside = p.stepping.interactions and not p.compatibility.births_at_centre
         self.free = FreePlaces(self.el, p) if beside else None
 
-    def run(self) -> Calved:
-        """Let all bergs calve in turn, and add their children."""
+    def run(self) -> float:
+        """Let all bergs calve in turn, and add their children; see `calve_footloose` for what is returned."""
         alone = self._alone()
         body, foot = self.el.body, self.el.life.fl_k
         able = alone & self._eligible() & (foot > 0.0)
@@ -183,10 +169,7 @@ class _Calving:
         # Only now: elements that are added in between would shift the rows that the loops go by.
         for child, parent in self.born:
             self._add(child, parent)
-        cell_i, cell_j, bits = (list(q) for q in zip(*self.changes, strict=True)) if self.changes else ([], [], [])
-        return Calved(
-            np.array(cell_i, np.int64), np.array(cell_j, np.int64), np.array(bits, float), len(self.born), self.gained
-        )
+        return self.gained
 
     # ------------------------------------------------------------------------------------------------- who calves
 
@@ -254,11 +237,11 @@ class _Calving:
         # T45).
         density = v.rho_ice if self.reference else body.mass[e] / (thickness * width * length)
         if self.p.footloose.style == "bits":
-            self._keep_bits(e, density * thickness * area)
+            life.mass_of_fl_bits[e] += density * thickness * area
         else:
-            place, piece = self._rim(e, width, length), self._piece(e, thickness, wide, density)
+            place, piece = self._rim(e, width, length), _piece(thickness, wide, density)
             if not self._bear(e, place, piece, pieces * life.mass_scaling[e]):
-                self._keep_bits(e, density * thickness * area)
+                life.mass_of_fl_bits[e] += density * thickness * area
         before, lost = body.mass[e], density * thickness * area
         # A berg that has lost pieces is narrower, and may roll over at once.
         if v.rolls:
@@ -266,14 +249,6 @@ class _Calving:
         body.thickness[e], body.width[e], body.length[e] = thickness, narrow, short
         body.mass[e] = short * narrow * thickness * density if self.reference else before - lost
         self.gained += (body.mass[e] + lost - before) * life.mass_scaling[e]
-
-    def _keep_bits(self, e: int, mass: float) -> None:
-        life = self.el.life
-        life.mass_of_fl_bits[e] += mass
-        self._changed(e, mass * life.mass_scaling[e])
-
-    def _changed(self, e: int, mass: float) -> None:
-        self.changes.append((int(self.el.cell_i[e]), int(self.el.cell_j[e]), float(mass)))
 
     def _spawn(self, e: int) -> None:
         """Make a berg of the footloose bits of an element where there are enough (files, 2.3, 2.6)."""
@@ -294,11 +269,6 @@ class _Calving:
             return
         life.mass_of_fl_bergy_bits[e] *= 1.0 - part
         life.mass_of_fl_bits[e] -= count * least / life.mass_scaling[e]
-        self._changed(e, -count * least)
-
-    def _piece(self, e: int, thickness: float, wide: float, density: float) -> tuple[float, float, float, float, float]:
-        """Mass (kg), thickness, width, length (m) and bits (kg) of one piece that has just broken off."""
-        return wide * (ASPECT * wide) * thickness * density, thickness, wide, ASPECT * wide, 0.0
 
     # ------------------------------------------------------------------------------------- bergs of many elements
 
@@ -338,18 +308,13 @@ class _Calving:
             side[rows] *= np.sqrt(1.0 - part)
         total = float((mass * life.mass_scaling[rows]).sum())
         if self.p.footloose.style == "bits":
-            for e, m in zip(rows[mass > 0.0], mass[mass > 0.0], strict=True):
-                self._keep_bits(int(e), float(m))
-        elif total > 0.0:
-            self._bear_from_edge(int(rows[np.argmax(share)]), wide, total)
-
-    def _bear_from_edge(self, e: int, wide: float, total: float) -> None:
-        """Make a child of the ice of pieces, as many of them as that mass gives."""
-        body = self.el.body
-        density = body.mass[e] / (body.thickness[e] * body.width[e] * body.length[e])
-        shape = self._piece(e, float(body.thickness[e]), wide, density)
-        if not self._bear(e, self._rim(e, body.width[e], body.length[e]), shape, total / shape[0]):
-            self._keep_bits(e, total / float(self.el.life.mass_scaling[e]))
+            life.mass_of_fl_bits[rows] += mass
+        elif total > 0.0:  # a child of the ice of pieces, as many of them as that mass gives
+            e = int(rows[np.argmax(share)])
+            density = body.mass[e] / (body.thickness[e] * body.width[e] * body.length[e])
+            shape = _piece(float(body.thickness[e]), wide, density)
+            if not self._bear(e, self._rim(e, body.width[e], body.length[e]), shape, total / shape[0]):
+                life.mass_of_fl_bits[e] += total / float(life.mass_scaling[e])
 
     def _spawn_together(self, rows: Ints) -> None:
         """Make a berg of the footloose bits that all elements of a berg hold, at the one that holds most."""
@@ -366,9 +331,6 @@ class _Calving:
         place = self._rim(e, body.width[e], body.length[e])
         if not self._bear(e, place, (mass, *shape, bergy / scaling), scaling):
             return
-        for row, mass_there in zip(rows, held, strict=True):
-            if mass_there > 0.0:
-                self._changed(int(row), -part * float(mass_there))
         for bits in (life.mass_of_fl_bits, life.mass_of_fl_bergy_bits):
             bits[rows] *= 1.0 - part
 
@@ -481,8 +443,16 @@ def _ready(
     return ready
 
 
-def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circumstances) -> Calved:
-    """Let all bergs of a model calve by the footloose mechanism, and make bergs of bits."""
+def _piece(thickness: float, wide: float, density: float) -> tuple[float, float, float, float, float]:
+    """Mass (kg), thickness, width, length (m) and bits (kg) of one piece that has just broken off."""
+    return wide * (ASPECT * wide) * thickness * density, thickness, wide, ASPECT * wide, 0.0
+
+
+def calve_footloose(model: Living, p: Parameters, values: LifeValues, when: Circumstances) -> float:
+    """Let all bergs of a model calve by the footloose mechanism, and make bergs of bits.
+
+    Returns the mass (kg) that parents gained by being given the density of the parameters (quirk T45); 0 in own runs.
+    """
     return _Calving(model, p, values, when).run()
 
 

@@ -145,7 +145,13 @@ def _with_new(
         if joined.size:
             along = xy[where[bonds.second[joined[0]]]] - xy[where[bonds.first[joined[0]]]]
         ice = ice_on_plane(plane, xy, radius[rows], outline, along, hexagonal=bool(el.body.sides[rows[0]] == 6))
-        cell = _cells(xy)
+        # Cell of each point (m): what is nearer to it than to all others, far beyond the outermost points too.
+        middle = xy.mean(axis=0)
+        far = 10.0 * (float(np.ptp(xy, axis=0).max()) + 1.0)
+        angle = np.arange(8) * (np.pi / 4.0) + 0.1
+        around = Voronoi(np.vstack([xy - middle, far * np.column_stack([np.cos(angle), np.sin(angle)])]))
+        regions = [around.regions[around.point_region[k]] for k in range(len(xy))]
+        cell = np.array([shapely.Polygon(around.vertices[region] + middle) for region in regions], object)
         whole = np.asarray(shapely.area(shapely.intersection(cell, ice)))
         area = el.body.length[rows] * el.body.width[rows]
         own = np.full(rows.size, -(n + 1))
@@ -153,16 +159,6 @@ def _with_new(
     old = ~np.isin(fronts.element, np.concatenate([part.element for part in parts[1:]]))
     parts[0] = fronts._replace(**{name: getattr(fronts, name)[old] for name in IceFronts._fields[2:]})
     return IceFronts(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-
-
-def _cells(xy: Floats) -> Any:
-    """Cell of each point (m): what is nearer to it than to all others, far beyond the outermost points too."""
-    middle = xy.mean(axis=0)
-    far = 10.0 * (float(np.ptp(xy, axis=0).max()) + 1.0)
-    angle = np.arange(8) * (np.pi / 4.0) + 0.1
-    around = Voronoi(np.vstack([xy - middle, far * np.column_stack([np.cos(angle), np.sin(angle)])]))
-    regions = [around.regions[around.point_region[k]] for k in range(len(xy))]
-    return np.array([shapely.Polygon(around.vertices[region] + middle) for region in regions], object)
 
 
 def _moved_inwards(ice: Any, cell: Any, retreat: Floats, size: float) -> Any:

@@ -21,7 +21,6 @@ import numpy as np
 from riftberg.constants import LATENT_HEAT
 from riftberg.errors import InputError
 from riftberg.life.footloose import (
-    Calved,
     CalvingDraws,
     Circumstances,
     Living,
@@ -263,7 +262,6 @@ class LifeStep(NamedTuple):
     """What happened in a step beside motion."""
 
     melt: MeltStep
-    calved: Calved | None  # Of footloose calving; None without
     water: (
         Floats  # Melt water by process, kg; see `riftberg.life.process.water_by_process`; shape (processes, elements)
     )
@@ -288,7 +286,14 @@ class LifeProcess:
         ledger = self.ledger(model)
         ledger.find_others(model.elements)
         born = self.born(model)
-        calved = self._calve(model, born, ledger) if self.parameters.footloose.enabled else None
+        if self.parameters.footloose.enabled:
+            _, heat = stocks(model.elements)
+            when = Circumstances(*born, model.step_number, model.forcing.grid, self.draws, self.ranks, self.names)
+            gained = calve_footloose(model, self.parameters, self.values, when)
+            warmed = stocks(model.elements)[1] - heat
+            let_children_go(model.elements, self.parameters, model.forcing.grid)
+            if gained != 0.0:
+                ledger.gain("density_reset", gained, warmed)
         if self.look_around is not None:
             self.look_around(model)
         self.follow_outlines(model)
@@ -307,7 +312,7 @@ class LifeProcess:
         elif self.values.drop_orphan_bits:
             dropped = step.melted.dropped * step.scaling
             ledger.gain("dropped_bits", -float(dropped.sum()), -float((dropped * per_mass).sum()))
-        self.last = LifeStep(step, calved, water)
+        self.last = LifeStep(step, water)
         self._keep(model, ledger)
 
     def follow_outlines(self, model: LifeModel) -> None:
@@ -341,16 +346,6 @@ class LifeProcess:
         if LEDGER in model.remembered:
             self._ledger.take_up(model.remembered[LEDGER])
         return self._ledger
-
-    def _calve(self, model: LifeModel, born: tuple[int, float], ledger: Ledger) -> Calved:
-        before = stocks(model.elements)
-        when = Circumstances(*born, model.step_number, model.forcing.grid, self.draws, self.ranks, self.names)
-        calved = calve_footloose(model, self.parameters, self.values, when)
-        now = stocks(model.elements)
-        let_children_go(model.elements, self.parameters, model.forcing.grid)
-        if calved.density_mass != 0.0:
-            ledger.gain("density_reset", calved.density_mass, now[1] - before[1])
-        return calved
 
 
 def date_of_birth(model: LifeModel, *, coming: bool = False) -> tuple[int, float]:

@@ -62,7 +62,7 @@ def fractions_by_mass(numbers: Floats, mass: Floats, fractions: Floats) -> None:
 def fill_stores(
     ice: Floats, heat: Floats, flux: Floats, heat_flux: Floats, area: Floats, south: NDArray[np.bool_],
     fractions: tuple[Floats, Floats], dt: float, left: Floats, heat_left: Floats,
-) -> tuple[float, float]:  # fmt: skip
+) -> None:  # fmt: skip
     """Put a flux of ice and its heat into the stores of the size classes of each cell (files 3.2).
 
     ``S_k += dt C d_k`` with the flux C of the cell; the part ``1 - sum d_k`` of ice and heat is left over.
@@ -85,13 +85,7 @@ def fill_stores(
         Time step, s.
     left, heat_left : ndarray
         Written: what is left over, kg s-1 and W.
-
-    Returns
-    -------
-    float, float
-        Ice (kg) and heat (J) put into the stores.
     """
-    stored, warmth = 0.0, 0.0
     for j in range(flux.shape[0]):
         for i in range(flux.shape[1]):
             rate, power = flux[j, i] * area[j, i], heat_flux[j, i] * area[j, i]
@@ -102,9 +96,6 @@ def fill_stores(
                 rest -= fraction[k]
             left[j, i], heat_left[j, i] = rate * rest, power * rest
             heat[j, i] += dt * power * (1.0 - rest)
-            stored += dt * rate * (1.0 - rest)
-            warmth += dt * power * (1.0 - rest)
-    return stored, warmth
 
 
 # ---- the footloose mechanism: the submerged foot that waves leave lifts the edge until a piece breaks off (files, 2) --------

@@ -389,7 +389,7 @@ class Bonds(NamedTuple):
     ]
     released_energy: Annotated[
         Floats,
-        _is("J", "elastic energy released by the crack that began with this bond; of the quasi-static scheme"),
+        _is("J", "energy released by the crack that began with this bond (Griffith); of the quasi-static scheme"),
     ]
     cracked_area: Annotated[
         Floats, _is("m2", "area of the crack that began with this bond; of the quasi-static scheme")

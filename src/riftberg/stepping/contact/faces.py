@@ -15,7 +15,8 @@ from riftberg.state.population import rows_of
 from riftberg.stepping.bodies.dynamics import BodyOperators
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, tangent_coordinates
 from riftberg.stepping.contact.broad_phase import NO_PAIRS, SEARCH_MARGIN, candidate_pairs
-from riftberg.stepping.contact.crushing_step import (
+from riftberg.stepping.contact.crushing_step import integrate_faces
+from riftberg.stepping.contact.face_forces import (
     APART,
     COLUMNS,
     PHASE,
@@ -25,17 +26,9 @@ from riftberg.stepping.contact.crushing_step import (
     TORQUE_1,
     TORQUE_2,
     CrushingLaw,
-    Faces,
-    face_gaps,
-    integrate_faces,
 )
-from riftberg.stepping.contact.islands import (
-    ContactPhase,
-    IslandResult,
-    gather_islands,
-    pair_separations,
-    phase_of,
-)
+from riftberg.stepping.contact.face_pairs import Faces, face_gaps
+from riftberg.stepping.contact.islands import ContactPhase, allocate_result, gather_islands, pair_separations, phase_of
 from riftberg.stepping.contact.land import NearPairs, metric_of, movable
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.footprints import FootprintBook, Footprints, body_footprint
@@ -58,7 +51,7 @@ class FacePairs(NamedTuple):
     """The pairs of faces that press each other, as the last sub-step left them."""
 
     pair: Ints  # Identifiers of both elements; shape (pairs, 2)
-    state: Floats  # See `riftberg.stepping.contact.crushing_step`; shape (pairs, columns)
+    state: Floats  # See `riftberg.stepping.contact.face_forces`; shape (pairs, columns)
     dissipated: Floats  # Plastic work and friction since the start of the run, J; shape (1,)
 
 
@@ -145,7 +138,9 @@ class FaceContact:
         faces = self._laid_out(polygons, el, op.body, op.levers, turned)
         apart = pair_separations(el, first, second, c)
         # As far as both can come in the step by themselves and by what drives them.
-        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, el.motion.spin])
+        # The spin of the state may be that of a trial step that was rolled back.
+        turning = np.einsum("ek,ek->e", op.levers[:, 6:9], bodies.twist[op.body])
+        velocity = np.column_stack([el.shown.u_pair, el.shown.v_pair, turning])
         u, v, spin = np.abs(velocity[first] - velocity[second]).T
         way = h * (np.hypot(u, v) + spin * (polygons.reach[first] + polygons.reach[second]) + 0.5 * DRIVEN * h)
         near = face_gaps(first, second, apart, faces)[:, 0] <= way
@@ -159,13 +154,13 @@ class FaceContact:
         faces = faces._replace(
             begin=faces.begin[rows], end=faces.end[rows], reach=faces.reach[rows], thickness=faces.thickness[rows]
         )
-        outcome = integrate_faces(lists, whole, bodies.twist[lists.members], faces, pair_state, h, self._law)
-        found = IslandResult(*outcome[:8])
+        found = allocate_result(whole, bodies.twist[lists.members])
+        shortest, dissipated = integrate_faces(lists, whole, found, faces, pair_state, h, self._law)
         if not np.isfinite(found.twist).all():
             raise FloatingPointError
         kept = pair_state[:, PHASE] != APART
-        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + outcome[9])
-        return phase_of(op, lists, first, second, found, outcome[8], h)
+        self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + dissipated)
+        return phase_of(op, lists, first, second, found, shortest, h)
 
     def find_near(
         self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, turned: Floats | None, within: float

@@ -87,6 +87,7 @@ class IslandResult(NamedTuple):
     peak_force: Floats  # On the elements when contact pressed their body hardest, N, N, N m; shape (elements, 3)
     peak_axes: Floats  # Cosine and sine of the axis of their fragment then; shape (elements, 2)
     peak_spin: Floats  # Of the bodies then, rad s-1; shape (bodies,)
+    impulse: Floats  # Given to the bodies by contact, N s, N s, N m s; shape (bodies, 3)
 
 
 class PeakContactLoad(NamedTuple):
@@ -106,6 +107,7 @@ class ContactPhase(NamedTuple):
     rows: Ints  # Their elements
     mean: Floats  # Twists on the way; shape (bodies, 3)
     twist: Floats  # Twists at the end; shape (bodies, 3)
+    impulse: Floats  # Given to them by others, N s, N s, N m s; shape (bodies, 3)
     applied: Floats  # Changes of velocity by all forces but contact, m s-1; shape (rows, forces, 2)
     first: Ints  # Elements of the pairs that touched, each once
     second: Ints
@@ -165,7 +167,7 @@ def phase_of(
     ``first``, ``second``: elements of the candidate pairs, as they were given.
     """
     first, second = first[i.order], second[i.order]
-    after, path, touched, close, applied, force, axes, spin = result
+    after, path, touched, close, applied, force, axes, spin, impulse = result
     together = touched | close
     if not together.any():
         return None
@@ -185,8 +187,8 @@ def phase_of(
         spin[members & pressed],
     )
     return ContactPhase(
-        i.members[members], i.rows[rows], path[members] / dt, after[members], applied[rows], first[touched],
-        second[touched], shortest, peak,
+        i.members[members], i.rows[rows], path[members] / dt, after[members], impulse[members], applied[rows],
+        first[touched], second[touched], shortest, peak,
     )  # fmt: skip
 
 
@@ -253,14 +255,13 @@ def island_part(lists: Islands, k: int, whole: Island) -> Island:
     )  # fmt: skip
 
 
-@kernel
 def allocate_result(whole: Island, twist: Floats) -> IslandResult:
-    """Return the results of all islands at the start of the step."""
+    """Return the results of all islands at the start of the step, with bodies at ``twist``, which is changed."""
     bodies, rows = twist.shape[0], whole.body_of.size
     return IslandResult(
-        twist.copy(), np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_), np.zeros(whole.first.size, np.bool_),
+        twist, np.zeros((bodies, 3)), np.zeros(whole.first.size, np.bool_), np.zeros(whole.first.size, np.bool_),
         np.zeros((rows, whole.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), whole.levers[:, 9:11].copy(),
-        np.zeros(bodies),
+        np.zeros(bodies), np.zeros((bodies, 3)),
     )  # fmt: skip
 
 
@@ -270,7 +271,15 @@ def result_part(lists: Islands, k: int, r: IslandResult) -> IslandResult:
     b, e = slice(lists.start[k], lists.start[k + 1]), slice(lists.row_start[k], lists.row_start[k + 1])
     n = slice(lists.pair_start[k], lists.pair_start[k + 1])
     return IslandResult(
-        r.twist[b], r.path[b], r.touched[n], r.close[n], r.applied[e], r.peak_force[e], r.peak_axes[e], r.peak_spin[b]
+        r.twist[b],
+        r.path[b],
+        r.touched[n],
+        r.close[n],
+        r.applied[e],
+        r.peak_force[e],
+        r.peak_axes[e],
+        r.peak_spin[b],
+        r.impulse[b],
     )
 
 

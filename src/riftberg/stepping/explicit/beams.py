@@ -260,19 +260,20 @@ def _apply_bonds(
         # Views of one tile: LLVM sees that no index in it is negative, which an offset from outside would hide.
         bond, e = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE], b % width
         ends = tiles.ends[e * tile.END_TILE : (e + 1) * tile.END_TILE]
+        shape = tiles.shape[tiles.shape_of[b] : tiles.shape_of[b] + tile.SHAPE_TILE]
         first, end = b * tile.LANES, (b + 1) * tile.LANES
         if b < width:
             # The first layer holds the bonds to the next element: its second ends lie side by side.
             shift_second_ends(scratch, tiles.ends[e * tile.END_TILE : (e + 2) * tile.END_TILE])
         else:
             gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
-        apply_bond_law(bond, scratch, ends, tiles.kinds[b // width], flags.dt, p, flags.period)
+        apply_bond_law(bond, shape, scratch, ends, tiles.kinds[b // width], flags.dt, p, flags.period)
         bears = tiles.kinds[b // width, 2] > 0.0  # diagonals have neither a stress nor a strength
         if bears and flags.grow_damage:
             grow_damage(bond, scratch, flags.dt, p)
         if bears and flags.may_break and count_loaded(bond, scratch, 1.0) > 0:
             broken += break_overloaded(
-                tiles.bond_ids[first:end], bond, scratch, ends, tiles.rotation, bonds, aground, flags.time
+                tiles.bond_ids[first:end], bond, shape, scratch, ends, tiles.rotation, bonds, aground, flags.time
             )
         if bears and flags.last:
             store_bonds(tiles.bond_ids[first:end], bonds, bond, scratch, tiles.rotation)

@@ -98,8 +98,8 @@ def count_loaded(bond: Floats, scratch: Floats, threshold: float) -> int:
 
 @stage
 def break_overloaded(
-    bond_ids: Ints, bond: Floats, scratch: Floats, ends: Floats, rotation: Floats, bonds: Bonds, aground: Floats,
-    time: float,
+    bond_ids: Ints, bond: Floats, shape: Floats, scratch: Floats, ends: Floats, rotation: Floats, bonds: Bonds,
+    aground: Floats, time: float,
 ) -> int:  # fmt: skip
     """Break the bonds of a tile that are overloaded: mark them, and replace their force.
 
@@ -120,21 +120,21 @@ def break_overloaded(
         bonds.break_grounded[b] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
         bonds.break_strength[b] = 1 if tension > bond[tile.NORMAL_LIMIT + k] else 2
         bond[tile.INTACT + k] = 0.0
-        bond[tile.FX + k], bond[tile.FY + k] = _force_while_breaking(bond, scratch, ends, k)
+        bond[tile.FX + k], bond[tile.FY + k] = _force_while_breaking(shape, scratch, ends, k)
         scratch[tile.TORQUE1 + k] = bond[tile.TORQUE2 + k] = 0.0
         broken += 1
     return broken
 
 
 @kernel
-def _force_while_breaking(bond: Floats, scratch: Floats, ends: Floats, k: int) -> tuple[float, float]:
+def _force_while_breaking(shape: Floats, scratch: Floats, ends: Floats, k: int) -> tuple[float, float]:
     """Normal force and damping (N) of a bond that fails in shear under compression; zero otherwise."""
     if scratch[tile.NORMAL_STRESS + k] >= 0.0:
         return 0.0, 0.0
-    damping, half = bond[tile.DAMPING + k], scratch[tile.HALF + k]
+    damping, half = shape[tile.DAMPING + k], scratch[tile.HALF + k]
     u1, v1, u2, v2 = ends[tile.U + k], ends[tile.V + k], scratch[tile.U + k], scratch[tile.V + k]
     du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), scratch[tile.TURN + k])
-    push = normal_force(bond[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], half)
+    push = normal_force(shape[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], half)
     return push * scratch[tile.NX + k] - damping * du, push * scratch[tile.NY + k] - damping * dv
 
 

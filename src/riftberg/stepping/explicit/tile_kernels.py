@@ -2,7 +2,7 @@
 
 Over a tile of bonds: fetch the ends, apply the beam law, sum over the first ends. Over a tile of elements: sum over the bonds,
 kick, and drift to the positions of the next sub-step; all that happens to an element between two evaluations of the bonds
-happens while its tile is in the cache. A loop takes ``bond``, ``elem``, ``ends``, ``sums`` and ``scratch``: tiles as
+happens while its tile is in the cache. A loop takes ``bond``, ``shape``, ``elem``, ``ends``, ``sums`` and ``scratch``: tiles as
 `riftberg.stepping.explicit.tiles` lays them out; of bonds, ``ends`` are the first ones.
 
 Each loop has no branches and becomes vector instructions. Many short loops are faster than one long one: a processor works at
@@ -75,13 +75,15 @@ def _wrap(scratch: Floats, ends: Floats, period: float) -> None:
 
 
 @kernel
-def find_sections(bond: Floats, scratch: Floats, ends: Floats, latlon: bool, flat: bool, earth_radius: float) -> None:
+def find_sections(
+    bond: Floats, shape: Floats, scratch: Floats, ends: Floats, latlon: bool, flat: bool, earth_radius: float
+) -> None:
     """Find direction, length, overlap, width and thickness of the bonds."""
     per_unit = DEGREE * earth_radius if latlon else 1.0
     to_radians = DEGREE if latlon else 0.0
     curved = 0.0 if flat or not latlon else 1.0 / earth_radius
     for k in range(tile.LANES):
-        y1, y2, r1, r2 = (ends[tile.Y + k], scratch[tile.Y + k], bond[tile.RADIUS1 + k], bond[tile.RADIUS2 + k])
+        y1, y2, r1, r2 = (ends[tile.Y + k], scratch[tile.Y + k], shape[tile.RADIUS1 + k], shape[tile.RADIUS2 + k])
         dx, sine = ends[tile.X + k] - scratch[tile.X + k], bond[tile.METRES_SIN + k]
         # Metres of a degree from those at a latitude near by: a few multiplications, where a cosine would be a call.
         away = to_radians * (0.5 * (y1 + y2) - bond[tile.Y_REFERENCE + k])
@@ -89,9 +91,9 @@ def find_sections(bond: Floats, scratch: Floats, ends: Floats, latlon: bool, fla
         # One division serves direction, width and thickness: divisions are the slowest of these instructions.
         length = math.sqrt(rx * rx + ry * ry)
         inverse = 1.0 / length
-        half = bond_overlap(bond[tile.REST + k], length)
+        half = bond_overlap(shape[tile.REST + k], length)
         width, thickness = bond_section(
-            min(r1, r2), abs(r1 - r2), bond[tile.THICKNESS_SMALL + k], bond[tile.THICKNESS_GAP + k], half, inverse
+            min(r1, r2), abs(r1 - r2), shape[tile.THICKNESS_SMALL + k], shape[tile.THICKNESS_GAP + k], half, inverse
         )
         scratch[tile.NX + k], scratch[tile.NY + k], scratch[tile.TURN + k] = (
             rx * inverse,
@@ -129,16 +131,9 @@ def sines(bond: Floats, scratch: Floats, ends: Floats, linear_bending: bool) -> 
 
 @kernel
 def forces(
-    bond: Floats,
-    scratch: Floats,
-    ends: Floats,
-    kind: Floats,
-    dt: float,
-    poisson: float,
-    objective: bool,
-    no_shear: bool,
-    isotropic: bool,
-) -> None:
+    bond: Floats, shape: Floats, scratch: Floats, ends: Floats, kind: Floats, dt: float, poisson: float, objective: bool,
+    no_shear: bool, isotropic: bool,
+) -> None:  # fmt: skip
     """Advance shear displacements over ``dt`` (s); find forces on the first ends, torques on both, and stresses.
 
     The objective damper acts on the slip at the contact, so its force there has a moment about both centres. The largest tensile
@@ -153,12 +148,14 @@ def forces(
     for k in range(tile.LANES):
         nx, ny, half, sine = scratch[tile.NX + k], scratch[tile.NY + k], scratch[tile.HALF + k], scratch[tile.SINE + k]
         width, thickness, intact = (scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], bond[tile.INTACT + k] > 0.0)
-        modulus, damping, peak = (bond[tile.MODULUS + k], bond[tile.DAMPING + k], bond[tile.PEAK_STRESS + k])
+        modulus, damping, peak = (shape[tile.MODULUS + k], shape[tile.DAMPING + k], bond[tile.PEAK_STRESS + k])
         spin1, spin2 = ends[tile.SPIN + k], scratch[tile.SPIN + k]
         u1, v1, u2, v2 = ends[tile.U + k], ends[tile.V + k], scratch[tile.U + k], scratch[tile.V + k]
         du, dv = same_axes(u1 - u2, v1 - v2, 0.5 * (u1 + u2), 0.5 * (v1 + v2), scratch[tile.TURN + k])
         parting, across = along_and_across(du, dv, nx, ny)
-        sliding = slip_speed(across, (bond[tile.RADIUS1 + k] - half) * spin1 + (bond[tile.RADIUS2 + k] - half) * spin2)
+        sliding = slip_speed(
+            across, (shape[tile.RADIUS1 + k] - half) * spin1 + (shape[tile.RADIUS2 + k] - half) * spin2
+        )
         slip = advance_slip(bond[tile.SLIP + k], sliding, dt)
         push = normal_force(modulus, width, thickness, half) - damping * parting
         shear = -shear_on * shear_stiffness(modulus, shear_part, width, thickness) * slip
@@ -168,8 +165,8 @@ def forces(
         bending = bending_torque(youngs, width * facet, thickness, sine) - damping * (spin1 - spin2)
         stress = tensile_stress(youngs, half, sine, width * facet)
         fx, fy = push * nx - drag * ny, push * ny + drag * nx
-        torque1 = torque_of(bond[tile.LEVER1 + k] - half, at_contact) + bending
-        torque2 = torque_of(bond[tile.LEVER2 + k] - half, at_contact) - bending
+        torque1 = torque_of(shape[tile.LEVER1 + k] - half, at_contact) + bending
+        torque2 = torque_of(shape[tile.LEVER2 + k] - half, at_contact) - bending
         bond[tile.SLIP + k] = slip
         # Where there is no bond, what stands in the lane may be no number.
         bond[tile.FX + k], bond[tile.FY + k] = fx if intact else 0.0, fy if intact else 0.0
@@ -180,11 +177,11 @@ def forces(
 
 
 @kernel
-def pull_diagonals(bond: Floats, scratch: Floats) -> None:
+def pull_diagonals(bond: Floats, shape: Floats, scratch: Floats) -> None:
     """Find the forces of a tile of diagonals, which pull along themselves: they neither slip nor bend nor damp."""
     for k in range(tile.LANES):
         push = normal_force(
-            bond[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], scratch[tile.HALF + k]
+            shape[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], scratch[tile.HALF + k]
         )
         fx, fy, intact = push * scratch[tile.NX + k], push * scratch[tile.NY + k], bond[tile.INTACT + k] > 0.0
         # Where there is no bond, what stands in the lane may be no number.
@@ -194,7 +191,14 @@ def pull_diagonals(bond: Floats, scratch: Floats) -> None:
 
 @kernel
 def apply_bond_law(
-    bond: Floats, scratch: Floats, ends: Floats, kind: Floats, dt: float, p: KernelParameters, period: float
+    bond: Floats,
+    shape: Floats,
+    scratch: Floats,
+    ends: Floats,
+    kind: Floats,
+    dt: float,
+    p: KernelParameters,
+    period: float,
 ) -> None:
     """Apply the beam law to a tile of bonds of a `BondKind`, whose second ends have been fetched, over ``dt`` seconds.
 
@@ -202,12 +206,12 @@ def apply_bond_law(
     """
     if period > 0.0:
         _wrap(scratch, ends, period)
-    find_sections(bond, scratch, ends, p.latlon, p.flat_relative_velocity, p.earth_radius)
+    find_sections(bond, shape, scratch, ends, p.latlon, p.flat_relative_velocity, p.earth_radius)
     if kind[2] == 0.0:  # nearly half of the bonds of squares: they need less than half of what follows
-        pull_diagonals(bond, scratch)
+        pull_diagonals(bond, shape, scratch)
         return
     sines(bond, scratch, ends, p.linear_bending)
-    forces(bond, scratch, ends, kind, dt, p.poisson, p.objective_damping, p.no_shear, p.isotropic)
+    forces(bond, shape, scratch, ends, kind, dt, p.poisson, p.objective_damping, p.no_shear, p.isotropic)
 
 
 @kernel

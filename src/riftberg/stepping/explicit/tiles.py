@@ -9,7 +9,8 @@ bonds see of them in ``ends``, what they have for themselves in ``elem``.
 Lanes stand in layers: the first layer holds the bonds from each element to the next one, in order of the elements, the others
 one more bond each that begins there. So the first ends of a tile of bonds are one tile of elements, which lie side by side
 too. Where an element has no such bond its lane is not intact; a tile without a bond is left out. A layer holds bonds of one kind,
-so that numbers that are those of the kind are not in the lanes.
+so that numbers that are those of the kind are not in the lanes. What the sizes of their ends make of bonds stands in tiles of its
+own, ``shape``, and tiles of bonds alike share one: ice of one thickness has one for each layer, which stays in the cache.
 
 Why: numbers have to come from the second-level cache, or from memory, in each sub-step, and that takes longer than the law
 itself; so a lane holds as little as it can, and all that happens to a tile happens while it is in the cache. All distances
@@ -62,21 +63,24 @@ FLOOR_RATE, FLOOR_LINEAR, FLOOR_QUADRATIC, DECAY, SPIN_DECAY, FLOOR_IMPULSE_X, F
 ELEMENT_TILE: Final = LANES * 22
 """Numbers in a tile of elements."""
 
-# Of a bond, constants of the law; INTACT is 1, or 0 where no bond is or it has broken in this long step. MODULUS is that against
-# extension over the length at rest, in Pa m-1; DAMPING in kg s-1.
-INTACT, REST, RADIUS1, RADIUS2, LEVER1, LEVER2, THICKNESS_SMALL, THICKNESS_GAP, DAMPING, MODULUS = (
-    LANES * n for n in range(10)
-)
-# Mean latitude of the ends when the bonds were packed, and its cosine and sine, times metres in a degree.
-Y_REFERENCE, METRES_COS, METRES_SIN = (LANES * n for n in range(10, 13))
-# What the stress may reach, and its largest in this long step, Pa; shear displacement along the tangent, m.
-NORMAL_LIMIT, SHEAR_LIMIT, PEAK_STRESS, SLIP = (LANES * n for n in range(13, 17))
-# Force on the first end, N, and torque on the second, N m.
-FX, FY, TORQUE2 = (LANES * n for n in range(17, 20))
-# What only damage needs.
-STRENGTH, DAMAGE = (LANES * n for n in range(20, 22))
+# Of a bond, constants of the law that its ends' sizes make. MODULUS is that against extension over the length at rest, in
+# Pa m-1; DAMPING in kg s-1.
+REST, RADIUS1, RADIUS2, LEVER1, LEVER2, THICKNESS_SMALL, THICKNESS_GAP, DAMPING, MODULUS = (LANES * n for n in range(9))
 
-BOND_TILE: Final = LANES * 22
+SHAPE_TILE: Final = LANES * 9
+"""Numbers in a tile of shapes."""
+
+# Of a bond; INTACT is 1, or 0 where no bond is or it has broken in this long step. Mean latitude of the ends when the bonds were
+# packed, and its cosine and sine, times metres in a degree.
+INTACT, Y_REFERENCE, METRES_COS, METRES_SIN = (LANES * n for n in range(4))
+# What the stress may reach, and its largest in this long step, Pa; shear displacement along the tangent, m.
+NORMAL_LIMIT, SHEAR_LIMIT, PEAK_STRESS, SLIP = (LANES * n for n in range(4, 8))
+# Force on the first end, N, and torque on the second, N m.
+FX, FY, TORQUE2 = (LANES * n for n in range(8, 11))
+# What only damage needs.
+STRENGTH, DAMAGE = (LANES * n for n in range(11, 13))
+
+BOND_TILE: Final = LANES * 13
 """Numbers in a tile of bonds."""
 
 # In the scratch tile, after the second ends: direction of the bond, half its overlap, length, width, thickness, turn of the
@@ -146,7 +150,9 @@ class BondTiles(NamedTuple):
     ends: Floats  # What bonds see of elements, in tiles, and one tile more; where no element is, numbers that differ
     elem: Floats  # What elements have for themselves, in tiles
     sums: Floats  # Sums over all bonds that begin at each element, in tiles
-    bond: Floats  # All quantities of all bonds, in tiles; one tile more holds zeros
+    bond: Floats  # All quantities of all bonds but their shapes, in tiles; one tile more holds zeros
+    shape: Floats  # Shapes of bonds, in tiles; as many as there are different ones
+    shape_of: Ints  # Where the shapes of each tile of bonds begin in ``shape``
     scratch: Floats  # What a tile of bonds needs within a sub-step
     in_use: Ints  # Tiles that hold bonds, in order; as many as `pack_bonds` says
     slots: Indices  # Where the k-th bond that ends at each element begins in ``bond``, or the zeros; shape (elements, slots)
@@ -190,6 +196,8 @@ def allocate_tiles(elements: Elements, bonds: Bonds, p: KernelParameters) -> Bon
         elem=_aligned(width * ELEMENT_TILE),
         sums=_aligned(width * SUM_TILE),
         bond=_aligned((tiles + 1) * BOND_TILE),
+        shape=_aligned(tiles * SHAPE_TILE),  # what is never written takes no memory
+        shape_of=np.zeros(tiles, np.int64),
         scratch=_aligned(SCRATCH_TILE),
         in_use=np.zeros(tiles, np.int64),
         slots=np.zeros((count, max(int(end.max(initial=0)), 1)), np.uint32),
@@ -239,16 +247,18 @@ def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
 def _list_tiles(tiles: BondTiles) -> int:
     """List the tiles with bonds; returns their number."""
     bond_ids, second, bond, in_use = tiles.bond_ids, tiles.second_end, tiles.bond, tiles.in_use
-    width = tile_count(tiles.counter.size) * LANES
+    width = tile_count(tiles.counter.size)
     count = 0
-    for b in range(in_use.size):
+    for at in range(in_use.size):
+        # All tiles that begin at the same elements, one after the other: what these elements hold stays in the cache.
+        b = at % (in_use.size // width) * width + at // (in_use.size // width)
         holds_bonds = False
         for r in range(b * LANES, (b + 1) * LANES):
             holds_bonds = holds_bonds or bond_ids[r] != EMPTY
             if bond_ids[r] == EMPTY:
                 bond[bond_offset(r) + INTACT] = 0.0
                 # A bond to the next element, so that its length is not 0, also where that lies due east on a plane.
-                second[r] = end_offset(r % width + 1)
+                second[r] = end_offset(r % (width * LANES) + 1)
                 bond[bond_offset(r) + METRES_COS] = 1.0
         if holds_bonds:
             in_use[count] = b
@@ -295,11 +305,11 @@ def _thickness_rule(
 
 
 @kernel
-def _fill_constants(
-    bond: Floats, at: int, i: int, j: int, rest_length: float, normal: float, elements: Elements,
+def _fill_shape(
+    shape: Floats, k: int, i: int, j: int, rest_length: float, normal: float, elements: Elements,
     sizes: Sizes, rank: Ints, p: KernelParameters,
 ) -> None:  # fmt: skip
-    """Constants of the law for a bond or diagonal from element i to j (equations 5.4, Q10, Q11); ``normal``: `BondKind`."""
+    """Constants of the law for a bond or diagonal from i to j in lane k (equations 5.4, Q10, Q11); ``normal``: `BondKind`."""
     r1, r2, thickness = sizes.bond_radius[i], sizes.bond_radius[j], elements.body.thickness
     rest = r1 + r2
     if not p.rest_length_from_sizes and not math.isnan(rest_length):
@@ -308,16 +318,16 @@ def _fill_constants(
         formed = rest / (r1 + r2)
         r1, r2 = r1 * formed, r2 * formed
     first_is_earlier = rank[i] <= rank[j]
-    bond[at + REST], bond[at + RADIUS1], bond[at + RADIUS2] = rest, r1, r2
-    bond[at + THICKNESS_SMALL], bond[at + THICKNESS_GAP] = _thickness_rule(
+    shape[k + REST], shape[k + RADIUS1], shape[k + RADIUS2] = rest, r1, r2
+    shape[k + THICKNESS_SMALL], shape[k + THICKNESS_GAP] = _thickness_rule(
         r1, r2, thickness[i], thickness[j], first_is_earlier, p.bond_thickness_of_second
     )
     shared = r1 if first_is_earlier else r2
-    bond[at + LEVER1], bond[at + LEVER2] = (shared, shared) if p.shared_shear_lever else (r1, r2)
-    bond[at + DAMPING] = damping_constant(
+    shape[k + LEVER1], shape[k + LEVER2] = (shared, shared) if p.shared_shear_lever else (r1, r2)
+    shape[k + DAMPING] = damping_constant(
         p.youngs_modulus, p.poisson, p.bond_damping, sizes.bond_mass[i], sizes.bond_mass[j]
     )
-    bond[at + MODULUS] = p.youngs_modulus / rest * normal
+    shape[k + MODULUS] = p.youngs_modulus / rest * normal
 
 
 @kernel
@@ -343,24 +353,51 @@ def pack_bonds(
     _assign_lanes(tiles, bonds)
     count = _list_tiles(tiles)
     _fill_slots(tiles, bonds.second)
+    for b in range(tiles.shape_of.size):
+        tiles.shape_of[b] = _fill_shapes(tiles, b, elements, bonds, sizes, rank, p)
     bond, first, second, sx, sy = tiles.bond, bonds.first, bonds.second, bonds.shear_x, bonds.shear_y
-    begin, end, way, rest = tiles.diagonals.first, tiles.diagonals.second, tiles.diagonals.way, bonds.rest_length
-    in_layer, kinds = tile_count(tiles.counter.size) * LANES, tiles.kinds
     for r in range(tiles.bond_ids.size):
-        b, at, normal = tiles.bond_ids[r], bond_offset(r), kinds[r // in_layer, 0]
+        b, at = tiles.bond_ids[r], bond_offset(r)
         if b >= 0:
             _copy_bond(bond, at, b, bonds, p)
-            _fill_constants(bond, at, first[b], second[b], rest[b], normal, elements, sizes, rank, p)
             _fill_place(bond, at, first[b], second[b], sx[b], sy[b], elements, p)
         elif b != EMPTY:
             d = diagonal_of(b)
             bond[at + INTACT] = 1.0
-            length = diagonal_length(way, d, rest, bonds.status)
-            _fill_constants(bond, at, begin[d], end[d], length, normal, elements, sizes, rank, p)
-            # The rows damp whatever moves; more would shorten the sub-step for nothing.
-            bond[at + DAMPING] = 0.0
-            _fill_place(bond, at, begin[d], end[d], 0.0, 0.0, elements, p)
+            _fill_place(bond, at, tiles.diagonals.first[d], tiles.diagonals.second[d], 0.0, 0.0, elements, p)
     return count
+
+
+@kernel
+def _fill_shapes(
+    tiles: BondTiles, b: int, elements: Elements, bonds: Bonds, sizes: Sizes, rank: Ints, p: KernelParameters
+) -> int:
+    """Find the shapes of tile ``b`` of bonds, with those of all before it known; returns where they begin."""
+    rest, diagonals, shapes = bonds.rest_length, tiles.diagonals, tiles.shape
+    begin = tiles.shape_of[b - 1] + SHAPE_TILE if b > 0 else 0
+    shape, normal = shapes[begin : begin + SHAPE_TILE], tiles.kinds[b // tile_count(tiles.counter.size), 0]
+    filled = -1
+    for k in range(LANES):
+        bond = tiles.bond_ids[b * LANES + k]
+        if bond == EMPTY:
+            continue
+        if bond >= 0:
+            _fill_shape(shape, k, bonds.first[bond], bonds.second[bond], rest[bond], normal, elements, sizes, rank, p)
+        else:
+            d = diagonal_of(bond)
+            length = diagonal_length(diagonals.way, d, rest, bonds.status)
+            _fill_shape(shape, k, diagonals.first[d], diagonals.second[d], length, normal, elements, sizes, rank, p)
+            # The rows damp whatever moves; more would shorten the sub-step for nothing.
+            shape[k + DAMPING] = 0.0
+        filled = k
+    # Lanes without a bond have the shape of one that is there: a row that ends is no reason for a tile of its own.
+    alike = b > 0
+    for n in range(SHAPE_TILE):
+        # Lanes without a bond have the shape of one that is there: where a row ends is no reason for a tile of its own.
+        if filled >= 0 and tiles.bond_ids[b * LANES + n % LANES] == EMPTY:
+            shape[n] = shape[n // LANES * LANES + filled]
+        alike = alike and (filled < 0 or shape[n] == shapes[begin - SHAPE_TILE + n])
+    return int(begin - SHAPE_TILE if alike else begin)
 
 
 @kernel

@@ -8,10 +8,8 @@ displacements, loads and stresses, `Strengths` what damage has left of the stren
 the moment within a step at which the first bond fails (the scheme looks for the sign change of "stress over strength - 1"
 between both ends), how far a crack runs at once, and how damage grows.
 
-A function of a user takes the place of a criterion by `OwnRatios`. To add a criterion to the package: write a class with the
-two methods of `Criterion`; add its name to `Criterion` in `riftberg.config.parameter_groups`, with what it needs as parameters
-of `Fracture`; and make it in `criterion_for`. Schemes
-other than ``quasi_static`` know the stress of single bonds alone, and `riftberg.parameters` refuses all other criteria there.
+A function of a user takes the place of a criterion by `OwnRatios`. Schemes other than ``quasi_static`` know the stress of single
+bonds alone, and `riftberg.parameters` refuses all other criteria there.
 """
 
 from __future__ import annotations

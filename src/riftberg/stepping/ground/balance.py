@@ -336,19 +336,8 @@ def _split(
             left, right = (-math.inf if c < 0 else float(c)), (math.inf if c >= columns else c + 1.0)
             if g < 0:
                 right = math.inf
-            s2 = size
-            if left > low:
-                s2 = cut(whole, size, 3, left, 1.0, room)
-            else:
-                for n in range(size):
-                    for i in range(4):
-                        room[n, i] = whole[n, i]
-            if right < high:
-                s2 = cut(room, s2, 3, right, -1.0, piece)
-            else:
-                for n in range(s2):
-                    for i in range(4):
-                        piece[n, i] = room[n, i]
+            s2 = cut(whole, size, 3, left, 1.0, room)
+            s2 = cut(room, s2, 3, right, -1.0, piece)
             if s2 < 3:
                 continue
             if count + 1 >= out_start.size or out_start[count] + s2 > len(out):
@@ -498,14 +487,8 @@ def _cut_up(patches: Patches, bent: Bent) -> Loaded:
         )  # fmt: skip
         if count >= 0:
             corners = int(start[count])
-            return Loaded(
-                start[: count + 1],
-                out[:corners],
-                origin[:count],
-                column[:count],
-                np.zeros(corners),
-                np.zeros((count, 6)),
-            )
+            none, area = np.zeros(corners), np.zeros((count, 6))
+            return Loaded(start[: count + 1], out[:corners], origin[:count], column[:count], none, area)
         room *= 2
 
 

@@ -219,7 +219,7 @@ class Seabed:
             if not near.any():
                 continue
             fragment = self.fragment(model, bodies, b)
-            push = _impulse_of(contact, op, bodies.twist, b) / h
+            push = _impulse_of(contact, b) / h
             run = _Landing(self, fragment, b, bodies, op, near, time, model, keel, push)
             if run.touches_within(h):
                 run.integrate(h)
@@ -315,25 +315,17 @@ def _level(model: RunState, pose: Floats, time: float) -> float:
     return float(sea_level(model.forcing, lon, lat, time)[0])
 
 
-def bodies_that_are_struck(contact: ContactPhase, op: BodyOperators, twist: Floats) -> Ints:
+def bodies_that_are_struck(contact: ContactPhase, op: BodyOperators) -> Ints:
     """Bodies that contact gives a change of velocity of more than `STRUCK`."""
-    hit = [
-        math.hypot(*_impulse_of(contact, op, twist, b)[:2]) > STRUCK * op.matrices.inertia[b, 0, 0]
-        for b in contact.bodies.tolist()
-    ]
-    return contact.bodies[hit]
+    impulse, mass = np.hypot(*contact.impulse[:, :2].T), op.matrices.inertia[contact.bodies, 0, 0]
+    return np.asarray(contact.bodies[impulse > STRUCK * mass])
 
 
-def _impulse_of(contact: ContactPhase | None, op: BodyOperators, twist: Floats, b: int) -> Floats:
+def _impulse_of(contact: ContactPhase | None, b: int) -> Floats:
     """Impulse (N s, N s, N m s) that contact gave a fragment in the step."""
-    if contact is None or b not in contact.bodies:
+    if contact is None:
         return np.zeros(3)
-    at = int(np.flatnonzero(contact.bodies == b)[0])
-    mine = op.body[contact.rows] == b
-    rows, given = contact.rows[mine], contact.applied[mine].sum(axis=1)
-    mass, m = op.forcing.mass[rows], op.levers[rows]
-    of_media = (mass[:, None] * (m[:, 0:3] * given[:, :1] + m[:, 3:6] * given[:, 1:])).sum(axis=0)
-    return np.asarray(op.matrices.inertia[b] @ (contact.twist[at] - twist[b]) - of_media)
+    return np.asarray(contact.impulse[contact.bodies == b].sum(axis=0))
 
 
 class _Landing:
@@ -350,7 +342,7 @@ class _Landing:
         self.mobility, inertia = op.matrices.mobility[b], op.matrices.inertia[b]
         self.arm = math.sqrt(inertia[2, 2] / inertia[0, 0])
         self.reference, self.pose = bodies.reference[rows], bodies.pose[b : b + 1]
-        self.body_of, self.static = np.zeros(rows.size, np.int64), not self.mobility.any()
+        self.body_of = np.zeros(rows.size, np.int64)
         self.path, self.velocity, self.elapsed = np.zeros(3), bodies.twist[b].copy(), 0.0
         self.anchor = np.column_stack([keel.anchor_x[rows], keel.anchor_y[rows]])
         self.capacity = keel.anchor_capacity[rows].copy()
@@ -606,7 +598,8 @@ def _phase_of(phases: list[_Landing], h: float) -> ContactPhase:
     )  # fmt: skip
     return ContactPhase(
         np.array([run.b for run in phases], np.int64), rows, np.array([run.path for run in phases]) / h,
-        np.array([run.velocity for run in phases]), np.concatenate([run.applied for run in phases]), *NO_PAIRS,
+        np.array([run.velocity for run in phases]), np.zeros((len(phases), 3)),
+        np.concatenate([run.applied for run in phases]), *NO_PAIRS,
         # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
         max(min(run.shortest for run in phases), TOUCH_STEP), peak,
     )  # fmt: skip
@@ -626,8 +619,8 @@ def joined(contact: ContactPhase | None, ground: ContactPhase, body: Ints) -> Co
         return np.concatenate([getattr(rest, name), getattr(ground, name)])
 
     return ContactPhase(
-        both("bodies"), both("rows"), both("mean"), both("twist"), both("applied"), contact.first, contact.second,
-        min(contact.shortest_substep, ground.shortest_substep), peak,
+        both("bodies"), both("rows"), both("mean"), both("twist"), both("impulse"), both("applied"),
+        contact.first, contact.second, min(contact.shortest_substep, ground.shortest_substep), peak,
     )  # fmt: skip
 
 
@@ -636,5 +629,5 @@ def without(contact: ContactPhase, bodies: Ints, body: Ints) -> ContactPhase:
     stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
     return contact._replace(
         bodies=contact.bodies[stay], rows=contact.rows[rows], mean=contact.mean[stay], twist=contact.twist[stay],
-        applied=contact.applied[rows],
+        impulse=contact.impulse[stay], applied=contact.applied[rows],
     )  # fmt: skip

@@ -395,3 +395,13 @@ def max_gauge_displacement(displacement: Floats, gauge_springs: Ints) -> float:
 def elastic_energy(displacement: Floats, load: Floats) -> float:
     """Energy (J) that the lattice stores: half the work of its loads."""
     return 0.5 * float((displacement * load).sum())
+
+
+def released_energy(before: Floats, load_before: Floats, after: Floats, load_after: Floats) -> float:
+    """Energy (J) that a crack releases: what the lattice stores and its loads do on the way to the equilibrium with the crack.
+
+    With U = d.f / 2 it is ``U(before) - U(after) + f(after).(d(after) - d(before))``, which is never negative; under loads that
+    stay it is half of what they do, and the lattice stores as much more. Where a piece parts, the loads after are those of the
+    pieces, each balanced by its own inertia: they do nothing as the pieces move apart.
+    """
+    return elastic_energy(before, load_before - load_after) + elastic_energy(after - before, load_after)

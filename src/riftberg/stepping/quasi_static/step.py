@@ -53,6 +53,7 @@ from riftberg.stepping.contact.islands import (
     trapezoidal_correction,
 )
 from riftberg.stepping.contact.land import (
+    MAX_PASSES,
     corrected_poses,
     find_near_circles,
     land_corrections,
@@ -98,8 +99,8 @@ from riftberg.stepping.lattice.equilibrium import (
     StiffnessSolver,
     Supports,
     balanced_loads,
-    elastic_energy,
     find_lattice,
+    released_energy,
 )
 from riftberg.stepping.lattice.footprints import FootprintBook
 from riftberg.stepping.quasi_static.lone_bergs import (
@@ -150,6 +151,9 @@ PARTED = 0.5
 
 MAX_LOW_RANK_UPDATES = 90
 """Rank of the correction for broken bonds beyond which the stiffness matrix is factored anew: about where that is quicker."""
+
+LARGEST_TURN_ON_ROLLERS = 0.02
+"""Sine of the angle by which a fragment may turn on supports that are free eastward: they stay across its own axis."""
 
 BODY_NAMES = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
 """Names of the fields of `Bodies` in a restart file."""
@@ -574,7 +578,9 @@ class TimeStep:
                 peak_load = self._peak_load(trial.state, trial.contact.peak_load)
                 trial.state = self._in_equilibrium(trial.state._replace(load=peak_load))
             self._accept(start, trial, cracks=True)
-            self._propagate_crack()  # from the most critical bond, if any: where contact presses has shifted a little
+            self._propagate_crack(
+                impact=True
+            )  # from the most critical bond, if any: where contact presses has shifted a little
             # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
             # The factor only trades steps against trials: each step is located to the same tolerance.
             return min(next_dt, max(8.0 * trial.h, shortest))
@@ -596,14 +602,15 @@ class TimeStep:
         return next_dt
 
     def _checkpoint(self) -> list[np.ndarray]:
-        """Copy what a trial step changes in the model and the next trial needs as it was; all else is found anew."""
+        """Copy what a trial step changes in the model and the next trial reads before it finds it anew."""
         self._remembered = self.laws.checkpoint()
         return [array.copy() for array in self._changed_by_trials()]
 
     def _changed_by_trials(self) -> tuple[np.ndarray, ...]:
         el = self.el
         damage = (self.bonds.damage,) if self.model.parameters.damage.enabled else ()
-        return *el.place, *el.shown, el.motion.rotation, *damage, *(el.keel if self.seabed is not None else ())
+        on_bed = (*el.keel, el.environment.depth) if self.seabed is not None else ()
+        return *el.place, *el.shown, el.motion.rotation, *damage, *on_bed
 
     def _rollback(self, checkpoint: list[np.ndarray]) -> None:
         """Return to the start of a trial step."""
@@ -669,18 +676,14 @@ class TimeStep:
 
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
         twist = 2.0 * new.twist - bodies.twist  # first guess: the second half changes it as the first has done
-        if ashore and phase is None:
+        if phase is None and not ashore:
+            state = self._corrected(new, op, time, twist, 0.5 * h)
+        else:
             # Each half kick drives a body into the land that stops it.
             _stop_at_land(new.twist, op.levers, ashore)
             work.active[:] = True
-            check_converged(half_kick_newton(op, new.twist, twist, 0.5 * h, work))
-            _stop_at_land(twist, op.levers, ashore)
-            state = self._corrected(new, op, time, twist)
-        elif phase is None:
-            state = self._corrected(new, op, time, twist, 0.5 * h)
-        else:
-            work.active[:] = True
-            work.active[phase.bodies] = False
+            if phase is not None:
+                work.active[phase.bodies] = False
             check_converged(half_kick_newton(op, new.twist, twist, 0.5 * h, work))
             if contact is not None:
                 afloat = contact if ground is None else without(contact, ground.motion.bodies, bodies.body)
@@ -693,7 +696,7 @@ class TimeStep:
 
         state = self._in_equilibrium(state)
         if self.model.parameters.damage.enabled:
-            # By the equilibrium in the middle of the step (explicit midpoint rule).
+            # By the equilibrium in the middle of the step, and the damage at its start.
             lattice, c, displacement = self.lattice, self.c, 0.5 * (bodies.displacement + state.bodies.displacement)
             middle = lattice.moment(displacement, 0.5 * (start.load + state.load), c)
             drive = lattice.criterion.damage_drive(middle, lattice.strengths(self.bonds, c))
@@ -717,7 +720,7 @@ class TimeStep:
         if contact is None or ground is None:
             return contact, ground, False
         both, of_contact, of_floor = np.intersect1d(contact.bodies, ground.motion.bodies, return_indices=True)
-        struck = np.isin(both, bodies_that_are_struck(contact, start.operators, start.bodies.twist))
+        struck = np.isin(both, bodies_that_are_struck(contact, start.operators))
         pushed, gone = h * contact.mean[of_contact, :2], h * ground.motion.mean[of_floor, :2]
         if h > LONGEST_SLIDING_STEP * (1.0 + 1e-9):
             # The mean force of an impact in a long step is small, but what it does to a fragment that is held shows.
@@ -746,7 +749,10 @@ class TimeStep:
     def _resolve_contacts(self, start: BodyState, h: float, slides: Ints) -> ContactPhase | None:
         """Take the fragments that may touch each other within ``h`` s through sub-steps; the bed does not hold ``slides``."""
         bodies = start.bodies
-        if self.faces is None or bodies.pose.shape[0] < 2 or not self.c.interactions:
+        if self.faces is None or not self.c.interactions:
+            return None
+        if bodies.pose.shape[0] < 2:
+            self.faces.part()
             return None
         op = (
             start.operators
@@ -763,14 +769,7 @@ class TimeStep:
     def _constrained_by_land(self, bodies: Bodies) -> tuple[Bodies, list[Ashore]]:
         """Find the cells of the elements; where land stops one, its fragment is put back, with those in its way."""
         el, c, grid, ashore = self.el, self.c, self.model.forcing.grid, []
-        for n in range(5):  # a correction may lead onto other land
-            if grid is None:
-                break
-            if n > 0:
-                place_elements(
-                    bodies._replace(displacement=self.frozen_displacement), el.lon, el.lat, el.static, c.latlon,
-                    c.earth_radius, c.period,
-                )  # fmt: skip
+        for _ in range(0 if grid is None else MAX_PASSES):  # a correction may lead onto other land
             lon, lat = el.lon.copy(), el.lat.copy()
             settle_elements(el, grid.arrays, c)
             correction = land_corrections(el, lon, lat, c)
@@ -785,6 +784,10 @@ class TimeStep:
             stopped = np.flatnonzero(leading >= 0)
             own = bodies.body[leading[stopped]] == stopped
             ashore.append(Ashore(stopped, leading[stopped], own, correction[leading[stopped]]))
+            place_elements(
+                bodies._replace(displacement=self.frozen_displacement), el.lon, el.lat, el.static, c.latlon,
+                c.earth_radius, c.period,
+            )  # fmt: skip
         self._publish_positions(bodies)
         return bodies, ashore
 
@@ -803,6 +806,13 @@ class TimeStep:
         el, c = self.el, self.c
         op = assemble_operators(el, self.sizes, bodies, c, self._workspace(bodies))
         for b, inside in self._supported(bodies):
+            turn = float(np.abs(op.levers[inside, 10] * (el.free_y[inside] < 0.5)).max())  # sine of the angle
+            if turn > LARGEST_TURN_ON_ROLLERS:
+                raise RunError(
+                    f"a berg with elements that are held north and south (free_y = 0) has turned by "
+                    f"{math.degrees(math.asin(turn)):.1f} degrees at {self.model.date:%Y-%m-%d %H:%M}: the default scheme "
+                    "holds them across the berg as it stood at the start. Hold more elements, or use stepping.scheme mts"
+                )
             # Fragments with supports move only as these allow: Z (Z^T M Z)^-1 Z^T in place of M^-1.
             z = self.lattice.supports.rigid_modes(inside, self.lattice.xy)
             op.matrices.mobility[b] = z @ np.linalg.solve(z.T @ op.matrices.inertia[b] @ z, z.T) if z.size else 0.0
@@ -907,11 +917,12 @@ class TimeStep:
 
     # Fracture
 
-    def _propagate_crack(self, first: int = -1) -> None:
+    def _propagate_crack(self, first: int = -1, impact: bool = False) -> None:
         """Break bonds under fixed loads until none is overloaded: a crack runs faster than the loads change.
 
         The most critical bond breaks, then the next one in the equilibrium without it. ``first`` (a row of the state)
-        begins in any case where none is overloaded.
+        begins in any case where none is overloaded. ``impact``: the loads are those of the strongest moment of a contact. They
+        end where a piece parts: the next step finds what contact does to the pieces.
         """
         now = self._equilibrium(self.state)
         self._store(now)
@@ -921,7 +932,7 @@ class TimeStep:
             return
         bond = self._bond_on_path(now, bond)
         self.cracked, first_broken, area = True, bond, 0.0
-        energy = elastic_energy(self.state.bodies.displacement, self.state.load)
+        before = self.state
         while True:
             area += self._facet_area(bond)
             self.bonds.break_strength[bond] = self._exceeded(now, bond)
@@ -932,9 +943,12 @@ class TimeStep:
                 break
             # What the last bonds bear while a crack runs through them is no stress that the ice has borne.
             bond = self._bond_on_path(now, bond)
-        self.bonds.released_energy[first_broken] = energy - elastic_energy(
-            self.state.bodies.displacement, self.state.load
-        )
+        after = self.state
+        # What the load of an impact has stored goes into the rebound of the pieces.
+        if not (impact and after.bodies.pose.shape[0] != before.bodies.pose.shape[0]):
+            self.bonds.released_energy[first_broken] = released_energy(
+                before.bodies.displacement, before.load, after.bodies.displacement, after.load
+            )
         self.bonds.cracked_area[first_broken] = area
         self._renumber()
         self._record_peaks(self._equilibrium(self.state))
@@ -946,7 +960,7 @@ class TimeStep:
         self.state = self._in_equilibrium(self.state._replace(load=load))
         stress = np.zeros(self.bonds.first.size)
         stress[self.lattice.intact] = self._equilibrium(self.state).stress[:, 0]
-        self._propagate_crack()
+        self._propagate_crack(impact=True)
         return stress
 
     def _equilibrium(self, state: BodyState) -> Equilibrium:
@@ -1047,7 +1061,7 @@ class TimeStep:
         model.fragments.update(el, bonds, self.state.time, self.c)
         if not self.lattice.fresh:  # the last break has parted pieces, as most do at which a crack ends
             self.lattice = self._factored_lattice(self.state.bodies, self.tips)
-        self.state = self._state_at(self.state.bodies, self.state.time)
+        self.state = self._in_equilibrium(self._state_at(self.state.bodies, self.state.time))
 
     # Set-up and output
 

@@ -1,0 +1,125 @@
+"""Footprints of two elements that may meet: where they stand, the gap between them, and their overlap."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from riftberg.compiled.kernels import borrower, kernel
+from riftberg.physics.geometry import gap, overlap
+from riftberg.state import Floats, Ints
+from riftberg.stepping.contact.islands import Island, element_path
+
+
+class Faces(NamedTuple):
+    """Footprints of elements as convex polygons, about their centres at the start of the step."""
+
+    begin: Ints  # Where the polygons of each element begin among all; shape (elements,)
+    end: Ints  # and end
+    ring: Ints  # Where the corners of each polygon begin; shape (polygons + 1,)
+    corner: Floats  # East and north of the element, m; shape (corners, 2)
+    reach: Floats  # Farthest corner of each element, m
+    thickness: Floats  # m
+
+
+class PairWorkspace(NamedTuple):
+    """Where the polygons of a pair stand, and what of one lies within the other."""
+
+    one: Floats  # Corners of a polygon in its place, m
+    two: Floats
+    cut: Floats  # Corners of what is left of one within the other; see `riftberg.physics.geometry.overlap`
+
+
+@kernel
+def face_gaps(first: Ints, second: Ints, apart: Floats, faces: Faces) -> Floats:
+    """Gap (m) between the faces of each pair, below 0 where they overlap, and its normal from first to second; shape (pairs, 3).
+
+    ``apart``: from the second to the first element, m.
+    """
+    most = most_corners(faces)
+    one, two, out = np.empty((most, 2)), np.empty((most, 2)), np.full((first.size, 3), np.inf)
+    for k in range(first.size):
+        i, j = first[k], second[k]
+        for p in range(faces.begin[i], faces.end[i]):
+            corners = _place(faces, p, apart[k, 0], apart[k, 1], 1.0, 0.0, one)
+            for q in range(faces.begin[j], faces.end[j]):
+                others = _place(faces, q, 0.0, 0.0, 1.0, 0.0, two)
+                g, nx, ny = gap(one[:corners], two[:others])
+                if g < out[k, 0]:
+                    out[k, 0], out[k, 1], out[k, 2] = g, nx, ny
+    return out
+
+
+@borrower
+def gap_of_pair(island: Island, faces: Faces, path: Floats, k: int, work: PairWorkspace) -> tuple[float, float, float]:
+    """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
+    i, j = island.first[k], island.second[k]
+    ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+    nearest, nx, ny = np.inf, 1.0, 0.0
+    for p in range(faces.begin[i], faces.end[i]):
+        corners = _place(faces, p, x1, y1, ca, sa, work.one)
+        for q in range(faces.begin[j], faces.end[j]):
+            others = _place(faces, q, x2, y2, cb, sb, work.two)
+            g, gx, gy = gap(work.one[:corners], work.two[:others])
+            if g < nearest:
+                nearest, nx, ny = g, gx, gy
+    return nearest, nx, ny
+
+
+@borrower
+def overlap_of_pair(
+    island: Island, faces: Faces, path: Floats, skin: Floats, k: int, work: PairWorkspace
+) -> tuple[float, float, float, float, float]:
+    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path``.
+
+    ``skin``: way (m, east and north) of each towards the other, so that neither is the first one.
+    """
+    i, j = island.first[k], island.second[k]
+    ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
+    x1, y1, x2, y2 = x1 + skin[0], y1 + skin[1], x2 - skin[0], y2 - skin[1]
+    area = moment_x = moment_y = chord_x = chord_y = 0.0
+    for p in range(faces.begin[i], faces.end[i]):
+        corners = _place(faces, p, x1, y1, ca, sa, work.one)
+        for q in range(faces.begin[j], faces.end[j]):
+            others = _place(faces, q, x2, y2, cb, sb, work.two)
+            part, tx, ty, cx, cy = overlap(work.one[:corners], work.two[:others], work.cut)
+            area += part
+            moment_x += tx
+            moment_y += ty
+            chord_x += cx
+            chord_y += cy
+    return area, moment_x, moment_y, chord_x, chord_y
+
+
+@borrower
+def places_of_pair(
+    island: Island, path: Floats, k: int
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Cosine and sine of the rotation of both bodies of a pair, and places (m) of its elements, with bodies moved by ``path``."""
+    i, j = island.first[k], island.second[k]
+    a, b = island.body_of[i], island.body_of[j]
+    ca, sa, cb, sb = math.cos(path[a, 2]), math.sin(path[a, 2]), math.cos(path[b, 2]), math.sin(path[b, 2])
+    px, py = element_path(island.levers[i], path[a], ca, sa)
+    qx, qy = element_path(island.levers[j], path[b], cb, sb)
+    return ca, sa, cb, sb, island.separation[k, 0] + px, island.separation[k, 1] + py, qx, qy
+
+
+@kernel
+def _place(faces: Faces, polygon: int, x: float, y: float, c: float, s: float, out: Floats) -> int:
+    """Corners of a polygon whose element stands at (x, y) and has turned by cosine and sine; returns their number."""
+    begin, n = faces.ring[polygon], faces.ring[polygon + 1] - faces.ring[polygon]
+    for k in range(n):
+        px, py = faces.corner[begin + k, 0], faces.corner[begin + k, 1]
+        out[k, 0], out[k, 1] = x + c * px - s * py, y + s * px + c * py
+    return int(n)
+
+
+@kernel
+def most_corners(faces: Faces) -> int:
+    """Largest number of corners of a polygon."""
+    most = 0
+    for k in range(faces.ring.size - 1):
+        most = max(most, faces.ring[k + 1] - faces.ring[k])
+    return most
