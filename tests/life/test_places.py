@@ -170,6 +170,20 @@ def test_a_berg_of_a_flux_is_born_beside_the_ice_in_its_cell_or_waits_in_its_sto
     assert run.model.elements.size > 2  # all that has waited
 
 
+def test_births_fill_the_middle_of_their_cell_evenly() -> None:
+    born = calving([-39.6, -55.05], 300.0).calving
+    assert born is not None
+    places = []
+    for number in range(1000):
+        born.stores.counter[2, 2] = number
+        places.append(born._spot(2, 2, 0.0, None)[2:])
+    xi, eta = np.array(places).T
+    for axis in (xi, eta):
+        assert (axis.min(), axis.mean(), axis.max()) == pytest.approx((0.1, 0.5, 0.9), abs=2e-3)
+    counts = np.histogram2d(xi, eta, bins=5, range=[[0.1, 0.9]] * 2)[0]
+    assert (np.abs(counts - 40.0) < 8.0).all()
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_free_place_is_the_nearest_and_free(seed: int) -> None:
     """Against a search over all places of a raster."""
