@@ -185,6 +185,18 @@ def test_births_fill_the_middle_of_their_cell_evenly() -> None:
     assert (np.abs(counts - 40.0) < 8.0).all()
 
 
+def test_room_beside_other_ice_is_looked_for_where_ice_meets_ice_and_not_with_the_reference() -> None:
+    model: Any = SimpleNamespace(elements=new_elements(1))
+    unused: Any = None
+    own = parameters("verlet", "bergs")
+    others = (
+        own.changed(stepping={"interactions": False}),
+        own.changed(compatibility={"births_at_centre": True, "zero_start": True}),
+    )
+    looked_for = [_Calving(model, p, unused, unused).free is not None for p in (own, *others)]
+    assert looked_for == [True, False, False]
+
+
 def test_a_child_tries_the_place_that_was_drawn_and_then_the_corners_of_its_parent() -> None:
     el, child, tried = new_elements(1), new_elements(1), []
     el.length[:], el.width[:], child.lon[:], child.lat[:] = 800.0, 300.0, 1000.0, 2000.0
