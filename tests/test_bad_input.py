@@ -22,6 +22,7 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 from riftberg.runs.model import Model
+from riftberg.system.input_files import shown
 
 PLACE = (-39.0, -55.0)
 EXPERIMENT = """\
@@ -310,3 +311,10 @@ def test_a_word_of_thousands_of_letters_is_not_given_back_whole() -> None:
     error = InputError(f"{'w' * 3000!r} is no date", where=f"berg.yaml, {'v' * 3000}", remedy="Give a date")
     assert len(str(error)) < 300
     assert str(error).endswith("is no date. Give a date")
+
+
+def test_names_in_messages_stand_on_one_line_and_are_not_too_long() -> None:
+    assert shown("a.nc") == "a.nc"
+    assert shown("x" * 300) == "x" * 300
+    assert shown("x" * 301) == f"{'x' * 140} ... {'x' * 140}"
+    assert shown("two\nlines") == "two\\nlines"

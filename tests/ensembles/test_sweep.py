@@ -10,6 +10,7 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
 from riftberg.ensembles.member import Job, MemberTracks, Outcome, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
-from riftberg.ensembles.sweep import Store, join_parts, planned
+from riftberg.ensembles.sweep import Store, _cells, join_parts, planned
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.runs.run_file import open_run
@@ -482,6 +483,8 @@ def test_cells_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
             sweep(melting, {"west": WESTS}, days="1 h", every_hours=1, workers=0, output=output, cells=cells)
     with pytest.raises(InputError, match="holds no monthly files"):
         open_cells(tmp_path)
+    on_the_sphere: Any = SimpleNamespace(parameters=Parameters())
+    assert [_cells(width, on_the_sphere) for width in (0.01, 10.0)] == [0.01, 10.0]
 
 
 def test_a_failed_part_leaves_no_cells(tmp_path: Path) -> None:

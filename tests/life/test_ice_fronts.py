@@ -12,9 +12,10 @@ import shapely
 
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.errors import InputError
-from riftberg.life.ice_fronts import ALONE, REACH, SHAPES
+from riftberg.life.ice_fronts import ALONE, REACH, SHAPES, hand_on_feet
 from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 from riftberg.plane import ConformalPlane
+from riftberg.state import new_elements
 
 LENGTH, WIDTH, RADIUS, PLACE = 60e3, 30e3, 30e3, (-40.0, -56.0)
 SEA = Steady(wind=(10.0, 0.0), temperature=6.0, salinity=34.0)
@@ -252,6 +253,20 @@ def test_feet_follow_the_outline():
     lost = np.array(lost)
     assert (lost > 0.0).all()
     np.testing.assert_allclose(lost / lost[0], 1.0, rtol=0.05)
+
+
+def test_the_feet_of_what_has_melted_go_to_what_is_left_of_the_same_berg():
+    """By the lengths of its fronts; what lies inside of a berg, another berg, and bits at sea (negative foot) get nothing."""
+    el = new_elements(6)
+    life, gone = el.life, np.arange(6) == 0
+    el.body.berg[:] = [1, 1, 1, 1, 2, 1]
+    life.front[:] = [500.0, 300.0, 100.0, 0.0, 700.0, 900.0]
+    life.fl_k[:] = [8.0, 1.0, 2.0, 3.0, 4.0, -1.0]
+    life.mass_of_fl_bits[:], life.mass_of_fl_bergy_bits[:] = [16.0] + 5 * [1.0], [4.0] + 5 * [2.0]
+    hand_on_feet(el, gone)
+    assert life.fl_k.tolist() == [0.0, 7.0, 4.0, 3.0, 4.0, -1.0]
+    assert life.mass_of_fl_bits.tolist() == [0.0, 13.0, 5.0, 1.0, 1.0, 1.0]
+    assert life.mass_of_fl_bergy_bits.tolist() == [0.0, 5.0, 3.0, 2.0, 2.0, 2.0]
 
 
 def test_runs_with_forces_by_element_keep_the_law_of_the_reference():

@@ -103,6 +103,14 @@ def test_what_dampers_take_is_what_motion_and_bonds_lose(damping: float) -> None
     assert (lost > 0.5 * before) if damping else (abs(lost) < 0.1 * before)
 
 
+@pytest.mark.parametrize("linear", [True, False])
+def test_bonds_that_are_neither_bent_nor_stretched_hold_no_energy(linear: bool) -> None:
+    model = lattice(parameters(stepping=ALONE, bonds={"linear_bending": linear}))
+    at_rest = energy_in_bonds(model.elements, model.bonds, model)
+    model.elements.rotation[:] = 1e-3 * np.arange(model.elements.size)
+    assert abs(at_rest) < 1e-9 * energy_in_bonds(model.elements, model.bonds, model)
+
+
 def test_bonds_hold_the_same_energy_when_sides_melt() -> None:
     """Bug: their section was taken from the sides of today, not from those with which they formed."""
     model = lattice(parameters(stepping=ALONE))

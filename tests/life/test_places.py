@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
-from riftberg.life.footloose import DIRECTIONS, FreePlaces, corner_reach
+from riftberg.life.footloose import DIRECTIONS, FreePlaces, _Calving, corner_reach
 from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
@@ -168,6 +169,45 @@ def test_a_berg_of_a_flux_is_born_beside_the_ice_in_its_cell_or_waits_in_its_sto
     run.model.remove(run.model.elements.id)
     calm(run)
     assert run.model.elements.size > 2  # all that has waited
+
+
+def test_births_fill_the_middle_of_their_cell_evenly() -> None:
+    born = calving([-39.6, -55.05], 300.0).calving
+    assert born is not None
+    places = []
+    for number in range(1000):
+        born.stores.counter[2, 2] = number
+        places.append(born._spot(2, 2, 0.0, None)[2:])
+    xi, eta = np.array(places).T
+    for axis in (xi, eta):
+        assert (axis.min(), axis.mean(), axis.max()) == pytest.approx((0.1, 0.5, 0.9), abs=2e-3)
+    counts = np.histogram2d(xi, eta, bins=5, range=[[0.1, 0.9]] * 2)[0]
+    assert (np.abs(counts - 40.0) < 8.0).all()
+
+
+def test_room_beside_other_ice_is_looked_for_where_ice_meets_ice_and_not_with_the_reference() -> None:
+    model: Any = SimpleNamespace(elements=new_elements(1))
+    unused: Any = None
+    own = parameters("verlet", "bergs")
+    others = (
+        own.changed(stepping={"interactions": False}),
+        own.changed(compatibility={"births_at_centre": True, "zero_start": True}),
+    )
+    looked_for = [_Calving(model, p, unused, unused).free is not None for p in (own, *others)]
+    assert looked_for == [True, False, False]
+
+
+def test_a_child_tries_the_place_that_was_drawn_and_then_the_corners_of_its_parent() -> None:
+    el, child, tried = new_elements(1), new_elements(1), []
+    el.length[:], el.width[:], child.lon[:], child.lat[:] = 800.0, 300.0, 1000.0, 2000.0
+    off_land = SimpleNamespace(
+        el=el, p=Parameters(earth=PLANE), when=SimpleNamespace(grid=object()),
+        _holds=lambda _child, x, y, _e: tried.append((x, y)),
+    )  # fmt: skip
+    _Calving._put(off_land, child, 0, (400.0, 120.0))  # type: ignore[arg-type]
+    corners = [(600.0, 1850.0), (600.0, 2150.0), (1400.0, 2150.0), (1400.0, 1850.0)]
+    assert tried == [(1400.0, 2120.0), *corners]
+    assert (child.lon[0], child.lat[0]) == (1000.0, 2000.0)  # no sea anywhere: where the parent is
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from riftberg.constants import GRAVITY, RHO_SEAWATER
 from riftberg.physics.seabed import bending_length
 from riftberg.stepping.ground.balance import Bed, Bending, column_stiffness, hull_of, press, share_of_ice
 from riftberg.stepping.ground.floor import Floor, Patches
-from riftberg.stepping.ground.landing import bed_of, bent_bonds
+from riftberg.stepping.ground.landing import _impulse_of, bed_of, bent_bonds
 from riftberg.stepping.lattice.footprints import BodyFootprint
 
 RADIUS = 6_371_229.0
@@ -360,3 +361,9 @@ def test_ice_bends_over_the_length_of_a_floating_plate(thickness: float) -> None
     rigidity = 2e9 * thickness**3 / (12.0 * (1.0 - 0.3**2))
     asked = (rigidity / (RHO_SEAWATER * GRAVITY)) ** 0.25
     assert bending_length(bed.modulus, bed.poisson, thickness) == pytest.approx(asked, rel=1e-12)
+
+
+def test_the_impulse_of_contact_is_that_of_the_fragment_itself() -> None:
+    contact: Any = SimpleNamespace(bodies=np.array([3, 5]), impulse=np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
+    found = [_impulse_of(contact, 5), _impulse_of(contact, 3), _impulse_of(contact, 1), _impulse_of(None, 3)]
+    assert np.array(found).tolist() == [[4.0, 5.0, 6.0], [1.0, 2.0, 3.0], [0.0] * 3, [0.0] * 3]

@@ -451,3 +451,24 @@ def test_a_crack_runs_through_thin_ice_up_to_its_last_bond(monkeypatch) -> None:
     monkeypatch.setattr(equilibrium, "ROUND_OFF", 0.0)
     with pytest.raises(RunError, match="not in equilibrium"):
         pulled()
+
+
+def test_fragments_see_each_other_without_the_displacements_of_their_loads() -> None:
+    """Seen bent, a slender piece came out of contact in one step and deeper into it in the next."""
+    plane = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0}
+    parameters = Parameters(earth=plane, bonds={"youngs_modulus": 1e6}, fracture={"enabled": False})
+    made = [
+        Iceberg.rectangle(12e3, 3e3, thickness=200.0, radius=750.0, latlon=False, placement=(x, 0.0))
+        for x in (0.0, 20e3)
+    ]
+    eddy = Forcing.eddy((0.0, 4e3), radius=8e3, speed=0.5, latlon=False, latitude=-55.0)
+    for bergs in (made, made[:1]):
+        model = Model(Iceberg.join(bergs), eddy, parameters)
+        model.advance(steps=3)
+        el, b = model.elements, model.bonds
+        bent, seen = (
+            np.abs(np.hypot(x[b.first] - x[b.second], y[b.first] - y[b.second]) - 1500.0).max()
+            for x, y in ((el.lon, el.lat), (el.lon_pair, el.lat_pair))
+        )
+        assert bent > 1e-3
+        assert (seen < 1e-6) == (len(bergs) == 2)
