@@ -16,7 +16,7 @@ from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
 from riftberg.stepping.fragments.contact_log import ContactLog
-from riftberg.stepping.fragments.tree import Fragment
+from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 from riftberg.stepping.laws import Laws
 from riftberg.system.process import held
 
@@ -30,6 +30,8 @@ class FakeTree:
 
     rows: list[Fragment] = field(default_factory=list)
     bergs: tuple[tuple[str, int], ...] = ()
+
+    origin = FragmentTree.origin
 
 
 class FakeForcing:

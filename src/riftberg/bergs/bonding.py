@@ -123,6 +123,13 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     return first[joined], second[joined], distance[joined]
 
 
+def add_velocity(elements: Elements, east: Any, north: Any) -> None:
+    """Add a velocity (m s-1) to that of the elements, at the moment of the position and as others see it too."""
+    for when in ("", "_sync", "_pair"):
+        getattr(elements, f"u{when}")[:] += east
+        getattr(elements, f"v{when}")[:] += north
+
+
 OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
 
@@ -139,10 +146,7 @@ def make_elements(lon: Floats, lat: Floats, settings: BergOptions, *, static: An
     _check_elements(lon, lat, radius, thickness, density, settings.latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
-    for name in ("u", "u_sync", "u_pair"):
-        getattr(elements, name)[:] = velocity[0]
-    for name in ("v", "v_sync", "v_pair"):
-        getattr(elements, name)[:] = velocity[1]
+    add_velocity(elements, *velocity)
     elements.spin[:] = settings.spin
     elements.static[:] = np.asarray(static, dtype=np.float64)
     elements.thickness[:] = thickness
@@ -308,20 +312,25 @@ def _left(ax: Any, ay: Any, bx: Any, by: Any, px: Any, py: Any) -> Any:
     return (bx - ax) * (py - ay) - (by - ay) * (px - ax) >= 0.0
 
 
+def crossed_by_mask(elements: Elements, bonds: Bonds, mask: Raster, threshold: float = 0.5) -> Booleans:
+    """Return which bonds run through cells of a rift mask; each bond is probed at nine points along it."""
+    crossed = np.zeros(len(bonds.first), dtype=bool)
+    i, j = bonds.first, bonds.second
+    # A rift may be narrower than a bond is long, but not than an eighth of it.
+    for part in np.linspace(0.0, 1.0, 9):
+        lon = (1 - part) * elements.lon[i] + part * elements.lon[j]
+        lat = (1 - part) * elements.lat[i] + part * elements.lat[j]
+        crossed |= np.nan_to_num(mask.sample(lon, lat)) > threshold
+    return crossed
+
+
 def crossed_by(
     elements: Elements, bonds: Bonds, rift: Any, lines: list[Any] | None, *, latlon: bool, threshold: float = 0.5
 ) -> Booleans:
     """Return which unbroken bonds a rift crosses: its ``lines``, or the mask ``rift`` where these are None."""
     if lines is None:
         mask = rift if isinstance(rift, Raster) else read_raster(rift)
-        # Which bonds run through cells of a rift mask; each bond is probed at nine points along it.
-        crossed = np.zeros(len(bonds.first), dtype=bool)
-        i, j = bonds.first, bonds.second
-        # A rift may be narrower than a bond is long, but not than an eighth of it.
-        for part in np.linspace(0.0, 1.0, 9):
-            lon = (1 - part) * elements.lon[i] + part * elements.lon[j]
-            lat = (1 - part) * elements.lat[i] + part * elements.lat[j]
-            crossed |= np.nan_to_num(mask.sample(lon, lat)) > threshold
+        crossed = crossed_by_mask(elements, bonds, mask, threshold)
     else:
         crossed = crossings(elements, bonds, lines, latlon)[0] >= 0
     crossed &= bonds.status == 0

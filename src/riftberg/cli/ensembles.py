@@ -204,7 +204,10 @@ def resumed(folder: Path, experiment: str | None = None, members: int | None = N
 def _run(store: Store, shared: EnsembleOptions, *, draw: bool) -> None:
     """Run the members that are not done, and write and print the result."""
     if not shared.quiet:
-        say(_size(store))
+        plan = store.plan
+        varied = ", ".join(v.told() for v in plan.varied)
+        done = f", {len(store.done)} are done" if store.done else ""
+        say(f"{len(plan.members)} members ({varied}), {duration_text(plan.days)} each{done}")
     with results_folder(store.folder, SWEEP_FILES):
         result = run_members(store, "sweep", shared)
     files = ["sweep.nc", "sweep.json", *(["cells/"] if store.plan.cells is not None else [])]
@@ -235,13 +238,6 @@ def run_members(store: Store, command: str, shared: EnsembleOptions) -> xr.Datas
         say(f"{len(store.done)} of {number} members are done. "
             f"Go on with: riftberg {command} --resume {store.folder}")  # fmt: skip
         raise
-
-
-def _size(store: Store) -> str:
-    plan = store.plan
-    varied = ", ".join(v.told() for v in plan.varied)
-    done = f", {len(store.done)} are done" if store.done else ""
-    return f"{len(plan.members)} members ({varied}), {duration_text(plan.days)} each{done}"
 
 
 def summary_lines(result: xr.Dataset) -> list[str]:

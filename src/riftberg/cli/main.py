@@ -91,7 +91,7 @@ class Commands(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command, loaded."""
-        return _loaded(cmd_name) if super().get_command(ctx, cmd_name) else None
+        return typer.main.get_command(_alone(cmd_name)) if super().get_command(ctx, cmd_name) else None
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write what each command does, in full and without loading it."""
@@ -116,10 +116,6 @@ def _alone(name: str) -> typer.Typer:
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     alone.command(name)(verbose(function_of(name)))
     return alone
-
-
-def _loaded(name: str) -> Any:
-    return typer.main.get_command(_alone(name))
 
 
 class App(typer.Typer):

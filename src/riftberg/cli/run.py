@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import shlex
 from collections.abc import Mapping, Sequence
@@ -210,6 +209,8 @@ def parted(settings: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
 
 
 def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path | None) -> None:
+    from riftberg.experiments.changes import settings_of
+
     goes_on = resume is not None and is_folder(resume)
     if goes_on and wanted.output not in (None, resume):
         raise InputError(
@@ -221,7 +222,9 @@ def _run_one(experiment: str, options: Options, wanted: RunOptions, resume: Path
     info = wanted.added_to(info)
     _print_notices(info, model, options, wanted)
     # A state knows the parameters that were set for it, and takes no others.
-    wanted = wanted._replace(settings=[*wanted.settings, *settings_between(parameters, model.parameters)])
+    old, new = (p.model_dump(mode="json") for p in (parameters, model.parameters))
+    own = {g: {name: value for name, value in values.items() if value != old[g][name]} for g, values in new.items()}
+    wanted = wanted._replace(settings=[*wanted.settings, *settings_of(own)])
     folder = resume if goes_on and resume is not None else output_folder(wanted.output, info.name)
     placed = goes_on or wanted.output is not None
     session = Session(model, info, folder, wanted, placed=placed, goes_on=goes_on)
@@ -260,15 +263,6 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
 
         files.append(draw_compared(table.runs, table.fixes, folder / "tracks.png"))
     typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
-
-
-def settings_between(before: Parameters, now: Parameters) -> list[str]:
-    """Return the settings ``group.name=value`` that turn parameters into others."""
-    old, new = (p.model_dump(mode="json") for p in (before, now))
-    return [
-        f"{group}.{name}={value:.15g}" if isinstance(value, float) else f"{group}.{name}={json.dumps(value).strip(chr(34))}"
-        for group, values in new.items() for name, value in values.items() if value != old[group][name]
-    ]  # fmt: skip
 
 
 def _print_notices(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
@@ -500,7 +494,17 @@ class Session:
         write_json(summary, self.folder / "summary.json")
         files = ["run.nc", "summary.json", *(path.name for path in self.gridded if path.exists())]
         if draw:
-            self._draw()
+            from riftberg.runs.run_file import open_own
+            from riftberg.viz.coast import over_land
+            from riftberg.viz.map import draw_map
+
+            with open_own(self.folder / "run.nc") as dataset:
+                draw_map(
+                    dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
+                    observed=self.info.observed,
+                )  # fmt: skip
+                if ashore := over_land(dataset):
+                    say(f"Notice: {ashore}")
             files.append("map.png")
         for line in short_summary(summary):
             typer.echo(line)
@@ -508,25 +512,12 @@ class Session:
             logging.getLogger(__name__).info(line)
         typer.echo(f"Written to {self.folder}: {', '.join(files)}")
 
-    def _draw(self) -> None:
-        from riftberg.runs.run_file import open_own
-        from riftberg.viz.coast import over_land
-        from riftberg.viz.map import draw_map
-
-        with open_own(self.folder / "run.nc") as dataset:
-            draw_map(
-                dataset, self.folder / "map.png", forcing=self.model.forcing, title=self.info.title,
-                observed=self.info.observed,
-            )  # fmt: skip
-            if ashore := over_land(dataset):
-                say(f"Notice: {ashore}")
-
 
 def berg_line(model: Model) -> str:
     """Return size and place of the berg of a model in one line: swapped coordinates show there before the run."""
     import numpy as np
 
-    from riftberg.config.units import area_text, place_text
+    from riftberg.config.units import area_text, count_text, place_text
     from riftberg.stepping.fragments.tree import centroid
 
     e = model.elements
@@ -539,33 +530,48 @@ def berg_line(model: Model) -> str:
     if len(names) > 1:
         listed = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:5])} and {len(names) - 5} more"
         return f"{len(names)} bergs ({listed}): {len(e.lon)} elements, {size}, centred at {place}"
-    pieces = f"{count} piece{'s' if count != 1 else ''}"
+    pieces = f"{count_text(count, 'piece')}"
     return f"Berg{''.join(' ' + n for n in names)}: {len(e.lon)} elements, {size} in {pieces} at {place}"
 
 
 def short_summary(summary: dict[str, Any]) -> list[str]:
     """Return a summary in a few lines."""
-    from riftberg.config.units import duration_text
+    from riftberg.config.units import area_text, count_text, duration_text, minute_text, place_text
 
-    title = summary["experiment"] or "run"
-    end = summary["end"].replace("T", " ")[:16]
-    length = duration_text(summary["days"]) + (f" to {end}" if summary["days"] >= 1.0 else "")
+    latlon, breakups, bergs = summary["numerics"]["earth"]["latlon"], summary["breakups"], summary.get("bergs", [])
+    collisions, short = summary.get("collisions", []), summary["days"] < 1.0
+    length = duration_text(summary["days"]) + ("" if short else f" to {minute_text(summary['end'])}")
+    # Of a run of less than a day no speed, but how long it took.
+    speed, unit = (summary.get("wall_seconds"), "of computing") if short else (summary["seconds_per_day"], "per day")
     lines = [
-        f"{title}: {length}, {summary['elements']} elements, "
-        f"{summary['bonds_broken']} of {summary['bonds_total']} bonds broken{_speed(summary)}"
+        f"{summary['experiment'] or 'run'}: {length}, {summary['elements']} elements, {summary['bonds_broken']} of "
+        f"{summary['bonds_total']} bonds broken" + ("" if speed is None else f", {speed:.3g} s {unit}")
     ]
-    latlon, breakups, collisions = (
-        summary["numerics"]["earth"]["latlon"],
-        summary["breakups"],
-        summary.get("collisions", []),
-    )
-    events = [(event["time"], _breakup_line(event, latlon)) for event in breakups[:MOST_EVENTS]]
-    events += [(event["time"], _collision_line(event, latlon)) for event in collisions[:MOST_EVENTS]]
-    lines += [line for _, line in sorted(events, key=lambda event: event[0])]
+    events = []
+    for event in breakups[:MOST_EVENTS]:
+        whom = f"{event['parent_name']} " if event.get("parent_name") else ""
+        bonds = f"{count_text(event['bonds'], 'bond')}"
+        what = f"{area_text(1e6 * event['area_km2'])} broke off {whom}{'aground' if event['grounded'] else 'afloat'} ({bonds})"
+        events.append((event, what))
+    events += [
+        (event, f"{' and '.join(event['bergs'])} met at {event['speed']:.2g} m/s,")
+        for event in collisions[:MOST_EVENTS]
+    ]
+    for event, what in sorted(events, key=lambda item: item[0]["time"]):
+        lines.append(
+            f"  {minute_text(event['time'])}  {what} at {place_text(event['lon'], event['lat'], latlon=latlon)}"
+        )
     for word, all_of_them in (("break-ups", breakups), ("collisions", collisions)):
         if len(all_of_them) > MOST_EVENTS:
             lines.append(f"  and {len(all_of_them) - MOST_EVENTS} more {word}, see summary.json")
-    return [*lines, *(_berg_lines(summary) or [_areas_line(summary)])]
+    if told := _berg_lines(bergs, latlon):
+        return [*lines, *told]
+    count, several = summary["fragments"], len(bergs) > 1
+    of = f" of {len(bergs)} bergs" if several else ""
+    pieces = f"{count_text(count, 'fragment')}{of}"
+    if several and not breakups:
+        pieces = f"{count} bergs" if count == len(bergs) else f"{count}{of}"
+    return [*lines, f"  {pieces} at the end: {_areas(summary['areas_km2'], count)}"]
 
 
 def ledger_lines(summary: dict[str, Any]) -> list[str]:
@@ -574,11 +580,10 @@ def ledger_lines(summary: dict[str, Any]) -> list[str]:
     return [*ice.get("lines", ()), *motion.get("lines", ()), *([motion["closing"]] if motion else [])]
 
 
-def _berg_lines(summary: dict[str, Any]) -> list[str]:
+def _berg_lines(bergs: list[dict[str, Any]], latlon: bool) -> list[str]:
     """Return what became of each berg, in a sentence; nothing where there are many, or where a summary does not say."""
     from riftberg.config.units import drift_text, place_text
 
-    bergs, latlon = summary.get("bergs", []), summary["numerics"]["earth"]["latlon"]
     if not bergs or len(bergs) > MOST_BERGS or any("drift_east_km" not in berg for berg in bergs):
         return []
     lines = []
@@ -596,58 +601,12 @@ def _berg_lines(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _speed(summary: dict[str, Any]) -> str:
-    """Return how fast the run was; of a run of less than a day, how long it took."""
-    wall = summary.get("wall_seconds")
-    if summary["days"] < 1.0:
-        return "" if wall is None else f", {wall:.3g} s of computing"
-    return "" if summary["seconds_per_day"] is None else f", {summary['seconds_per_day']:.3g} s per day"
-
-
-def _breakup_line(event: dict[str, Any], latlon: bool) -> str:
-    from riftberg.config.units import area_text
-
-    whom = f"{event['parent_name']} " if event.get("parent_name") else ""
-    bonds = f"{event['bonds']} bond{'s' if event['bonds'] != 1 else ''}"
-    return (
-        f"  {event['time'].replace('T', ' ')[:16]}  {area_text(1e6 * event['area_km2'])} broke off {whom}"
-        f"{'aground' if event['grounded'] else 'afloat'} ({bonds}) at {_event_place(event, latlon)}"
-    )
-
-
-def _collision_line(event: dict[str, Any], latlon: bool) -> str:
-    who = " and ".join(event["bergs"])
-    when = event["time"].replace("T", " ")[:16]
-    return f"  {when}  {who} met at {event['speed']:.2g} m/s, at {_event_place(event, latlon)}"
-
-
-def _event_place(event: dict[str, Any], latlon: bool) -> str:
-    """Return where an event was."""
-    from riftberg.config.units import place_text
-
-    return place_text(event["lon"], event["lat"], latlon=latlon)
-
-
-def _areas_line(summary: dict[str, Any]) -> str:
-    """Return the areas of the pieces at the end."""
-    return f"  {_counted(summary)} at the end: {_areas(summary['areas_km2'], summary['fragments'])}"
-
-
 def _areas(km2: Sequence[float], count: int) -> str:
     """Return areas, largest first, all in one unit; ``count``: how many there are."""
     unit, name = (1.0, "km2") if not km2 or km2[0] >= 0.01 else (1e6, "m2")
     numbers = [area * unit for area in km2[:6]]
     areas = ", ".join(f"{area:.0f}" if area >= 9.5 else f"{area:.2g}" for area in numbers)
     return f"{areas}{' ...' if count > len(numbers) else ''} {name}"
-
-
-def _counted(summary: dict[str, Any]) -> str:
-    """Return the number of fragments, and of the bergs that they come from where these are several."""
-    fragments, bergs = summary["fragments"], len(summary.get("bergs", []))
-    if bergs > 1 and not summary["breakups"]:
-        return f"{fragments} bergs" if fragments == bergs else f"{fragments} of {bergs} bergs"
-    text = f"{fragments} fragment{'s' if fragments != 1 else ''}"
-    return f"{text} of {bergs} bergs" if bergs > 1 else text
 
 
 @reported

@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 Powers = dict[str, Fraction]
 
@@ -211,9 +211,14 @@ def quantity_text(value: float, unit: str) -> str:
     return f"{value:.6g}" + ("" if unit in ("", "1") else f" {unit}")
 
 
-def minute_text(text: str) -> str:
-    """Return an ISO date and time to the minute, as it stands in tables and titles."""
-    return text.replace("T", " ")[:16]
+def minute_text(moment: Any) -> str:
+    """Return a date and time, ISO text or of NumPy, to the minute, as it stands in tables and titles."""
+    return str(moment).replace("T", " ")[:16]
+
+
+def count_text(number: int, thing: str) -> str:
+    """Return how many of a thing there are: ``1 bond``, ``3 bonds``."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
 def duration_text(days: float) -> str:

@@ -139,8 +139,18 @@ def plain_value(value: Any, field: FieldInfo, *, metres: bool = False) -> Any:
 
     ``metres``: places are x and y in m, not longitude and latitude.
     """
-    value = native(value)
-    _check_kind(value, field)
+    value, kinds = native(value), kinds_of(field.annotation)
+    # What would silently pass for something else: true for 1, a number for a date, a section for a value.
+    if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
+        raise UnfitError("a key that is no word", "Keys are plain words, such as fracture")
+    for item in value if isinstance(value, list | tuple) else [value]:
+        if isinstance(item, bool) and not any(kind in (bool, Any) for kind in kinds):
+            raise UnfitError(f"{str(item).lower()} is no number, word or date", allowed(field))
+    written = isinstance(value, date) or (isinstance(value, str) and re.match(r"\d{4}-\d\d-\d\d(\D|$)", value))
+    if datetime in kinds and not written:
+        raise UnfitError(f"{value_shown(value)} is not a date", f"{allowed(field)}. {DATE_REMEDY}")
+    if isinstance(value, date) and datetime not in kinds:
+        raise UnfitError(f"{value} is a date", f"{allowed(field)}. Write it in quotes if it is meant as a text")
     try:
         return _without_unit(value, field, metres)
     except UnfitError:
@@ -230,21 +240,6 @@ def _number(text: Any, field: FieldInfo, unit: str, letters: str = "") -> Any:
         raise ValueError(f"{value_shown(text)} is not a number")
     number = to_unit(text, unit)
     return int(number) if int in kinds_of(field.annotation) and number.is_integer() else number
-
-
-def _check_kind(value: Any, field: FieldInfo) -> None:
-    """Refuse what would silently pass for something else: true for 1, a number for a date, a section for a value."""
-    kinds = kinds_of(field.annotation)
-    if isinstance(value, dict) and not all(isinstance(name, str) for name in value):
-        raise UnfitError("a key that is no word", "Keys are plain words, such as fracture")
-    for item in value if isinstance(value, list | tuple) else [value]:
-        if isinstance(item, bool) and not any(kind in (bool, Any) for kind in kinds):
-            raise UnfitError(f"{str(item).lower()} is no number, word or date", allowed(field))
-    written = isinstance(value, date) or (isinstance(value, str) and re.match(r"\d{4}-\d\d-\d\d(\D|$)", value))
-    if datetime in kinds and not written:
-        raise UnfitError(f"{value_shown(value)} is not a date", f"{allowed(field)}. {DATE_REMEDY}")
-    if isinstance(value, date) and datetime not in kinds:
-        raise UnfitError(f"{value} is a date", f"{allowed(field)}. Write it in quotes if it is meant as a text")
 
 
 def allowed(field: FieldInfo, *, metres: bool = False) -> str:

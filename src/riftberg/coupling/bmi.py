@@ -299,37 +299,17 @@ class BmiRiftberg(Bmi):
         """Return the latitudes of the rows."""
         return self._axis(0, y)
 
-    def get_grid_z(self, grid: int, z: NDArray[Any]) -> NDArray[Any]:
-        """Refuse: the grid has two dimensions."""
-        raise NotImplementedError("get_grid_z")
-
     def get_grid_node_count(self, grid: int) -> int:
         """Return the number of cells."""
         return self.get_grid_size(grid)
 
-    def get_grid_edge_count(self, grid: int) -> int:
-        """Refuse: the grid is no mesh."""
-        raise NotImplementedError("get_grid_edge_count")
+    def _no_mesh(self, *arguments: Any) -> Any:
+        """Refuse: the grid has two dimensions and is no mesh."""
+        raise NotImplementedError("the grid has two dimensions and is no mesh")
 
-    def get_grid_face_count(self, grid: int) -> int:
-        """Refuse: the grid is no mesh."""
-        raise NotImplementedError("get_grid_face_count")
-
-    def get_grid_edge_nodes(self, grid: int, edge_nodes: NDArray[Any]) -> NDArray[Any]:
-        """Refuse: the grid is no mesh."""
-        raise NotImplementedError("get_grid_edge_nodes")
-
-    def get_grid_face_edges(self, grid: int, face_edges: NDArray[Any]) -> NDArray[Any]:
-        """Refuse: the grid is no mesh."""
-        raise NotImplementedError("get_grid_face_edges")
-
-    def get_grid_face_nodes(self, grid: int, face_nodes: NDArray[Any]) -> NDArray[Any]:
-        """Refuse: the grid is no mesh."""
-        raise NotImplementedError("get_grid_face_nodes")
-
-    def get_grid_nodes_per_face(self, grid: int, nodes_per_face: NDArray[Any]) -> NDArray[Any]:
-        """Refuse: the grid is no mesh."""
-        raise NotImplementedError("get_grid_nodes_per_face")
+    _refused: Any = _no_mesh
+    get_grid_z = get_grid_edge_count = get_grid_face_count = _refused
+    get_grid_edge_nodes = get_grid_face_edges = get_grid_face_nodes = get_grid_nodes_per_face = _refused
 
 
 def _read(path: Path) -> dict[str, Any]:

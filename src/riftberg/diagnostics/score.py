@@ -25,6 +25,7 @@ import numpy as np
 import shapely
 import xarray as xr
 
+from riftberg.config.units import minute_text
 from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import (
     REACH,
@@ -191,7 +192,7 @@ def score_run(
             groups.setdefault((when, record), []).append(item)
     days = [judge.day(when, record, groups[when, record], names) for when, record in sorted(groups)]
     if not days:
-        span = " to ".join(str(time)[:16].replace("T", " ") for time in (scene.times[0], scene.times[-1]))
+        span = " to ".join(map(minute_text, (scene.times[0], scene.times[-1])))
         raise InputError(
             "nothing was observed during the run", where=observed.source, remedy=f"The run goes from {span}"
         )

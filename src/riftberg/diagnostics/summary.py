@@ -47,7 +47,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from riftberg import constants
 from riftberg.bergs.bonding import Metric, separations
-from riftberg.config.units import area_text
+from riftberg.config.units import area_text, count_text
 from riftberg.config.values import finding_text
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, melt_of
@@ -174,13 +174,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     """Return one entry per berg of the start, and per one that was added later."""
     rows = {row.number: row for row in model.fragments.rows}
     e = model.elements
-    area, earth = e.length * e.width, model.parameters.earth
-
-    def origin(number: int) -> int:
-        """Up the family tree to the berg that it comes from."""
-        while number in rows and rows[number].parent > 0:
-            number = rows[number].parent
-        return number
+    area, earth, origin = e.length * e.width, model.parameters.earth, model.fragments.origin
 
     pieces: dict[int, list[tuple[float, int]]] = {}
     for number, size in by_area(e.berg, area).items():
@@ -292,7 +286,7 @@ def _births(run: xr.Dataset) -> list[str]:
         return []
     added = (run["fragment_parent"].values <= 0) & (run["fragment_birth_time"].values > run["time"].values[0])
     count, area = int(added.sum()), area_text(float(run["fragment_area"].values[added].sum()))
-    return [f"{count} berg{'s' if count > 1 else ''} of {area} born on the way"] if count else []
+    return [f"{count_text(count, 'berg')} of {area} born on the way"] if count else []
 
 
 def _amounts(water: dict[str, float]) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from riftberg.config.units import area_text, minute_text, place_text
+from riftberg.config.units import area_text, count_text, minute_text, place_text
 from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, members_at_birth
 from riftberg.diagnostics.summary import melt_lines
 from riftberg.runs.scene import SMALL, Scene
@@ -150,7 +150,7 @@ def removed_by(breakup: Breakup, control: xr.Dataset) -> str:
 
 def words(reasons: Reasons) -> list[str]:
     """Return the reasons in words, one paragraph per break-up."""
-    small = f"{reasons.small} small piece{'s' if reasons.small > 1 else ''}"
+    small = count_text(reasons.small, "small piece")
     if not reasons.breakups:
         but = f" but {small} (--all lists them)" if reasons.small else ""
         return [f"Nothing broke off{but}.", *reasons.melt]
@@ -170,9 +170,9 @@ def _paragraph(b: Breakup) -> str:
     large = max(abs(value) for _, value in b.causes) or 1.0
     shares = [f"{name} {value / 1e3:+.1f} kPa" for name, value in b.causes if abs(value) >= 0.02 * large]
     text = [
-        f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({area_text(1e6 * b.area_km2)}, {b.elements} "
-        f"element{'s' if b.elements != 1 else ''}) broke off {b.parent_name or f'berg {b.parent}'}, {where}.",
-        f"{b.bonds} bond{'s' if b.bonds != 1 else ''} failed from {minute_text(b.first_break)} on, the first at {place}"
+        f"{minute_text(b.time)}: {b.name or f'fragment {b.fragment}'} ({area_text(1e6 * b.area_km2)}, "
+        f"{count_text(b.elements, 'element')}) broke off {b.parent_name or f'berg {b.parent}'}, {where}.",
+        f"{count_text(b.bonds, 'bond')} failed from {minute_text(b.first_break)} on, the first at {place}"
         + (", with an end aground." if first.grounded else "."),
         _strength_words(b.by_strength),
         _stress_words(first),

@@ -41,7 +41,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import shapely
 
-from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.bonding import BondRule, Metric, add_velocity, form_bonds
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import cells_of_rows, cells_region
 from riftberg.bergs.regions import ReferencePlane
@@ -216,12 +216,8 @@ def start_turning(berg: Iceberg, degrees_a_day: float) -> None:
     y = berg.earth_radius * DEGREE * (e.lat - lat0)
     # The local axes of an element are turned against those of the centre by the convergence of the meridians.
     angle = meridian_convergence(lat0, berg.earth_radius) * x
-    du = rate * (-y * np.cos(angle) + x * np.sin(angle))
-    dv = rate * (x * np.cos(angle) + y * np.sin(angle))
-    for name in ("u", "u_pair", "u_sync"):
-        getattr(e, name)[:] += du
-    for name in ("v", "v_pair", "v_sync"):
-        getattr(e, name)[:] += dv
+    cosine, sine = np.cos(angle), np.sin(angle)
+    add_velocity(e, rate * (-y * cosine + x * sine), rate * (x * cosine + y * sine))
     e.spin[:] += rate
 
 
@@ -293,15 +289,17 @@ class TrackSea(Steady):
     The current is uniform: the velocity of the track, and what brings the centre of the berg back to it within two days. The
     sea surface slopes in balance with it. The wind turns, so that it raises waves and carries the berg nowhere.
 
-    ``warmest``: temperature of the surface in the middle of February at 55 degrees south, degrees Celsius; ``swing``:
-    half the range of the year, degrees; ``poleward``: how much colder a degree further south is, degrees; ``deep``: how
-    much colder the mean over the draft is than the surface, degrees.
+    ``warmest``: temperature of the surface in the middle of February at 55 degrees south, degrees Celsius.
     """
 
-    def __init__(self, warmest: float = 3.3, swing: float = 1.8, poleward: float = 0.6, deep: float = 1.0) -> None:
+    SWING: Final = 1.8  # Half the range of the year, degrees
+    POLEWARD: Final = 0.6  # How much colder a degree further south is, degrees
+    DEEP: Final = 1.0  # How much colder the mean over the draft is than the surface, degrees
+
+    def __init__(self, warmest: float = 3.3) -> None:
         super().__init__()
         self.provides = frozenset(("sst", "sss"))
-        self.warmest, self.swing, self.poleward, self.deep = warmest, swing, poleward, deep
+        self.warmest = warmest
         self.latitudes, self.longitudes = np.array(TRACK).T
 
     def place(self, time: float) -> tuple[float, float]:
@@ -312,8 +310,8 @@ class TrackSea(Steady):
     def surface_temperature(self, latitude: Floats, time: float) -> Floats:
         """Temperature of the surface, degrees Celsius; highest in the middle of February."""
         day = (MELT_START - datetime(2020, 2, 15)).days + time / SECONDS_PER_DAY
-        season = self.warmest - self.swing * (1.0 - math.cos(2.0 * math.pi * day / 365.25))
-        return np.maximum(season - self.poleward * (np.abs(latitude) - 55.0), -1.8)
+        season = self.warmest - self.SWING * (1.0 - math.cos(2.0 * math.pi * day / 365.25))
+        return np.maximum(season - self.POLEWARD * (np.abs(latitude) - 55.0), -1.8)
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
@@ -333,7 +331,7 @@ class TrackSea(Steady):
         e.ui[:] = e.vi[:] = e.ice_thickness[:] = e.ice_fraction[:] = e.vorticity[:] = 0.0
         e.depth[:] = 3000.0
         e.sst[:] = self.surface_temperature(e.lat, time)
-        e.keel_temperature[:] = np.maximum(e.sst - self.deep, -1.8)
+        e.keel_temperature[:] = np.maximum(e.sst - self.DEEP, -1.8)
         e.sss[:] = 33.9
 
     def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:

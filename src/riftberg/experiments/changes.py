@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from pydantic.fields import FieldInfo
 
-from riftberg.bergs.bonding import Metric, separations
+from riftberg.bergs.bonding import Metric, add_velocity, separations
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
@@ -119,31 +119,24 @@ def parse_settings(settings: Iterable[str], settable: Mapping[str, Any] = SETTAB
     changes: Changes = {}
     faults = []
     for setting in settings:
+        key, equals, text = (part.strip() for part in setting.partition("="))
+        group, dot, name = key.partition(".")
+        where = f"--set {setting}"
         try:
-            group, name, value = _parsed(setting, settable)
+            if equals and is_of_file(key):
+                value = file_value(text, where)
+            elif equals and dot:
+                find_field(group, name, where=where, settable=settable)
+                value = given(text, settable[group], name, where=where)
+            else:
+                what = f"{setting!r} is not of the form group.name=value"
+                raise InputError(what, where="--set", remedy="For example --set stepping.time_step=900")
             changes.setdefault(group, {})[name] = value
         except InputError as error:
             faults.append(error)
     if faults:
         raise together(faults)
     return changes
-
-
-def _parsed(setting: str, settable: Mapping[str, Any]) -> tuple[str, str, Any]:
-    """Return group, name and value of a setting."""
-    key, equals, text = setting.partition("=")
-    group, dot, name = key.strip().partition(".")
-    if equals and is_of_file(key.strip()):
-        return group, name, file_value(text.strip(), f"--set {setting}")
-    if not equals or not dot:
-        raise InputError(
-            f"{setting!r} is not of the form group.name=value",
-            where="--set",
-            remedy="For example --set stepping.time_step=900",
-        )
-    where = f"--set {setting}"
-    find_field(group, name, where=where, settable=settable)
-    return group, name, given(text.strip(), settable[group], name, where=where)
 
 
 def find_field(group: str, name: str, *, where: str, settable: Mapping[str, Any] = SETTABLE) -> FieldInfo:
@@ -300,19 +293,12 @@ def with_berg(model: Model, keys: Mapping[str, Any]) -> Model:
         e.mass[:] *= thickness / e.thickness
         e.thickness[:] = thickness
     if "velocity" in keys:
-        for names, new in (
-            (("u", "u_pair", "u_sync"), keys["velocity"][0]),
-            (("v", "v_pair", "v_sync"), keys["velocity"][1]),
-        ):
-            mean = float(share @ getattr(e, names[0]))
-            for name in names:
-                getattr(e, name)[:] += new - mean
+        east, north = keys["velocity"]
+        add_velocity(e, east - float(share @ e.u), north - float(share @ e.v))
     if "spin" in keys:
         plane = EqualAreaPlane(float(share @ e.lon), float(share @ e.lat), p.earth.radius, p.earth.latlon)
         x, y = plane.forward(e.lon, e.lat)
         rate = keys["spin"] - e.spin
-        for names, more in ((("u", "u_pair", "u_sync"), -rate * y), (("v", "v_pair", "v_sync"), rate * x)):
-            for name in names:
-                getattr(e, name)[:] += more
+        add_velocity(e, -rate * y, rate * x)
         e.spin[:] = keys["spin"]
     return _again(changed, e, bonds, lambda x, y: (x, y))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from numba.core.event import TimingListener, register, unregister
 
+from riftberg.config.units import count_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.system.process import say
 
@@ -124,11 +125,8 @@ class ProgressRecorder:
                 if self.days >= 0.5
                 else f"{self._watch.wall_seconds:.3g} s"
             )
-        count, broken = model.fragment_count, model.bonds_broken
-        return (
-            f"{date:%Y-%m-%d %H:%M}  {speed}  {count} fragment{'s' if count != 1 else ''}  "
-            f"{broken} bond{'s' if broken != 1 else ''} broken"
-        )
+        pieces, broken = count_text(model.fragment_count, "fragment"), count_text(model.bonds_broken, "bond")
+        return f"{date:%Y-%m-%d %H:%M}  {speed}  {pieces}  {broken} broken"
 
 
 class SweepBar:
