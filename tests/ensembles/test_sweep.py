@@ -22,7 +22,7 @@ import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
 from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
-from riftberg.ensembles.member import Job, Outcome, Tracks, build_member, run_member
+from riftberg.ensembles.member import Job, MemberTracks, Outcome, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
 from riftberg.ensembles.sweep import Store, _cells, join_parts, planned
 from riftberg.errors import InputError, RunError
@@ -147,10 +147,10 @@ def test_a_member_goes_on_from_the_state_that_it_saved(tmp_path: Path) -> None:
     job = Job(0, {"speed": 0.2}, drifting, Options(), 0.25, 3600.0, tmp_path, save_seconds=0.0)
     whole = run_member(job)
     model = build_member(job)
-    from riftberg.ensembles.member import Keeper, Tracks
+    from riftberg.ensembles.member import Keeper, MemberTracks
     from riftberg.ensembles.member import _gone_on as going_on
 
-    track = Tracks(job.every)
+    track = MemberTracks(job.every)
     model.advance(steps=5, recorders=[track, Keeper(job, track)])
     assert job.state_file.exists()
     # Bug: tracks had grown by two columns, each state counted as damaged, and every member began anew, with the same digits.
@@ -548,7 +548,7 @@ def test_the_command_runs_is_interrupted_and_goes_on(tmp_path: Path) -> None:
     assert (result["status"] == 0).all()
     assert (out / "sweep.png").stat().st_size > 20_000
     single = riftberg.experiments.build("a68a", Options({"fracture": {"normal_strength": 16e3}}))[0]  # type: ignore[attr-defined]
-    track = Tracks(6 * 3600.0)
+    track = MemberTracks(6 * 3600.0)
     single.advance(2.0, recorders=[track])
     assert result["lon"].values[0, 0].tolist() == [row[2] for row in track.rows if row[1] == 1.0]
     assert json.loads((out / "sweep.json").read_text())["days"] == 2.0

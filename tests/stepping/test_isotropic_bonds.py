@@ -70,11 +70,15 @@ def strained(berg: Iceberg, strain: np.ndarray, p: Parameters) -> SimpleNamespac
     tiles = work.tiles
     count = tile_kernels_applied(tiles, el, bonds, sizes, k, work.fields)
     at = [r for r in range(tiles.bond_ids.size) if tiles.bond_ids[r] != tile.EMPTY]
-    width = tile.tile_count(el.size) * tile.LANES
-    first = np.array([r % width for r in at])
+    first = np.array([element_of(r, tiles) for r in at])
     second = np.array([int(np.flatnonzero(tile_ends(el.size) == tiles.second_end[r])[0]) for r in at])
     force = np.array([[tiles.bond[tile.bond_offset(r) + of] for of in (tile.FX, tile.FY)] for r in at])
     return SimpleNamespace(x=x, first=first, second=second, force=force, el=el, bonds=bonds, count=count, tiles=tiles)
+
+
+def element_of(lane: int, tiles: tile.BondTiles) -> int:
+    """Element at which the bond of a lane begins."""
+    return lane // tile.LANES // len(tiles.kinds) * tile.LANES + lane % tile.LANES
 
 
 def tile_ends(count: int) -> np.ndarray:
@@ -84,15 +88,15 @@ def tile_ends(count: int) -> np.ndarray:
 def tile_kernels_applied(tiles, el, bonds, sizes, k, fields) -> int:
     count = tile.pack_bonds(tiles, el, bonds, sizes, np.arange(el.size), k)
     pack_elements(tiles, el, fields)
-    width = tile.tile_count(el.size)
+    layers = len(tiles.kinds)
     for b in tiles.in_use[:count]:
         bond = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE]
         shape = tiles.shape[tiles.shape_of[b] : tiles.shape_of[b] + tile.SHAPE_TILE]
-        ends = tiles.ends[b % width * tile.END_TILE : (b % width + 1) * tile.END_TILE]
+        ends = tiles.ends[b // layers * tile.END_TILE : (b // layers + 1) * tile.END_TILE]
         tile_kernels.gather_second_ends(
             tiles.scratch, tiles.second_end[b * tile.LANES : (b + 1) * tile.LANES], tiles.ends
         )
-        tile_kernels.apply_bond_law(bond, shape, tiles.scratch, ends, tiles.kinds[b // width], 0.0, k, 0.0)
+        tile_kernels.apply_bond_law(bond, shape, tiles.scratch, ends, tiles.kinds[b % layers], 0.0, k, 0.0)
     return count
 
 
@@ -212,15 +216,15 @@ def test_stress_is_that_of_the_ice() -> None:
         ):
             found = strained(berg, strain, p)
             tiles, k, largest = found.tiles, p.kernel_values(), 0.0
-            width = tile.tile_count(found.el.size)
+            layers = len(tiles.kinds)
             for b in tiles.in_use[: found.count]:
                 bond = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE]
                 shape = tiles.shape[tiles.shape_of[b] : tiles.shape_of[b] + tile.SHAPE_TILE]
-                ends = tiles.ends[b % width * tile.END_TILE : (b % width + 1) * tile.END_TILE]
+                ends = tiles.ends[b // layers * tile.END_TILE : (b // layers + 1) * tile.END_TILE]
                 tile_kernels.gather_second_ends(
                     tiles.scratch, tiles.second_end[b * tile.LANES : (b + 1) * tile.LANES], tiles.ends
                 )
-                tile_kernels.apply_bond_law(bond, shape, tiles.scratch, ends, tiles.kinds[b // width], 0.0, k, 0.0)
+                tile_kernels.apply_bond_law(bond, shape, tiles.scratch, ends, tiles.kinds[b % layers], 0.0, k, 0.0)
                 bonded = tiles.bond_ids[b * tile.LANES : (b + 1) * tile.LANES] >= 0
                 largest = max(largest, float(tiles.scratch[name : name + tile.LANES][bonded].max(initial=0.0)))
             assert largest == pytest.approx(expected, rel=1e-4)
@@ -264,7 +268,6 @@ def test_a_cut_frees_the_diagonals_across_it_at_once_and_for_good() -> None:
     cut = crossing(bonds, el, middle)
     bonds.status[cut], bonds.break_time[cut] = 1, 5.0
     record_breaks(work.tiles, bonds, el.body.bond_count, work.pairs, 5.0, False)
-    count = tile.tile_count(el.size) * tile.LANES
     for now in ("at once", "in the next step"):
         left = [
             r for r in range(work.tiles.bond_ids.size)
@@ -273,7 +276,7 @@ def test_a_cut_frees_the_diagonals_across_it_at_once_and_for_good() -> None:
         assert len(left) == 2 * (2 * 2 * 3), now
         for r in left:
             d = tile.diagonal_of(work.tiles.bond_ids[r])
-            assert (el.lon[r % count] < middle) == (el.lon[work.tiles.diagonals.second[d]] < middle)
+            assert (el.lon[element_of(r, work.tiles)] < middle) == (el.lon[work.tiles.diagonals.second[d]] < middle)
         tile_kernels_applied(work.tiles, el, bonds, interaction_sizes(el, k), k, work.fields)
     again = find_diagonals(el, bonds, k)
     assert again.first.size == len(left)

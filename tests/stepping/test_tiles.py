@@ -60,7 +60,7 @@ def loaded(columns: int, rows: int, broken: tuple[int, ...] = ()) -> tuple[Any, 
 
 def parts(made: BondTiles, b: int, elements: int) -> tuple[Any, Any, Any]:
     """Rows, first ends and sums of block ``b``."""
-    e = b % tile.tile_count(elements)
+    e = b // len(made.kinds)
     return (
         made.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE],
         made.ends[e * tile.END_TILE : (e + 1) * tile.END_TILE],
@@ -80,9 +80,14 @@ def applied(made: BondTiles, count: int, elements: int) -> None:
         block, ends, sums = parts(made, b, elements)
         tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
         tile_kernels.apply_bond_law(
-            block, shapes(made, b), made.scratch, ends, made.kinds[b // tile.tile_count(elements)], 10.0, P, P.period
+            block, shapes(made, b), made.scratch, ends, made.kinds[b % len(made.kinds)], 10.0, P, P.period
         )
         tile_kernels.accumulate_first_ends(block, made.scratch, sums)
+
+
+def element_of(lane: Any, made: BondTiles) -> Any:
+    """Element at which the bond of a lane begins."""
+    return lane // tile.LANES // len(made.kinds) * tile.LANES + lane % tile.LANES
 
 
 def quantity(made: BondTiles, name: int) -> np.ndarray:
@@ -91,11 +96,11 @@ def quantity(made: BondTiles, name: int) -> np.ndarray:
 
 @pytest.mark.parametrize(("columns", "rows"), [(3, 2), (5, 4), (9, 8), (40, 3)])
 def test_rows_hold_each_unbroken_bond_once_at_its_first_end(columns: int, rows: int) -> None:
-    el, bonds, made, count = loaded(columns, rows, broken=(0, 4))
+    _, bonds, made, count = loaded(columns, rows, broken=(0, 4))
     there = np.flatnonzero(made.bond_ids >= 0)
     held = made.bond_ids[there]
     assert sorted(held) == list(np.flatnonzero(bonds.status == 0))
-    assert np.array_equal(there % (tile.tile_count(el.mass.size) * tile.LANES), bonds.first[held])
+    assert np.array_equal(element_of(there, made), bonds.first[held])
     assert np.array_equal(made.second_end[there], [tile.end_offset(j) for j in bonds.second[held]])
     assert set(there // tile.LANES) == set(made.in_use[:count])
     slip = np.hypot(bonds.shear_x, bonds.shear_y)[held]
@@ -105,8 +110,8 @@ def test_rows_hold_each_unbroken_bond_once_at_its_first_end(columns: int, rows: 
 
 def test_the_first_layer_holds_the_bonds_to_the_next_element() -> None:
     """Its second ends are copied as neighbours, not one by one."""
-    el, bonds, made, _ = loaded(40, 3, broken=(7,))
-    layer = made.bond_ids[: tile.tile_count(el.mass.size) * tile.LANES]
+    _, bonds, made, _ = loaded(40, 3, broken=(7,))
+    layer = made.bond_ids.reshape(-1, len(made.kinds), tile.LANES)[:, 0]
     held = layer[layer >= 0]
     assert np.array_equal(bonds.second[held], bonds.first[held] + 1)
     assert ((bonds.second == bonds.first + 1) & (bonds.status == 0)).sum() == held.size
@@ -115,12 +120,40 @@ def test_the_first_layer_holds_the_bonds_to_the_next_element() -> None:
 @pytest.mark.parametrize("columns", [5, 40])
 def test_neighbours_are_copied_as_they_are_gathered(columns: int) -> None:
     el, _, made, _ = loaded(columns, 3)
+    first_layer = made.second_end.reshape(-1, len(made.kinds), tile.LANES)[:, 0]
     for b in range(tile.tile_count(el.mass.size)):
-        tile_kernels.gather_second_ends(made.scratch, made.second_end[b * tile.LANES : (b + 1) * tile.LANES], made.ends)
+        tile_kernels.gather_second_ends(made.scratch, first_layer[b].copy(), made.ends)
         one_by_one = made.scratch[: tile.END_TILE].copy()
         made.scratch[:] = np.nan
         tile_kernels.shift_second_ends(made.scratch, made.ends[b * tile.END_TILE : (b + 2) * tile.END_TILE])
         assert np.array_equal(made.scratch[: tile.END_TILE], one_by_one)
+
+
+def test_bonds_alike_share_their_shapes_and_others_do_not() -> None:
+    """In ice of one thickness each layer has one tile of shapes; one thin element gives those of its bonds to its tiles alone."""
+    el, bonds, made, _ = loaded(40, 6)
+    for same in (el.length, el.width, el.thickness, el.mass, bonds.rest_length):
+        same[:] = same[0]
+    count = pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
+    assert np.unique(made.shape_of[made.in_use[:count]]).size == len(made.kinds)
+    el.thickness[100] = 120.0
+    pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
+    there = np.flatnonzero(made.bond_ids >= 0)
+    small = [shapes(made, r // tile.LANES)[tile.THICKNESS_SMALL + r % tile.LANES] for r in there]
+    later = np.maximum(bonds.first, bonds.second)[made.bond_ids[there]]  # of two of one size it counts as the small one
+    assert np.array_equal(small, el.thickness[later])
+    assert len(made.kinds) < np.unique(made.shape_of).size < made.shape_of.size
+
+
+def test_elements_wait_for_all_bonds_that_see_them() -> None:
+    """A kick moves an element: of a bond that begins in a later tile it has to wait for that."""
+    el, bonds, made, _ = loaded(40, 6)
+    turned = bonds.first[50], bonds.second[50]
+    bonds.first[50], bonds.second[50] = turned[::-1]
+    pack_bonds(made, el, bonds, interaction_sizes(el, P), np.arange(el.mass.size), P)
+    for b in range(made.last_tile.size):
+        ends = (bonds.second // tile.LANES == b) & (bonds.status == 0)
+        assert made.last_tile[b] == max([b, *(bonds.first[ends] // tile.LANES)])
 
 
 def test_where_no_bond_is_nothing_acts() -> None:

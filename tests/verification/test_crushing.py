@@ -27,7 +27,7 @@ from riftberg.stepping.contact.face_forces import (
     FORCE,
     IMPACT,
     PHASE,
-    SEEN,
+    DEPTH_AT_END,
     SINCE,
     SPEED,
     TOUCHED,
@@ -448,7 +448,7 @@ def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monke
     )
     model = Model(Iceberg.join(bergs), Steady(), parameters)
     state = np.zeros((1, COLUMNS))
-    state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, SEEN]] = 12.0, 12.0, 1e3, 50.0, 0.012, IMPACT, 5.0
+    state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, DEPTH_AT_END]] = 12.0, 12.0, 1e3, 50.0, 0.012, IMPACT, 5.0
     pair = model.elements.body.id[None, :].astype(np.int64)
     model._stepper._faces.pairs = FacePairs(pair, state, np.zeros(1))  # type: ignore[attr-defined]
     steps: list[float] = []

@@ -308,25 +308,20 @@ def _left(ax: Any, ay: Any, bx: Any, by: Any, px: Any, py: Any) -> Any:
     return (bx - ax) * (py - ay) - (by - ay) * (px - ax) >= 0.0
 
 
-def crossed_by_mask(elements: Elements, bonds: Bonds, mask: Raster, threshold: float = 0.5) -> Booleans:
-    """Return which bonds run through cells of a rift mask; each bond is probed at nine points along it."""
-    crossed = np.zeros(len(bonds.first), dtype=bool)
-    i, j = bonds.first, bonds.second
-    # A rift may be narrower than a bond is long, but not than an eighth of it.
-    for part in np.linspace(0.0, 1.0, 9):
-        lon = (1 - part) * elements.lon[i] + part * elements.lon[j]
-        lat = (1 - part) * elements.lat[i] + part * elements.lat[j]
-        crossed |= np.nan_to_num(mask.sample(lon, lat)) > threshold
-    return crossed
-
-
 def crossed_by(
     elements: Elements, bonds: Bonds, rift: Any, lines: list[Any] | None, *, latlon: bool, threshold: float = 0.5
 ) -> Booleans:
     """Return which unbroken bonds a rift crosses: its ``lines``, or the mask ``rift`` where these are None."""
     if lines is None:
         mask = rift if isinstance(rift, Raster) else read_raster(rift)
-        crossed = crossed_by_mask(elements, bonds, mask, threshold)
+        # Which bonds run through cells of a rift mask; each bond is probed at nine points along it.
+        crossed = np.zeros(len(bonds.first), dtype=bool)
+        i, j = bonds.first, bonds.second
+        # A rift may be narrower than a bond is long, but not than an eighth of it.
+        for part in np.linspace(0.0, 1.0, 9):
+            lon = (1 - part) * elements.lon[i] + part * elements.lon[j]
+            lat = (1 - part) * elements.lat[i] + part * elements.lat[j]
+            crossed |= np.nan_to_num(mask.sample(lon, lat)) > threshold
     else:
         crossed = crossings(elements, bonds, lines, latlon)[0] >= 0
     crossed &= bonds.status == 0

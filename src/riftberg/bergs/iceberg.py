@@ -407,7 +407,8 @@ class Iceberg(BondedBerg):
         plan = areas(n, sizes, random, between)
         heights = thickness_of(plan) if thickness is None else thickness
         settings = berg_options(options, FieldOptions, heights)
-        aspect = aspect_of(sizes)
+        # The length over the width of bergs of a distribution: the classes are of long bergs, all others of squares.
+        aspect = ASPECT if isinstance(sizes, str) and sizes == "gladstone" else 1.0
         # Rectangles of any turn keep clear of each other where their corners do.
         reach = np.sqrt(0.25 * (aspect + 1.0 / aspect) * plan)
         metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
@@ -529,11 +530,6 @@ TRIES: Final = 2000
 """Places that are tried for a berg before the area counts as full."""
 
 SIZES: Final = ("gladstone", "tournadre")
-
-
-def aspect_of(sizes: Any) -> float:
-    """Return the length over the width of bergs of a distribution: the classes are of long bergs, all others of squares."""
-    return ASPECT if isinstance(sizes, str) and sizes == "gladstone" else 1.0
 
 
 def areas(count: int, sizes: Any, random: np.random.Generator, between: tuple[float, float]) -> Floats:

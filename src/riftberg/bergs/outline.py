@@ -473,8 +473,8 @@ def _placemarks(node: ElementTree.Element, above: dict[str, Any], where: str) ->
 _KML_TOLD = ("name", "when", "begin")
 
 
-def _kml_properties(mark: ElementTree.Element) -> dict[str, Any]:
-    """Return name, time and the attributes that other programs keep as extended data."""
+def _placemark(mark: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
+    # Name, time and the attributes that other programs keep as extended data.
     attributes: dict[str, Any] = {}
     for node in mark.iter():
         text = (node.text or "").strip()
@@ -484,11 +484,7 @@ def _kml_properties(mark: ElementTree.Element) -> dict[str, Any]:
             attributes[node.get("name", "")] = text
         elif _tag(node) == "Data":
             attributes[node.get("name", "")] = next(((n.text or "").strip() for n in node if _tag(n) == "value"), "")
-    return attributes
-
-
-def _placemark(mark: ElementTree.Element, above: dict[str, Any], where: str) -> Iterator[Feature]:
-    properties = {**above, **_kml_properties(mark)}
+    properties = {**above, **attributes}
     polygons, lines = [], []
     for node in mark.iter():
         if _tag(node) == "Polygon":

@@ -388,14 +388,6 @@ class Stepping(Group):
         gt=0,
         le=1,
     )
-    threads: int = quantity(
-        1,
-        "",
-        "with mts: threads for the sub-steps of lattices of 20,000 elements and more; results do not depend on it",
-        "Riftberg",
-        ge=1,
-        le=256,
-    )
     explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "equations 6.4")
     predictor_corrector: bool = quantity(
         True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "equations 4.2"
@@ -424,6 +416,19 @@ class Stepping(Group):
         "Riftberg",
         gt=0,
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_one_thread(cls, given: Any) -> Any:
+        """Refuse the threads of 0.2; its files hold their default of 1."""
+        if not isinstance(given, dict):
+            return given
+        if given.get("threads", 1) not in (1, "1"):
+            raise ValueError(
+                "stepping.threads is no longer part of Riftberg: a lattice is stepped in one thread. Leave it out; results never "
+                "depended on it"
+            )
+        return {name: value for name, value in given.items() if name != "threads"}
 
 
 class Earth(Group):

@@ -494,16 +494,15 @@ class Exchange:
 
     def _keep(self) -> None:
         """Leave stores and ledger where a restart finds them."""
-        kept = self.model.remembered
-        kept[STORES + "totals"], kept[STORES + "start"] = self._totals.copy(), self._start.copy()
-        kept[STORES + "held"], kept[STORES + "left"] = self._held.copy(), self._left.copy()
-        kept[STORES + "settling"] = self._settling.rest.copy()
+        kept: dict[str, Floats | None] = {
+            "totals": self._totals, "start": self._start, "held": self._held, "left": self._left,
+            "settling": self._settling.rest,
+        }  # fmt: skip
         if self.calving is not None:
             s = self.calving.stores
-            kept[STORES + "ice"], kept[STORES + "heat"] = s.ice.copy(), s.heat.copy()
-            kept[STORES + "counter"] = s.counter.astype(float)
-            if s.mean_flux is not None and s.mean_heat is not None:
-                kept[STORES + "mean_flux"], kept[STORES + "mean_heat"] = s.mean_flux.copy(), s.mean_heat.copy()
+            kept |= {"ice": s.ice, "heat": s.heat, "counter": s.counter.astype(float)}
+            kept |= {"mean_flux": s.mean_flux, "mean_heat": s.mean_heat}
+        self.model.remembered.update({STORES + name: array.copy() for name, array in kept.items() if array is not None})
 
 
 def _check_kept(model: BareModel, grid: Grid) -> None:

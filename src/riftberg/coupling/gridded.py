@@ -352,22 +352,12 @@ class GridRecorder:
                 {"units": "kg m-2 s-1", "long_name": "melt water of bergs by process", "cell_methods": mean},
             ),
         }  # fmt: skip
-        dataset = xr.Dataset(data, self._coordinates(spans, box, how), self._attributes())
-        began = spans[0].since if spans else datetime(2000, 1, 1)
-        for name in ("time", "time_bnds"):
-            since = began.isoformat(sep=" ", timespec="seconds")
-            dataset[name].encoding = {"units": f"seconds since {since}", "dtype": "float64"}
-        for name in data:
-            dataset[name].encoding = {"zlib": True}
-        return dataset
-
-    def _coordinates(self, spans: list[_Span], box: tuple[slice, slice], how: str) -> dict[str, Any]:
         g = self.grid.arrays
         bounds = np.array([[s.since, s.end] for s in spans], dtype="datetime64[us]").reshape(-1, 2)
         time = bounds[:, 1] if how == "point" else bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) // 2
         units = ("degrees_east", "degrees_north") if g.latlon else ("m", "m")
         names = ("longitude", "latitude") if g.latlon else ("projection_x_coordinate", "projection_y_coordinate")
-        return {
+        coordinates = {
             "time": ("time", time, {"standard_name": "time", "bounds": "time_bnds"}),
             "time_bnds": (("time", "bnds"), bounds),
             "lon": (("j", "i"), g.lon_centre[box], {"units": units[0], "standard_name": names[0]}),
@@ -375,13 +365,17 @@ class GridRecorder:
             "areacello": (("j", "i"), g.area[box], {"units": "m2", "standard_name": "cell_area"}),
             "process": ("process", list(PROCESSES), {"long_name": "way in which ice becomes melt water"}),
         }
-
-    @staticmethod
-    def _attributes() -> dict[str, str]:
-        return {
+        dataset = xr.Dataset(data, coordinates, {
             "Conventions": "CF-1.11", "title": "What icebergs give to the ocean", "source": f"riftberg {__version__}",
             "comment": "The sum over cells of a field times areacello is that over all bergs.",
-        }  # fmt: skip
+        })  # fmt: skip
+        began = spans[0].since if spans else datetime(2000, 1, 1)
+        since = {"units": f"seconds since {began.isoformat(sep=' ', timespec='seconds')}", "dtype": "float64"}
+        for name in ("time", "time_bnds"):
+            dataset[name].encoding = dict(since)
+        for name in data:
+            dataset[name].encoding = {"zlib": True}
+        return dataset
 
 
 def _variable(values: Floats, name: str, how: str, meaning: str | None = None) -> tuple[Any, ...]:

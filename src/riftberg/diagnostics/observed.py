@@ -91,32 +91,27 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
             raise InputError(
                 f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}"
             )
-        return _table(path)
+        table = rows_of_csv(path)[0]
+        names = {k: str(k).strip().lower() for k in (table[0] if table else ()) if k is not None}
+        rows = [{name: row[k].strip() for k, name in names.items() if row[k] is not None} for row in table]
+        if not rows:
+            raise InputError("no rows", where=str(path), remedy="A table needs a line of names and rows below")
+        dated = next((name for name in _DATES if name in rows[0]), "")
+        if not dated:
+            raise _unknown(path, rows[0], "no column of dates")
+        if any(name in rows[0] for name in _VERTEX):
+            return Observations(path.name, outlines=_without_twins(_vertices(path, rows, dated)))
+        once = {(f.name, f.when, f.lon, f.lat, f.interpolated): f for f in _fixes(path, rows, dated)}
+        fixes = list(once.values())
+        if not fixes:
+            raise InputError(
+                "no position that is a number", where=str(path), remedy="Give latitude and longitude in degrees"
+            )
+        return Observations(path.name, fixes=fixes)
 
 
 _MOST: Final = 2**31
 """Bytes of a file of observations, grids among them."""
-
-
-def _table(path: Path) -> Observations:
-    table = rows_of_csv(path)[0]
-    names = {k: str(k).strip().lower() for k in (table[0] if table else ()) if k is not None}
-    rows = [{name: row[k].strip() for k, name in names.items() if row[k] is not None} for row in table]
-    if not rows:
-        raise InputError("no rows", where=str(path), remedy="A table needs a line of names and rows below")
-    date = next((name for name in _DATES if name in rows[0]), "")
-    if not date:
-        raise _unknown(path, rows[0], "no column of dates")
-    if any(name in rows[0] for name in _VERTEX):
-        return Observations(path.name, outlines=_without_twins(_vertices(path, rows, date)))
-    fixes = [
-        *{(f.name, f.when, f.lon, f.lat, f.interpolated): f for f in _fixes(path, rows, date)}.values()
-    ]  # once each
-    if not fixes:
-        raise InputError(
-            "no position that is a number", where=str(path), remedy="Give latitude and longitude in degrees"
-        )
-    return Observations(path.name, fixes=fixes)
 
 
 def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:

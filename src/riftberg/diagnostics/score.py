@@ -263,7 +263,9 @@ class _Judge:
         polygons = self.scene.polygons(record)
         shapes = {n: self._union(plane, polygons[self.scene.berg[record] == n]) for n in self.fragments(record)}
         drawn = [shape for _, shape in pieces]
-        groups = group_fragments(shapes, drawn, self._answers_before(plane, drawn))
+        # The fragments that answered to these pieces when they were seen the time before.
+        earlier = [polygon_on(plane, ring) for ring, _ in self._before]
+        groups = group_fragments(shapes, drawn, {k: self._before[i][1] for k, i in same_pieces(earlier, drawn).items()})
         self._before = [
             (np.column_stack(plane.inverse(*np.asarray(shape.exterior.coords).T)), group[0])
             for shape, group in zip(drawn, groups, strict=True)
@@ -278,11 +280,6 @@ class _Judge:
         ]
         used = {n for group in groups for n in group}
         return matches, [n for n in shapes if n not in used]
-
-    def _answers_before(self, plane: ConformalPlane, pieces: list[BaseGeometry]) -> dict[int, int]:
-        """Return the fragments that answered to these pieces when they were seen the time before."""
-        earlier = [polygon_on(plane, ring) for ring, _ in self._before]
-        return {k: self._before[i][1] for k, i in same_pieces(earlier, pieces).items()}
 
     def _union(self, plane: ConformalPlane, polygons: Floats) -> BaseGeometry:
         x, y = plane.forward(polygons[..., 0], polygons[..., 1])

@@ -361,14 +361,10 @@ def posterior(found: Matched, *, seed: int = 1) -> Posterior:
     # Few members lie close together by chance. Their place is kept and their spread drawn towards that of all members that are
     # left, by linear regression; exact where all is linear and normal, however few they are.
     part, middle = FEW_MEMBERS / (FEW_MEMBERS + number), total @ corrected
-    noise = random.standard_normal(corrected.shape) @ _root(spread).T
+    values, vectors = np.linalg.eigh(spread)
+    noise = random.standard_normal(corrected.shape) @ np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))).T
     corrected = middle + np.sqrt(1.0 - part) * (corrected - middle) + np.sqrt(part) * noise
     return Posterior(norm.cdf(corrected), total, by_member, number)
-
-
-def _root(covariance: Floats) -> Floats:
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _regressed(

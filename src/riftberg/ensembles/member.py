@@ -150,16 +150,21 @@ def build_member(job: Job) -> Model:
 
     if job.digest and digest_of(job.experiment) not in ("", job.digest):
         raise InputError("this file has changed since the sweep began", where=job.experiment, remedy=UNDO)
-    changes = {group: dict(values) for group, values in job.options.changes.items()}
-    for group, values in grouped(job.values).items():
-        changes[group] = {**changes.get(group, {}), **values}
-    return with_errors(build(job.experiment, replace(job.options, changes=changes))[0], job.values)
+    return with_errors(build(job.experiment, with_values(job.options, job.values))[0], job.values)
+
+
+def with_values(options: Options, values: Mapping[str, Any]) -> Options:
+    """Return options of an experiment with the values of a member among its changes."""
+    changes = {group: dict(inner) for group, inner in options.changes.items()}
+    for group, inner in grouped(values).items():
+        changes[group] = {**changes.get(group, {}), **inner}
+    return replace(options, changes=changes)
 
 
 def run_member(job: Job) -> Outcome:
     """Run a member to its end; whatever goes wrong becomes its message."""
     began = clock.perf_counter()
-    track = Tracks(job.every, job.lag)
+    track = MemberTracks(job.every, job.lag)
     try:
         with allow_large(job.large), sharing_forcings():
             if (job.folder / STOP).exists():
@@ -219,7 +224,7 @@ def _gone_on(job: Job, fresh: Model) -> Model:
     return model
 
 
-def _advance(model: Model, days: float, track: Tracks, job: Job) -> None:
+def _advance(model: Model, days: float, track: MemberTracks, job: Job) -> None:
     keeper = Keeper(job, track)
     try:
         model.advance(days, recorders=[track, *_files(job), keeper])
@@ -251,7 +256,7 @@ def _forget_files(job: Job) -> None:
         file.unlink(missing_ok=True)
 
 
-class Tracks:
+class MemberTracks:
     """Recorder of the centroid, area and long axis of every fragment at equal intervals.
 
     ``every``: interval, s; ``lag``: how much later than the run the intervals begin, s.
@@ -380,7 +385,7 @@ def _shapes(model: BareModel, start: tuple[Any, Any, Any]) -> list[list[Any]]:
 class Keeper:
     """Recorder that saves the state now and then, and ends the run where the sweep is asked to stop."""
 
-    def __init__(self, job: Job, track: Tracks) -> None:
+    def __init__(self, job: Job, track: MemberTracks) -> None:
         self.job, self.track = job, track
         self._began = self._saved = self._looked = clock.monotonic()
 
@@ -428,7 +433,7 @@ FRAGMENT: Final = (
 """What is kept of a berg or fragment."""
 
 
-def outcome_of(number: int, model: BareModel, track: Tracks) -> Outcome:
+def outcome_of(number: int, model: BareModel, track: MemberTracks) -> Outcome:
     """Return what a finished member came to."""
     rows = model.fragments.rows
     e = model.elements

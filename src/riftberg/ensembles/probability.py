@@ -36,11 +36,11 @@ _ABOUT: Final = {
 }
 
 
-def wilson(share: Any, number: float, level: float = LEVEL) -> tuple[Any, Any]:
-    """Return Wilson's interval of a probability from the share of ``number`` members."""
+def wilson(share: Any, number: float) -> tuple[Any, Any]:
+    """Return Wilson's interval (`LEVEL`) of a probability from the share of ``number`` members."""
     from scipy.stats import norm
 
-    z2 = float(norm.ppf(0.5 + 0.5 * level)) ** 2
+    z2 = float(norm.ppf(0.5 + 0.5 * LEVEL)) ** 2
     if number <= 0.0:
         return np.zeros_like(share), np.ones_like(share)
     middle = (share + 0.5 * z2 / number) / (1.0 + z2 / number)

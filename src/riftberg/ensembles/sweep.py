@@ -23,7 +23,18 @@ from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.cluster import computed, connected, cores
 from riftberg.ensembles.distributions import PLANS
-from riftberg.ensembles.member import CELLS, CONTROL, STOP, UNDO, Job, Maker, Outcome, build_member, digest_of
+from riftberg.ensembles.member import (
+    CELLS,
+    CONTROL,
+    STOP,
+    UNDO,
+    Job,
+    Maker,
+    Outcome,
+    build_member,
+    digest_of,
+    with_values,
+)
 from riftberg.ensembles.probability import Breaks, with_probabilities
 from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
 from riftberg.ensembles.uncertain import check_sizes, with_errors
@@ -288,12 +299,12 @@ def planned(
     if isinstance(named, str):
         from riftberg.experiments import build
 
-        first, info = build(named, _first_options(options, members[0]))
+        first, info = build(named, with_values(options, members[0]))
         length = info.days if length is None else length
         # All combinations by their parameters alone, which is quick; only the first and the last are built.
         _check_members(first, members, varied)
         try:
-            last, _ = build(named, _first_options(options, members[-1]))
+            last, _ = build(named, with_values(options, members[-1]))
         except InputError as error:  # the first could be built, so it is what is varied
             raise InputError(error.what, where=_member_text(members[-1]), remedy=error.remedy) from error
         for model, values in ((first, members[0]), (last, members[-1])):
@@ -368,13 +379,6 @@ def _cells(width: float | None, first: Model) -> float | None:
     if not first.parameters.earth.latlon:
         raise InputError("the runs are in metres, cells in degrees", where="cells", remedy="Leave cells out")
     return width
-
-
-def _first_options(options: Options, values: Mapping[str, Any]) -> Options:
-    merged = {group: dict(inner) for group, inner in options.changes.items()}
-    for group, inner in grouped(values).items():
-        merged[group] = {**merged.get(group, {}), **inner}
-    return replace(options, changes=merged)
 
 
 def _check_members(first: Model, members: Sequence[dict[str, Any]], varied: Sequence[Varied]) -> None:
@@ -663,18 +667,14 @@ def _collect(store: Store, outcomes: Iterator[Outcome], hold: Hold, bar: SweepBa
             bar.show(store.done)
         if store.look is not None and len(store.done) >= due and len(store.done) < len(store.numbers):
             due = 2 * len(store.done)
-            _look(store)
-
-
-def _look(store: Store) -> None:
-    """Write the result of the members that are done, and show it; whatever goes wrong is left to the end."""
-    try:
-        store.write()
-        known = open_sweep(store.file, tracks=False)
-        try:
-            assert store.look is not None
-            store.look(known)
-        finally:
-            known.close()
-    except Exception as error:  # the members go on
-        _LOG.warning("no first result: %s", error)
+            # Write the result of the members that are done, and show it; whatever goes wrong is left to the end.
+            try:
+                store.write()
+                known = open_sweep(store.file, tracks=False)
+                try:
+                    assert store.look is not None
+                    store.look(known)
+                finally:
+                    known.close()
+            except Exception as error:  # the members go on
+                _LOG.warning("no first result: %s", error)

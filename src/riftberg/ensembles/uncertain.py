@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from riftberg.runs.model import Model
 
 
-class Start(Section):
+class StartError(Section):
     """The berg at the start, against what the experiment says."""
 
     east: float = key(0.0, "m", "distance by which the berg starts farther east", ge=-1e6, le=1e6)
@@ -85,7 +85,7 @@ class Seed(Section):
 
 
 UNCERTAIN: Final[dict[str, Any]] = {
-    "start": Start, "current_error": CurrentError, "wind_error": WindError, "floor_error": FloorError, "errors": Seed
+    "start": StartError, "current_error": CurrentError, "wind_error": WindError, "floor_error": FloorError, "errors": Seed
 }  # fmt: skip
 """Groups that are no parameters."""
 
@@ -125,7 +125,18 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
         return model
     sections: dict[str, Any] = {group: kind(**keys.get(group, {})) for group, kind in UNCERTAIN.items()}
     begun = _started(model, sections["start"])
-    errors = _errors(sections)
+    c, w, f = sections["current_error"], sections["wind_error"], sections["floor_error"]
+    size = None
+    if c.field is not None:
+        size = stated_error(c.field)
+    speed = c.speed if size is None else 1.0  # the field holds the size
+    errors = Errors(
+        current=FieldError(speed, c.length, c.time) if speed > 0.0 else None, current_size=size,
+        wind=FieldError(w.speed, w.length, w.time) if w.speed > 0.0 else None,
+        floor=FieldError(1.0, f.length) if f.spread > 0.0 or f.share > 0.0 else None,
+        floor_offset=f.offset, floor_scale=f.scale, floor_spread=f.spread, floor_share=f.share,
+        current_scale=c.scale, wind_scale=w.scale, seed=sections["errors"].seed,
+    )  # fmt: skip
     if errors != Errors(seed=errors.seed):
         earth = model.parameters.earth
         plane = earth.f_plane or not earth.latlon
@@ -136,24 +147,9 @@ def with_errors(model: Model, values: Mapping[str, Any]) -> Model:
     return begun
 
 
-def _errors(sections: Mapping[str, Any]) -> Errors:
-    c, w, f = sections["current_error"], sections["wind_error"], sections["floor_error"]
-    size = None
-    if c.field is not None:
-        size = stated_error(c.field)
-    speed = c.speed if size is None else 1.0  # the field holds the size
-    return Errors(
-        current=FieldError(speed, c.length, c.time) if speed > 0.0 else None, current_size=size,
-        wind=FieldError(w.speed, w.length, w.time) if w.speed > 0.0 else None,
-        floor=FieldError(1.0, f.length) if f.spread > 0.0 or f.share > 0.0 else None,
-        floor_offset=f.offset, floor_scale=f.scale, floor_spread=f.spread, floor_share=f.share,
-        current_scale=c.scale, wind_scale=w.scale, seed=sections["errors"].seed,
-    )  # fmt: skip
-
-
-def _started(model: Model, start: Start) -> Model:
+def _started(model: Model, start: StartError) -> Model:
     """Return the model anew with its berg moved, turned and changed."""
-    if start == Start():
+    if start == StartError():
         return model
     if model.life is not None and start.size != 1.0:
         raise InputError(

@@ -168,7 +168,14 @@ def _of_parameter(name: str, values: Any, where: str) -> Varied:
     group, _, key = name.partition(".")
     if is_of_file(name):
         if isinstance(values, str) and values.startswith("~"):
-            return _drawn_of_file(name, values[1:], where)
+            # Read the distribution of a key of an experiment file; one of values has them as the file would.
+            field = file_field(name)
+            if field is None:
+                raise InputError(
+                    f"an experiment file has no key {name}", where=where,
+                    remedy="Name it as the file has it, such as forcing.eddy.speed",
+                )  # fmt: skip
+            return _drawn(name, values[1:], field, lambda part: file_value(part, where), where)
         return Varied(name, _distinct(_of_file(values, where), where), meaning="key of the experiment file")
     section, field = _field_of(name, where)
     if isinstance(values, str) and values.startswith("~"):
@@ -211,17 +218,6 @@ def _parts(text: str, where: str) -> tuple[list[str], int]:
         raise InputError(said, where=where, remedy=f"Write the number, 2 or more, behind a colon: {low}..{high}:11")
     refuse_large(int(count), MOST_MEMBERS, "members", where=where, remedy="Give fewer values", kind=InputError)
     return with_unit_of_last([low.strip(), high.strip()], where), int(count)
-
-
-def _drawn_of_file(name: str, text: str, where: str) -> Varied:
-    """Read the distribution of a key of an experiment file; one of values has them as the file would."""
-    field = file_field(name)
-    if field is None:
-        raise InputError(
-            f"an experiment file has no key {name}", where=where,
-            remedy="Name it as the file has it, such as forcing.eddy.speed",
-        )  # fmt: skip
-    return _drawn(name, text, field, lambda part: file_value(part, where), where)
 
 
 def _drawn(name: str, text: str, field: FieldInfo, value: Callable[[str], Any], where: str) -> Varied:

@@ -39,18 +39,18 @@ class GridArrays(NamedTuple):
     lat: Floats  # North-east corners, degrees or m
     lon_centre: Floats  # Mean of the four corners; row 0 and column 0 are no cells
     lat_centre: Floats  # Mean of the four corners; row 0 and column 0 are no cells
-    dx: Floats  # Length of the north edge and of the east edge, m
-    dy: Floats  # Length of the north edge and of the east edge, m
+    dx: Floats  # Length of the north edge, m
+    dy: Floats  # Length of the east edge, m
     area: Floats  # Area of the cell, m2
     mask: Floats  # 1 ocean, 0 land
     cos_angle: Floats  # Turn of the grid at the corners: eastward = cos u + sin v, northward = cos v - sin u
-    sin_angle: Floats  # Turn of the grid at the corners: eastward = cos u + sin v, northward = cos v - sin u
-    ni: int  # Cells of the domain and width of the halo around it
-    nj: int  # Cells of the domain and width of the halo around it
-    halo: int  # Cells of the domain and width of the halo around it
-    latlon: bool  # Degrees or metres; edges along the axes; western and eastern end joined
-    regular: bool  # Degrees or metres; edges along the axes; western and eastern end joined
-    cyclic: bool  # Degrees or metres; edges along the axes; western and eastern end joined
+    sin_angle: Floats
+    ni: int  # Cells of the domain from west to east
+    nj: int  # and from south to north
+    halo: int  # Cells around it
+    latlon: bool  # Whether positions are in degrees, not in m
+    regular: bool  # Whether edges lie along the axes
+    cyclic: bool  # Whether western and eastern end are joined
     # Zonal period of the coordinate, 0 or less if none. A regional grid in degrees has 360 without being cyclic
     period: float
 

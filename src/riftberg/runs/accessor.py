@@ -262,22 +262,17 @@ def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
         tracks = table.isel(index=slice(int(ends[row] - table["rowsize"].values[row]), int(ends[row])))
         name, azimuth = names[row], tracks["azimuth"].values.astype(float)
     lon = np.unwrap(tracks[x].values, period=360.0) if earth.latlon else tracks[x].values
-    return Course(
-        name, tracks["time"].values, lon, tracks[y].values, azimuth, tracks["area"].values.astype(float),
-        _births(run, x, y), earth.latlon, earth.radius,
-    )  # fmt: skip
-
-
-def _births(run: xr.Dataset, x: str, y: str) -> list[dict[str, Any]]:
-    """Return the break-ups of a run."""
     columns = ("parent", "birth_time", x, y, "area", "bonds_broken", "grounded")
-    rows = zip(*(run[f"fragment_{name}"].values.tolist() for name in columns), strict=True)
+    births = zip(*(run[f"fragment_{column}"].values.tolist() for column in columns), strict=True)
     dates = run["fragment_birth_time"].values.astype("datetime64[s]").astype(str)
     found = [
         {"time": date, "lon": lon, "lat": lat, "area_km2": area / 1e6, "bonds": int(bonds), "grounded": bool(ground)}
-        for date, (parent, _, lon, lat, area, bonds, ground) in zip(dates, rows, strict=True) if parent > 0
+        for date, (parent, _, lon, lat, area, bonds, ground) in zip(dates, births, strict=True) if parent > 0
     ]  # fmt: skip
-    return sorted(found, key=lambda event: event["time"])
+    return Course(
+        name, tracks["time"].values, lon, tracks[y].values, azimuth, tracks["area"].values.astype(float),
+        sorted(found, key=lambda event: event["time"]), earth.latlon, earth.radius,
+    )  # fmt: skip
 
 
 def apart(one: Course, other: Course) -> dict[str, NDArray[Any]]:

@@ -69,14 +69,13 @@ USER_LAW: Final = "a law of the user"
 
 def own_applied(model: BareModel) -> list[Derived]:
     """Return the mean force of each of several laws of the user on each element."""
-    names = model.laws.several()
     variables = tuple(
         Variable(f"force_{name}_{axis}", "N", f"mean {word} force of {name}, {USER_LAW}, since the record before")
-        for name in names
+        for name in model.laws.several()
         for axis, word in (("x", "eastward"), ("y", "northward"))
     )
     of = lambda model: model.own_forces().reshape(model.elements.size, -1).T  # noqa: E731
-    return [Derived(variables, of, mean=True)] if names else []
+    return [Derived(variables, of, mean=True)] if variables else []
 
 
 def _own_totals(names: Sequence[str]) -> Derived:
@@ -90,10 +89,7 @@ def _own_totals(names: Sequence[str]) -> Derived:
         )
     )  # fmt: skip
 
-    def values(model: BareModel) -> list[float]:
-        return [value for given in model.motion.balance(model, model.remembered).own.values() for value in given]
-
-    return Derived(variables, values, "total")
+    return Derived(variables, _motion(lambda b: [value for given in b.own.values() for value in given]), "total")
 
 
 def added(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Derived]:
@@ -116,37 +112,20 @@ def added(functions: Mapping[str, tuple[str, Callable[[Any], Any]]]) -> list[Der
     ]
 
 
-def _motion_by_force(model: BareModel) -> Sequence[Any]:
-    b = model.motion.balance(model, model.remembered)
-    return [*zip(*(b.impulse[name] for name in GIVERS), strict=True), [b.work[name] for name in GIVERS]]
+def _motion(of: Callable[[Any], Sequence[Any]]) -> Callable[[Any], Sequence[Any]]:
+    """Return a function of the ledger of momentum and energy as one of the model."""
+    return lambda model: of(model.motion.balance(model, model.remembered))
 
 
-def _motion_totals(model: BareModel) -> Sequence[Any]:
-    b = model.motion.balance(model, model.remembered)
-    return *b.momentum_now, b.kinetic_now, b.released, b.crushed
-
-
-def _energy_in_the_bed(model: BareModel) -> Sequence[Any]:
-    b = model.motion.balance(model, model.remembered)
-    return b.rubbed, b.gouged
-
-
-def _energy_in_bonds(model: BareModel) -> Sequence[Any]:
-    b = model.motion.balance(model, model.remembered)
-    return b.elastic_now, b.dissipated
-
-
-def _melt_by_process(model: BareModel) -> Sequence[Any]:
-    assert model.life is not None
-    b = model.life.balance(model)
-    return [b.water[name] for name in PROCESSES], [b.heat[name] for name in PROCESSES]
-
-
-def _ice_totals(model: BareModel) -> Sequence[Any]:
-    assert model.life is not None
+def _ice_totals(model: Any) -> Sequence[Any]:
     b = model.life.balance(model)
     gained = sum(b.gained[name] for name in SOURCES)
     return b.now, mass_in_bits(model.elements.life), gained, b.error, b.heat_error
+
+
+def _melt_by_process(model: Any) -> Sequence[Any]:
+    b = model.life.balance(model)
+    return [[by[name] for name in PROCESSES] for by in (b.water, b.heat)]
 
 
 MOTION: Final = (
@@ -154,27 +133,29 @@ MOTION: Final = (
         Variable("impulse_x", "N s", "eastward momentum given to the bergs since the start, by force"),
         Variable("impulse_y", "N s", "northward momentum given to the bergs since the start, by force"),
         Variable("work", "J", "work done on the bergs since the start, by force"),
-    ), _motion_by_force, "force"),
+    ), _motion(lambda b: [
+        *zip(*(b.impulse[name] for name in GIVERS), strict=True), [b.work[name] for name in GIVERS],
+    ]), "force"),
     Derived((
         Variable("momentum_x", "N s", "eastward momentum of all bergs"),
         Variable("momentum_y", "N s", "northward momentum of all bergs"),
         Variable("kinetic_energy", "J", "kinetic energy of all bergs, with that of spin"),
         Variable("cracks_energy", "J", "elastic energy that broken bonds have released since the start"),
         Variable("crushing_energy", "J", "plastic work and friction of faces that crush each other since the start"),
-    ), _motion_totals, "total"),
+    ), _motion(lambda b: (*b.momentum_now, b.kinetic_now, b.released, b.crushed)), "total"),
 )  # fmt: skip
 """The ledger of momentum and energy."""
 
 IN_BONDS: Final = Derived((
     Variable("elastic_energy", "J", "elastic energy in bonds"),
     Variable("dissipated_energy", "J", "energy lost in dampers and contacts since the start"),
-), _energy_in_bonds, "total")  # fmt: skip
+), _motion(lambda b: (b.elastic_now, b.dissipated)), "total")  # fmt: skip
 """What that ledger has besides where bonds vibrate."""
 
 IN_THE_BED: Final = Derived((
     Variable("bed_friction_energy", "J", "work of friction on a bed of sediment since the start"),
     Variable("gouge_energy", "J", "work that made gouges in a bed of sediment since the start"),
-), _energy_in_the_bed, "total")  # fmt: skip
+), _motion(lambda b: (b.rubbed, b.gouged)), "total")  # fmt: skip
 """What it has besides on a bed of sediment."""
 
 ICE: Final = (

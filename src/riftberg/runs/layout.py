@@ -236,17 +236,6 @@ HUTH_2022 = (
 LIBRARIES = ("numpy", "numba", "xarray", "netCDF4", "pydantic")
 
 
-def library_versions() -> dict[str, str]:
-    """Return the versions of Riftberg, Python and the libraries that decide on numbers."""
-    versions = {"riftberg": __version__, "python": platform.python_version()}
-    for name in LIBRARIES:
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:
-            versions[name] = "unknown"
-    return versions
-
-
 def forcing_text(forcing: Any) -> str:
     """Return what the forcing says of itself, or nothing where it is silent."""
     describe = getattr(forcing, "describe", None)
@@ -272,6 +261,13 @@ COMMAND, FILE, PLACE = "command", "experiment_file", "data_folder"
 def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None = None) -> dict[str, Any]:
     """Return global attributes that let another person understand and repeat the run."""
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    # The versions of Riftberg, Python and the libraries that decide on numbers.
+    versions = {"riftberg": __version__, "python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "unknown"
     return {
         "title": f"Drift and break-up of bonded icebergs: {experiment or 'run'}",
         "experiment": experiment,
@@ -285,7 +281,7 @@ def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None =
         **({"laws": laws} if (laws := model.laws.named()) else {}),
         "parameters": model.parameters.describe(),
         "parameters_json": model.parameters.model_dump_json(),
-        "versions_json": json.dumps(library_versions()),
+        "versions_json": json.dumps(versions),
         "seed": "none" if seed is None else str(seed),
     }
 

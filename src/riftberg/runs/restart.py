@@ -348,7 +348,13 @@ def check_extra(state: RestartState, path: Path) -> None:
     sizes |= {name: int(value) for name, value in following.items() if value.dtype.kind in "iu" and value.ndim == 0}
     ends = {f"beyond {table}_id": int(ids.max()) + 1 if ids.size else 0
             for table, ids in (("element", state.elements.id), ("bond", state.bonds.id))}  # fmt: skip
-    for name, bound in _bounds_of(state.extra):
+    # Names and bounds of the arrays that are known, those first that say how long the others are.
+    found: dict[str, Bound] = {}
+    for pattern, bound in EXTRAS.items():
+        for name in state.extra:
+            if re.fullmatch(pattern, name):
+                found.setdefault(name, bound)  # the first pattern that fits holds
+    for name, bound in sorted(found.items(), key=lambda item: item[1].least is not None):
         values, place = np.asarray(state.extra[name]), f"variable extra/{name}"
         fits = values.ndim == len(bound.shape) and all(
             wanted is None or size == (sizes.setdefault(wanted, size) if isinstance(wanted, str) else wanted)
@@ -367,16 +373,6 @@ def check_extra(state: RestartState, path: Path) -> None:
             _refuse(values, Allowed(least, most, whole=True), path, place)
         if bound.once and np.unique(values).size < values.size:
             raise _damaged("two entries are the same", path, place)
-
-
-def _bounds_of(extra: Mapping[str, Any]) -> list[tuple[str, Bound]]:
-    """Return names and bounds of the arrays that are known, those first that say how long the others are."""
-    found: dict[str, Bound] = {}
-    for pattern, bound in EXTRAS.items():
-        for name in extra:
-            if re.fullmatch(pattern, name):
-                found.setdefault(name, bound)  # the first pattern that fits holds
-    return sorted(found.items(), key=lambda item: item[1].least is not None)
 
 
 def _resolved(limit: float | str | None, sizes: Mapping[str, int]) -> int:

@@ -370,7 +370,20 @@ class RunWriter:
                     file[name][rows, block] = np.where(there[rows], variable[rows][:, None], np.nan)
 
     def _write(self, file: netCDF4.Dataset, model: BareModel) -> None:
-        _write_latest(file, model, self._names, self._layout)
+        # Write the present state of the bonds and the family tree, over the earlier ones.
+        self._layout.refresh(model.elements, model.bonds, BOND_LATEST)
+        for name in BOND_LATEST:
+            file[in_file(name)][:] = self._layout.latest[name]
+        fragments, contacts = model.fragments.rows, model.contacts.rows
+        for kind, variables, rows in (
+            ("fragment", FRAGMENT_VARIABLES, fragments),
+            ("contact", CONTACT_VARIABLES, contacts),
+        ):
+            for v in variables if rows else ():
+                values = [getattr(row, v.name) for row in rows]
+                column = texts(values) if v.dtype == "str" else np.array(values, v.dtype)
+                file[f"{kind}_{self._names.get(v.name, v.name)}"][: len(rows)] = column
+        write_fragment_melt(file, model)
         if self._held:
             self._write_records(file, model, slice(self.records, self.records + len(self._held)))
 
@@ -539,8 +552,38 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
             kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
             _create(file, in_file(name), kind, ("trajectory",), **described)[:] = layout.shape[name]
     _define_histories(file, element_history(), names, layout)
-    _define_bonds(file, model, layout)
-    _define_fragments(file, model, names)
+    registry = {v.name: v for v in BOND_VARIABLES}
+    for name in BOND_LATEST:
+        v = registry[name]
+        attributes = _described(v, {})
+        if name == "break_time":
+            attributes |= {"units": _since(model), "long_name": "time of breaking, missing while unbroken"}
+            attributes["calendar"] = "proleptic_gregorian"
+        if name == "status":
+            attributes |= {"flag_meanings": "unbroken broken_in_contact gone"}
+        stored = _create(file, in_file(name), "i4" if v.dtype == "i8" else "f8", ("bond",), **attributes)
+        if name == "status":
+            stored.flag_values = np.arange(3, dtype="i4")
+    for name in bond_history(model):
+        attributes = _described(registry[name], {})
+        if name == "peak_stress":
+            attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
+        _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
+    for kind, variables in (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES)):
+        for v in variables:
+            attributes = {**_described(v, names), "long_name": v.long_name}
+            attributes.pop("axis", None)
+            if v.name in ("lon", "lat") and not names:
+                attributes["standard_name"] = {"lon": "longitude", "lat": "latitude"}[v.name]
+            if v.name in ("birth_time", "time", "end"):
+                attributes |= {"units": _since(model), "calendar": "proleptic_gregorian"}
+            name = f"{kind}_{names.get(v.name, v.name)}"
+            if v.dtype == "str":
+                define_texts(file, name, kind).setncatts(
+                    {key: value for key, value in attributes.items() if value != ""}
+                )
+                continue
+            _create(file, name, _COLUMNS.get(v.dtype, "f8"), (kind,), **attributes)
     define_ledgers(file, model)
 
 
@@ -601,59 +644,4 @@ def _define_histories(
         )
 
 
-def _define_bonds(file: netCDF4.Dataset, model: BareModel, layout: Layout) -> None:
-    registry = {v.name: v for v in BOND_VARIABLES}
-    for name in BOND_LATEST:
-        v = registry[name]
-        attributes = _described(v, {})
-        if name == "break_time":
-            attributes |= {"units": _since(model), "long_name": "time of breaking, missing while unbroken"}
-            attributes["calendar"] = "proleptic_gregorian"
-        if name == "status":
-            attributes |= {"flag_meanings": "unbroken broken_in_contact gone"}
-        stored = _create(file, in_file(name), "i4" if v.dtype == "i8" else "f8", ("bond",), **attributes)
-        if name == "status":
-            stored.flag_values = np.arange(3, dtype="i4")
-    for name in bond_history(model):
-        attributes = _described(registry[name], {})
-        if name == "peak_stress":
-            attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
-        _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
-
-
 _COLUMNS: Final[dict[str, Any]] = {"i8": "i4", "str": str}
-
-
-def _define_fragments(file: netCDF4.Dataset, model: BareModel, names: dict[str, str]) -> None:
-    for kind, variables in (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES)):
-        for v in variables:
-            attributes = {**_described(v, names), "long_name": v.long_name}
-            attributes.pop("axis", None)
-            if v.name in ("lon", "lat") and not names:
-                attributes["standard_name"] = {"lon": "longitude", "lat": "latitude"}[v.name]
-            if v.name in ("birth_time", "time", "end"):
-                attributes |= {"units": _since(model), "calendar": "proleptic_gregorian"}
-            name = f"{kind}_{names.get(v.name, v.name)}"
-            if v.dtype == "str":
-                define_texts(file, name, kind).setncatts(
-                    {key: value for key, value in attributes.items() if value != ""}
-                )
-                continue
-            _create(file, name, _COLUMNS.get(v.dtype, "f8"), (kind,), **attributes)
-
-
-def _write_latest(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layout: Layout) -> None:
-    """Write the present state of the bonds and the family tree, over the earlier ones."""
-    layout.refresh(model.elements, model.bonds, BOND_LATEST)
-    for name in BOND_LATEST:
-        file[in_file(name)][:] = layout.latest[name]
-    fragments, contacts = model.fragments.rows, model.contacts.rows
-    for kind, variables, rows in (
-        ("fragment", FRAGMENT_VARIABLES, fragments),
-        ("contact", CONTACT_VARIABLES, contacts),
-    ):
-        for v in variables if rows else ():
-            values = [getattr(row, v.name) for row in rows]
-            column = texts(values) if v.dtype == "str" else np.array(values, v.dtype)
-            file[f"{kind}_{names.get(v.name, v.name)}"][: len(rows)] = column
-    write_fragment_melt(file, model)

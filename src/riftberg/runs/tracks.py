@@ -170,16 +170,6 @@ def main_berg(berg: Ints, area: Floats) -> int:
     return next(iter(by_area(berg, area)))
 
 
-def main_position(model: BareModel) -> Position:
-    """Return place and heading of the largest fragment of a model."""
-    e, earth = model.elements, model.parameters.earth
-    area = e.length * e.width
-    rows = e.berg == main_berg(e.berg, area)
-    return berg_position(
-        e.lon[rows], e.lat[rows], area[rows], latlon=earth.latlon, radius=earth.radius, period=earth.period
-    )
-
-
 class DailyTrack:
     """Recorder that keeps the position of the largest fragment once a day, at the hour of the start."""
 
@@ -203,7 +193,13 @@ class DailyTrack:
     def record(self, model: BareModel) -> None:
         """Keep the position where a day is full."""
         if model.time >= self._next - _TOLERANCE:
-            position = main_position(model)
+            # Place and heading of the largest fragment of a model.
+            e, earth = model.elements, model.parameters.earth
+            area = e.length * e.width
+            rows = e.berg == main_berg(e.berg, area)
+            position = berg_position(
+                e.lon[rows], e.lat[rows], area[rows], latlon=earth.latlon, radius=earth.radius, period=earth.period
+            )
             self.rows.append((model.start + timedelta(seconds=model.time), position))
             self._next += constants.SECONDS_PER_DAY
             row = np.array([[model.time, position.lon, position.lat, position.azimuth, position.area]])

@@ -160,6 +160,8 @@ def seen_of(
 
 def targets_of(seen: Seen, errors: Errors) -> Targets:
     """Return the numbers that a member is to reach: kilometres from the places that were seen, degrees, logarithms of margins."""
+    from scipy.linalg import block_diag
+
     names: list[str] = []
     blocks: list[Floats] = []
     sides: list[float] = []
@@ -172,13 +174,8 @@ def targets_of(seen: Seen, errors: Errors) -> Targets:
         names.append(f"{word} {when:%Y-%m-%d %H:%M}, log margin")
         blocks.append(np.array([[MODEL_ERROR["log"] ** 2]]))
         sides.append(side)
-    size = sum(len(block) for block in blocks)
-    whole = np.zeros((size, size))
-    first = 0
-    for block in blocks:
-        whole[first : first + len(block), first : first + len(block)] = block
-        first += len(block)
-    return Targets(names, np.zeros(size), whole, np.array([0.0] * (size - len(sides)) + sides))
+    whole = block_diag(*(block for block in blocks if block.size))
+    return Targets(names, np.zeros(len(names)), whole, np.array([0.0] * (len(names) - len(sides)) + sides))
 
 
 def _covariance(dates: Sequence[datetime], error: float, model: float) -> Floats:
@@ -529,7 +526,13 @@ def _described(
         ds[f"predicted_{word}"] = ("target", np.quantile(predicted, level, axis=0))
     ds["wave_members"] = ("wave", [wave.members for wave in found.waves])
     ds["wave_left"] = ("wave", [wave.left for wave in found.waves], {"long_name": "part of the prior not ruled out"})
-    ds["correlation"] = (("parameter", "other"), _correlation(after))
+    from scipy.stats import norm
+
+    z = norm.ppf(np.clip(after.samples, 1e-6, 1.0 - 1e-6))
+    z = z - after.weight @ z
+    both = (after.weight[:, None] * z).T @ z
+    size = np.sqrt(np.maximum(np.diag(both), 1e-300))
+    ds["correlation"] = (("parameter", "other"), np.asarray(both / size[:, None] / size))
     return ds
 
 
@@ -539,13 +542,3 @@ def is_known(narrowed: Floats, members: float) -> Floats:
     The spread of n numbers has a relative error of ``1 / sqrt(2 n)``; 1.645 of these leave 5 % to chance.
     """
     return np.asarray(narrowed < UNKNOWN * (1.0 - 1.645 / np.sqrt(2.0 * members)))
-
-
-def _correlation(after: Posterior) -> Floats:
-    from scipy.stats import norm
-
-    z = norm.ppf(np.clip(after.samples, 1e-6, 1.0 - 1e-6))
-    z = z - after.weight @ z
-    both = (after.weight[:, None] * z).T @ z
-    size = np.sqrt(np.maximum(np.diag(both), 1e-300))
-    return np.asarray(both / size[:, None] / size)

@@ -28,6 +28,9 @@ from riftberg.state import Floats
 LEVELS: Final = (0.5, 0.9)
 """Probabilities of the areas whose coverage is counted."""
 
+BINS: Final = 5
+"""Bins of probabilities, each beside how often it occurred."""
+
 
 def _members(members: ArrayLike, least: int = 2) -> Floats:
     array = np.asarray(members, float)
@@ -86,16 +89,16 @@ class ReliabilityBin(NamedTuple):
     interval: tuple[float, float]  # 90 % interval of the observed part
 
 
-def reliability(probability: ArrayLike, occurred: ArrayLike, bins: int = 5) -> list[ReliabilityBin]:
+def reliability(probability: ArrayLike, occurred: ArrayLike) -> list[ReliabilityBin]:
     """Return how often it occurred where a probability was given; bins without a case are left out."""
     p, o = np.ravel(probability).astype(float), np.ravel(occurred).astype(float)
-    place = np.minimum((p * bins).astype(int), bins - 1)
+    place = np.minimum((p * BINS).astype(int), BINS - 1)
     result = []
     for k in np.unique(place):
         inside = place == k
         share, count = float(o[inside].mean()), int(inside.sum())
         low, high = (float(end) for end in wilson(share, count))
-        result.append(ReliabilityBin(k / bins, (k + 1) / bins, float(p[inside].mean()), share, count, (low, high)))
+        result.append(ReliabilityBin(k / BINS, (k + 1) / BINS, float(p[inside].mean()), share, count, (low, high)))
     return result
 
 
@@ -124,7 +127,7 @@ def ranks(members: ArrayLike, observed: ArrayLike, random: np.random.Generator) 
     return np.asarray((x < y).sum(axis=0) + random.integers(0, (x == y).sum(axis=0) + 1))
 
 
-def liu_weisberg(separation: ArrayLike, steps: ArrayLike, tolerance: float = 1.0) -> float:
+def liu_weisberg(separation: ArrayLike, steps: ArrayLike) -> float:
     """Return the skill score of a track: 1 perfect, 0 where the separations add up to as much as the way that was gone.
 
     Liu and Weisberg (2011), https://doi.org/10.1029/2010JC006837: the sum of the separations over the sum, at the same times, of
@@ -136,15 +139,13 @@ def liu_weisberg(separation: ArrayLike, steps: ArrayLike, tolerance: float = 1.0
         Distance between both tracks at each time after the start.
     steps : array_like
         Way that was observed between each time and the one before.
-    tolerance : float, optional
-        Ratio at which the skill is zero.
     """
     d, way = np.asarray(separation, float), np.cumsum(np.asarray(steps, float))
     if d.shape != way.shape or d.size == 0:
         raise InputError(f"{d.size} separations, {way.size} steps", where="liu_weisberg", remedy="Give as many of both")
     if not way.sum() > 0.0:
         return 1.0 if not d.any() else 0.0
-    return float(max(0.0, 1.0 - d.sum() / way.sum() / tolerance))
+    return float(max(0.0, 1.0 - d.sum() / way.sum()))
 
 
 def with_observation_error(members: ArrayLike, error: float, random: np.random.Generator) -> Floats:
@@ -157,19 +158,14 @@ def with_observation_error(members: ArrayLike, error: float, random: np.random.G
 
 
 def bootstrap_interval(
-    groups: Sequence[Floats],
-    statistic: Callable[[Floats], Any],
-    *,
-    level: float = 0.9,
-    draws: int = 2000,
-    seed: int = 1,
+    groups: Sequence[Floats], statistic: Callable[[Floats], Any], *, draws: int = 2000
 ) -> tuple[float, float]:
-    """Return the interval of a statistic of all values from drawing the groups they belong to, with replacement."""
-    random, count = np.random.default_rng(seed), len(groups)
+    """Return the 90 % interval of a statistic of all values from drawing the groups they belong to, with replacement."""
+    random, count = np.random.default_rng(1), len(groups)
     drawn = [
         float(statistic(np.concatenate([groups[k] for k in random.integers(0, count, count)]))) for _ in range(draws)
     ]
-    low, high = np.quantile(drawn, [0.5 - level / 2.0, 0.5 + level / 2.0])
+    low, high = np.quantile(drawn, [0.05, 0.95])
     return float(low), float(high)
 
 
@@ -215,13 +211,13 @@ LEAST: Final = 4
 """Members from which areas, spread and ranks mean something."""
 
 
-def position_scores(points: Sequence[Point], error: float, *, seed: int = 1, draws: int = 400) -> dict[str, Any]:
+def position_scores(points: Sequence[Point], error: float) -> dict[str, Any]:
     """Return all scores of positions of one lead time, with the error of the observation (km) added to the members.
 
     Scores have 90 % intervals from drawing groups where there are `FEWEST` or more. Those of an ensemble are left out where a
     forecast has one member, and areas, spread and ranks where one has less than `LEAST`.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(1)
     fewest = min(len(point.members) for point in points)
     groups: list[str] = []
     found: dict[str, list[Floats]] = {}  # One array for each number of members
@@ -254,7 +250,7 @@ def position_scores(points: Sequence[Point], error: float, *, seed: int = 1, dra
         result[label] = float(statistic(value))
         if result["bergs"] >= FEWEST:
             by_group = [value[np.array(groups) == group] for group in sorted(set(groups))]
-            result[f"{label}_interval"] = bootstrap_interval(by_group, statistic, seed=seed, draws=draws)
+            result[f"{label}_interval"] = bootstrap_interval(by_group, statistic, draws=400)
     if rank is not None and spread is not None:
         # Along either axis, so that both compare with the error of an axis.
         result["spread_km"], result["rms_error_km"] = (float(value) for value in np.sqrt(spread.mean(axis=0) / 2.0))
@@ -268,14 +264,14 @@ CELLS: Final = 30
 """Cells along the root of the area that was seen, on which outlines are compared: each some 5 km2 for A68a."""
 
 
-def outline_scores(outlines: Sequence[Outlines], error: float, *, seed: int = 1) -> dict[str, float]:
+def outline_scores(outlines: Sequence[Outlines], error: float) -> dict[str, float]:
     """Return the overlap of outlines of one lead time, with the error of the observation (km) added to the members.
 
     ``overlap`` is the mean intersection over union of members and observation. It is no score: members all at the best place
     win it. ``area_km2`` is one, the squared difference between the probability of ice and what was seen, summed over the area
     (Goessling and Jung 2018, https://doi.org/10.1002/qj.3242), fair in the number of members.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(1)
     overlap, area = [], []
     for one in outlines:
         moves = random.normal(0.0, error, (len(one.members), 2)) if error > 0.0 else np.zeros((len(one.members), 2))

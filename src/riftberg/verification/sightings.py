@@ -163,12 +163,10 @@ def turned_from(ds: xr.Dataset, when: datetime, axis: float) -> Floats:
     return np.asarray(axis_difference(ds["azimuth"].values[:, 0, nearest].astype(float), axis))
 
 
-def drift_error(
-    ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None, hour: float | None = None
-) -> Floats:
+def drift_error(ensemble: xr.Dataset, observed: Observations, *, berg: str | None = None) -> Floats:
     """Return the mean distance (km) of each member's berg from the observed positions after the start."""
     start, end = start_of(ensemble), times_of(ensemble)[-1].astype("datetime64[us]").item()
-    seen = during(*sightings_of(observed, berg, start, hour), start, end, str(observed.source))
+    seen = during(*sightings_of(observed, berg, start, None), start, end, str(observed.source))
     return np.asarray(np.mean([np.linalg.norm(away_from(ensemble, s.when, s.place), axis=-1) for s in seen], axis=0))
 
 
@@ -355,15 +353,13 @@ def base_of(store: Store, count: int) -> Floats:
     return np.array(store.weights().get("base", [0.0] * count))
 
 
-def drawn_anew(
-    plan: Plan, weight: Floats, likelihood: Floats, *, seed: int = 1
-) -> tuple[dict[str, list[Any]], list[float], int]:
+def drawn_anew(plan: Plan, weight: Floats, likelihood: Floats) -> tuple[dict[str, list[Any]], list[float], int]:
     """Return inputs of new members around those that count, the logarithms of their parents' likelihood, and how many these are.
 
     Numbers move by the kernel of Liu and West (2001) in the normal scores of their distributions, which keeps mean and
     variance; choices and random fields are those of the parent. A new member counts by its likelihood over its parent's.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(1)
     parents = np.searchsorted(np.cumsum(weight), (np.arange(weight.size) + random.random()) / weight.size).clip(
         0, weight.size - 1
     )

@@ -244,16 +244,10 @@ class Dressed:
         Drift model of one position per date.
     training : iterable of Case
         Cases whose errors, along and across the motion before the start, are put on.
-    members : int, optional
-        Members.
-    seed : int, optional
-        Seed of the draws; a case gets the same members in any order of the cases.
     """
 
-    def __init__(
-        self, model: DriftModel, training: Iterable[Case], members: int = DRESSED_MEMBERS, seed: int = 1
-    ) -> None:
-        self.model, self.members, self.seed = model, members, seed
+    def __init__(self, model: DriftModel, training: Iterable[Case]) -> None:
+        self.model = model
         errors: dict[int, list[tuple[float, float]]] = {}
         for case in training:
             for lead, made in forecast(model, case).items():
@@ -269,13 +263,14 @@ class Dressed:
         """Return the members at each date."""
         made = np.asarray(self.model(start, dates), float)
         days = [(when - start.date) / timedelta(days=1) for when in dates]
-        random = np.random.default_rng([self.seed, start.date.toordinal(), *start.berg.encode()])
+        # A case gets the same members in any order of the cases.
+        random = np.random.default_rng([1, start.date.toordinal(), *start.berg.encode()])
         return np.stack([self.around(made[k], start.heading, lead, random) for k, lead in enumerate(days)], axis=1)
 
     def around(self, place: Floats, heading: tuple[float, float], days: float, random: np.random.Generator) -> Floats:
         """Return members (members, 2) around a forecast position, with the errors of the nearest lead time."""
         lead = min(self.errors, key=lambda known: abs(known - days))
-        ahead, left = random.choice(self.errors[lead], self.members).T
+        ahead, left = random.choice(self.errors[lead], DRESSED_MEMBERS).T
         e, n = np.divide(heading, np.hypot(*heading))
         return np.stack(moved(place[0], place[1], ahead * e - left * n, ahead * n + left * e), axis=-1)
 
@@ -325,7 +320,7 @@ def errors_of(model: DriftModel, cases: Iterable[Case]) -> list[Row]:
     return rows
 
 
-def table(rows: Sequence[Row], *, draws: int = 2000, seed: int = 1) -> list[dict[str, Any]]:
+def table(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return bergs, starts and the median error by lead time, km, with its 90 % interval from drawing bergs, None of few."""
     result = []
     for lead in sorted({row.lead for row in rows}):
@@ -335,7 +330,7 @@ def table(rows: Sequence[Row], *, draws: int = 2000, seed: int = 1) -> list[dict
                 by_berg.setdefault(row.berg, []).append(row.error)
         groups = [np.array(errors) for errors in by_berg.values()]
         few = len(groups) < FEWEST
-        low, high = (None, None) if few else bootstrap_interval(groups, np.median, draws=draws, seed=seed)
+        low, high = (None, None) if few else bootstrap_interval(groups, np.median)
         pooled = np.concatenate(groups)
         result.append(
             {"lead_days": lead, "bergs": len(groups), "starts": len(pooled), "median_km": float(np.median(pooled)),

@@ -19,11 +19,11 @@ from riftberg.stepping.contact.face_forces import (
     APART,
     CHORD,
     CRUSHED,
+    DEPTH_AT_END,
     FORCE,
     IMPACT,
     PHASE,
     REST,
-    SEEN,
     SLOW,
     SPEED,
     TOUCHED,
@@ -67,7 +67,7 @@ GAP_PART: Final = 0.9
 SKIN: Final = 0.01
 """Gap (m) up to which faces stand on each other. Those of a crack do, and what drives them together meets a force at once."""
 
-UNSEEN, UNSEEN_PART = 0.1, 5e-4
+UNSEEN, UNSEEN_OF_SIZE = 0.1, 5e-4
 """Way by which faces that part in one place may close in another within a sub-step: in m, and as a part of their size.
 
 Chosen: the longer the way, the fewer sub-steps. With 0.1 m alone A68a breaks into the same pieces at the same minutes.
@@ -161,7 +161,7 @@ def _align(island: Island, faces: Faces, pair_state: Floats, result: IslandResul
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
             area, _, _, _, _ = overlap_of_pair(island, faces, result.path, work.skin[k], k, work.pair)
-            shift = area / pair_state[k, CHORD] - pair_state[k, SEEN]
+            shift = area / pair_state[k, CHORD] - pair_state[k, DEPTH_AT_END]
             pair_state[k, TOUCHED] += shift
             pair_state[k, CRUSHED] += shift
 
@@ -174,7 +174,7 @@ def _remember_depths(
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
             area, _, _, _, _ = overlap_of_pair(island, faces, result.path, work.skin[k], k, work.pair)
-            pair_state[k, SEEN] = area / pair_state[k, CHORD]
+            pair_state[k, DEPTH_AT_END] = area / pair_state[k, CHORD]
 
 
 @kernel
@@ -300,7 +300,7 @@ def _limit_of_pair(
         work.gap[k], work.bound[k] = 0.0, 0.0
         work.skin[k, 0], work.skin[k, 1] = 0.5 * SKIN * nx, 0.5 * SKIN * ny
         if closing > SLOW:  # they part where they stand on each other, and turn into each other beside it
-            limit = min(limit, max(max(UNSEEN, UNSEEN_PART * smaller) / closing, entry))
+            limit = min(limit, max(max(UNSEEN, UNSEEN_OF_SIZE * smaller) / closing, entry))
         return min(limit, REST_STEP)
     if nearest > 0.0:
         set_apart(state)
@@ -314,8 +314,8 @@ def _limit_of_pair(
     if state[PHASE] == IMPACT:
         # An impact off the centre turns the body, too: it gives way by up to four times as much.
         stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
-        work.stiffness[a] += stiffness * _give(mobility[a], m, mx, my, nx, ny)
-        work.stiffness[b] += stiffness * _give(mobility[b], n, ox, oy, nx, ny)
+        work.stiffness[a] += stiffness * _mobility_of_point(mobility[a], m, mx, my, nx, ny)
+        work.stiffness[b] += stiffness * _mobility_of_point(mobility[b], n, ox, oy, nx, ny)
         if state[FORCE] <= 0.0:
             # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
             area, _, _, _, _ = overlap_of_pair(island, faces, path, work.skin[k], k, work.pair)
@@ -358,7 +358,7 @@ def _relative_velocity(
 
 
 @kernel
-def _give(mobility: Floats, m: Floats, mx: float, my: float, nx: float, ny: float) -> float:
+def _mobility_of_point(mobility: Floats, m: Floats, mx: float, my: float, nx: float, ny: float) -> float:
     """Change of the velocity of an element along a normal by a unit impulse there, kg-1."""
     r0, r1, r2 = nx * m[0] + ny * m[3], nx * m[1] + ny * m[4], nx * mx + ny * my
     return float(

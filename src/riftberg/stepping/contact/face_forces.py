@@ -25,7 +25,9 @@ from riftberg.state import Floats, Ints
 from riftberg.stepping.contact.face_pairs import Faces, PairWorkspace, overlap_of_pair, places_of_pair
 from riftberg.stepping.contact.islands import Island, IslandResult, record_loads, spin_lever
 
-TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, SEEN = range(13)
+TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, DEPTH_AT_END = range(
+    13
+)
 """Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
 since touching (s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques
 (N m); depth at the end of the last step (m). At rest, and of faces that overlap and part, the closing speed now."""
@@ -38,15 +40,16 @@ APART, IMPACT, REST = 0.0, 1.0, 2.0
 SLOW: Final = 2e-3
 """Speed (m s-1) up to which faces touch without an impact."""
 
-AGAIN: Final = 10e-3
+STRUCK_AT_REST: Final = 10e-3
 """Closing speed (m s-1) at which rest becomes an impact, if it has doubled within a sub-step: something struck."""
 
 IMPACT_OVER: Final = 0.02
-"""Part of the speed of touching below which an impact comes to rest, `SETTLING` over the frequency after touching."""
+"""Part of the speed of touching below which an impact comes to rest, `SETTLING_TIME` over the frequency after touching."""
 
-SETTLING: Final = 3.0
+SETTLING_TIME: Final = 3.0
+"""Time after touching, over the frequency of the faces, from which on an impact may have come to rest: about half a period."""
 
-LASTS: Final = 10.0
+LONGEST_IMPACT: Final = 10.0
 """An impact takes at most this time over its frequency: it loads for half of pi of it. What goes on is driven, as at rest."""
 
 LEAST_CHORD: Final = 1e-6
@@ -108,8 +111,8 @@ class CrushingWorkspace(NamedTuple):
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
 
 
-NX, NY, DEPTH, FOLLOW, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
-GIVE_N, GIVE_T, OFFSET, SLIDING, CLOSING, BEFORE = 16, 17, 18, 22, 23, 24
+NX, NY, DEPTH, DEPTH_PER_SPEED, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
+MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING, BEFORE = 16, 17, 18, 22, 23, 24
 """Columns of ``face``."""
 
 
@@ -197,7 +200,7 @@ def find_faces(
         if state[PHASE] == APART:
             # Faces meet where they stand: what was crushed before is rubble that fills the gap.
             state[TOUCHED] = area / chord - skin
-            state[PHASE] = IMPACT if closing > (AGAIN if skin > 0.0 else SLOW) else REST
+            state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if skin > 0.0 else SLOW) else REST
             if state[PHASE] == REST:
                 state[TOUCHED] -= 0.5 * h * closing
             state[CRUSHED] = state[TOUCHED]
@@ -206,19 +209,22 @@ def find_faces(
         state[CHORD] = max(state[CHORD], chord)
         row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
         row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
-        row[GIVE_N] = _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b])
-        row[GIVE_T] = _mobility_along(row, ROW_T, work.compliance[a], work.compliance[b])
+        row[MOBILITY_N] = _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b])
+        row[MOBILITY_T] = _mobility_along(row, ROW_T, work.compliance[a], work.compliance[b])
         row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
-        if row[GIVE_N] <= 0.0:
+        if row[MOBILITY_N] <= 0.0:
             continue
         depth = area / state[CHORD] - skin
         if state[PHASE] == REST:
             stiffness = face_stiffness(
                 law.strength, min(faces.thickness[i], faces.thickness[j]), state[CHORD], law.depth
             )
-            row[DEPTH], row[FOLLOW] = depth - 0.5 * h * closing, h + 2.0 / math.sqrt(stiffness * row[GIVE_N])
+            row[DEPTH], row[DEPTH_PER_SPEED] = (
+                depth - 0.5 * h * closing,
+                h + 2.0 / math.sqrt(stiffness * row[MOBILITY_N]),
+            )
         else:
-            row[DEPTH], row[FOLLOW] = depth, 0.5 * h
+            row[DEPTH], row[DEPTH_PER_SPEED] = depth, 0.5 * h
         work.active[count] = k
         count += 1
     return count
@@ -284,23 +290,23 @@ def sweep_faces(
             one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
             thickness = min(faces.thickness[i], faces.thickness[j])
             stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
-            give = h * row[GIVE_N]
-            free = _speed(row, ROW_N, v, w) + give * state[FORCE]
+            mobility = h * row[MOBILITY_N]
+            free = _speed(row, ROW_N, v, w) + mobility * state[FORCE]
             force = crushing_force(
-                row[DEPTH] + row[FOLLOW] * free, state[TOUCHED], state[CRUSHED], stiffness, law.ratio,
-                stiffness * law.depth, row[FOLLOW] * give,
+                row[DEPTH] + row[DEPTH_PER_SPEED] * free, state[TOUCHED], state[CRUSHED], stiffness, law.ratio,
+                stiffness * law.depth, row[DEPTH_PER_SPEED] * mobility,
             )  # fmt: skip
             change = force - state[FORCE]
             state[FORCE] = force
             _push(row, ROW_N, h * change, one, two, v, w)
-            largest = max(largest, abs(give * change))
+            largest = max(largest, abs(mobility * change))
             if law.friction > 0.0:
-                give = h * row[GIVE_T]
-                slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / give, force, law.friction)
+                mobility = h * row[MOBILITY_T]
+                slide = sliding_force(state[FRICTION] + _speed(row, ROW_T, v, w) / mobility, force, law.friction)
                 change = slide - state[FRICTION]
                 state[FRICTION] = slide
                 _push(row, ROW_T, h * change, one, two, v, w)
-                largest = max(largest, abs(give * change))
+                largest = max(largest, abs(mobility * change))
             if largest > SWEEP_RTOL * scale:
                 work.changed[a] = work.changed[b] = sweep
             most = max(most, largest)
@@ -359,15 +365,15 @@ def update_faces(
             state[PHASE], state[SPEED] = APART, closing
         elif state[PHASE] == REST:
             state[SPEED] = closing
-            if closing > max(AGAIN, 2.0 * row[CLOSING]):
+            if closing > max(STRUCK_AT_REST, 2.0 * row[CLOSING]):
                 state[PHASE], state[SINCE] = IMPACT, 0.0
         else:
             # What was unloaded and is struck again is an impact of its own.
-            if force > 0.0 and row[BEFORE] == 0.0 and row[CLOSING] > AGAIN and state[SINCE] > h:
+            if force > 0.0 and row[BEFORE] == 0.0 and row[CLOSING] > STRUCK_AT_REST and state[SINCE] > h:
                 state[SINCE], state[SPEED] = h, row[CLOSING]
             since = state[SINCE] * math.sqrt(max(work.stiffness[a] + work.stiffness[b], 0.0))
             slow = closing < max(IMPACT_OVER * state[SPEED], SLOW)
-            if (slow and since > SETTLING) or (force > 0.0 and since > LASTS):
+            if (slow and since > SETTLING_TIME) or (force > 0.0 and since > LONGEST_IMPACT):
                 state[PHASE], state[SPEED] = REST, closing
 
 

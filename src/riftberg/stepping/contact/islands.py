@@ -9,9 +9,10 @@ for the forces of the media at the end of the step.
 In the sub-steps media and sea floor are those of the start of the step, linear about the velocities at which they were evaluated
 last:
 
-    M dq = H (G(q) - S dq / 2 - L (q + dq) + contact)
+    M (V1 - V0) = h (G(V0) - S (V1 - V0) / 2 - L V1 + contact)
 
-with the forces G by the media, S minus their derivative, and the drag L of the sea floor.
+with the twists V0 and V1 of the bodies before and after a sub-step of h s, the forces G by the media, S minus their derivative,
+and the drag L of the sea floor.
 """
 
 from __future__ import annotations

@@ -37,9 +37,6 @@ MAX_OVERLAP_GROWTH: Final = 1e-3
 MAX_PASSES: Final = 8
 """Corrections in a row, where one of them leads onto other land."""
 
-FindFaces = Callable[[Floats, Floats, Ints, float], "NearPairs"]
-"""The same for elements at some positions (degrees, or m), of parts with these numbers, by faces: see `FindNear`."""
-
 
 def metric_of(c: KernelParameters) -> Metric:
     """Return how positions become metres."""
@@ -68,6 +65,9 @@ class NearPairs(NamedTuple):
 
 FindNear = Callable[[float], NearPairs]
 """Finds the pairs whose edges are no farther from each other than some metres, by the law of contact of the run."""
+
+FindFaces = Callable[[Floats, Floats, Ints, float], NearPairs]
+"""The same for elements at some positions (degrees, or m), of parts with these numbers, by faces."""
 
 
 def leading_elements(correction: Floats, part: Ints, find_near: FindNear) -> Ints:

@@ -1,24 +1,15 @@
-"""The sub-steps of a long step with bonds as beams, in one thread or several (equations 6.4, part 3).
+"""The sub-steps of a long step with bonds as beams (equations 6.4, part 3).
 
-Bonds and elements stand in tiles (`riftberg.stepping.explicit.tiles`). A sub-step has two halves: forces of the bonds, then
-sums over them, kick, and the drift of the sub-step that follows.
-
-In threads, each has a share of the elements with the bonds that begin there, and all wait for each other after both halves.
-What one thread writes no other reads before that, and each element sums over its bonds in the order that it always has, so
-results are those of one thread, bit for bit. These are plain Python threads around kernels that let go of the interpreter. A
-sub-step of so many elements takes milliseconds, and handing it over some 0.1 ms; threads inside compiled code would need a
-second compiled form of it.
+Bonds and elements stand in tiles (`riftberg.stepping.explicit.tiles`). A sub-step goes through the elements once: forces of the
+bonds that begin in a tile, and, as soon as all bonds of a tile of elements are done, the sums over them, the kick, and the drift
+to the positions of the sub-step that follows. So forces are summed while they are in the cache.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-from riftberg.compiled.kernels import kernel, plain, stage
+from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.state import Body, Bonds, Elements, Floats, Ints, Kicks, Motion, Shown
 from riftberg.stepping.explicit import tiles as tile
@@ -58,9 +49,6 @@ from riftberg.stepping.forces.media import Surroundings
 from riftberg.stepping.forces.pair_law import PairLaw, pair_law
 from riftberg.stepping.forces.sizes import Sizes
 
-WORTH_THREADS: Final = 20_000
-"""With fewer elements handing over costs more than a second thread gains."""
-
 
 class SubstepFlags(NamedTuple):
     """A sub-step as the bonds meet it."""
@@ -88,51 +76,18 @@ def take_substeps_of_beams(
     el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
     p: KernelParameters,
 ) -> int:  # fmt: skip
-    """Take the sub-steps in one thread; returns the number of bonds broken."""
-    tiles, pairs, fields, law = work.tiles, work.pairs, work.fields, pair_law(p)
+    """Take the sub-steps; returns the number of bonds broken."""
+    tiles, pairs, law, broken = work.tiles, work.pairs, pair_law(p), 0
     context = _step_context(el, bonds, work, sizes, around, rank, plan, p)
-    in_use, count, broken = tiles.in_use[: context.bond_tiles], tile.tile_count(el.place.lon.size), 0
     for n in range(_first_substep(plan, p), plan.substeps):
         flags = _substep_flags(n, plan, context.period)
         # Contact before the bonds: one that breaks in this sub-step touches from the next one on.
         _add_contact(el, bonds, work, plan.by_search, sizes, law, flags.dt, p)
-        newly_broken = _apply_bonds(bonds, tiles, in_use, tiles.scratch, fields.aground, flags, p)
+        newly_broken = _take_substep(bonds, tiles, work.fields.aground, n, flags, plan, context, p)
         if newly_broken > 0:
             record_breaks(tiles, bonds, el.body.bond_count, pairs, flags.time, p.broken_as_contact)
             broken += newly_broken
-        _kick_and_drift(tiles, 0, count, tiles.scratch, n, plan, context, p)
     _end(el, work, around, plan, context, p)
-    return broken
-
-
-def take_substeps_in_threads(
-    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
-    p: KernelParameters,
-) -> int:  # fmt: skip
-    """As `take_substeps_of_beams`, in ``plan.threads`` threads."""
-    tiles, broken = work.tiles, 0
-    context = StepContext(*_begin_alone(el, bonds, work, sizes, around, rank, plan, p))
-    shares = partition(tiles, context.bond_tiles, el.size, plan.threads)
-    with ThreadPoolExecutor(plan.threads) as team:
-        for n in range(plain(_first_substep)(plan, p), plan.substeps):
-            flags = plain(_substep_flags)(n, plan, context.period)
-            if work.pairs.used[0] > 0:
-                _add_contact_alone(el, bonds, work, plan.by_search, sizes, flags.dt, p)
-            forces = [
-                team.submit(_apply_bonds_alone, bonds, tiles, x.in_use, x.scratch, work.fields.aground, flags, p)
-                for x in shares
-            ]
-            # All forces before any kick: a kick moves ends that other threads may still read.
-            newly_broken = sum(done.result() for done in forces)
-            if newly_broken > 0:
-                record_breaks(tiles, bonds, el.body.bond_count, work.pairs, flags.time, p.broken_as_contact)
-                broken += newly_broken
-            kicks = [
-                team.submit(_kick_and_drift, tiles, x.begin, x.end, x.scratch, n, plan, context, p) for x in shares
-            ]
-            for done in kicks:
-                done.result()
-    _end_alone(el, work, around, plan, context, p)
     return broken
 
 
@@ -247,60 +202,64 @@ def _unpack_pair_state(tiles: BondTiles, el: Elements) -> None:
 
 
 @stage
-def _apply_bonds(
-    bonds: Bonds, tiles: BondTiles, in_use: Ints, scratch: Floats, aground: Floats, flags: SubstepFlags,
+def _take_substep(
+    bonds: Bonds, tiles: BondTiles, aground: Floats, n: int, flags: SubstepFlags, plan: StepPlan, on: StepContext,
     p: KernelParameters,
 ) -> int:  # fmt: skip
-    """Forces of the bonds in the tiles ``in_use`` on their ends; returns the number of bonds broken.
+    """Take sub-step ``n``, up to the positions of the next one; returns the number of bonds broken."""
+    dt, layers, broken, at, ready = plan.dt / plan.substeps, len(tiles.kinds), 0, 0, 0
+    for e in range(tiles.last_tile.size):
+        while at < on.bond_tiles and tiles.in_use[at] // layers == e:
+            broken += _apply_bonds(bonds, tiles, tiles.in_use[at], aground, flags, p)
+            at += 1
+        # A kick moves ends: it waits for all bonds that see them.
+        while ready <= e and tiles.last_tile[ready] <= e:
+            _kick(tiles, ready, dt, n < 0, on.floor_acts, on.floor_varies, p.ground_implicit)
+            if n < plan.substeps - 1:
+                _drift(tiles, ready, dt, on.near_pole, p)
+            ready += 1
+    return broken
 
-    What `record_breaks` has to do for these is left to it: several threads may each go through some tiles.
+
+@stage
+def _apply_bonds(
+    bonds: Bonds, tiles: BondTiles, b: int, aground: Floats, flags: SubstepFlags, p: KernelParameters
+) -> int:
+    """Forces of the bonds in tile ``b`` on their ends; returns the number of bonds broken.
+
+    What `record_breaks` has to do for these is left to it.
     """
-    width, broken = tile.tile_count(aground.size), 0
-    for b in in_use:
-        # Views of one tile: LLVM sees that no index in it is negative, which an offset from outside would hide.
-        bond, e = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE], b % width
-        ends = tiles.ends[e * tile.END_TILE : (e + 1) * tile.END_TILE]
-        shape = tiles.shape[tiles.shape_of[b] : tiles.shape_of[b] + tile.SHAPE_TILE]
-        first, end = b * tile.LANES, (b + 1) * tile.LANES
-        if b < width:
-            # The first layer holds the bonds to the next element: its second ends lie side by side.
-            shift_second_ends(scratch, tiles.ends[e * tile.END_TILE : (e + 2) * tile.END_TILE])
-        else:
-            gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
-        apply_bond_law(bond, shape, scratch, ends, tiles.kinds[b // width], flags.dt, p, flags.period)
-        bears = tiles.kinds[b // width, 2] > 0.0  # diagonals have neither a stress nor a strength
-        if bears and flags.grow_damage:
-            grow_damage(bond, scratch, flags.dt, p)
-        if bears and flags.may_break and count_loaded(bond, scratch, 1.0) > 0:
-            broken += break_overloaded(
-                tiles.bond_ids[first:end], bond, shape, scratch, ends, tiles.rotation, bonds, aground, flags.time
-            )
-        if bears and flags.last:
-            store_bonds(tiles.bond_ids[first:end], bonds, bond, scratch, tiles.rotation)
-        accumulate_first_ends(bond, scratch, tiles.sums[e * tile.SUM_TILE : (e + 1) * tile.SUM_TILE])
+    scratch, kind, e = tiles.scratch, tiles.kinds[b % len(tiles.kinds)], b // len(tiles.kinds)
+    # Views of one tile: LLVM sees that no index in it is negative, which an offset from outside would hide.
+    bond = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE]
+    ends = tiles.ends[e * tile.END_TILE : (e + 1) * tile.END_TILE]
+    shape = tiles.shape[tiles.shape_of[b] : tiles.shape_of[b] + tile.SHAPE_TILE]
+    first, end, broken = b * tile.LANES, (b + 1) * tile.LANES, 0
+    if b % len(tiles.kinds) == 0:
+        # The first layer holds the bonds to the next element: its second ends lie side by side.
+        shift_second_ends(scratch, tiles.ends[e * tile.END_TILE : (e + 2) * tile.END_TILE])
+    else:
+        gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
+    apply_bond_law(bond, shape, scratch, ends, kind, flags.dt, p, flags.period)
+    bears = kind[2] > 0.0  # diagonals have neither a stress nor a strength
+    if bears and flags.grow_damage:
+        grow_damage(bond, scratch, flags.dt, p)
+    if bears and flags.may_break and count_loaded(bond, scratch, 1.0) > 0:
+        broken = break_overloaded(
+            tiles.bond_ids[first:end], bond, shape, scratch, ends, tiles.rotation, bonds, aground, flags.time
+        )
+    if bears and flags.last:
+        store_bonds(tiles.bond_ids[first:end], bonds, bond, scratch, tiles.rotation)
+    accumulate_first_ends(bond, scratch, tiles.sums[e * tile.SUM_TILE : (e + 1) * tile.SUM_TILE])
     return broken
 
 
 @kernel
-def _kick_and_drift(
-    tiles: BondTiles, begin: int, end: int, scratch: Floats, n: int, plan: StepPlan, on: StepContext,
-    p: KernelParameters,
-) -> None:  # fmt: skip
-    """Kick the elements of tiles ``begin`` to ``end`` in sub-step ``n``, and move them to the positions of the next one."""
-    dt = plan.dt / plan.substeps
-    for b in range(begin, end):
-        _kick(tiles, b, scratch, dt, n < 0, on.floor_acts, on.floor_varies, p.ground_implicit)
-        if n < plan.substeps - 1:
-            _drift(tiles, b, dt, on.near_pole, p)
-
-
-@kernel
 def _kick(
-    tiles: BondTiles, b: int, scratch: Floats, dt: float, first: bool, floor_acts: bool, floor_varies: bool,
-    implicit: bool,
-) -> None:  # fmt: skip
+    tiles: BondTiles, b: int, dt: float, first: bool, floor_acts: bool, floor_varies: bool, implicit: bool
+) -> None:
     """Complete a sub-step for the elements of tile ``b``; ``first`` is the evaluation before the first one."""
-    elem = tiles.elem[b * tile.ELEMENT_TILE : (b + 1) * tile.ELEMENT_TILE]
+    elem, scratch = tiles.elem[b * tile.ELEMENT_TILE : (b + 1) * tile.ELEMENT_TILE], tiles.scratch
     ends = tiles.ends[b * tile.END_TILE : (b + 1) * tile.END_TILE]
     sums = tiles.sums[b * tile.SUM_TILE : (b + 1) * tile.SUM_TILE]
     sum_over_bonds(scratch, sums, tiles.slots[b * tile.LANES : (b + 1) * tile.LANES], tiles.bond)
@@ -352,60 +311,3 @@ def _end(
     if context.floor_acts:
         end_substeps(around, fields, plan.substeps)
     publish_all_velocities(el, motion.u, motion.v)
-
-
-class Share(NamedTuple):
-    """What one thread does."""
-
-    begin: int  # Its tiles of elements, from here
-    end: int  # to before here
-    in_use: Ints  # The tiles of bonds that begin there
-    scratch: Floats  # A scratch tile of its own
-
-
-def partition(tiles: BondTiles, count: int, elements: int, threads: int) -> list[Share]:
-    """Share out the tiles of a lattice."""
-    width = tile.tile_count(elements)
-    # Each thread has the tiles of its own elements, so that no two write to the same sums.
-    limits = np.linspace(0, width, threads + 1).astype(np.int64).tolist()
-    in_use = tiles.in_use[:count]
-    place = in_use % width
-    return [
-        Share(begin, end, in_use[(place >= begin) & (place < end)].copy(), np.zeros(tile.SCRATCH_TILE))
-        for begin, end in pairwise(limits)
-    ]
-
-
-# Kernels of their own around the stages above, for threads alone: a run in one thread compiles all of them as one kernel.
-
-
-@kernel
-def _begin_alone(
-    el: Elements, bonds: Bonds, work: Workspace, sizes: Sizes, around: Surroundings, rank: Ints, plan: StepPlan,
-    p: KernelParameters,
-) -> tuple[int, bool, bool, bool, float]:  # fmt: skip
-    on = _step_context(el, bonds, work, sizes, around, rank, plan, p)
-    # Numbers, not the named tuple: see `riftberg.compiled.kernels`.
-    return on.bond_tiles, on.floor_acts, on.floor_varies, on.near_pole, on.period
-
-
-@kernel
-def _add_contact_alone(
-    el: Elements, bonds: Bonds, work: Workspace, by_search: bool, sizes: Sizes, dt: float, p: KernelParameters
-) -> None:
-    _add_contact(el, bonds, work, by_search, sizes, pair_law(p), dt, p)
-
-
-@kernel
-def _apply_bonds_alone(
-    bonds: Bonds, tiles: BondTiles, in_use: Ints, scratch: Floats, aground: Floats, flags: SubstepFlags,
-    p: KernelParameters,
-) -> int:  # fmt: skip
-    return _apply_bonds(bonds, tiles, in_use, scratch, aground, flags, p)
-
-
-@kernel
-def _end_alone(
-    el: Elements, work: Workspace, around: Surroundings, plan: StepPlan, context: StepContext, p: KernelParameters
-) -> None:
-    _end(el, work, around, plan, context, p)

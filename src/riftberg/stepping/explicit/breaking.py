@@ -19,7 +19,7 @@ from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.explicit import tiles as tile
-from riftberg.stepping.explicit.tiles import BondTiles, free_diagonals
+from riftberg.stepping.explicit.tiles import BondTiles, free_diagonals, lane_of
 from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
 from riftberg.stepping.forces.sizes import Sizes
 
@@ -142,18 +142,20 @@ def _force_while_breaking(shape: Floats, scratch: Floats, ends: Floats, k: int) 
 def record_breaks(
     tiles: BondTiles, bonds: Bonds, bond_count: Ints, pairs: ContactPairs, time: float, keep_contact: bool
 ) -> None:
-    """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, in order of lane."""
-    for r in range(tiles.bond_ids.size):
-        b = tiles.bond_ids[r]
-        if b < 0 or bonds.status[b] == 0 or bonds.break_time[b] != time:
-            continue
-        i, j = bonds.first[b], bonds.second[b]
-        bond_count[i] -= 1
-        bond_count[j] -= 1
-        if keep_contact:
-            n = pairs.used[0]
-            pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
-            pairs.used[0] = n + 1
+    """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, layer by layer."""
+    layers = len(tiles.kinds)
+    for layer in range(layers):
+        for i in range(bond_count.size):
+            b = tiles.bond_ids[lane_of(layer, i, layers)]
+            if b < 0 or bonds.status[b] == 0 or bonds.break_time[b] != time:
+                continue
+            j = bonds.second[b]
+            bond_count[i] -= 1
+            bond_count[j] -= 1
+            if keep_contact:
+                n = pairs.used[0]
+                pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
+                pairs.used[0] = n + 1
     free_diagonals(tiles, bonds.status)
 
 

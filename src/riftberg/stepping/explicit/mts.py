@@ -26,7 +26,7 @@ from riftberg.stepping.contact.broad_phase import (
     group_substeps,
     with_partners,
 )
-from riftberg.stepping.explicit.beams import WORTH_THREADS, take_substeps_in_threads, take_substeps_of_beams
+from riftberg.stepping.explicit.beams import take_substeps_of_beams
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs, pairs_from_list
 from riftberg.stepping.explicit.lone_bergs import find_islands, take_substeps_of_islands
 from riftberg.stepping.explicit.springs import take_substeps_of_springs
@@ -337,7 +337,6 @@ class MultipleStepper(Stateless):
             break_after=p.fracture.enabled and after,
             # A start that must not break bonds must not damage them either.
             grow_damage=p.damage.enabled and (inline or after),
-            threads=p.stepping.threads,
         )
 
     def _inner_partners(self, batch: Batch, group: Ints, run: RunState) -> NeighbourLists:
@@ -432,12 +431,6 @@ def take_long_step(
         within, without = Solved(inner, allocate_outer_workspace(el.size, inner)), Solved(outer, outer_work)
         report = _step_of_springs(el, bonds, work, without, within, sizes, around, plan, p)
         return StepReport(*report)
-    if plan.apply_inner and plan.threads > 1 and el.size >= WORTH_THREADS:
-        outer_only = plan._replace(apply_inner=False)
-        broken, iterations = _step_of_beams(el, bonds, work, outer, outer_work, sizes, around, rank, outer_only, p)
-        if iterations >= 0:
-            broken += take_substeps_in_threads(el, bonds, work, sizes, around, rank, plan, p)
-        return StepReport(broken, iterations)
     return StepReport(*_step_of_beams(el, bonds, work, outer, outer_work, sizes, around, rank, plan, p))
 
 

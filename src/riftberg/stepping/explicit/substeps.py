@@ -64,7 +64,6 @@ class StepPlan(NamedTuple):
     apply_outer: bool = True  # Apply the outer forces at its start: both half kicks, and fracture after the step before
     apply_inner: bool = True  # Take its sub-steps
     sync_only: bool = False  # Apply the outer half kick that completes the step before, and nothing else
-    threads: int = 1  # Threads for the sub-steps of a large lattice with bonds as beams
 
 
 class SubstepFields(NamedTuple):

@@ -269,7 +269,7 @@ def sum_over_bonds(scratch: Floats, sums: Floats, slots: Indices, bond: Floats) 
     """
     for k in range(slots.shape[0]):
         sum_x, sum_y, sum_torque = sums[tile.SUM_X + k], sums[tile.SUM_Y + k], sums[tile.SUM_TORQUE + k]
-        # The order of addition is that of the slots, whatever the threads: the sums are the same bit for bit.
+        # The order of addition is that of the slots, whatever the order of the tiles: the sums are the same bit for bit.
         for n in range(slots.shape[1]):
             at = slots[k, n]
             sum_x -= bond[at + tile.FX]

@@ -7,16 +7,18 @@ within a sub-step alone stands in a scratch tile, which all tiles use one after 
 bonds see of them in ``ends``, what they have for themselves in ``elem``.
 
 Lanes stand in layers: the first layer holds the bonds from each element to the next one, in order of the elements, the others
-one more bond each that begins there. So the first ends of a tile of bonds are one tile of elements, which lie side by side
-too. Where an element has no such bond its lane is not intact; a tile without a bond is left out. A layer holds bonds of one kind,
-so that numbers that are those of the kind are not in the lanes. What the sizes of their ends make of bonds stands in tiles of its
-own, ``shape``, and tiles of bonds alike share one: ice of one thickness has one for each layer, which stays in the cache.
+one more bond each that begins there. So the first ends of a tile of bonds are one tile of elements, which lie side by side too;
+the tiles of all layers that begin at the same elements follow each other, in the order in which a sub-step goes through them.
+Where an element has no such bond its lane is not intact; a tile without a bond is left out. A layer holds bonds of one kind, so
+that numbers that are those of the kind are not in the lanes. What the sizes of their ends make of bonds stands in tiles of its
+own, ``shape``, and tiles of a layer that are alike share one: ice of one thickness has one for each layer, which stays in the
+cache.
 
 Why: numbers have to come from the second-level cache, or from memory, in each sub-step, and that takes longer than the law
 itself; so a lane holds as little as it can, and all that happens to a tile happens while it is in the cache. All distances
 in memory are known when the loops are compiled: with an array for each quantity, code that proves that none of forty overlaps
 took more room than the law. What belongs to the first ends is read, and summed, by vector instructions, that of the second
-ends one by one. Each element sums over its bonds in a fixed order, so results do not depend on threads.
+ends one by one. Each element sums over its bonds in a fixed order.
 """
 
 from __future__ import annotations
@@ -106,6 +108,12 @@ def bond_offset(lane: int) -> int:
 
 
 @kernel
+def lane_of(layer: int, element: int, layers: int) -> int:
+    """Lane of the bond of a layer that begins at an element."""
+    return ((element // LANES) * layers + layer) * LANES + element % LANES
+
+
+@kernel
 def end_offset(element: int) -> int:
     """Where what bonds see of an element begins in ``ends``."""
     return (element // LANES) * END_TILE + element % LANES
@@ -155,6 +163,7 @@ class BondTiles(NamedTuple):
     shape_of: Ints  # Where the shapes of each tile of bonds begin in ``shape``
     scratch: Floats  # What a tile of bonds needs within a sub-step
     in_use: Ints  # Tiles that hold bonds, in order; as many as `pack_bonds` says
+    last_tile: Ints  # Of each tile of elements: the last one in which a bond begins that it sees; shape (tiles,)
     slots: Indices  # Where the k-th bond that ends at each element begins in ``bond``, or the zeros; shape (elements, slots)
     rotation: Floats  # By how much elements have turned since the bonds were packed, rad
     counter: Ints  # Work space, one number for each element
@@ -200,6 +209,7 @@ def allocate_tiles(elements: Elements, bonds: Bonds, p: KernelParameters) -> Bon
         shape_of=np.zeros(tiles, np.int64),
         scratch=_aligned(SCRATCH_TILE),
         in_use=np.zeros(tiles, np.int64),
+        last_tile=np.zeros(width, np.int64),
         slots=np.zeros((count, max(int(end.max(initial=0)), 1)), np.uint32),
         rotation=np.zeros(width * LANES),
         counter=np.zeros(count, np.int64),
@@ -221,7 +231,7 @@ def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
         tiles.row_kind,
     )
     begin, end, way = tiles.diagonals.first, tiles.diagonals.second, tiles.diagonals.way
-    width = tile_count(counter.size) * LANES
+    layers = len(tiles.kinds)
     bond_ids[:] = EMPTY
     for of_kind in range(2):
         counter[:] = tiles.first_layer[of_kind]
@@ -233,12 +243,12 @@ def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
                 if of_kind == 1 or j != i + 1:
                     layer = counter[i]
                     counter[i] += 1
-                r = layer * width + i
+                r = lane_of(layer, i, layers)
                 bond_ids[r], second[r] = b, end_offset(j)
     counter[:] = tiles.first_layer[2]
     for d in range(begin.size):
         if holds(way, d, status):
-            r = counter[begin[d]] * width + begin[d]
+            r = lane_of(counter[begin[d]], begin[d], layers)
             counter[begin[d]] += 1
             bond_ids[r], second[r] = diagonal_of(d), end_offset(end[d])
 
@@ -247,18 +257,16 @@ def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
 def _list_tiles(tiles: BondTiles) -> int:
     """List the tiles with bonds; returns their number."""
     bond_ids, second, bond, in_use = tiles.bond_ids, tiles.second_end, tiles.bond, tiles.in_use
-    width = tile_count(tiles.counter.size)
+    layers = len(tiles.kinds)
     count = 0
-    for at in range(in_use.size):
-        # All tiles that begin at the same elements, one after the other: what these elements hold stays in the cache.
-        b = at % (in_use.size // width) * width + at // (in_use.size // width)
+    for b in range(in_use.size):
         holds_bonds = False
         for r in range(b * LANES, (b + 1) * LANES):
             holds_bonds = holds_bonds or bond_ids[r] != EMPTY
             if bond_ids[r] == EMPTY:
                 bond[bond_offset(r) + INTACT] = 0.0
                 # A bond to the next element, so that its length is not 0, also where that lies due east on a plane.
-                second[r] = end_offset(r % (width * LANES) + 1)
+                second[r] = end_offset(b // layers * LANES + r % LANES + 1)
                 bond[bond_offset(r) + METRES_COS] = 1.0
         if holds_bonds:
             in_use[count] = b
@@ -268,16 +276,25 @@ def _list_tiles(tiles: BondTiles) -> int:
 
 @kernel
 def _fill_slots(tiles: BondTiles, second: Ints) -> None:
-    """List the bonds that end at each element, in order of lane; unused slots point at the tile of zeros."""
+    """List the bonds that end at each element, layer by layer, and the last tile of elements in which one begins.
+
+    Unused slots point at the tile of zeros.
+    """
     slots, counter, bond_ids, end = tiles.slots, tiles.counter, tiles.bond_ids, tiles.diagonals.second
     counter[:] = 0
+    for e in range(tiles.last_tile.size):
+        tiles.last_tile[e] = e
     # The last tile holds zeros for good: an unused slot adds nothing, and no branch is needed.
     slots[:, :] = tiles.bond.size - BOND_TILE
-    for r in range(bond_ids.size):
-        if bond_ids[r] != EMPTY:
-            j = second[bond_ids[r]] if bond_ids[r] >= 0 else end[diagonal_of(bond_ids[r])]
-            slots[j, counter[j]] = bond_offset(r)
-            counter[j] += 1
+    layers = len(tiles.kinds)
+    for layer in range(layers if bond_ids.size else 0):
+        for i in range(counter.size):
+            r = lane_of(layer, i, layers)
+            if bond_ids[r] != EMPTY:
+                j = second[bond_ids[r]] if bond_ids[r] >= 0 else end[diagonal_of(bond_ids[r])]
+                slots[j, counter[j]] = bond_offset(r)
+                counter[j] += 1
+                tiles.last_tile[j // LANES] = max(tiles.last_tile[j // LANES], i // LANES)
 
 
 @kernel
@@ -353,8 +370,9 @@ def pack_bonds(
     _assign_lanes(tiles, bonds)
     count = _list_tiles(tiles)
     _fill_slots(tiles, bonds.second)
+    free = 0
     for b in range(tiles.shape_of.size):
-        tiles.shape_of[b] = _fill_shapes(tiles, b, elements, bonds, sizes, rank, p)
+        free = _fill_shapes(tiles, b, free, elements, bonds, sizes, rank, p)
     bond, first, second, sx, sy = tiles.bond, bonds.first, bonds.second, bonds.shear_x, bonds.shear_y
     for r in range(tiles.bond_ids.size):
         b, at = tiles.bond_ids[r], bond_offset(r)
@@ -370,12 +388,13 @@ def pack_bonds(
 
 @kernel
 def _fill_shapes(
-    tiles: BondTiles, b: int, elements: Elements, bonds: Bonds, sizes: Sizes, rank: Ints, p: KernelParameters
+    tiles: BondTiles, b: int, free: int, elements: Elements, bonds: Bonds, sizes: Sizes, rank: Ints, p: KernelParameters
 ) -> int:
-    """Find the shapes of tile ``b`` of bonds, with those of all before it known; returns where they begin."""
-    rest, diagonals, shapes = bonds.rest_length, tiles.diagonals, tiles.shape
-    begin = tiles.shape_of[b - 1] + SHAPE_TILE if b > 0 else 0
-    shape, normal = shapes[begin : begin + SHAPE_TILE], tiles.kinds[b // tile_count(tiles.counter.size), 0]
+    """Find the shapes of tile ``b`` of bonds, those before it are known; returns from where on ``shape`` is free."""
+    rest, diagonals, layers = bonds.rest_length, tiles.diagonals, len(tiles.kinds)
+    shape, normal = tiles.shape[free : free + SHAPE_TILE], tiles.kinds[b % layers, 0]
+    # Of the same layer, at the elements before.
+    before = tiles.shape_of[max(b - layers, 0)]
     filled = -1
     for k in range(LANES):
         bond = tiles.bond_ids[b * LANES + k]
@@ -391,13 +410,14 @@ def _fill_shapes(
             shape[k + DAMPING] = 0.0
         filled = k
     # Lanes without a bond have the shape of one that is there: a row that ends is no reason for a tile of its own.
-    alike = b > 0
+    alike = b >= layers
     for n in range(SHAPE_TILE):
         # Lanes without a bond have the shape of one that is there: where a row ends is no reason for a tile of its own.
         if filled >= 0 and tiles.bond_ids[b * LANES + n % LANES] == EMPTY:
             shape[n] = shape[n // LANES * LANES + filled]
-        alike = alike and (filled < 0 or shape[n] == shapes[begin - SHAPE_TILE + n])
-    return int(begin - SHAPE_TILE if alike else begin)
+        alike = alike and (filled < 0 or shape[n] == tiles.shape[before + n])
+    tiles.shape_of[b] = before if alike else free
+    return free if alike else free + SHAPE_TILE
 
 
 @kernel
