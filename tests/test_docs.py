@@ -189,9 +189,10 @@ def test_all_tutorials_are_run() -> None:
 
 
 ENSEMBLES = (
-    "calibration.md", "ensemble-forecast.md", "hazard-products.md", "sensitivity.md", "update.md", "verification.md",
+    "a-population.md", "calibration.md", "ensemble-forecast.md", "hazard-products.md", "many-runs.md", "sensitivity.md",
+    "update.md", "verification.md",
 )  # fmt: skip
-"""Pages of ten to twenty seconds each, which run with the site; tests of their commands have smaller ensembles."""
+"""Pages of five to twenty seconds each, which run with the site; tests of their commands have smaller ensembles."""
 
 
 @pytest.mark.parametrize(

@@ -104,6 +104,7 @@ AT_START = """\
 import sys
 import riftberg.cli.run, riftberg.experiments.a68a, riftberg.kid.run, riftberg.kid.trajectories
 import riftberg.runs.model, riftberg.runs.progress, riftberg.runs.run_file, riftberg.runs.tracks, riftberg.diagnostics.summary
+import riftberg.ensembles.uncertain
 print([m for m in ("xarray", "pandas", "dask", "scipy.linalg", "scipy.spatial", "matplotlib") if m in sys.modules])
 """
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from riftberg.config.parameter_groups import NORTHERN_CLASSES, SOUTHERN_CLASSES, ClassTable
 from riftberg.kid import parameters, trajectories
 from riftberg.kid.entries import DRIVER, GROUPS, HONOURED, ICEBERGS, REFUSED, REPORTED, Entry, convert, find_entry
 
@@ -75,3 +76,10 @@ def test_honoured_entries_are_read_somewhere() -> None:
 
 def test_lookup_ignores_case() -> None:
     assert find_entry("icebergs_nml", "lOw_RATIO").name == "LoW_ratio"
+
+
+@pytest.mark.parametrize(("end", "classes"), [("", SOUTHERN_CLASSES), ("_n", NORTHERN_CLASSES)])
+def test_size_classes_of_own_runs_are_those_of_the_namelist(end: str, classes: ClassTable) -> None:
+    names = ("initial_mass", "distribution", "mass_scaling", "initial_thickness")
+    table = [find_entry("icebergs_nml", f"{name}{end}").default for name in names]
+    assert table == [classes.mass, classes.fraction, classes.scaling, classes.thickness]

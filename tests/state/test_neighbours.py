@@ -8,7 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from riftberg.compiled.kernels import plain
-from riftberg.state.neighbours import ANY, OTHER_BERG, SAME_BERG, _hash_columns, adjacency, find_pairs, near_pairs
+from riftberg.state.neighbours import (
+    ANY,
+    OTHER_BERG,
+    SAME_BERG,
+    _hash_columns,
+    _near_other_boxes,
+    adjacency,
+    find_pairs,
+    near_pairs,
+)
 from twins import geometry
 
 RADIUS = 6_363_827.0
@@ -155,3 +164,12 @@ def test_pairs_with_a_reach_of_their_own_are_found_each_once_and_in_order(seed, 
             if berg[e] != berg[c] and apart < reach[e] + reach[c]:
                 wanted.append((e, c))
     assert list(zip(first.tolist(), second.tolist(), strict=True)) == wanted
+
+
+def test_elements_far_from_every_other_berg_do_not_enter_the_search() -> None:
+    """Two rows of elements 1 m apart, whose ends are 2 m apart: with a reach of 0.7 m none, with one of 1.1 m the ends."""
+    x, berg = np.append(np.arange(5.0), np.arange(6.0, 11.0)), np.repeat([1, 2], 5)
+    near = _near_other_boxes(x, np.zeros(10), berg, np.full(10, 0.7), False, 0.0, 0.0)
+    assert near.tolist() == []
+    near = _near_other_boxes(x, np.zeros(10), berg, np.full(10, 1.1), False, 0.0, 0.0)
+    assert near.tolist() == [4, 5]

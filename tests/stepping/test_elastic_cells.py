@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
@@ -14,6 +17,7 @@ from riftberg.runs.model import Model
 from riftberg.state.population import Population
 from riftberg.stepping.bodies.pose import bodies_from_elements, tangent_coordinates
 from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.fracture.crack_tips import NO_TIPS, CrackPaths, Crossing, Tip
 from riftberg.stepping.fracture.criteria import Equilibrium, IceStress, Strengths
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness
@@ -494,3 +498,19 @@ def test_a_topology_counts_as_long_as_only_the_ice_melts() -> None:
         change[3] = 1 - change[3]
     other = with_new_cells(None, el, bonds, berg.outlines, p)
     assert CellStiffness(other, el, bonds, body, xy, p, stiffness.topology).topology is not stiffness.topology
+
+
+@pytest.mark.parametrize(("away", "goes_on"), [(0.6, True), (2.4, True), (2.6, False)])
+def test_a_bond_that_fails_near_a_tip_is_the_tips_and_farther_off_begins_a_crack(away: float, goes_on: bool) -> None:
+    """A row of elements 100 m apart; the bond from the first to the second fails, ``away`` elements from the tip."""
+    bonds: Any = SimpleNamespace(first=np.arange(4), second=np.arange(1, 5))
+    row, unused = np.column_stack([100.0 * np.arange(5), np.zeros(5)]), np.zeros(0)
+    paths: Any = CrackPaths(NO_TIPS, bonds, np.arange(5), np.zeros(5, np.int64), row, unused)  # type: ignore[arg-type]
+    tip = Tip(0, 0, np.array([50.0 + 100.0 * away, 0.0]), np.array([0.0, 1.0]), 100.0)
+    told: list[str] = []
+    paths.standing = lambda: [tip]
+    paths.ahead = lambda tip, stress: Crossing(2, 0.5, tip)
+    paths._step, paths._drop = (lambda *_: told.append("on")), lambda ended: None
+    paths._start = lambda *_: told.append("new")
+    bond = paths.next_bond(0, False, np.zeros(3), unused, np.full(4, 2.0), np.ones(4))
+    assert (bond, told) == ((2, ["on"]) if goes_on else (0, ["new"]))

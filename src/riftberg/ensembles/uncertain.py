@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from riftberg.config.units import to_unit
 from riftberg.config.values import Section, key, parse_date
@@ -24,14 +23,12 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.changes import started
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
-from riftberg.products.cf import role_of, units_of
-from riftberg.products.levels import uppermost
-from riftberg.products.registry import open_all
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, reading, rows_of_csv
-from riftberg.system.netcdf_lock import open_lazily
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from riftberg.runs.model import Model
 
 
@@ -264,6 +261,10 @@ def stated_error(path: str) -> SizeField:
     ForcingError
         If the file states none on axes of longitude and latitude.
     """
+    # Here, for each run looks up what may be uncertain: to load xarray and all products would make its start half as long again.
+    from riftberg.products.cf import role_of, units_of
+    from riftberg.system.netcdf_lock import open_lazily
+
     remedy = (
         "Give the file of a product that has variables such as uo_err and vo_err, or a number (current_error.speed)"
     )
@@ -369,6 +370,9 @@ def estimated(
 
 def _currents(path: Any) -> xr.Dataset:
     """Return the current of a product at its uppermost level, on rising axes, over the length of the file."""
+    from riftberg.products.levels import uppermost
+    from riftberg.products.registry import open_all
+
     paths = [str(p) for p in ([path] if isinstance(path, str | Path) else path)]
     ds = next((ds for ds in open_all(paths) if "uo" in ds and "vo" in ds), None)
     where = ", ".join(paths)
