@@ -1,9 +1,10 @@
 """A piece of the sphere laid flat: azimuthal planes that touch it at one point.
 
-All three keep the direction from the point of contact and differ in how far from it a point at the angle c lies
-(Snyder 1987, USGS PP 1395, chapters 20, 21 and 24): `ConformalPlane` keeps shapes (squares stay square wherever the berg
-is, poles included), `EqualAreaPlane` areas, `OrthographicPlane` looks from far above. The formulas are short and must give
-the same digits everywhere, so they stand here; coordinate systems of data files are pyproj's.
+All four keep the direction from the point of contact and differ in how far from it a point at the angle c lies
+(Snyder 1987, USGS PP 1395, chapters 20, 21, 24 and 25): `ConformalPlane` keeps shapes (squares stay square wherever the berg
+is, poles included), `EqualAreaPlane` areas, `EquidistantPlane` distances from that point, `OrthographicPlane` looks from far
+above. The formulas are short and must give the same digits everywhere, so they stand here; coordinate systems of data files are
+pyproj's.
 """
 
 from __future__ import annotations
@@ -21,6 +22,11 @@ def unit_vectors(lon: Floats, lat: Floats) -> Floats:
     """Return positions (degrees) as vectors of length 1 along a last axis of three."""
     east, north = np.deg2rad(np.asarray(lon, float)), np.deg2rad(np.asarray(lat, float))
     return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=-1)
+
+
+def near(lon: Any, middle: Any) -> Any:
+    """Return longitudes on the branch of another: within half a turn of it."""
+    return lon - 360.0 * np.round((lon - middle) / 360.0)
 
 
 @dataclass(frozen=True)
@@ -109,6 +115,18 @@ class EqualAreaPlane(AzimuthalPlane):
 
     def _angle(self, rho: Floats) -> Floats:
         return np.asarray(2.0 * np.arcsin(0.5 * rho))
+
+
+@dataclass(frozen=True)
+class EquidistantPlane(AzimuthalPlane):
+    """Plane on which the distance from the point of contact is that along the great circle."""
+
+    def _stretch(self, cosine: Floats) -> Floats:
+        # An angle too small for its cosine counts as 0, where the stretch is 1 all the same.
+        return np.asarray(1.0 / np.sinc(np.arccos(np.clip(cosine, -1.0, 1.0)) / np.pi))
+
+    def _angle(self, rho: Floats) -> Floats:
+        return rho
 
 
 @dataclass(frozen=True)

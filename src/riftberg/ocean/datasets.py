@@ -322,15 +322,12 @@ class DatasetForcing(DescribedForcing):
         if "depth" not in self._missing:
             elements.depth[:] += level
         if self._balance is not None:
-            self._fill_balance(self._balance, elements, time)
-
-    def _fill_balance(self, part: Part, e: Elements, time: float) -> None:
-        """Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown."""
-        draft = draft_of(e.body.thickness, self._density) if part.records.has_levels else None
-        places = part.mesh.locate(e.lon, e.lat)
-        u, v = (np.nan_to_num(_values(part, name, places, time, draft)) for name in ("uo", "vo"))
-        per_speed = 2.0 * EARTH_ROTATION * np.sin(e.lat * DEGREE) / GRAVITY
-        e.slope_x[:], e.slope_y[:] = per_speed * v, -per_speed * u
+            # Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown.
+            draft = draft_of(elements.body.thickness, self._density) if self._balance.records.has_levels else None
+            places = self._balance.mesh.locate(elements.lon, elements.lat)
+            u, v = (np.nan_to_num(_values(self._balance, name, places, time, draft)) for name in ("uo", "vo"))
+            per_speed = 2.0 * EARTH_ROTATION * np.sin(elements.lat * DEGREE) / GRAVITY
+            elements.slope_x[:], elements.slope_y[:] = per_speed * v, -per_speed * u
 
     def _fill(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
         """Fill the variables of the elements that come from one field; 0 where it is unknown."""

@@ -76,13 +76,7 @@ class RandomField:
                 f"an error with a length of {error.length:g} m under ice {extent / 1e3:.0f} km wide",
                 where=f"{kind}_error.length", remedy=f"Give {extent / 200.0:.0f} m or more",
             )  # fmt: skip
-        self._filter = self._spectral_filter(gradient)
-        self._white: Floats | None = None  # of the knot that was drawn last
-        self._knot = -1
-        self._known: dict[int, Floats] = {}
-
-    def _spectral_filter(self, gradient: bool) -> Floats:
-        """Return what turns white noise into spline coefficients of the field."""
+        # What turns white noise into spline coefficients of the field.
         n = self.points
         kx, ky = 2.0 * np.pi * np.fft.rfftfreq(n), 2.0 * np.pi * np.fft.fftfreq(n)[:, None]  # per point
         square = kx**2 + ky**2
@@ -95,7 +89,10 @@ class RandomField:
         spline = (
             (2.0 + np.cos(kx)) / 3.0 * (2.0 + np.cos(ky)) / 3.0
         )  # a cubic spline's value at its points over its coefficients
-        return np.asarray(self.error.spread / math.sqrt(variance) * shape / spline)
+        self._filter = np.asarray(self.error.spread / math.sqrt(variance) * shape / spline)
+        self._white: Floats | None = None  # of the knot that was drawn last
+        self._knot = -1
+        self._known: dict[int, Floats] = {}
 
     def _drawn(self, knot: int) -> Floats:
         # Counter-based: the numbers of a knot depend on seed, kind and knot alone.

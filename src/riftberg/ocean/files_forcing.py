@@ -134,6 +134,31 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     if settings.sea_level == "geostrophic":  # over the draft also where the surface alone drives the berg
         balance = balance_of(part(_as_needed(currents[["uo", "vo"]], {"uo", "vo"})))
     parts = [part(ds) for ds in datasets]
+    # What the files leave out, and doubts about them, in a line each.
+    held = {str(name) for ds in datasets for name in ds.data_vars}
+    notices = [*records.named_remarks(datasets), *records.doubtful_units(datasets)]
+    if "ssh" not in held and settings.sea_level == "files":
+        notices.append(
+            "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "
+            "is 0. With sea_level: geostrophic in forcing it balances the current, with sea_level: none this is not said"
+        )
+    if not held & {"ua", "taux"} and settings.wind == "files":
+        notices.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
+    notices += [
+        f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
+        for ds in datasets
+        if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if QUANTITIES[str(name)].moves])
+    ]
+    # What the files hold and this run does not use, in a line each.
+    said = records.idle_fields(opened)
+    there = {str(name): ds for ds in opened for name in ds.data_vars}
+    taken = {str(name) for ds in datasets for name in ds.data_vars}
+    if {"taux", "ua"} <= set(there) and "ua" in taken:
+        said.append(f"{records.named(there['taux'])}: wind stress (taux, tauy) is not used beside a wind")
+    if not run.melts and (idle := [name for name in ("sst", "sss", "ice_fraction") if name in taken]):
+        said.append(f"{', '.join(idle)} are for melt alone, which is off in this run")
+    if run.melts and "wave_height" in taken:
+        said.append("given waves push the berg; what waves melt follows from the wind all the same")
     return DatasetForcing(
         parts,
         ice_density=run.ice_density,
@@ -141,7 +166,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
         coastal_drift=settings.coastal_drift,
         grid=None if grid is None else grid.grid,
         balance=balance,
-        notices=(*chosen, *_notices(datasets, settings), *_unused(opened, datasets, run)),
+        notices=(*chosen, *notices, *said),
     )
 
 
@@ -372,39 +397,6 @@ def _check_size(settings: FileForcing, run: Run) -> None:
         (run.end - run.start) / timedelta(hours=1) / settings.every_hours, MOST_MOMENTS, "dates on a model grid",
         where=f"forcing.every_hours, for {files}", remedy="Give a longer interval or a shorter run", kind=ForcingError,
     )  # fmt: skip
-
-
-def _notices(datasets: list[xr.Dataset], settings: FileForcing) -> tuple[str, ...]:
-    """Return what the files leave out, and doubts about them, in a line each."""
-    held = {str(name) for ds in datasets for name in ds.data_vars}
-    notices = [*records.named_remarks(datasets), *records.doubtful_units(datasets)]
-    if "ssh" not in held and settings.sea_level == "files":
-        notices.append(
-            "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "
-            "is 0. With sea_level: geostrophic in forcing it balances the current, with sea_level: none this is not said"
-        )
-    if not held & {"ua", "taux"} and settings.wind == "files":
-        notices.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
-    notices += [
-        f"{records.named(ds)} has no dates: its {', '.join(moving)} are held constant for the whole run"
-        for ds in datasets
-        if "time" not in ds.dims and (moving := [str(name) for name in ds.data_vars if QUANTITIES[str(name)].moves])
-    ]
-    return tuple(notices)
-
-
-def _unused(opened: list[xr.Dataset], datasets: list[xr.Dataset], run: Run) -> list[str]:
-    """Return what the files hold and this run does not use, in a line each."""
-    said = records.idle_fields(opened)
-    held = {str(name): ds for ds in opened for name in ds.data_vars}
-    taken = {str(name) for ds in datasets for name in ds.data_vars}
-    if {"taux", "ua"} <= set(held) and "ua" in taken:
-        said.append(f"{records.named(held['taux'])}: wind stress (taux, tauy) is not used beside a wind")
-    if not run.melts and (idle := [name for name in ("sst", "sss", "ice_fraction") if name in taken]):
-        said.append(f"{', '.join(idle)} are for melt alone, which is off in this run")
-    if run.melts and "wave_height" in taken:
-        said.append("given waves push the berg; what waves melt follows from the wind all the same")
-    return said
 
 
 def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, Choice]]:

@@ -86,7 +86,15 @@ class Formula(DescribedForcing):
 
     def sample(self, elements: Elements, time: float) -> None:
         """Fill the environment of the elements."""
-        clear_environment(elements)
+        # Set the environment of the elements to nothing at all, for parts to add to.
+        environment = elements.environment
+        for name in SUMMED:
+            getattr(environment, name)[:] = 0.0
+        # Of several floors the shallowest counts, so the search for it begins at no floor at all.
+        environment.depth[:] = np.inf
+        for name in UNKNOWN:
+            getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
+        environment.wave_height[:] = FIELD_DEFAULTS["wave_height"]
         self.add_to(elements, time)
         _add_inertial_slope(self._flows(), elements, time)
         # Elements under which no part has a sea floor get the depth of an open ocean.
@@ -130,18 +138,6 @@ class Formula(DescribedForcing):
 def _at(part: Formula, point: Pair) -> str:
     """Return a place of a formula in words."""
     return place_text(*point, latlon=part.latlon is not False, digits=2)
-
-
-def clear_environment(elements: Elements) -> None:
-    """Set the environment of the elements to nothing at all, for parts to add to."""
-    environment = elements.environment
-    for name in SUMMED:
-        getattr(environment, name)[:] = 0.0
-    # Of several floors the shallowest counts, so the search for it begins at no floor at all.
-    environment.depth[:] = np.inf
-    for name in UNKNOWN:
-        getattr(environment, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
-    environment.wave_height[:] = FIELD_DEFAULTS["wave_height"]
 
 
 MATERIAL_STEP: Final = 10.0
@@ -441,13 +437,10 @@ class Eddy(Flow):
     speed: Annotated[float, about("m s-1", "its speed, positive counter-clockwise", ge=-10, le=10)]
     velocity: Annotated[Velocity, about("m s-1", "eastward and northward velocity of the centre")] = (0.0, 0.0)
 
-    def centre_at(self, time: float) -> Pair:
-        """Return the place of the centre at a time (s)."""
-        return travelled(self.centre, self.velocity, time, bool(self.latlon))
-
     def flow(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats, Floats]:
         """Return current and vorticity of the eddy."""
-        x, y = metres_from(self.centre_at(time), lon, lat, bool(self.latlon))
+        centre = travelled(self.centre, self.velocity, time, bool(self.latlon))
+        x, y = metres_from(centre, lon, lat, bool(self.latlon))
         q = (x * x + y * y) / self.radius**2
         turning = self.speed / self.radius * np.exp(0.5 * (1.0 - q))
         return -turning * y, turning * x, turning * (2.0 - q)

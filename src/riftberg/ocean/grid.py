@@ -142,7 +142,14 @@ class Grid:
             _join_ends(full, ni, halo, shift)
 
         _halo_corners(lon, lat, rows, columns, wrap if joined else None, period)
-        dx, dy = edge_lengths(lon, lat, radius_for_metrics, latlon)
+        # (dx, dy): lengths (m) of the north and the east edge of each cell; shape of the corners.
+        if latlon:
+            north = haversine(lon[:, :-1], lat[:, :-1], lon[:, 1:], lat[:, 1:], radius_for_metrics)
+            east = haversine(lon[:-1], lat[:-1], lon[1:], lat[1:], radius_for_metrics)
+        else:
+            north = np.hypot(np.diff(lon, axis=1), np.diff(lat, axis=1))
+            east = np.hypot(np.diff(lon, axis=0), np.diff(lat, axis=0))
+        dx, dy = np.concatenate([north[:, :1], north], axis=1), np.concatenate([east[:1], east], axis=0)
         # Row 0 and column 0 hold corners only and have no cell.
         area = np.zeros_like(lon)
         area[1:, 1:] = cell_areas(lon, lat, radius_for_metrics, latlon)
@@ -348,20 +355,6 @@ def cell_areas(lon: Floats, lat: Floats, radius: float, latlon: bool) -> Floats:
             # About the first corner, so that large coordinates cost no digits.
             total += 0.5 * ((x1 - corners[0][0]) * (y2 - corners[1][0]) - (x2 - corners[0][0]) * (y1 - corners[1][0]))
     return np.abs(total) * (radius**2 if latlon else 1.0)
-
-
-def edge_lengths(lon: Floats, lat: Floats, radius: float, latlon: bool) -> tuple[Floats, Floats]:
-    """Return (dx, dy): lengths (m) of the north and the east edge of each cell; shape of the corners.
-
-    The first column of dx and the first row of dy belong to no cell and repeat their neighbours.
-    """
-    if latlon:
-        north = haversine(lon[:, :-1], lat[:, :-1], lon[:, 1:], lat[:, 1:], radius)
-        east = haversine(lon[:-1], lat[:-1], lon[1:], lat[1:], radius)
-    else:
-        north = np.hypot(np.diff(lon, axis=1), np.diff(lat, axis=1))
-        east = np.hypot(np.diff(lon, axis=0), np.diff(lat, axis=0))
-    return np.concatenate([north[:, :1], north], axis=1), np.concatenate([east[:1], east], axis=0)
 
 
 Staggering = Literal["A", "B", "C"]

@@ -501,7 +501,13 @@ class DayMeans(ProductRecords):
         if times.size < 2 or np.median(np.diff(times)) >= SECONDS_PER_DAY:
             return self._of._record(number)
         first = min(max(times[number] - 0.5 * SECONDS_PER_DAY, times[0]), max(times[-1] - SECONDS_PER_DAY, times[0]))
-        weights = _weights_over(times, float(first), float(min(first + SECONDS_PER_DAY, times[-1])))
+        # The weights of records in the integral from first to last (s) of a series that is linear between them.
+        begins, ends = times[:-1], times[1:]
+        low, high = np.maximum(begins, float(first)), np.minimum(ends, float(min(first + SECONDS_PER_DAY, times[-1])))
+        length, share = np.maximum(high - low, 0.0), (0.5 * (low + high) - begins) / (ends - begins)
+        weights = np.zeros(times.size)
+        weights[:-1] += length * (1.0 - share)
+        weights[1:] += length * share
         near = {int(k): self._of._record(int(k)) for k in np.flatnonzero(weights)}
         mean = {}
         for name in self.names:
@@ -513,17 +519,6 @@ class DayMeans(ProductRecords):
 
     def _check_gap(self, record: int, time: float) -> None:
         self._of._check_gap(record, time)
-
-
-def _weights_over(times: Floats, first: float, last: float) -> Floats:
-    """Return the weights of records in the integral from ``first`` to ``last`` (s) of a series that is linear between them."""
-    begins, ends = times[:-1], times[1:]
-    low, high = np.maximum(begins, first), np.minimum(ends, last)
-    length, share = np.maximum(high - low, 0.0), (0.5 * (low + high) - begins) / (ends - begins)
-    weights = np.zeros(times.size)
-    weights[:-1] += length * (1.0 - share)
-    weights[1:] += length * share
-    return weights
 
 
 def records_at_once(values: float) -> int:

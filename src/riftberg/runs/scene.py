@@ -21,6 +21,7 @@ from riftberg import constants
 from riftberg.errors import InputError, RiftbergError
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
+from riftberg.plane import near
 from riftberg.runs.layout import called
 from riftberg.runs.tracks import by_area, family_of
 from riftberg.state import Floats, Ints
@@ -611,7 +612,7 @@ class StoredWater:
         """Bring longitudes to the branch of the stored ones."""
         lon = np.asarray(lon, np.float64)
         middle = 0.5 * (self.x[0] + self.x[-1])
-        return lon - 360.0 * np.round((lon - middle) / 360.0) if self.degrees else lon
+        return near(lon, middle) if self.degrees else lon
 
 
 def on_even_grid(x_axis: Floats, y_axis: Floats, field: Floats, x: Floats, y: Floats) -> Floats:

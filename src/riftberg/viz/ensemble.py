@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import xarray as xr
 
-from riftberg.config.units import area_text
+from riftberg.config.units import area_text, count_text
 from riftberg.config.values import required
 from riftberg.errors import InputError
 from riftberg.plane import ellipses
@@ -181,9 +181,7 @@ def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] 
     style.colour_bar([axes["cracks"]], cracks, "probability of a crack", location="right", shrink=1.0, aspect=25)
     style.letters(list(axes.values()))
     done, count = int((result["status"] == 0).sum()), float(result.attrs.get("effective_members", np.inf))
-    members = f"{done} member{'s' if done > 1 else ''}" + (
-        f", {count:.1f} of them count" if count < 0.995 * done else ""
-    )
+    members = count_text(done, "member") + (f", {count:.1f} of them count" if count < 0.995 * done else "")
     unfinished = int((result["status"] == 3).sum())
     members += f", {unfinished} more unfinished" if unfinished else ""
     name = Path(str(result.attrs.get("experiment", "Forecast"))).stem

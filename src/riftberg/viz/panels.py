@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from riftberg.config.units import area_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import InputError
 from riftberg.ocean.forcing import Forcing
-from riftberg.plane import ConformalPlane
+from riftberg.plane import ConformalPlane, near
 from riftberg.runs.scene import Box, KeptWater, Scene, StoredWater, filled_forward, stretch, water_of
 from riftberg.state import Floats
 from riftberg.viz import colours, style
@@ -155,13 +155,6 @@ def is_zone(depth: Floats) -> bool:
     return len(np.unique(depth)) < STEPPED and float(depth.min()) <= 0.0 < float(depth.max())
 
 
-class KnownDepth(Protocol):
-    """What knows the depth of water."""
-
-    def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at arrays of points."""
-
-
 def widened(box: Box, latlon: bool, shape: float, *, margin: float = 0.0, least: float = 0.0) -> Box:
     """Return a box with a margin (part of its longer side), widened to a shape so that a map fills its axes.
 
@@ -211,7 +204,7 @@ class Map:
         x, y = x[there], y[there]
         plane = None
         if latlon:
-            x = x - 360.0 * np.round((x - x[0]) / 360.0)
+            x = near(x, x[0])
             lon, lat = (0.5 * float(v.min() + v.max()) for v in (x, y))
             if abs(lat) > POLAR:
                 plane = plane_at(lon, lat, radius)
@@ -227,7 +220,7 @@ class Map:
         if self.plane is not None:
             return self.plane.forward(np.asarray(x, np.float64), np.asarray(y, np.float64))
         middle = 0.5 * (self.box.west + self.box.east)
-        return (x - 360.0 * np.round((x - middle) / 360.0) if self.latlon else x), y
+        return (near(x, middle) if self.latlon else x), y
 
     def draw_place(self, x: Floats, y: Floats, labels: style.Labels | None = None) -> Axes | None:
         """Draw where on the Earth the map lies, off points of it, once the axes have their place; labels keep off."""
@@ -245,7 +238,7 @@ class Map:
         return x, y
 
     def draw_floor(
-        self, water: KnownDepth | None, *, shaded: bool = False, labels: bool = True, draft: float | None = None,
+        self, water: Water | None, *, shaded: bool = False, labels: bool = True, draft: float | None = None,
         hatched: bool = False,
     ) -> None:  # fmt: skip
         """Draw the sea floor: depth in steps of colour if ``shaded``, isobaths, and if ``hatched`` what is above ``draft``, m."""

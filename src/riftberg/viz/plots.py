@@ -338,7 +338,21 @@ def draw_melt(
     # The pattern shows where all lose about the same.
     scale = melt_bar([ax], low if 0.5 * top < low < 0.99 * top else 0.0, top)
     ax.set_title(moment_texts(scene.times, [record])[0], fontsize=10, pad=4)
-    _melt_by_process(curves, scene)
+    # The melt water by process, one upon the other, so that the upper edge is all of it.
+    melted = scene.run["melt_water"].transpose("process", "time") / 1e12
+    names = [str(name) for name in melted["process"].values]
+    shown = [k for k in range(len(names)) if float(melted[k, -1]) > 0.0]
+    times: Any = scene.times
+    stacked = curves.stackplot(
+        times, *(melted[k].values for k in shown), colors=[colours.FRAGMENTS[k] for k in shown], alpha=0.8
+    )
+    for area, k in zip(stacked, shown, strict=True):
+        area.set_label(f"{names[k].replace('_', ' ')}: {float(melted[k, -1]):.3g} Gt")
+    style.plain_axes(curves)
+    date_axis(curves)
+    curves.set_ylim(bottom=0.0)
+    curves.set_ylabel("melt water since the start (Gt)", fontsize=9)
+    curves.legend(fontsize=8, loc="upper left", frameon=False, reverse=True)
     style.letters([ax, curves])
     style.put_title(figure, "\n".join([figure_title(run, "thickness lost, melt water"), *melt_lines(run)[:1]]))
     style.lay_out(figure)
@@ -346,24 +360,6 @@ def draw_melt(
     panel.draw_values(record, lost, colours.melt_map(), scale)
     panel.draw_scale()
     return figure
-
-
-def _melt_by_process(ax: Axes, scene: Scene) -> None:
-    """Draw the melt water by process, one upon the other, so that the upper edge is all of it."""
-    water = scene.run["melt_water"].transpose("process", "time") / 1e12
-    names = [str(name) for name in water["process"].values]
-    shown = [k for k in range(len(names)) if float(water[k, -1]) > 0.0]
-    times: Any = scene.times
-    stacked = ax.stackplot(
-        times, *(water[k].values for k in shown), colors=[colours.FRAGMENTS[k] for k in shown], alpha=0.8
-    )
-    for area, k in zip(stacked, shown, strict=True):
-        area.set_label(f"{names[k].replace('_', ' ')}: {float(water[k, -1]):.3g} Gt")
-    style.plain_axes(ax)
-    date_axis(ax)
-    ax.set_ylim(bottom=0.0)
-    ax.set_ylabel("melt water since the start (Gt)", fontsize=9)
-    ax.legend(fontsize=8, loc="upper left", frameon=False, reverse=True)
 
 
 @style.saved_or_shown

@@ -16,7 +16,7 @@ from riftberg.diagnostics.why import Reasons
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.colours import MODEL, OBSERVED, PAIRING
-from riftberg.viz.panels import KnownDepth, Map, PolarWater
+from riftberg.viz.panels import Map, PolarWater, Water
 from riftberg.viz.style import date_axis, day_text, new_figure, plain_axes, save_figure
 
 if TYPE_CHECKING:
@@ -40,9 +40,7 @@ LEAST: Final = 2e4
 """Least height (m) of a map of tracks: a berg that hardly moved is not blown up to metres."""
 
 
-def draw_score(
-    score: Score, path: str | Path, *, title: str = "", water: KnownDepth | None = None, dpi: int = 150
-) -> Path:
+def draw_score(score: Score, path: str | Path, *, title: str = "", water: Water | None = None, dpi: int = 150) -> Path:
     """Draw a score.
 
     Parameters
@@ -118,7 +116,7 @@ _CURVES: Final = (
 )
 
 
-def _draw_tracks(figure: Figure, ax: Axes, score: Score, water: KnownDepth | None) -> None:
+def _draw_tracks(figure: Figure, ax: Axes, score: Score, water: Water | None) -> None:
     """Draw the centroids of all pieces, model and observed, joined day by day."""
     berg = [(day.time, m) for day in score.days if (m := day.berg) is not None]
     matches = [(m, m is not day.berg) for day in score.days for m in day.matches]

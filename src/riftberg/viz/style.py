@@ -161,7 +161,9 @@ def geographic_axes(ax: Axes, *, latlon: bool, ticks: int = 6, labels: bool = Tr
     """Label the axes in degrees, or in km where positions are metres."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-    factor = metres_factor(ax)
+    # The metres in the unit of the axes of a map in metres: those of a kilometre, or 1 on a small map.
+    (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
+    factor = 1e3 if max(east - west, north - south) > 4e3 else 1.0
     for axis, names in ((ax.xaxis, "EW"), (ax.yaxis, "NS")):
         axis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
         if latlon:
@@ -184,12 +186,6 @@ def plain_axes(ax: Axes) -> None:
     ax.set_axisbelow(True)
     ax.tick_params(labelsize=8)
     ax.spines[["top", "right"]].set_visible(False)
-
-
-def metres_factor(ax: Axes) -> float:
-    """Return the metres in the unit of the axes of a map in metres: those of a kilometre, or 1 on a small map."""
-    (west, east), (south, north) = ax.get_xlim(), ax.get_ylim()
-    return 1e3 if max(east - west, north - south) > 4e3 else 1.0
 
 
 def round_length(most: float) -> float:
@@ -332,14 +328,14 @@ def gapped(x: Any, y: Any, area: Any) -> tuple[Any, Any]:
     return np.insert(x, jumps, np.nan), np.insert(y, jumps, np.nan)
 
 
-def colour_bar(axes: Sequence[Axes], shades: Any, label: str, *, size: float = 8.0, **options: Any) -> Any:
+def colour_bar(axes: Sequence[Axes], shades: Any, label: str, **options: Any) -> Any:
     """Draw the scale of colours beside axes, by default below.
 
-    ``size``: of the label, points; ``options``: as matplotlib's ``colorbar`` takes them.
+    ``options``: as matplotlib's ``colorbar`` takes them.
     """
     placed = {"location": "bottom", "shrink": 0.6, "aspect": 45, "pad": 0.02, **options}
     bar = axes[0].figure.colorbar(shades, ax=axes, **placed)
-    bar.set_label(label, fontsize=size)
+    bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=8, length=2)
     return bar
 
