@@ -22,6 +22,7 @@ from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import numbered
 from riftberg.state.variables import Kicks, Motion, Place, Shown
 from riftberg.stepping.contact.broad_phase import contact_substeps
+from riftberg.stepping.contact.islands import find_islands
 from riftberg.stepping.explicit.breaking import Touch, add_contact
 from riftberg.stepping.explicit.substeps import POLAR_LATITUDE, drifted, floor_rate_at, kicked, mid_step_velocity
 from riftberg.stepping.forces.media import LINEAR, QUADRATIC, SEA_FLOOR, SPIN_LINEAR, Surroundings
@@ -43,18 +44,20 @@ LOAD_X, LOAD_Y, SPIN, ANGLE, FLOOR_IMPULSE_X, FLOOR_IMPULSE_Y = range(18, 24)
 ROWS: Final = 24
 
 
-class Islands(NamedTuple):
+class LoneIslands(NamedTuple):
     """Bergs of one element that may meet, island by island."""
 
     rows: Ints  # Their elements: those of island k from ``start[k]`` to before ``start[k + 1]``
     start: Ints
-    first: Ints  # Pairs that may meet, as places in ``rows``: those of island k from ``pair_start[k]``
+    first: Ints  # Pairs that may meet, as places in the rows of their island: those of island k from ``pair_start[k]``
     second: Ints
     pair_start: Ints
     substeps: Ints  # Of each island
 
 
-def find_islands(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> tuple[Islands | None, NDArray[np.bool_]]:
+def find_lone_islands(
+    run: RunState, sizes: Sizes, first: Ints, second: Ints
+) -> tuple[LoneIslands | None, NDArray[np.bool_]]:
     """Find the islands among the pairs that may come into contact, and which of the pairs are in none.
 
     Left to the general sub-steps is what has a berg of several elements in it, or comes near the pole.
@@ -69,43 +72,28 @@ def find_islands(run: RunState, sizes: Sizes, first: Ints, second: Ints) -> tupl
         unfit |= el.place.lat > POLAR_LATITUDE
     general = np.zeros(numbers.size, np.bool_)
     general[group[unfit]] = True
-    pair_group = group[first]
-    others = general[pair_group]
-    # By island, and within one in the order of the rows: what happens elsewhere has no say in the order of sums.
-    pairs = np.flatnonzero(~others)
-    if pairs.size == 0:
+    others = general[group[first]]
+    if others.all():
         return None, others
-    pairs = pairs[pair_group[pairs].argsort(kind="stable")]
-    first, second, pair_group = first[pairs], second[pairs], pair_group[pairs]
-    meets = np.zeros(el.size, np.bool_)
-    meets[first] = meets[second] = True
-    rows = np.flatnonzero(meets)
-    row_group = group[rows]
-    order = row_group.argsort(kind="stable")
-    rows, row_group = rows[order], row_group[order]
-    start, pair_start = _starts(row_group), _starts(pair_group)
-    place = np.empty(el.size, np.int64)
-    place[rows] = np.arange(rows.size)
-    needed = np.maximum.reduceat(contact_substeps(run, sizes, first, second), pair_start[:-1])
-    substeps = np.maximum(needed, el.body.substeps[rows[start[:-1]]])
-    return Islands(rows, start, place[first], place[second], pair_start, substeps), others
-
-
-def _starts(group: Ints) -> Ints:
-    """Return where each run of equal numbers begins, and the size at the end."""
-    return np.concatenate(([0], np.flatnonzero(group[1:] != group[:-1]) + 1, [group.size]))
+    first, second = first[~others], second[~others]
+    found = find_islands(berg, numbers.size, first, second)
+    of_pairs = contact_substeps(run, sizes, first, second)[found.order]
+    needed = np.maximum.reduceat(of_pairs, found.pair_start[:-1])
+    substeps = np.maximum(needed, el.body.substeps[found.rows[found.row_start[:-1]]])
+    return LoneIslands(found.rows, found.row_start, found.first, found.second, found.pair_start, substeps), others
 
 
 def take_substeps_of_islands(
-    el: Elements, islands: Islands, sizes: Sizes, around: Surroundings, dt: float, starting: bool, p: KernelParameters
-) -> tuple[Ints, Ints]:
+    el: Elements, islands: LoneIslands, sizes: Sizes, around: Surroundings, dt: float, starting: bool, p: KernelParameters
+) -> tuple[Ints, Ints]:  # fmt: skip
     """Take the sub-steps of the islands in a long step of ``dt`` seconds; returns the rows of the pairs that have touched."""
     body = el.body
     touched = _take_all(
         *islands, el.place, el.shown, el.motion, el.kicks, body.static, body.load_x, body.load_y, sizes.radius, sizes.mass,
         sizes.bond_mass, around.media, around.applied, dt, starting and p.bonds_on, p,
     )  # fmt: skip
-    return islands.rows[islands.first[touched]], islands.rows[islands.second[touched]]
+    begin = np.repeat(islands.start[:-1], np.diff(islands.pair_start))[touched]
+    return islands.rows[begin + islands.first[touched]], islands.rows[begin + islands.second[touched]]
 
 
 # Many arguments: the lists of the islands and the groups of the state that sub-steps read and change; each use of the
@@ -141,7 +129,7 @@ def _take_all(
                 b[LOAD_X, e], b[LOAD_Y, e] = load_x[q] * per_mass, load_y[q] * per_mass
                 b[FLOOR_SPIN, e] = media[q, SEA_FLOOR, SPIN_LINEAR]
         some = slice(pair_start[k], pair_start[k + 1])
-        _take_substeps(b, first[some] - begin, second[some] - begin, touched[some], dt, substeps[k], starting, law, p)
+        _take_substeps(b, first[some], second[some], touched[some], dt, substeps[k], starting, law, p)
         for e in range(b.shape[1]):
             q = rows[begin + e]
             place.lon[q], place.lat[q], motion.u[q], motion.v[q] = b[X, e], b[Y, e], b[U, e], b[V, e]

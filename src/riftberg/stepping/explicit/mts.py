@@ -28,7 +28,7 @@ from riftberg.stepping.contact.broad_phase import (
 )
 from riftberg.stepping.explicit.beams import take_substeps_of_beams
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs, pairs_from_list
-from riftberg.stepping.explicit.lone_bergs import find_islands, take_substeps_of_islands
+from riftberg.stepping.explicit.lone_bergs import find_lone_islands, take_substeps_of_islands
 from riftberg.stepping.explicit.springs import take_substeps_of_springs
 from riftberg.stepping.explicit.substeps import (
     POLAR_LATITUDE,
@@ -182,7 +182,7 @@ class MultipleStepper(Stateless):
         # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
         by_springs = c.contact_on_substeps and self._impacts is None
         candidates = candidate_pairs(el, el.berg, sizes, dt, c) if by_springs else NO_PAIRS
-        islands, general = find_islands(run, sizes, *candidates)
+        islands, general = find_lone_islands(run, sizes, *candidates)
         candidates = candidates[0][general], candidates[1][general]
         subcycled = np.zeros(el.size)
         if islands is not None:
