@@ -126,11 +126,8 @@ MAX_CRACKS_PER_STEP = 64
 """Cracks begin at most this often in a time step: overloads that follow each other sooner are found together."""
 
 EVENT_TOLERANCE = 1.0 / 64.0
-"""Events are located to this part of the shortest step in which their cause is resolved.
-
-That is the grounding step for touch-down (a few seconds in a step of half an hour), the shortest sub-step for fracture by
-contact, and the shortest interval between two cracks for overload (under half a second).
-"""
+"""Events are located to this part of the shortest interval between two of them: the shortest sub-step for fracture by contact,
+the shortest interval between two cracks for touch-down and overload (under half a second in a step of half an hour)."""
 
 LONGEST_CONTACT_STEP = 1800.0
 """Longest trial step (s) in which fragments touch: in longer ones the loads at its end are not those of the impact."""
@@ -150,6 +147,13 @@ PARTED = 0.5
 
 MAX_LOW_RANK_UPDATES = 90
 """Rank of the correction for broken bonds beyond which the stiffness matrix is factored anew: about where that is quicker."""
+
+FEW_SUBSTEPS = 8.0
+"""Shortest sub-steps from which on a trial of fragments in contact is accepted where the next crack is located (chosen)."""
+
+GROWTH = 16.0
+"""A step that contact has made short is followed by one this many times as long. Chosen: an empty step costs some 3 ms, one
+through the impacts of fifty pieces a thousand times as much."""
 
 BODY_NAMES = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
 """Names of the fields of `Bodies` in a restart file."""
@@ -488,8 +492,10 @@ class TimeStep:
         end, next_dt = self.start + self.dt, math.inf
         while (left := end - self.state.time) > 1e-9 * self.dt:
             # The rest in equal parts, so that the last one is no shorter than it must be.
-            parts = math.ceil(left / self._max_dt - 1e-9)
-            next_dt = self._advance_to_event(min(left / parts, next_dt), may_break)
+            h = min(left / math.ceil(left / self._max_dt - 1e-9), next_dt)
+            # After a crack by contact steps grow from its sub-steps up: one over all the rest would go through impacts in which
+            # nothing breaks, only to show that something breaks before.
+            next_dt = max(self._advance_to_event(h, may_break), GROWTH * h if h == next_dt else 0.0)
         self._store(self._equilibrium(self.state))
 
     @property
@@ -518,102 +524,120 @@ class TimeStep:
         """
         # On a bed of sediment the load of a landing grows from nothing, in sub-steps of its own.
         grounding_dt = math.inf if self.seabed else self.dt / self.model.parameters.stepping.landing_steps
-        start, checkpoint = self.state, self._checkpoint()
-        aground, next_dt, touched_down = start.operators.forcing.aground, math.inf, False
+        tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
+        self._checkpoint()
+        trial = self._trial(h)
+        too_long = (
+            (grounding_dt, self._grounded_set_changed(trial)),
+            (LONGEST_CONTACT_STEP, trial.contact is not None and trial.contact.first.size > 0),
+            (LONGEST_SLIDING_STEP, trial.slides),
+        )
+        for longest, happened in too_long:
+            if happened and h > longest * (1.0 + 1e-9):
+                self._rollback()
+                self._max_dt = min(self._max_dt, longest)
+                return math.inf
 
-        def retry(h: float) -> Trial:
-            self._rollback(checkpoint)
-            return self._trial(start, h)
-
-        trial = self._trial(start, h)
-        if h > grounding_dt * (1.0 + 1e-9) and _grounded_set_changed(trial, aground):
-            self._rollback(checkpoint)
-            self._max_dt = min(self._max_dt, grounding_dt)
-            return math.inf
-        if h > LONGEST_CONTACT_STEP * (1.0 + 1e-9) and trial.contact is not None and trial.contact.first.size:
-            self._rollback(checkpoint)
-            self._max_dt = LONGEST_CONTACT_STEP
-            return math.inf
-        if h > LONGEST_SLIDING_STEP * (1.0 + 1e-9) and trial.slides:
-            self._rollback(checkpoint)
-            self._max_dt = LONGEST_SLIDING_STEP
-            return math.inf
-
-        def touches(h: float) -> bool:
-            self._rollback(checkpoint)
-            return _newly_grounded(self._move(start, h).operators, aground)
-
-        if grounding_dt < self.dt and _newly_grounded(trial.state.operators, aground):
-            tolerance = grounding_dt * EVENT_TOLERANCE
-            before, after = _bracket(touches, h, tolerance)
-            if h > tolerance:  # else the trial ends just after the touch already
-                trial = retry(before or after)  # after it, where the touch comes at the very start
-                # The next step must reach past the touch, and hardly farther. From its new start the fragment takes a slightly
-                # other path than in the trials, so half the bracket is added.
-                next_dt = 1.5 * (after - before) if before else math.inf
-            touched_down = _newly_grounded(trial.state.operators, aground)
+        touched_down = False
+        if grounding_dt < self.dt and self._touch_down(trial) > 0.0:
+            first = self._any_event if may_break else self._touch_down
+            trial = self._located(trial, first, tolerance)
+            touched_down = self._touch_down(trial) > 0.0
         if not may_break:
-            self._accept(start, trial)
-            return next_dt
+            self._accept(trial)
+            return math.inf
 
         # After a first crack the next one begins no sooner than this: a berg that shatters must not stop the clock.
-        h, least = trial.h, self.dt / MAX_CRACKS_PER_STEP if self.cracked else 0.0
-        if self._overload(self._peak_equilibrium(trial)) > 0.0 and trial.contact is not None:
-            shortest = trial.contact.shortest_substep
-
-            def overloaded(t: float) -> bool:
-                trial = retry(t)
-                return max(self._overload(self._peak_equilibrium(trial)), self._overload(self._end(trial))) > 0.0
-
-            _, after = _bracket(overloaded, h, shortest * EVENT_TOLERANCE)
+        least = self.dt / MAX_CRACKS_PER_STEP if self.cracked else 0.0
+        if trial.contact is not None and self._overload(self._peak_equilibrium(trial)) > 0.0:
             # Cracks by contact may follow each other as quickly as its sub-steps.
-            trial = retry(min(max(after, min(least, shortest)), h))
+            shortest = trial.contact.shortest_substep
+            # A trial of a few sub-steps ends in the middle of one: whether a body that rests was struck shows in whole ones.
+            located = shortest * EVENT_TOLERANCE, min(least, shortest), FEW_SUBSTEPS * shortest
+            trial = self._located(trial, self._overload_in, *located)
             if self._peak_equilibrium(trial) is not None and self._overload(self._end(trial)) <= 0.0:
                 # Contact presses harder within the step than at its end: the crack runs under the peak loads.
                 assert trial.contact is not None
                 peak_load = self._peak_load(trial.state, trial.contact.peak_load)
                 trial.state = self._in_equilibrium(trial.state._replace(load=peak_load))
-            self._accept(start, trial, cracks=True)
+            self._accept(trial, cracks=True)
             self._propagate_crack()  # from the most critical bond, if any: where contact presses has shifted a little
-            # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
-            # The factor only trades steps against trials: each step is located to the same tolerance.
-            return min(next_dt, max(8.0 * trial.h, shortest))
+            return shortest  # the next crack by crushing follows soon
 
         if self._overload(self._end(trial)) <= 0.0:
-            self._accept(start, trial)
-            return next_dt
-        first = -1
+            self._accept(trial)
+            return math.inf
+        first_broken = -1
         if not touched_down:  # the load of a touch-down sets in at its end, not evenly over the step
-            tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
-            _, after = _bracket(lambda t: self._overload(self._between(start, trial, t / h)) > 0.0, h, tolerance)
-            first = self._critical_bond(self._between(start, trial, after / h))[0]
+            start, end, h = self._equilibrium(self.state), self._end(trial), trial.h
+            after = first_moment(
+                lambda t: self._overload(self._between(start, end, t / h)),
+                (0.0, self._overload(start)),
+                (h, self._overload(end)),
+                tolerance,
+            )
+            first_broken = self._critical_bond(self._between(start, end, after / h))[0]
             if (short := max(after, least)) < h * (1.0 - 1e-9):
-                trial = retry(short)
-        self._accept(start, trial, cracks=True)
+                self._rollback()
+                trial = self._trial(short)
+        self._accept(trial, cracks=True)
         # In the located step the loads may fall short of those between its ends by a little: the bond that was found there
         # breaks in any case.
-        self._propagate_crack(first)
-        return next_dt
+        self._propagate_crack(first_broken)
+        return math.inf
 
-    def _checkpoint(self) -> list[np.ndarray]:
+    def _located(
+        self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0, short: float = 0.0
+    ) -> Trial:
+        """Advance to shortly before an event in ``trial``, and return the trial from there to at most ``tolerance`` s after it.
+
+        ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located; trials of up to ``short`` s are
+        not accepted.
+        """
+        # A trial without an event is as good a step as any: it is accepted, and the next ones start at its end. A berg that
+        # shatters would go through the same impacts twenty times if each started where the first one did.
+        done, latest = 0.0, (trial.h, trial)
+
+        def until(t: float) -> float:
+            nonlocal done, latest
+            self._rollback()
+            latest = t, self._trial(t - done)
+            value = event(latest[1])
+            if value <= 0.0 and latest[1].h > short:
+                self._accept(latest[1])
+                self._checkpoint()
+                done = t
+            return value
+
+        before, after = (0.0, -1.0), (trial.h, event(trial))
+        if 0.0 < least < trial.h:
+            early = least, until(least)
+            before, after = (early, after) if early[1] <= 0.0 else (before, early)
+        end = after[0] if after[0] <= least else first_moment(until, before, after, tolerance)
+        if latest[0] == end > done:
+            return latest[1]
+        self._rollback()
+        return self._trial(end - done)
+
+    def _checkpoint(self) -> None:
         """Copy what a trial step changes in the model and the next trial needs as it was; all else is found anew."""
-        self._remembered = self.laws.checkpoint()
-        return [array.copy() for array in self._changed_by_trials()]
+        self._kept = [array.copy() for array in self._changed_by_trials()], self.laws.checkpoint()
 
     def _changed_by_trials(self) -> tuple[np.ndarray, ...]:
         el = self.el
         damage = (self.bonds.damage,) if self.model.parameters.damage.enabled else ()
         return *el.place, *el.shown, el.motion.rotation, *damage, *(el.keel if self.seabed is not None else ())
 
-    def _rollback(self, checkpoint: list[np.ndarray]) -> None:
-        """Return to the start of a trial step."""
-        for array, values in zip(self._changed_by_trials(), checkpoint, strict=True):
+    def _rollback(self) -> None:
+        """Return to the last checkpoint."""
+        kept, laws = self._kept
+        for array, values in zip(self._changed_by_trials(), kept, strict=True):
             array[:] = values
-        self.laws.rollback(self._remembered)
+        self.laws.rollback(laws)
 
-    def _accept(self, start: BodyState, trial: Trial, cracks: bool = False) -> None:
+    def _accept(self, trial: Trial, cracks: bool = False) -> None:
         """Make a trial step the state: record its forces, its contacts and, unless a crack follows, its peak stresses."""
-        end, contact, work = trial.state, trial.contact, self._workspace(trial.state.bodies)
+        start, end, contact, work = self.state, trial.state, trial.contact, self._workspace(trial.state.bodies)
         self.state = end
         before = self.applied[contact.rows] if contact else self.applied[:0]
         part = 0.5 * trial.h / self.dt
@@ -639,10 +663,10 @@ class TimeStep:
 
     # The trial step
 
-    def _move(self, start: BodyState, h: float) -> Move:
+    def _move(self, h: float) -> Move:
         """Move the fragments over ``h`` s, and find what moves them at the new place."""
-        el, c, bodies = self.el, self.c, start.bodies
-        work = self._workspace(bodies)
+        el, c, start = self.el, self.c, self.state
+        bodies, work = start.bodies, self._workspace(start.bodies)
 
         # Contact: fragments that may touch each other go through the step in sub-steps, island by island; then those that
         # touch a bed of sediment. ``phase`` holds what both have done; it is None where no fragment took sub-steps.
@@ -662,9 +686,10 @@ class TimeStep:
         self.model.forcing.sample(el, start.time + h)
         return Move(new, self._operators(new), ashore, contact, ground, phase, slides)
 
-    def _trial(self, start: BodyState, h: float) -> Trial:
+    def _trial(self, h: float) -> Trial:
         """Take a trial step of ``h`` s: the fragments at the new place with their velocities, loads and equilibrium."""
-        (new, op, ashore, contact, ground, phase, slides), bodies = self._move(start, h), start.bodies
+        (new, op, ashore, contact, ground, phase, slides), start = self._move(h), self.state
+        bodies = start.bodies
         work, time = self._workspace(bodies), start.time + h
 
         # Corrector: second half kick, with the forces at the new place and time. Bodies in contact have their twists.
@@ -875,15 +900,34 @@ class TimeStep:
         """Sign function of fracture: stress over strength in the most critical place, less 1; negative without a moment."""
         return -1.0 if moment is None else self._critical_bond(moment)[1] - 1.0
 
+    def _overload_in(self, trial: Trial) -> float:
+        """Sign function of fracture in a trial, by contact on the way or under the loads at its end."""
+        return max(self._overload(self._peak_equilibrium(trial)), self._overload(self._end(trial)))
+
+    def _touch_down(self, trial: Trial) -> float:
+        """Sign function of touch-down: above 0 where an element touches the floor that did not at the start."""
+        # A step and no slope: on a shoal the first to touch may be any of many.
+        now, before = trial.state.operators.forcing.aground, self.state.operators.forcing.aground
+        # Afloat, as nearly always, the bytes are the same, and compared quickly.
+        return 1.0 if now.tobytes() != before.tobytes() and ((now > 0.0) & (before == 0.0)).any() else -1.0
+
+    def _grounded_set_changed(self, trial: Trial) -> bool:
+        """Whether an element has touched down, or come off."""
+        now, before = trial.state.operators.forcing.aground, self.state.operators.forcing.aground
+        return now.tobytes() != before.tobytes() and bool(((now > 0.0) != (before > 0.0)).any())
+
+    def _any_event(self, trial: Trial) -> float:
+        """Sign function of all events."""
+        return max(self._touch_down(trial), self._overload_in(trial))
+
     def _end(self, trial: Trial) -> Equilibrium:
         """Return the equilibrium at the end of a trial."""
         return self._equilibrium(trial.state)
 
-    def _between(self, start: BodyState, trial: Trial, share: float) -> Equilibrium:
+    def _between(self, start: Equilibrium, end: Equilibrium, share: float) -> Equilibrium:
         """Return the equilibrium at a part of a trial: loads change linearly from start to end, and displacements with them."""
-        one, two = start.bodies.displacement, trial.state.bodies.displacement
-        load = start.load + share * (trial.state.load - start.load)
-        return self.lattice.moment(one + share * (two - one), load, self.c)
+        displacement = start.displacement + share * (end.displacement - start.displacement)
+        return self.lattice.moment(displacement, start.load + share * (end.load - start.load), self.c)
 
     def _peak_equilibrium(self, trial: Trial) -> Equilibrium | None:
         """Return the equilibrium under the peak contact loads of a trial; None where no bonded fragment was touched."""
@@ -1165,29 +1209,32 @@ class FactoredLattice:
         return Equilibrium(self.lattice, self.intact, displacement, load, p, self.cells, self.paths)
 
 
-def _bracket(occurred: Callable[[float], bool], h: float, tolerance: float) -> tuple[float, float]:
-    """Bracket the first moment (s) of an event that has occurred by ``h``, to ``tolerance``: before it and after it.
+def first_moment(
+    value: Callable[[float], float], before: tuple[float, float], after: tuple[float, float], tolerance: float
+) -> float:
+    """Find the first moment at which ``value`` is above 0, to ``tolerance`` (s): the end of the bracket, just after it.
 
-    By bisection, as what the events depend on jumps: the sea floor and other fragments act from one moment to the next.
+    ``before`` and ``after``: the ends of a bracket, and the values there. By the ITP method (Oliveira and Takahashi 2020,
+    doi:10.1145/3423597): the secant through both ends, moved towards the middle, and never so far from it that bisection would
+    need more than one evaluation less. Values may jump, as the sea floor and other fragments act from one moment to the next;
+    of signs alone it makes bisection.
     """
-    before, after = 0.0, h
-    while after - before > tolerance:
-        middle = 0.5 * (before + after)
-        before, after = (before, middle) if occurred(middle) else (middle, after)
-    return before, after
-
-
-def _newly_grounded(op: BodyOperators, aground: Floats) -> bool:
-    """Whether an element touches the floor that did not by ``aground``."""
-    now = op.forcing.aground
-    # Afloat, as nearly always, the bytes are the same, and compared quickly.
-    return now.tobytes() != aground.tobytes() and bool(((now > 0.0) & (aground == 0.0)).any())
-
-
-def _grounded_set_changed(trial: Trial, aground: Floats) -> bool:
-    """Whether an element touches the floor that did not by ``aground``, or the other way round."""
-    now = trial.state.operators.forcing.aground
-    return now.tobytes() != aground.tobytes() and bool(((now > 0.0) != (aground > 0.0)).any())
+    (a, low), (b, high), width = before, after, after[0] - before[0]
+    most = math.ceil(math.log2(max(width / tolerance, 1.0))) + 1  # one more than bisection
+    for n in range(most):
+        if b - a <= tolerance:
+            break
+        low, high, middle = max(-1.0, low), min(high, 1.0), 0.5 * (a + b)  # without ice or strength they are infinite
+        from_secant = middle - (a * high - b * low) / (high - low)
+        away = max(abs(from_secant) - 0.2 / width * (b - a) ** 2, 0.0)
+        away = min(away, max(0.5 * tolerance * 2.0 ** (most - n) - 0.5 * (b - a), 0.0))
+        t = middle - math.copysign(away, from_secant)
+        now = value(t)
+        if now > 0.0:
+            b, high = t, now
+        else:
+            a, low = t, now
+    return b
 
 
 def _supported_loads(
