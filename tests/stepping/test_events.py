@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from riftberg import Iceberg, Model, Parameters, Steady
-from riftberg.stepping.quasi_static.step import TimeStep, Trial, first_moment
+from riftberg.stepping.quasi_static.rigid_step import BodyState
+from riftberg.stepping.quasi_static.step import TimeStep, first_moment
+from riftberg.stepping.quasi_static.trial import Trial
 
 
 def located(value: Callable[[float], float], end: float, tolerance: float) -> tuple[float, int]:
@@ -78,15 +80,15 @@ def step_of_a_berg() -> TimeStep:
 def test_what_comes_before_an_event_is_the_state_and_not_taken_again(event: float) -> None:
     """Bug: each trial began where the first one did, so a berg that shatters went through all impacts twenty times."""
     step, taken = step_of_a_berg(), []
-    plain = step._trial
+    plain = step.motion.trial
 
-    def counted(h: float) -> Trial:
+    def counted(start: BodyState, h: float) -> Trial:
         taken.append(h)
-        return plain(h)
+        return plain(start, h)
 
-    step._trial = counted  # type: ignore[method-assign]
+    step.motion.trial = counted  # type: ignore[method-assign]
     step._checkpoint()
-    first = counted(1800.0)
+    first = counted(step.state, 1800.0)
     start = step.state.time
     trial = step._located(first, lambda trial: 1.0 if trial.state.time - start > event else -1.0, 0.05)
     assert step.state.time - start <= event < trial.state.time - start <= event + 0.05
@@ -96,7 +98,7 @@ def test_what_comes_before_an_event_is_the_state_and_not_taken_again(event: floa
     # The parts make the step that they are parts of.
     whole = step_of_a_berg()
     whole._checkpoint()
-    whole._accept(whole._trial(trial.state.time - start))
+    whole._accept(whole.motion.trial(whole.state, trial.state.time - start))
     np.testing.assert_allclose(step.state.bodies.twist, whole.state.bodies.twist, rtol=1e-3, atol=1e-15)
     np.testing.assert_allclose(step.applied.sum(axis=1), whole.applied.sum(axis=1), rtol=1e-3)
 
@@ -107,7 +109,9 @@ def test_steps_to_an_event_do_not_end_within_its_last_sub_steps() -> None:
     step._checkpoint()
     start, accepted, plain = step.state.time, [], step._accept
     step._accept = lambda trial: (accepted.append(trial.h), plain(trial))  # type: ignore[method-assign]
-    trial = step._located(step._trial(1800.0), lambda trial: trial.state.time - start - 700.0, 0.05, short=60.0)
+    trial = step._located(
+        step.motion.trial(step.state, 1800.0), lambda trial: trial.state.time - start - 700.0, 0.05, short=60.0
+    )
     assert 700.0 < trial.state.time - start <= 700.05
     assert accepted
     assert min(accepted) > 60.0
@@ -118,5 +122,7 @@ def test_an_event_in_the_first_moments_is_taken_at_their_end() -> None:
     step = step_of_a_berg()
     step._checkpoint()
     start = step.state.time
-    trial = step._located(step._trial(1800.0), lambda trial: trial.state.time - start - 0.1, 0.01, least=2.0)
+    trial = step._located(
+        step.motion.trial(step.state, 1800.0), lambda trial: trial.state.time - start - 0.1, 0.01, least=2.0
+    )
     assert (step.state.time, trial.h) == (start, 2.0)

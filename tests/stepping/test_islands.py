@@ -104,7 +104,7 @@ def test_a_trial_step_that_is_taken_back_leaves_no_velocities_behind() -> None:
     step = TimeStep(model)
     was = {name: getattr(model.elements, name).copy() for name in ("lon", "lat", "u_pair", "v_pair", "rotation")}
     step._checkpoint()
-    step._trial(900.0)
+    step.motion.trial(step.state, 900.0)
     assert (model.elements.u_pair != was["u_pair"]).any()
     step._rollback()
     for name, values in was.items():
