@@ -10,7 +10,7 @@ from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.ocean.analytic import Steady
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.lattice import footprints
+from riftberg.stepping.lattice import cells, footprints
 from riftberg.stepping.lattice.cells import outline_of_cells
 from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 
@@ -114,3 +114,17 @@ def test_a_child_born_inside_the_outline_of_the_start_has_a_footprint_of_its_own
     rings = [shapely.Polygon(laid.corner[a:b]) for a, b in zip(laid.start[:-1], laid.start[1:], strict=True)]
     area = np.bincount(laid.owner, shapely.area(rings))
     np.testing.assert_allclose(area, el.body.length[children] * el.body.width[children], rtol=1e-6)
+
+
+def test_members_that_begin_with_the_same_berg_share_the_work_and_no_arrays() -> None:
+    """Footprints and elastic cells take most of the set-up; they hang on the berg alone."""
+    before = [cache.cache_info().hits for cache in (footprints._parts_of_ice, cells._cell_mesh)]
+    one, two = (model(31.0, "square") for _ in range(2))
+    assert [cache.cache_info().hits for cache in (footprints._parts_of_ice, cells._cell_mesh)] == [
+        n + 1 for n in before
+    ]
+    for mine, theirs in ((one._stepper._cells.mesh, two._stepper._cells.mesh),
+                         (one._stepper._footprints.follow(one), two._stepper._footprints.follow(two))):  # fmt: skip
+        for name, array in mine._asdict().items():
+            np.testing.assert_array_equal(array, getattr(theirs, name))
+            assert np.isscalar(array) or not np.shares_memory(array, getattr(theirs, name))

@@ -103,10 +103,10 @@ def test_a_trial_step_that_is_taken_back_leaves_no_velocities_behind() -> None:
     model.advance(steps=1)
     step = TimeStep(model)
     was = {name: getattr(model.elements, name).copy() for name in ("lon", "lat", "u_pair", "v_pair", "rotation")}
-    checkpoint = step._checkpoint()
-    step._trial(step.state, 900.0)
+    step._checkpoint()
+    step.motion.trial(step.state, 900.0)
     assert (model.elements.u_pair != was["u_pair"]).any()
-    step._rollback(checkpoint)
+    step._rollback()
     for name, values in was.items():
         np.testing.assert_array_equal(getattr(model.elements, name), values, err_msg=name)
 

@@ -13,7 +13,7 @@ from riftberg.coupling.fields import OceanForcing
 from riftberg.state import ELEMENT_VARIABLES
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.quasi_static import lone_bergs
-from riftberg.stepping.quasi_static import step as general
+from riftberg.stepping.quasi_static import stepper as general
 
 pytestmark = pytest.mark.compiled
 

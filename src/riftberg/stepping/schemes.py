@@ -25,7 +25,7 @@ def make_stepper(run: RunState) -> Stepper:
         return MultipleStepper(run)
     if scheme == "quasi_static":
         # Its sparse solver takes half a second to import, which runs by other schemes do not wait for.
-        from riftberg.stepping.quasi_static.step import QuasiStaticStepper
+        from riftberg.stepping.quasi_static.stepper import QuasiStaticStepper
 
         return QuasiStaticStepper(run)
     return VerletStepper(run) if scheme == "verlet" else RungeKuttaStepper(run)

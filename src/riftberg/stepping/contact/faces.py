@@ -93,7 +93,7 @@ class FaceContact:
             pair, state, dissipated = (np.array(saved[name]) for name in FACE_PAIR_NAMES)
             self.pairs = FacePairs(pair.astype(np.int64), state.astype(float), dissipated.astype(float))
 
-    def part(self) -> None:
+    def forget_pairs(self) -> None:
         """Forget all pairs: nobody may touch."""
         self.pairs = self.pairs._replace(pair=NO_FACE_PAIRS.pair, state=NO_FACE_PAIRS.state)
 
@@ -130,7 +130,7 @@ class FaceContact:
         them: an element alone has no neighbours that show it.
         """
         el, c, before = model.elements, model.constants, self.pairs
-        self.part()
+        self.forget_pairs()
         polygons = self._faces_of(model, bodies)
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:

@@ -2,7 +2,7 @@
 
 Strengths of bonds stand here too, and what stress does to them: overload, damage, and what the state keeps of both.
 
-`criterion_for` is the one place where a criterion is chosen, and `riftberg.stepping.quasi_static.step` the one where it is
+`criterion_for` is the one place where a criterion is chosen, and `riftberg.stepping.fracture.brittle_lattice` the one where it is
 called. A criterion sees the whole lattice, never one bond by itself: `Equilibrium` is the lattice with its intact bonds,
 displacements, loads and stresses, `Strengths` what damage has left of the strengths. All else follows from what it answers:
 the moment within a step at which the first bond fails (the scheme looks for the sign change of "stress over strength - 1"
@@ -284,7 +284,7 @@ class OwnRatios:
         return ratios
 
 
-class IceStress:
+class IceStress(BondStress):
     """The largest tension and shear of the ice at each bond, for ice that is elastic in cells: a strength is the ice's.
 
     They hardly depend on the direction of a bond, so in one place several are alike: of those that fail there the one
@@ -300,10 +300,6 @@ class IceStress:
         ):
             row = _most_in_line(moment.lattice, moment.intact, moment.tensor, moment.stress, strengths, row)
         return row, ratio
-
-    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
-        """See `Criterion`."""
-        return overloads(moment.stress, strengths)
 
 
 TIP_FACTOR = 2.20

@@ -605,18 +605,18 @@ def _phase_of(phases: list[_Landing], h: float) -> ContactPhase:
     )  # fmt: skip
 
 
-def joined(contact: ContactPhase | None, ground: ContactPhase, body: Ints) -> ContactPhase:
-    """Return both as one: fragments on the floor go as their sub-steps say, in which contact has acted, too."""
-    if contact is None:
-        return ground
-    rest, some = without(contact, ground.bodies, body), ground.peak_load
+def joined(contact: ContactPhase | None, ground: ContactPhase | None, body: Ints) -> ContactPhase | None:
+    """Return both as one, of different fragments; ``body``: fragment of each element."""
+    if contact is None or ground is None:
+        return ground if contact is None else contact
+    some = ground.peak_load
     # An impact loads a fragment more than the floor that it makes it press on.
     alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (some.bodies, body[some.rows]))
     kept = PeakContactLoad(some.rows[rows], some.force[rows], some.axes[rows], some.bodies[alone], some.spin[alone])
     peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(contact.peak_load, kept, strict=True)))
 
     def both(name: str) -> Any:
-        return np.concatenate([getattr(rest, name), getattr(ground, name)])
+        return np.concatenate([getattr(contact, name), getattr(ground, name)])
 
     return ContactPhase(
         both("bodies"), both("rows"), both("mean"), both("twist"), both("impulse"), both("applied"),
@@ -625,7 +625,7 @@ def joined(contact: ContactPhase | None, ground: ContactPhase, body: Ints) -> Co
 
 
 def without(contact: ContactPhase, bodies: Ints, body: Ints) -> ContactPhase:
-    """Return what contact did to the other fragments; ``body``: fragment of each element."""
+    """Return what contact did to the others: fragments on the bed go as its sub-steps say, in which contact acts, too."""
     stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
     return contact._replace(
         bodies=contact.bodies[stay], rows=contact.rows[rows], mean=contact.mean[stay], twist=contact.twist[stay],

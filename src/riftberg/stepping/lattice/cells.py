@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -89,6 +90,17 @@ def cell_mesh(
     ``centres``: m, shape (cells, 2); ``first``, ``second``: ends of all bonds, broken ones too; ``spacing``: distance of
     bonded centres, m; ``both_diagonals``: for squares, which one diagonal alone would make stiffer in one direction.
     """
+    ends = (np.asarray(end, np.int64).tobytes() for end in (first, second))
+    return _cell_mesh(np.asarray(centres, np.float64).tobytes(), *ends, outline, spacing, both_diagonals)
+
+
+@lru_cache(maxsize=4)  # the members of a sweep begin with the same berg
+def _cell_mesh(
+    places: bytes, firsts: bytes, seconds: bytes, outline: shapely.Polygon, spacing: float, both_diagonals: bool
+) -> CellMesh:
+    """Make the mesh, or take one that was made before."""
+    centres = np.frombuffer(places).reshape(-1, 2)
+    first, second = (np.frombuffer(ends, np.int64) for ends in (firsts, seconds))
     xy, triangle = _triangulation(centres, outline, spacing)
     owner = _owners(centres, xy[len(centres) :], outline)
     bond_of = {(min(a, b), max(a, b)): k for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True))}

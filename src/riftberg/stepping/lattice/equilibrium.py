@@ -287,6 +287,24 @@ def _rank(rows: list[Floats]) -> int:
     return int(np.linalg.matrix_rank(a / np.maximum(np.abs(a).max(axis=0), 1.0), tol=1e-9))
 
 
+def supported_loads(
+    inside: Ints, z: Floats, xy: Floats, turn: Floats, force: Floats, mass: Floats, inertia: Floats
+) -> Floats:
+    """Loads on a fragment with supports: forces less what moves it in the rigid motions ``z`` that they allow."""
+    c, s, f, m = turn[inside, 0], turn[inside, 1], force[inside], mass[inside]
+    load = np.column_stack([c * f[:, 0] + s * f[:, 1], c * f[:, 1] - s * f[:, 0], f[:, 2]])
+    if not z.size:
+        return load
+    x, y = xy[inside].T
+    one, none = np.ones(inside.size), np.zeros(inside.size)
+    rows = np.stack([np.array([one, none, -y]), np.array([none, one, x]), np.array([none, none, one])])
+    weight = np.stack([m, m, inertia[inside]])
+    matrix = np.einsum("ran,rn,rbn->ab", rows, weight, rows)
+    sums = np.einsum("ran,nr->a", rows, load)
+    acceleration = z @ np.linalg.solve(z.T @ matrix @ z, z.T @ sums)
+    return np.asarray(load - (weight * np.einsum("ran,a->rn", rows, acceleration)).T)
+
+
 class StiffnessSolver:
     """Solves ``K d = b`` with factors of K, corrected for bonds that have broken since."""
 

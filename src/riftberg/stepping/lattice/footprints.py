@@ -8,6 +8,7 @@ so that births, melt and cracks leave them alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -94,6 +95,14 @@ def _footprints_of(
         ice = outline_of_cells(xy, radius, packing, float(np.arctan2(along[1], along[0])))
     else:
         ice = shapely.transform(outline, plane.forward, interleaved=False)
+    size = el.body.length[rows] * el.body.width[rows]
+    return Footprints(el.body.id[rows], xy, size, *_parts_of_ice(xy.tobytes(), ice, radius))
+
+
+@lru_cache(maxsize=4)  # the members of a sweep begin with the same berg
+def _parts_of_ice(centres: bytes, ice: Any, radius: float) -> tuple[Ints, Ints, Floats]:
+    """Divide ice among centres: owner of each convex part, where its corners begin, and the corners (m)."""
+    xy = np.frombuffer(centres).reshape(-1, 2)
     owner, rings = [], []
     for k, cell in enumerate(_nearest_regions(xy, ice, radius)):
         for polygon in shapely.get_parts(shapely.intersection(cell, ice)):
@@ -111,9 +120,7 @@ def _footprints_of(
                     rings.append(ring[edge > SHORTEST_EDGE * radius])
                     owner.append(k)
     start = np.concatenate([[0], np.cumsum([len(ring) for ring in rings])]).astype(np.int64)
-    corner = np.vstack(rings) if rings else np.zeros((0, 2))
-    size = el.body.length[rows] * el.body.width[rows]
-    return Footprints(el.body.id[rows], xy, size, np.array(owner, np.int64), start, corner)
+    return np.array(owner, np.int64), start, np.vstack(rings) if rings else np.zeros((0, 2))
 
 
 def _nearest_regions(xy: Floats, ice: Any, spacing: float) -> list[Any]:

@@ -1,4 +1,4 @@
-"""Compiled parts of a trial step: predictor, operators at the new place, corrector, and what they leave in the state.
+"""Compiled parts of a trial step: predictor, operators at the new place, loads, and what they leave in the state.
 
 For a berg of some hundred elements a call from Python takes as long as a law, so the kernels of `riftberg.stepping.bodies` are
 called together. All arrays come from Python (`riftberg.compiled.kernels.borrower`).
@@ -33,7 +33,6 @@ from riftberg.stepping.bodies.dynamics import (
     allocate_forcing,
     evaluate_forcing,
     half_kick_explicit,
-    half_kick_newton,
     mean_drag_velocity,
     scatter_velocities,
 )
@@ -117,22 +116,17 @@ def _assemble_operators(
     invert(matrices.inertia, matrices.mobility, work.scratch)
 
 
-# Many arguments: a borrower makes no arrays, so velocities, forces, loads and the groups of the state that it fills
-# come in.
+# Many arguments: a borrower makes no arrays, so forces, loads and the groups of the state that it fills come in.
 @borrower
-def correct(
-    op: BodyOperators, middle: Floats, twist: Floats, half_dt: float, kick: bool, xy: Floats, terms: ForceTerms,
-    force: Floats, load: Floats, motion: Motion, shown: Shown, spin_rate: Floats, sums: Floats, work: BodyWorkspace,
-) -> int:  # fmt: skip
-    """Take the second half kick from ``middle`` (where ``kick``), and find forces and balanced loads at its velocities.
+def find_loads(
+    op: BodyOperators, twist: Floats, xy: Floats, pressed: Floats, terms: ForceTerms, force: Floats, load: Floats,
+    motion: Motion, shown: Shown, spin_rate: Floats, sums: Floats, work: BodyWorkspace,
+) -> None:  # fmt: skip
+    """Find forces and balanced loads at the velocities ``twist`` of the fragments, which their elements take on.
 
-    ``twist`` holds a first guess and takes the velocities; the elements take on those of their fragments. Returns the
-    iterations of Newton's method, -1 where they do not converge.
+    ``pressed``: forces on the elements (N, N, N m) that load the lattice alone; no rows where there are none.
     """
-    iterations, body, levers, forcing = 0, op.body, op.levers, op.forcing
-    if kick:
-        work.active[:] = True
-        iterations = half_kick_newton(op, middle, twist, half_dt, work)
+    body, levers, forcing = op.body, op.levers, op.forcing
     add_forces(body, levers, twist, forcing, terms.accelerations, force, terms.net_force)
     scatter_velocities(body, levers, twist, forcing, force, motion, shown)
     for b in range(twist.shape[0]):
@@ -145,9 +139,11 @@ def correct(
         work.residual[b, 2] = angular
     for e in range(body.size):
         spin_rate[e] = work.residual[body[e], 2]
+    for e in range(pressed.shape[0]):
+        for i in range(3):
+            force[e, i] += pressed[e, i]
     # The cosine and sine of the fragment's axis stand in columns 9 and 10 of the levers.
     balance_loads(body, xy, levers, 9, force, forcing.mass, forcing.inertia, twist, sums, load)
-    return iterations
 
 
 @borrower
@@ -207,20 +203,8 @@ class StepSnapshot(NamedTuple):
 
     def is_current(self, el: Elements) -> bool:
         """Whether nothing of this has changed since."""
-        return self.id.size == el.size and bool(_are_equal(_arrays_of(el), self))
-
-
-@borrower
-def _are_equal(now: StepSnapshot, then: StepSnapshot) -> bool:
-    """Whether all numbers of as many elements are equal."""
-    for k in range(len(now.id)):
-        if (
-            now.id[k] != then.id[k] or now.lon[k] != then.lon[k] or now.lat[k] != then.lat[k] or now.u[k] != then.u[k]
-            or now.v[k] != then.v[k] or now.spin[k] != then.spin[k] or now.static[k] != then.static[k]
-            or now.free_y[k] != then.free_y[k] or now.load_x[k] != then.load_x[k] or now.load_y[k] != then.load_y[k]
-        ):  # fmt: skip
-            return False
-    return True
+        # As bytes, which compare quickly.
+        return all(now.tobytes() == then.tobytes() for now, then in zip(_arrays_of(el), self, strict=True))
 
 
 def _arrays_of(el: Elements) -> StepSnapshot:

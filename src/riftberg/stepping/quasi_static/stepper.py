@@ -1,0 +1,229 @@
+"""The default scheme as a model calls it: what lives from one time step to the next, and how populations are stepped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riftberg.state import Floats
+from riftberg.state.population import put_back
+from riftberg.stepping.bodies.pose import Bodies
+from riftberg.stepping.contact.broad_phase import NO_PAIRS, concatenate_pairs
+from riftberg.stepping.contact.faces import FaceContact
+from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
+from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
+from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackTips, tips_from_arrays, tips_of_rifts
+from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.ground.landing import Seabed
+from riftberg.stepping.lattice.cell_stiffness import CellTopology
+from riftberg.stepping.lattice.cells import (
+    CELL_NAMES,
+    ElasticCells,
+    cells_from_arrays,
+    cells_to_arrays,
+    with_new_cells,
+)
+from riftberg.stepping.lattice.footprints import FootprintBook
+from riftberg.stepping.quasi_static.lone_bergs import (
+    bodies_of,
+    find_lone_bergs,
+    joined_bodies,
+    run_of,
+    step_lone_bergs,
+)
+from riftberg.stepping.quasi_static.rigid_step import BodyState, StepSnapshot, sync_bodies, take_snapshot
+from riftberg.stepping.quasi_static.step import TimeStep, first_bodies
+from riftberg.stepping.quasi_static.trial import LawsWithMemory, Memory
+from riftberg.stepping.run_state import RunState
+
+BODY_NAMES = ("rigid_body", "rigid_shape", "rigid_pose", "rigid_rate", "rigid_bend")
+"""Names of the fields of `Bodies` in a restart file."""
+
+SNAPSHOT_NAMES = tuple(f"rigid_left_{name}" for name in StepSnapshot._fields)
+"""Names of the fields of `StepSnapshot` there."""
+
+
+class QuasiStaticStepper:
+    """The scheme, and what lives from one time step to the next."""
+
+    def __init__(self, model: RunState) -> None:
+        self._bodies: Bodies | None = None
+        # Where the ice is elastic in cells, they are made at the start of a run; a restart holds them from then on.
+        self._cells: ElasticCells | None = None
+        self._cell_topology: CellTopology | None = None  # found once as long as ice melts but nothing breaks
+        self._tips = NO_TIPS
+        if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
+            self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
+            self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
+        self._footprints = FootprintBook(model)
+        self._faces = FaceContact(model, self._footprints)
+        aground = model.parameters.grounding.law == "seabed"
+        self._seabed = Seabed(model, self._footprints) if aground else None
+        self._laws = LawsWithMemory(self._seabed, self._faces)
+        self._lattice: BrittleLattice | None = None
+        self._state: BodyState | None = None
+        # See `riftberg.stepping.stepper.Stepper`; ``applied`` by the trapezoidal rule over all parts of the step.
+        self.applied: Floats = np.zeros((0, len(FORCES), 2))
+        self._topology: list[bytes] = []
+        self._sizes: Sizes | None = None
+        self.touched = NO_PAIRS
+        self._snapshot: StepSnapshot | None = None
+        # All of that at the start of the last step, with its time, for a model that takes a failed step back.
+        self._last_start: tuple[float, Bodies | None, StepSnapshot | None, ElasticCells | None, CrackTips, Memory] = (
+            math.nan, None, None, None, NO_TIPS, (None, None),
+        )  # fmt: skip
+
+    @property
+    def plastic(self) -> Floats:
+        """See `riftberg.stepping.stepper.Stepper.plastic`."""
+        return np.append(self._faces.pairs.dissipated, np.zeros(2) if self._seabed is None else self._seabed.plastic)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return what a restart file must hold beside the state."""
+        bodies = {} if self._bodies is None else dict(zip(BODY_NAMES, self._bodies, strict=True))
+        before = {} if self._snapshot is None else dict(zip(SNAPSHOT_NAMES, self._snapshot, strict=True))
+        tips = dict(zip(TIP_NAMES, self._tips, strict=True)) if self._tips.crack.size else {}
+        cells = {} if self._cells is None else cells_to_arrays(self._cells)
+        laws = [law.state_dict() for law in (self._footprints, self._seabed, self._faces) if law]
+        return {**bodies, **before, **cells, **tips, **{name: array for law in laws for name, array in law.items()}}
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Restore what `state_dict` gave."""
+        if all(name in saved for name in BODY_NAMES):
+            body, *rest = (np.asarray(saved[name]) for name in BODY_NAMES)
+            self._bodies = Bodies(body.astype(np.int64), *(np.array(a, np.float64) for a in rest))
+        if all(name in saved for name in SNAPSHOT_NAMES):
+            ids, *rest = (np.asarray(saved[name]) for name in SNAPSHOT_NAMES)
+            self._snapshot = StepSnapshot(ids.astype(np.int64), *(np.array(a, np.float64) for a in rest))
+        if all(name in saved for name in CELL_NAMES):
+            self._cells = cells_from_arrays(saved)
+        self._tips = tips_from_arrays(saved)
+        for law in (self._footprints, self._seabed, self._faces):
+            if law is not None:
+                law.load_state_dict(saved)
+
+    def sample_forcing(self, model: RunState) -> None:
+        """Sample at the present positions."""
+        model.forcing.sample(model.elements, model.time)
+
+    def synchronised(self, model: RunState) -> tuple[Floats, Floats]:
+        """Return the velocity, which belongs to the positions."""
+        return model.elements.u_sync.copy(), model.elements.v_sync.copy()
+
+    def step(self, model: RunState) -> None:
+        """Advance by one time step."""
+        if self._last_start[0] == model.time:  # the model has taken the last step back
+            (_, self._bodies, self._snapshot, self._cells, self._tips, law_states), self._state = self._last_start, None
+            self._laws.rollback(law_states)
+        self._last_start = (
+            model.time, self._bodies, self._snapshot, self._cells, self._tips, self._laws.checkpoint()
+        )  # fmt: skip
+        unknown = self._sync(model)
+        if self._step_population(model, unknown):
+            return
+        step = TimeStep(
+            model, self._bodies, self._lattice, self._state, self._sizes, unknown, (self._cells, self._cell_topology),
+            (self._tips, 0), self._laws,
+        )  # fmt: skip
+        self._lattice = self._state = None  # a step that fails leaves them half changed
+        step.run()
+        # After a crack the loads are those of a lattice that has been renumbered since: the next step finds them anew, as a
+        # restarted run does.
+        self._bodies, self._lattice, self._state = step.state.bodies, step.lattice, None if step.cracked else step.state
+        self.applied, self.touched = step.applied, concatenate_pairs(step.touched)
+        self._sizes, self._tips = step.motion.sizes, step.lattice.tips
+        self._cells, self._cell_topology = step.lattice.elastic_cells, step.lattice.topology
+        if step.cracked:
+            self._topology = _topology_key(model)
+        self._snapshot = take_snapshot(model.elements)
+        model.time = step.start + model.parameters.stepping.time_step
+
+    def _step_population(self, model: RunState, unknown: NDArray[np.bool_] | None) -> bool:
+        """Take a step in which most bergs are lone ones, which go by themselves; returns whether it is one."""
+        bodies, bonds, c = self._bodies, model.bonds, model.constants
+        # A force of one's own may look at all elements, and a bed of sediment holds them by row.
+        if self._seabed is not None or model.laws.force is not None:
+            return False
+        if bodies is None:
+            bodies = first_bodies(model.elements, bonds, c)
+            unknown = np.ones(bodies.pose.shape[0], np.bool_)
+        sizes = self._sizes or interaction_sizes(model.elements, c)
+        found = find_lone_bergs(model, bodies, sizes, self._faces)
+        if found is None:
+            return False
+        (lone, quiet), self._lattice, self._state = found, None, None
+        applied = np.zeros((model.elements.size, len(FORCES), 2))
+        done = step_lone_bergs(model, bodies, unknown, lone, sizes, applied)
+        # The quiet, fragments of several elements that nobody may touch, then the company of all that may meet: events cut the
+        # step of each group alone.
+        company = ~quiet
+        company[done.rows] = False
+        parts, touched, cracked = [(done.rows, done.bodies)], [], False
+        if not company.any():
+            self._faces.forget_pairs()
+        for among in (quiet, company):
+            if not among.any():
+                continue
+            rows = np.flatnonzero(among)
+            (group, bond_rows), (theirs, numbers) = run_of(model, rows), bodies_of(bodies, rows)
+            topology = self._cell_topology if among is quiet else None
+            step = TimeStep(
+                group, theirs, unknown=None if unknown is None else unknown[numbers], cells=(self._cells, topology),
+                cracks=(self._tips, int(bonds.crack.max(initial=0))),
+                laws=LawsWithMemory(None, self._faces) if among is company else None,  # faces meet in company alone
+            )  # fmt: skip
+            step.run()
+            put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
+            applied[rows] = step.applied
+            touched += [(rows[first], rows[second]) for first, second in step.touched]
+            self._cells, self._tips, cracked = step.lattice.elastic_cells, step.lattice.tips, cracked or step.cracked
+            if among is quiet:
+                self._cell_topology = step.lattice.topology
+            parts.append((rows, step.state.bodies))
+        body = connected_parts(model.elements.size, bonds.first, bonds.second, bonds.status)
+        self._bodies = joined_bodies(body, tuple(parts))
+        self.applied, self.touched, self._sizes = applied, concatenate_pairs(touched), sizes
+        if cracked:
+            self._topology = _topology_key(model)
+        self._snapshot = take_snapshot(model.elements)
+        model.time += model.parameters.stepping.time_step
+        return True
+
+    def _sync(self, model: RunState) -> NDArray[np.bool_] | None:
+        """Discard the lattice where ice, bonds or supports have changed since the last step, and bring the bodies up to date.
+
+        Returns which bodies take the velocity of their elements; None where all are as the last step has left them.
+        """
+        now, count = _topology_key(model), model.elements.size
+        same_connectivity = self._topology[:N_CONNECTIVITY] == now[:N_CONNECTIVITY]
+        if self._topology and self._topology != now:
+            self._lattice = self._state = self._sizes = None
+        self._topology = now
+        if self._bodies is None:
+            return None
+        if self._snapshot is None or self._snapshot.id.size != self._bodies.body.size:
+            self._bodies = self._bodies if self._bodies.body.size == count else None
+        elif not (same_connectivity and self._snapshot.is_current(model.elements)):
+            bodies, unknown = sync_bodies(model.elements, model.bonds, self._bodies, self._snapshot, model.constants)
+            self._state = None  # given forces may have changed
+            if unknown.any() or not np.array_equal(bodies.body, self._bodies.body):
+                self._bodies, self._lattice = bodies, None
+                return unknown
+        return None
+
+
+def _topology_key(model: RunState) -> list[bytes]:
+    """What bodies and lattice are made of: elements, supports, intact bonds, and ice; as bytes, which compare quickly."""
+    body, bonds = model.elements.body, model.bonds
+    connectivity = body.id, body.static, body.free_y, bonds.id, bonds.status
+    arrays = *connectivity, body.mass, body.thickness, body.length, body.width
+    return [array.tobytes() for array in arrays]
+
+
+N_CONNECTIVITY = 5
+"""How many of them are about connectivity: which elements there are, how they are bonded and supported."""
