@@ -28,7 +28,6 @@ from riftberg.stepping.contact.face_forces import (
     SPEED,
     TOUCHED,
     CrushingLaw,
-    CrushingWorkspace,
     allocate_crushing,
     find_faces,
     find_free_motion,
@@ -37,7 +36,14 @@ from riftberg.stepping.contact.face_forces import (
     sweep_faces,
     update_faces,
 )
-from riftberg.stepping.contact.face_pairs import Faces, gap_of_pair, most_corners, overlap_of_pair, places_of_pair
+from riftberg.stepping.contact.face_pairs import (
+    CrushingWorkspace,
+    Faces,
+    gap_of_pair,
+    most_corners,
+    overlap_of_pair,
+    places_of_pair,
+)
 from riftberg.stepping.contact.islands import (
     Island,
     IslandResult,
@@ -160,7 +166,7 @@ def _align(island: Island, faces: Faces, pair_state: Floats, result: IslandResul
     """
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
-            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, work.skin[k], k, work.pair)
+            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, work)
             shift = area / pair_state[k, CHORD] - pair_state[k, DEPTH_AT_END]
             pair_state[k, TOUCHED] += shift
             pair_state[k, CRUSHED] += shift
@@ -173,7 +179,7 @@ def _remember_depths(
     """Note how deep the faces are at the end of a step."""
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
-            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, work.skin[k], k, work.pair)
+            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, work)
             pair_state[k, DEPTH_AT_END] = area / pair_state[k, CHORD]
 
 
@@ -199,7 +205,7 @@ def _find_close_pairs(island: Island, faces: Faces, result: IslandResult, work: 
         other = math.hypot(dx, dy) + (abs(alone[a, 2] - path[a, 2]) + abs(alone[b, 2] - path[b, 2])) * reach
         _, _, _, _, x1, y1, x2, y2 = places_of_pair(island, path, k)
         if not result.touched[k] and math.hypot(x1 - x2, y1 - y2) < reach + other:
-            result.close[k] = gap_of_pair(island, faces, path, k, work.pair)[0] < other
+            result.close[k] = gap_of_pair(island, faces, path, k, work)[0] < other
 
 
 @borrower
@@ -272,7 +278,7 @@ def _limit_of_pair(
     if math.hypot(rx, ry) > far:
         set_apart(state)
         return limit
-    nearest, nx, ny = gap_of_pair(island, faces, path, k, work.pair)
+    nearest, nx, ny = gap_of_pair(island, faces, path, k, work)
     work.measured[k, 0], work.measured[k, 1] = nearest, work.travelled[a] + work.travelled[b]
 
     # How fast they close, and what drives them. They meet in a point of the smaller one, of two of one size about the middle.
@@ -318,7 +324,7 @@ def _limit_of_pair(
         work.stiffness[b] += stiffness * _mobility_of_point(mobility[b], n, ox, oy, nx, ny)
         if state[FORCE] <= 0.0:
             # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
-            area, _, _, _, _ = overlap_of_pair(island, faces, path, work.skin[k], k, work.pair)
+            area, _, _, _, _ = overlap_of_pair(island, faces, path, k, work)
             to_go = max(state[CRUSHED] - area / state[CHORD], 0.0)
             limit = min(limit, max(_most_of_way(to_go, closing, driven)[0], entry))
     return limit

@@ -16,13 +16,18 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
 from riftberg.physics.geometry import solve
-from riftberg.state import Floats, Ints
-from riftberg.stepping.contact.face_pairs import Faces, PairWorkspace, overlap_of_pair, places_of_pair
+from riftberg.state import Floats
+from riftberg.stepping.contact.face_pairs import (
+    CrushingWorkspace,
+    Faces,
+    PairWorkspace,
+    overlap_of_pair,
+    places_of_pair,
+)
 from riftberg.stepping.contact.islands import Island, IslandResult, record_loads, spin_lever
 
 TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, DEPTH_AT_END = range(
@@ -75,40 +80,6 @@ class CrushingLaw(NamedTuple):
     depth: float  # Over which it is reached, m
     ratio: float  # Stiffness of unloading over that of loading
     friction: float
-
-
-class CrushingWorkspace(NamedTuple):
-    """Workspace of the sub-steps of one island."""
-
-    acceleration: Floats  # shape (bodies, 3)
-    arm: Floats  # shape (bodies,)
-    alone: Floats  # Where the whole step takes the bodies, m, m, rad; shape (bodies, 3)
-    compliance: Floats  # shape (bodies, 3, 3)
-    new: Floats  # Twists at the end of the sub-step; shape (bodies, 3)
-    middle: Floats  # Paths at its predicted middle; shape (bodies, 3)
-    stiffness: Floats  # Of its faces over its mass, s-2; shape (bodies,)
-    size: Floats  # Sum of the forces on its faces, N; shape (bodies,)
-    peak: Floats  # shape (bodies,)
-    travelled: Floats  # Way of the points of each body since the start, at most, m; shape (bodies,)
-    speed: Floats  # The same of their speed, m s-1, and of their acceleration, m s-2; shape (bodies, 2)
-    measured: Floats  # Gap of each pair when last measured, and how far both bodies had travelled, m; shape (pairs, 2)
-    gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
-    bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
-    skin: Floats  # Way (m) of each of a pair towards the other at which faces that stand on each other overlap; shape (pairs, 2)
-    changed: Ints  # Sweep in which each body's velocities changed last; shape (bodies,)
-    active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
-    # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
-    # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
-    # closing speed (m s-1) and force across (N) before
-    face: Floats  # shape (pairs, 25)
-    accelerations: Floats  # By each force, m s-2; shape (elements, forces, 2)
-    force: Floats
-    net_force: Floats
-    contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)
-    everyone: NDArray[np.bool_]
-    pair: PairWorkspace
-    scratch: Floats  # shape (4, 3, 3)
-    dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
 
 
 NX, NY, DEPTH, DEPTH_PER_SPEED, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
@@ -175,7 +146,7 @@ def find_faces(
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
         ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
-        area, moment_x, moment_y, chord_x, chord_y = overlap_of_pair(island, faces, path, work.skin[k], k, work.pair)
+        area, moment_x, moment_y, chord_x, chord_y = overlap_of_pair(island, faces, path, k, work)
         chord = math.hypot(chord_x, chord_y)
         skin = 2.0 * math.hypot(work.skin[k, 0], work.skin[k, 1])
         if skin > 0.0 and chord < LEAST_FACE:  # a corner, until it is in the other face

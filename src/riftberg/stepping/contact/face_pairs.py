@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.geometry import gap, overlap
@@ -32,6 +33,40 @@ class PairWorkspace(NamedTuple):
     cut: Floats  # Corners of what is left of one within the other; see `riftberg.physics.geometry.overlap`
 
 
+class CrushingWorkspace(NamedTuple):
+    """Workspace of the sub-steps of one island."""
+
+    acceleration: Floats  # shape (bodies, 3)
+    arm: Floats  # shape (bodies,)
+    alone: Floats  # Where the whole step takes the bodies, m, m, rad; shape (bodies, 3)
+    compliance: Floats  # shape (bodies, 3, 3)
+    new: Floats  # Twists at the end of the sub-step; shape (bodies, 3)
+    middle: Floats  # Paths at its predicted middle; shape (bodies, 3)
+    stiffness: Floats  # Of its faces over its mass, s-2; shape (bodies,)
+    size: Floats  # Sum of the forces on its faces, N; shape (bodies,)
+    peak: Floats  # shape (bodies,)
+    travelled: Floats  # Way of the points of each body since the start, at most, m; shape (bodies,)
+    speed: Floats  # The same of their speed, m s-1, and of their acceleration, m s-2; shape (bodies, 2)
+    measured: Floats  # Gap of each pair when last measured, and how far both bodies had travelled, m; shape (pairs, 2)
+    gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
+    bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
+    skin: Floats  # Way (m) of each of a pair towards the other at which faces that stand on each other overlap; shape (pairs, 2)
+    changed: Ints  # Sweep in which each body's velocities changed last; shape (bodies,)
+    active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
+    # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
+    # mobilities across and along (kg-1), offsets of the common point from both centres (4, m), sliding and
+    # closing speed (m s-1) and force across (N) before
+    face: Floats  # shape (pairs, 25)
+    accelerations: Floats  # By each force, m s-2; shape (elements, forces, 2)
+    force: Floats
+    net_force: Floats
+    contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)
+    everyone: NDArray[np.bool_]
+    pair: PairWorkspace
+    scratch: Floats  # shape (4, 3, 3)
+    dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
+
+
 @kernel
 def face_gaps(first: Ints, second: Ints, apart: Floats, faces: Faces) -> Floats:
     """Gap (m) between the faces of each pair, below 0 where they overlap, and its normal from first to second; shape (pairs, 3).
@@ -53,16 +88,18 @@ def face_gaps(first: Ints, second: Ints, apart: Floats, faces: Faces) -> Floats:
 
 
 @borrower
-def gap_of_pair(island: Island, faces: Faces, path: Floats, k: int, work: PairWorkspace) -> tuple[float, float, float]:
+def gap_of_pair(
+    island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
+) -> tuple[float, float, float]:
     """Gap (m) between the faces of a pair with the bodies moved by ``path``, below 0 where they overlap, and its normal."""
     i, j = island.first[k], island.second[k]
     ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
     nearest, nx, ny = np.inf, 1.0, 0.0
     for p in range(faces.begin[i], faces.end[i]):
-        corners = _place(faces, p, x1, y1, ca, sa, work.one)
+        corners = _place(faces, p, x1, y1, ca, sa, work.pair.one)
         for q in range(faces.begin[j], faces.end[j]):
-            others = _place(faces, q, x2, y2, cb, sb, work.two)
-            g, gx, gy = gap(work.one[:corners], work.two[:others])
+            others = _place(faces, q, x2, y2, cb, sb, work.pair.two)
+            g, gx, gy = gap(work.pair.one[:corners], work.pair.two[:others])
             if g < nearest:
                 nearest, nx, ny = g, gx, gy
     return nearest, nx, ny
@@ -70,21 +107,22 @@ def gap_of_pair(island: Island, faces: Faces, path: Floats, k: int, work: PairWo
 
 @borrower
 def overlap_of_pair(
-    island: Island, faces: Faces, path: Floats, skin: Floats, k: int, work: PairWorkspace
+    island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
 ) -> tuple[float, float, float, float, float]:
-    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path``.
+    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin.
 
-    ``skin``: way (m, east and north) of each towards the other, so that neither is the first one.
+    The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `gap_of_pair`:
+    with few arguments LLVM no longer takes these into their callers, and a sub-step costs a third more.
     """
     i, j = island.first[k], island.second[k]
     ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
-    x1, y1, x2, y2 = x1 + skin[0], y1 + skin[1], x2 - skin[0], y2 - skin[1]
+    x1, y1, x2, y2 = x1 + work.skin[k, 0], y1 + work.skin[k, 1], x2 - work.skin[k, 0], y2 - work.skin[k, 1]
     area = moment_x = moment_y = chord_x = chord_y = 0.0
     for p in range(faces.begin[i], faces.end[i]):
-        corners = _place(faces, p, x1, y1, ca, sa, work.one)
+        corners = _place(faces, p, x1, y1, ca, sa, work.pair.one)
         for q in range(faces.begin[j], faces.end[j]):
-            others = _place(faces, q, x2, y2, cb, sb, work.two)
-            part, tx, ty, cx, cy = overlap(work.one[:corners], work.two[:others], work.cut)
+            others = _place(faces, q, x2, y2, cb, sb, work.pair.two)
+            part, tx, ty, cx, cy = overlap(work.pair.one[:corners], work.pair.two[:others], work.pair.cut)
             area += part
             moment_x += tx
             moment_y += ty

@@ -122,24 +122,52 @@ def find_islands(body: Ints, count: int, first: Ints, second: Ints) -> Islands:
     Within an island the pairs keep their order.
     """
     part = connected_parts(count, body[first], body[second], np.zeros(first.size, np.int64))
-    involved = np.zeros(count, bool)
-    involved[body[first]] = involved[body[second]] = True
-    members = np.flatnonzero(involved)
-    members = members[np.argsort(part[members], kind="stable")]
-    numbers, start = np.unique(part[members], return_index=True)
-    place = np.zeros(count, np.int64)
-    place[members] = np.arange(members.size) - np.repeat(start, np.diff(np.append(start, members.size)))
-    rows = np.flatnonzero(involved[body])
-    rows = rows[np.argsort(part[body[rows]], kind="stable")]
-    row_start = np.searchsorted(part[body[rows]], numbers)
-    at = np.zeros(body.size, np.int64)
-    at[rows] = np.arange(rows.size) - np.repeat(row_start, np.diff(np.append(row_start, rows.size)))
-    island = part[body[first]]
-    order = np.argsort(island, kind="stable")
+    island = _numbered_islands(part, body, first, second)
+    members, start, in_island = _by_group(island)
+    rows, row_start, at = _by_group(island[body])
+    order, pair_start, _ = _by_group(island[body[first]])
     return Islands(
-        members, np.append(start, members.size), rows, np.append(row_start, rows.size), place[body[rows]],
-        at[first[order]], at[second[order]], np.append(np.searchsorted(island[order], numbers), order.size), order,
+        members, start, rows, row_start, in_island[body[rows]], at[first[order]], at[second[order]], pair_start, order
     )  # fmt: skip
+
+
+@kernel
+def _numbered_islands(part: Ints, body: Ints, first: Ints, second: Ints) -> Ints:
+    """Number the parts that a pair is in, in order of their first body; returns the number for each body, -1 for none."""
+    involved = np.zeros(part.size, np.bool_)
+    for k in range(first.size):
+        involved[body[first[k]]] = involved[body[second[k]]] = True
+    number, island, islands = np.full(part.size, -1, np.int64), np.full(part.size, -1, np.int64), 0
+    for b in range(part.size):
+        if involved[b]:
+            if number[part[b]] < 0:
+                number[part[b]] = islands
+                islands += 1
+            island[b] = number[part[b]]
+    return island
+
+
+@kernel
+def _by_group(group: Ints) -> tuple[Ints, Ints, Ints]:
+    """Sort entries by their group, in their order within it; those below 0 are in none.
+
+    Returns the entries, where each group begins, with the end of the last, and the place of each entry in its group.
+    """
+    groups = 0
+    for g in group:
+        groups = max(groups, g + 1)
+    start, place = np.zeros(groups + 1, np.int64), np.zeros(group.size, np.int64)
+    for n in range(group.size):
+        if group[n] >= 0:
+            place[n] = start[group[n] + 1]
+            start[group[n] + 1] += 1
+    for g in range(groups):
+        start[g + 1] += start[g]
+    entries = np.empty(start[groups], np.int64)
+    for n in range(group.size):
+        if group[n] >= 0:
+            entries[start[group[n]] + place[n]] = n
+    return entries, start, place
 
 
 def pair_separations(el: Elements, first: Ints, second: Ints, p: KernelParameters) -> Floats:
