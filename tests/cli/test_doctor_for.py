@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def test_a_yaml_file_gives_place_dates_and_files(asked: dict[str, Any], tmp_path
     path.write_text(EXPERIMENT)
     assert call("--for", path).exit_code == 0
     assert (asked["lon"], asked["lat"]) == ((-43.0, -33.0), (-59.0, -53.0))
-    assert asked["time"] == ("2020-12-09T13:00:00", "2020-12-15T13:00:00")
+    assert asked["time"] == (datetime(2020, 12, 9, 13), datetime(2020, 12, 15, 13))
     assert asked["files"] == [str(tmp_path / "*oras5*.nc"), str(tmp_path / "*jra55*.nc")]
     call("other.nc", "--for", path, "--lon", "-40,-39")
     assert (asked["files"], asked["lon"]) == (["other.nc"], (-40.0, -39.0))
@@ -60,7 +61,7 @@ def test_a_yaml_file_gives_place_dates_and_files(asked: dict[str, Any], tmp_path
 
 def test_a68a_gives_its_place_and_dates(asked: dict[str, Any]) -> None:
     call("a.nc", "--for", "a68a-paper")
-    assert asked["time"] == ("2020-12-09T13:00:00", "2020-12-27T13:00:00")
+    assert asked["time"] == (datetime(2020, 12, 9, 13), datetime(2020, 12, 27, 13))
     assert asked["lon"][0] < -40.3 < -35.5 < asked["lon"][1]
 
 

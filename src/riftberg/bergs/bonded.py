@@ -23,12 +23,13 @@ from riftberg.bergs.bonding import (
     weaken,
 )
 from riftberg.bergs.raster import is_map
-from riftberg.config.units import place_text
+from riftberg.config.units import count_text, place_text
 from riftberg.config.values import native, number
-from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.physics.floating import draft_of
+from riftberg.plane import EqualAreaPlane
 from riftberg.state import Bonds, Elements, Floats, copy_state, elements_of
 from riftberg.system.input_files import value_shown
 
@@ -79,7 +80,7 @@ class BondedBerg:
         bonds, pieces = int((self.bonds.status == 0).sum()), int(e.berg.max())
         return (
             f"<{type(self).__name__}: {len(e.id)} {_kinds(self)} elements of radius {_radii(self)} m, {self.area / 1e6:.6g} km2, "
-            f"{self.mass / 1e12:.4g} Gt, {bonds} bonds, {pieces} piece{'s' if pieces != 1 else ''}, at {place}>"
+            f"{self.mass / 1e12:.4g} Gt, {bonds} bonds, {count_text(pieces, 'piece')}, at {place}>"
         )
 
     def _repr_html_(self) -> str:
@@ -356,7 +357,7 @@ def _each(berg: BondedBerg) -> list[str]:
         return []
     area, row, lines = berg.elements.length * berg.elements.width / 1e6, 0, []
     for name, count in berg.bergs[:MOST_LISTED]:
-        lines.append(f"  {name}: {count} element{'s' if count > 1 else ''}, {area[row : row + count].sum():.4g} km2")
+        lines.append(f"  {name}: {count_text(count, 'element')}, {area[row : row + count].sum():.4g} km2")
         row += count
     more = len(berg.bergs) - MOST_LISTED
     return [*lines, f"  and {more} more"] if more > 0 else lines
@@ -433,7 +434,8 @@ def portrait(elements: Elements, *, latlon: bool, hexagonal: bool) -> str:
     if elements.size == 0:
         return ""
     stride = -(-elements.size // MOST_DRAWN)
-    x, y = _metres(elements, latlon)
+    plane = EqualAreaPlane(float(elements.lon[0]), float(elements.lat.mean()), EARTH_RADIUS_A68, latlon)
+    x, y = plane.forward(elements.lon, elements.lat)
     # Where only every n-th is drawn, each stands for the area of n.
     half = 0.5 * np.sqrt(elements.length * elements.width) * np.sqrt(stride)
     low_x, high_x = float((x - half).min()), float((x + half).max())
@@ -446,15 +448,6 @@ def portrait(elements: Elements, *, latlon: bool, hexagonal: bool) -> str:
     ]  # fmt: skip
     size = f'width="{(high_x - low_x) * scale:.0f}" height="{(high_y - low_y) * scale:.0f}"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" aria-label="the berg, north up">{"".join(marks)}</svg>'
-
-
-def _metres(elements: Elements, latlon: bool) -> tuple[Floats, Floats]:
-    """Return positions in metres about the first element; a berg across longitude 180 stays in one piece."""
-    if not latlon:
-        return elements.lon, elements.lat
-    east = (elements.lon - elements.lon[0] + 180.0) % 360.0 - 180.0
-    per_degree = 6.371e6 * DEGREE
-    return east * per_degree * np.cos(elements.lat.mean() * DEGREE), (elements.lat - elements.lat[0]) * per_degree
 
 
 def _mark(x: float, y: float, half: float, turn: float, hexagonal: bool, colour: str) -> str:

@@ -123,8 +123,8 @@ def _pairs(elements: Elements, reaches: Floats, metric: Metric) -> tuple[Ints, I
     return first[joined], second[joined], distance[joined]
 
 
-def add_velocity(elements: Elements, east: Any, north: Any) -> None:
-    """Add a velocity (m s-1) to that of the elements, at the moment of the position and as others see it too."""
+def give_velocity(elements: Elements, east: Any, north: Any) -> None:
+    """Give elements a velocity (m s-1) beside what they have, at the moment of the position and as others see it too."""
     for when in ("", "_sync", "_pair"):
         getattr(elements, f"u{when}")[:] += east
         getattr(elements, f"v{when}")[:] += north
@@ -146,7 +146,7 @@ def make_elements(lon: Floats, lat: Floats, settings: BergOptions, *, static: An
     _check_elements(lon, lat, radius, thickness, density, settings.latlon)
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
-    add_velocity(elements, *velocity)
+    give_velocity(elements, *velocity)
     elements.spin[:] = settings.spin
     elements.static[:] = np.asarray(static, dtype=np.float64)
     elements.thickness[:] = thickness

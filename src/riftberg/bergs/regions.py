@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import shapely
@@ -29,19 +29,6 @@ from riftberg.plane import EqualAreaPlane
 from riftberg.state import Floats, Ints
 
 # Planes: from metres to degrees and back, and what strain that causes.
-
-
-class FillingPlane(Protocol):
-    """A plane (m) that a berg is filled in, and its map to the sphere (degrees)."""
-
-    def forward(self, lon: Floats, lat: Floats) -> tuple[Floats, Floats]:
-        """Return x, y (m) of points (degrees)."""
-
-    def inverse(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Return longitude and latitude (degrees) of points (m)."""
-
-    def moved(self, dlon: float, dlat: float) -> FillingPlane:
-        """Return the same map moved by some degrees."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +54,10 @@ class ReferencePlane:
     def moved(self, dlon: float, dlat: float) -> ReferencePlane:
         """Return the same map moved by some degrees."""
         return ReferencePlane(self.west + dlon, self.south + dlat, self.reference_latitude + dlat, self.earth_radius)
+
+
+FillingPlane = EqualAreaPlane | ReferencePlane
+"""A plane (m) that a berg is filled in, and its map to the sphere (degrees)."""
 
 
 def filling_plane(

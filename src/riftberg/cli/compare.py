@@ -28,6 +28,7 @@ from riftberg.cli.options import (
     Without,
     check_folder,
     console,
+    dates,
     output_folder,
     reported,
     results_folder,
@@ -37,6 +38,7 @@ from riftberg.cli.options import (
     words_without,
 )
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
+from riftberg.config.units import count_text, minute_text
 from riftberg.errors import InputError
 from riftberg.system.input_files import check_file, is_folder, value_shown
 
@@ -135,7 +137,7 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
     if observed is not None and not meant.fixes:
         raise InputError(
             "no position during the runs", where=f"--observed {observed}",
-            remedy=f"They go from {str(begin)[:16].replace('T', ' ')} to {str(end)[:16].replace('T', ' ')}",
+            remedy=f"They go from {minute_text(begin)} to {minute_text(end)}",
         )  # fmt: skip
     return compare(found, meant)
 
@@ -231,7 +233,12 @@ def rerun(
         with open_run(run) as dataset:
             kept, own = dict(dataset.attrs), list[str]()
     else:
-        run, kept, own = member[0], *_kept_of_member(run)
+        # What a sweep keeps of its command, and what is set for one of its members.
+        from riftberg.ensembles.result import values_of
+        from riftberg.experiments.changes import setting
+
+        one = opened_result(run)
+        run, kept, own = member[0], *(dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()])
     name = Path(str(kept["experiment"])).stem
     folder = output_folder(output, name if member is None else f"{name}-member-{member[1]}")
     more = [part for option, values in (("--set", [*own, *(settings or ())]), ("--without", without)) for value in values or ()
@@ -289,15 +296,6 @@ def run_again(
             raise
         if FILE in kept and not there:  # it lacks what was changed, and the run file keeps both
             file.unlink(missing_ok=True)
-
-
-def _kept_of_member(run: Path) -> tuple[dict[str, str], list[str]]:
-    """Return what a sweep keeps of its command, and what is set for one of its members."""
-    from riftberg.ensembles.result import values_of
-    from riftberg.experiments.changes import setting
-
-    one = opened_result(run)
-    return dict(one.attrs), [setting(name, value) for name, value in values_of(one).items()]
 
 
 @reported
@@ -391,7 +389,7 @@ def _print_breakup(b: Breakup) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=f"Fragment {b.fragment}: forces at {b.decisive.time.replace('T', ' ')[:16]}")
+    table = Table(title=f"Fragment {b.fragment}: forces at {minute_text(b.decisive.time)}")
     table.add_column("force", no_wrap=True)
     for column in (
         "on it, GN east",
@@ -481,7 +479,12 @@ def score(
         if as_json:
             typer.echo(json.dumps(result.as_dict(), indent=1))
         else:
-            _print_score(result)
+            out = console(120)
+            out.print(table_of(result))
+            if len(result.days) > MOST_SHOWN:
+                out.print(f"and {len(result.days) - MOST_SHOWN} times more, see score.json")
+            for line in (sentence(result), *result.melt):
+                out.print(line, highlight=False)
         written = [result.write(folder / "score.json")]
         if figure:
             from riftberg.runs.scene import stored_water
@@ -493,12 +496,10 @@ def score(
 
 
 def _span(text: str | None) -> tuple[datetime, datetime] | None:
-    from riftberg.cli.options import dates
-
     span = dates(text, "--between")
     if span is None:
         return None
-    first, last = (datetime.fromisoformat(part) for part in span)
+    first, last = span
     # A day alone is meant to its end.
     return first, last + timedelta(days=1, seconds=-1) if last.time() == last.min.time() else last
 
@@ -518,8 +519,6 @@ MOST_SHOWN = 500
 
 def table_of(result: Score) -> Table:
     """Return the table of a score."""
-    from riftberg.config.units import minute_text
-
     days = table(
         f"Run against {result.observed}",
         ("time", "piece", "fragments", "distance km", "azimuth", "observed", "diff", "area km2", "observed", "IoU"),
@@ -558,13 +557,4 @@ def sentence(result: Score) -> str:
         parts.append(f"area {s['area_ratio_mean']:.2f} of the observed one")
     if s["iou_mean"] is not None:
         parts.append(f"overlap {s['iou_mean']:.2f}")
-    return f"{s['days']} time{'s' if s['days'] != 1 else ''}: " + ", ".join(parts) + "."
-
-
-def _print_score(result: Score) -> None:
-    out = console(120)
-    out.print(table_of(result))
-    if len(result.days) > MOST_SHOWN:
-        out.print(f"and {len(result.days) - MOST_SHOWN} times more, see score.json")
-    for line in (sentence(result), *result.melt):
-        out.print(line, highlight=False)
+    return f"{count_text(s['days'], 'time')}: " + ", ".join(parts) + "."

@@ -107,7 +107,7 @@ class Asked(NamedTuple):
 
     lon: tuple[float, float] | None = None
     lat: tuple[float, float] | None = None
-    time: tuple[str, str] | None = None
+    time: tuple[datetime, datetime] | None = None
     files: tuple[str, ...] = ()
     products: dict[str, Choice] | None = None
     path: tuple[tuple[float, float], ...] = ()
@@ -137,7 +137,7 @@ def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice])
 def _served(
     files: Sequence[str],
     box: tuple[tuple[float, float], tuple[float, float]],
-    days: tuple[str, str],
+    days: tuple[datetime, datetime],
     choices: Mapping[str, Choice],
 ) -> str:
     """Return why files do not suffice for a berg of usual draft in a box, wherever in it; empty if they do."""
@@ -147,8 +147,7 @@ def _served(
 
     entries = list(entries_of(files, choices))
     settings = FileForcing(kind="files", files=["any"], longitude=box[0], latitude=box[1])
-    first, last = (datetime.fromisoformat(day) for day in days)
-    asked = Run(first, last, np.array([200.0]), Ice().density)
+    asked = Run(*days, np.array([200.0]), Ice().density)
     try:
         forcing_from_files(settings.model_copy(update={"files": entries}), Path(), asked)
     except RiftbergError as error:
@@ -176,7 +175,7 @@ def _asked(name: str, named: bool) -> Asked:
         left_out |= {"ua", "va"} if forcing.wind == "none" else set()
         max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))
         return Asked(
-            forcing.longitude, forcing.latitude, (experiment.start.isoformat(), end.isoformat()), tuple(products), products,
+            forcing.longitude, forcing.latitude, (experiment.start, end), tuple(products), products,
             spared=frozenset(left_out), max_gap=max_gap, hold=hold,
         )  # fmt: skip
     from riftberg.experiments import Options, find
@@ -190,7 +189,7 @@ def _asked(name: str, named: bool) -> Asked:
         raise InputError(f"{name} is nowhere on Earth", where="--for", remedy="Name a68a, or a YAML file")
     end = DEFAULT_START + timedelta(days=18)
     path = tuple((seen.lon, seen.lat) for seen in A68A_OBSERVED if seen.day not in PARTIAL)
-    asked = Asked(*REGION, (DEFAULT_START.isoformat(), end.isoformat()), path=path)
+    asked = Asked(*REGION, (DEFAULT_START, end), path=path)
     folder = named_folder(Options())
     if any(folder.glob("*.nc")):
         return asked._replace(files=(str(folder / "*.nc"),))

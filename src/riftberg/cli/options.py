@@ -31,12 +31,13 @@ from riftberg.system.process import advice, insisting, when_stuck
 from riftberg.system.process import say as say
 
 if TYPE_CHECKING:
-    from riftberg.experiments import Numerics, Options
-    from riftberg.products.registry import Choice
+    from datetime import datetime
 
-if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+    from riftberg.experiments import Numerics, Options
+    from riftberg.products.registry import Choice
 
 
 Settings = Annotated[
@@ -176,7 +177,7 @@ def pair(text: str | None, where: str) -> tuple[float, float] | None:
     return first, second
 
 
-def dates(text: str | None, where: str = "--time") -> tuple[str, str] | None:
+def dates(text: str | None, where: str = "--time") -> tuple[datetime, datetime] | None:
     """Read two dates with a comma between them."""
     if text is None:
         return None
@@ -190,7 +191,7 @@ def dates(text: str | None, where: str = "--time") -> tuple[str, str] | None:
     first, last = (parse_date(part, where=where)[0] for part in parts)
     if first > last:
         raise InputError(f"{parts[0]} is later than {parts[1]}", where=where, remedy="The earlier date stands first")
-    return first.isoformat(), last.isoformat()
+    return first, last
 
 
 def make_options(
@@ -289,9 +290,7 @@ LEAST_SPACE: Final = 2e6
 """Bytes that must be free at least."""
 
 
-def check_folder(
-    folder: Path, names: Iterable[str] = (), *, option: str = "--output", needed: float = LEAST_SPACE
-) -> None:
+def check_folder(folder: Path, names: Iterable[str] = (), *, needed: float = LEAST_SPACE) -> None:
     """Refuse a folder that cannot be made or written into, before any work.
 
     Parameters
@@ -300,12 +299,10 @@ def check_folder(
         Where results go.
     names : iterable of str
         Files that will be written there.
-    option : str
-        Option that named it, for messages.
     needed : float
         Bytes that will be written, about.
     """
-    where = f"{option} {shown(folder)}"
+    where = f"--output {shown(folder)}"
     remedy = "Name another folder"
     try:
         nearest = folder

@@ -22,6 +22,7 @@ from riftberg.cli.options import (
     table,
     within,
 )
+from riftberg.config.units import minute_text
 from riftberg.errors import InputError
 from riftberg.system.input_files import value_shown
 from riftberg.verification.scores import USUAL_ERROR
@@ -150,7 +151,7 @@ def _show(result: dict[str, Any]) -> None:
     for one in result["forecasts"]:
         failed = f", {one['failed']} failed or unfinished" if one["failed"] else ""
         page.print(
-            f"{one['berg']}, start {one['start'][:16].replace('T', ' ')}: {one['members']} members{failed}; axes: {one['axes']}"
+            f"{one['berg']}, start {minute_text(one['start'])}: {one['members']} members{failed}; axes: {one['axes']}"
         )
     rows = table(
         f"Positions, km; error of the observation {result['error_km']:g} km added, without in brackets",
@@ -223,13 +224,17 @@ def verify_tracks(
     """Score drift models on observed tracks of giant bergs, beside staying put and constant velocity."""
     import json
 
-    from riftberg.verification.tracks import read_cases, write_cases
+    from riftberg.verification.tracks import BASELINES, read_cases, read_forecasts, write_cases
 
     within(error, "--error", 0.0, 100.0)
     if bergs not in ("all", "held-out", "training"):
         raise InputError(f"{value_shown(bergs)} is not known", where="--bergs", remedy="Use all, held-out or training")
     cases = _between(read_cases(tracks, _leads(leads)), between)
-    models = _models(model, forecasts)
+    models = dict(BASELINES)
+    if model is not None:
+        models[model] = _imported(model)
+    if forecasts is not None:
+        models[forecasts.name] = read_forecasts(forecasts)
     result = _scored(models, cases, bergs, error)
     if as_json:
         typer.echo(json.dumps(result, indent=1))
@@ -260,7 +265,7 @@ def _between(cases: list[Case], text: str | None) -> list[Case]:
     span = dates(text, "--between")
     if span is None:
         return cases
-    first, last = (datetime.fromisoformat(part) for part in span)
+    first, last = span
     kept = []
     for case in cases:
         seen = {lead: place for lead, place in case.seen.items() if case.start.date + timedelta(days=lead) <= last}
@@ -269,18 +274,6 @@ def _between(cases: list[Case], text: str | None) -> list[Case]:
     if not kept:
         raise InputError("no case", where=f"--between {text}", remedy="Give dates between which a berg was seen twice")
     return kept
-
-
-def _models(model: str | None, forecasts: Path | None) -> dict[str, DriftModel]:
-    """Return the models that are to be scored, by name."""
-    from riftberg.verification.tracks import BASELINES, read_forecasts
-
-    models = dict(BASELINES)
-    if model is not None:
-        models[model] = _imported(model)
-    if forecasts is not None:
-        models[forecasts.name] = read_forecasts(forecasts)
-    return models
 
 
 def _imported(name: str) -> Any:

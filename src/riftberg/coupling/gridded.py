@@ -27,6 +27,7 @@ from riftberg.life.process import PROCESSES, LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.cells import locate_points
 from riftberg.ocean.grid import Grid
+from riftberg.runs.layout import counted_from
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import summed
 from riftberg.system.netcdf_lock import write_dataset
@@ -370,9 +371,8 @@ class GridRecorder:
             "comment": "The sum over cells of a field times areacello is that over all bergs.",
         })  # fmt: skip
         began = spans[0].since if spans else datetime(2000, 1, 1)
-        since = {"units": f"seconds since {began.isoformat(sep=' ', timespec='seconds')}", "dtype": "float64"}
         for name in ("time", "time_bnds"):
-            dataset[name].encoding = dict(since)
+            dataset[name].encoding = {**counted_from(began), "dtype": "float64"}
         for name in data:
             dataset[name].encoding = {"zlib": True}
         return dataset

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from riftberg.config.units import looks_like_quantity, quantity_text
+from riftberg.config.units import count_text, looks_like_quantity, quantity_text
 from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
@@ -170,7 +170,7 @@ def read_distribution(
     parts = [part.strip() for part in re.split(r",(?![^\[]*\])", call[2])]  # a list in brackets is one value
     if not all(parts) or (name not in OF_VALUES and len(parts) != len(ARGUMENTS[name])):
         words = ", ".join(ARGUMENTS.get(name, ("value", "value", "...")))
-        many = f"{len(parts)} number{'s' if len(parts) != 1 else ''}" if all(parts) else "an empty place"
+        many = count_text(len(parts), "number") if all(parts) else "an empty place"
         raise InputError(f"{value_shown(text)} has {many}", where=where, remedy=f"Give {name}({words})")
     if name in OF_VALUES:
         return Distribution(name, (), tuple(value(part) for part in with_unit_of_last(parts, where)), text=text)

@@ -18,10 +18,11 @@ import xarray as xr
 from shapely.geometry import mapping
 from shapely.geometry.polygon import orient
 
+from riftberg.config.units import minute_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import axes_of, counted, effective, near, quantiles, wilson
+from riftberg.ensembles.probability import axes_of, counted, effective, quantiles, wilson
 from riftberg.errors import InputError
-from riftberg.plane import ellipses
+from riftberg.plane import ellipses, near
 from riftberg.state import Floats
 from riftberg.version import __version__
 
@@ -232,11 +233,8 @@ class Approach:
         """Return it in a line."""
         p, low, high = (100.0 * float(a[-1]) for a in (self.probability, self.low, self.high))
         near_by = f"closest approach {self.closest.min() / 1e3:.0f} km, median {np.median(self.closest) / 1e3:.0f} km"
-        arrival = (
-            ""
-            if np.isnat(self.first_arrival[1])
-            else f", half of these by {str(self.first_arrival[1])[:16].replace('T', ' ')}"
-        )
+        half = self.first_arrival[1]
+        arrival = "" if np.isnat(half) else f", half of these by {minute_text(half)}"
         chance = f"{self.name}: {p:.0f} % ({low:.0f} to {high:.0f} %) that ice comes within {self.within / 1e3:.1f} km"
         return f"{chance}{arrival}; {near_by}"
 

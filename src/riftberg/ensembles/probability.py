@@ -12,9 +12,10 @@ import numpy as np
 import xarray as xr
 
 from riftberg.compiled.kernels import kernel
-from riftberg.config.units import duration_text, place_text
+from riftberg.config.units import count_text, duration_text, minute_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.result import MEANS, STATUS
+from riftberg.plane import near
 from riftberg.state import Floats
 
 LEVEL: Final = 0.9
@@ -116,7 +117,7 @@ def with_probabilities(
     ds.attrs["not_covered"] = f"ice smaller than an element, {breaks.side**2 / 1e6:.3g} km2"
     unfinished = int((ds["status"].values == STATUS["unfinished"]).sum())
     if unfinished:
-        ds.attrs["not_covered"] += f"; {unfinished} unfinished member{'s' if unfinished > 1 else ''}"
+        ds.attrs["not_covered"] += f"; {count_text(unfinished, 'unfinished member')}"
     _add_dated(ds)
     bounds = np.array(AREA_CLASSES)
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
@@ -169,11 +170,6 @@ def _add(
     ds[name] = (dims, share, about)
     ds[f"{name}_low"] = (dims, low, {**about, "long_name": f"{_ABOUT[name]}: lower end of the interval"})
     ds[f"{name}_high"] = (dims, high, {**about, "long_name": f"{_ABOUT[name]}: upper end of the interval"})
-
-
-def near(lon: Any, first: float) -> Any:
-    """Put longitudes on one branch."""
-    return lon - 360.0 * np.round((lon - first) / 360.0)
 
 
 @kernel
@@ -548,7 +544,7 @@ def told(ds: xr.Dataset) -> list[str]:
     }
     days = float(ds["lead"].values[-1]) / 24.0
     counting = effective(weight)
-    members = f"{number} member{'s' if number > 1 else ''}"
+    members = count_text(number, "member")
     members += f", {counting:.1f} of them count" if counting < 0.995 * number else ""
     lines = [f"{members}, {fates(ds)}; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"]
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
@@ -563,7 +559,7 @@ def told(ds: xr.Dataset) -> list[str]:
     order = np.argsort(dates)
     half = np.flatnonzero((np.cumsum(share_of[order]) >= 0.5) & ~np.isnat(dates[order]))
     if half.size:
-        lines.append(f"  first break-up by {str(dates[order][half[0]])[:16].replace('T', ' ')} with 50 %")
+        lines.append(f"  first break-up by {minute_text(dates[order][half[0]])} with 50 %")
     if _unfinished_share(ds) > 0.0:
         lines.append("  unfinished members count above as far as they came, then both ways; below are the others")
     if "cone_major" in ds:

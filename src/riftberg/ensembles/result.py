@@ -18,6 +18,7 @@ from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome
 from riftberg.ensembles.uncertain import SEED
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
+from riftberg.runs.layout import counted_from
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, is_folder, reading
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf, write_dataset
@@ -268,10 +269,10 @@ def write_sweep(ds: xr.Dataset, path: str | Path, *, more: bool = False) -> Path
     path = Path(path)
     encoding = _encoding(ds)
     if path.suffix == ".zarr":
-        dated = {name: value for name, value in encoding.items() if "calendar" in value}
+        dates = {name: value for name, value in encoding.items() if "calendar" in value}
         # Texts of a fixed length, as a file gives them back, have no place in the standard of Zarr.
         texts = {name: ds[name].astype(object) for name in ds.variables if ds[name].dtype.kind == "U"}
-        ds.assign(texts).drop_encoding().to_zarr(path, mode="w", encoding=dated, consolidated=False)
+        ds.assign(texts).drop_encoding().to_zarr(path, mode="w", encoding=dates, consolidated=False)
         return path
     write_dataset(ds, path, encoding=encoding, more=more)
     return path
@@ -314,10 +315,9 @@ def _in_chunks(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
 
 def _encoding(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
     start = ds["time"].values[0] if "time" in ds else ds["init"].values
-    since = f"seconds since {start.astype('datetime64[s]').item():%Y-%m-%d %H:%M:%S}"
-    dated = {"units": since, "calendar": "proleptic_gregorian", "dtype": "float64"}
+    about = {**counted_from(start), "dtype": "float64"}
     encoding: dict[str, dict[str, Any]] = {
-        str(name): dict(dated) for name, variable in ds.variables.items() if variable.dtype.kind == "M"
+        str(name): dict(about) for name, variable in ds.variables.items() if variable.dtype.kind == "M"
     }
     for name, variable in ds.variables.items():
         if (

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypedDict, Unpack
 import numpy as np
 import xarray as xr
 
-from riftberg.config.units import duration_text
+from riftberg.config.units import count_text, duration_text
 from riftberg.config.values import check_names, native, number
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.cluster import computed, connected, cores
@@ -501,7 +501,7 @@ class Store:
         plan = self.plan
         kind = "Forecast" if plan.forecast else "Sweep"
         name = Path(plan.named).stem if plan.named.endswith((".yaml", ".yml")) else plan.named
-        runs = f"{len(plan.members)} run{'s' if len(plan.members) > 1 else ''}"
+        runs = count_text(len(plan.members), "run")
         title = f"{kind} of {name}: {runs} with {', '.join(v.name for v in plan.varied)} varied"
         about = {"title": title, "experiment": plan.named, "parameters_json": plan.first.parameters.model_dump_json(),
                  "comment": "parameters_json holds the parameters of the first member",

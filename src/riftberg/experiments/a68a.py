@@ -41,7 +41,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import shapely
 
-from riftberg.bergs.bonding import BondRule, Metric, add_velocity, form_bonds
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds, give_velocity
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import cells_of_rows, cells_region
 from riftberg.bergs.regions import ReferencePlane
@@ -217,7 +217,7 @@ def start_turning(berg: Iceberg, degrees_a_day: float) -> None:
     # The local axes of an element are turned against those of the centre by the convergence of the meridians.
     angle = meridian_convergence(lat0, berg.earth_radius) * x
     cosine, sine = np.cos(angle), np.sin(angle)
-    add_velocity(e, rate * (-y * cosine + x * sine), rate * (x * cosine + y * sine))
+    give_velocity(e, rate * (-y * cosine + x * sine), rate * (x * cosine + y * sine))
     e.spin[:] += rate
 
 

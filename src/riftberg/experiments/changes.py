@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from pydantic.fields import FieldInfo
 
-from riftberg.bergs.bonding import Metric, add_velocity, separations
+from riftberg.bergs.bonding import Metric, give_velocity, separations
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
@@ -294,11 +294,11 @@ def with_berg(model: Model, keys: Mapping[str, Any]) -> Model:
         e.thickness[:] = thickness
     if "velocity" in keys:
         east, north = keys["velocity"]
-        add_velocity(e, east - float(share @ e.u), north - float(share @ e.v))
+        give_velocity(e, east - float(share @ e.u), north - float(share @ e.v))
     if "spin" in keys:
         plane = EqualAreaPlane(float(share @ e.lon), float(share @ e.lat), p.earth.radius, p.earth.latlon)
         x, y = plane.forward(e.lon, e.lat)
         rate = keys["spin"] - e.spin
-        add_velocity(e, -rate * y, rate * x)
+        give_velocity(e, -rate * y, rate * x)
         e.spin[:] = keys["spin"]
     return _again(changed, e, bonds, lambda x, y: (x, y))

@@ -34,13 +34,6 @@ from riftberg.stepping.fragments.tree import FragmentTree
 _LARGEST: Final = 2.0**32 - 1.0
 
 
-class CalvingDraws(Protocol):
-    """Where random numbers from 0 to 1 come from."""
-
-    def draw(self, rank: int, identifier: int, step: int) -> float:
-        """Return the number for a child of an element, born in a long step, of a process of the reference."""
-
-
 class FmsStream:
     """Random numbers of FMS: Mersenne twister with an array as seed; a draw is the next 32 bits over the largest (files, 0.5).
 
@@ -89,6 +82,9 @@ class OwnDraws:
         key = (self._seed,) if self._one_draw else (self._seed, step, identifier)
         return float(np.random.default_rng(key).random())
 
+
+CalvingDraws = ReferenceDraws | OwnDraws
+"""Where random numbers from 0 to 1 come from."""
 
 LARGEST_CUT: Final = 0.5
 """Part of its area that an element of a bonded berg loses to pieces in one step at most; the rest stays in its foot."""

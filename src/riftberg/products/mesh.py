@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -62,17 +62,6 @@ class Places(NamedTuple):
     next_column: Ints  # Opposite point of the cell
     xi: Floats  # Coordinates in the cell along the columns and along the rows, 0 to 1
     eta: Floats  # Coordinates in the cell along the columns and along the rows, 0 to 1
-
-
-class Mesh(Protocol):
-    """Points of a product, and the search among them."""
-
-    @property
-    def points(self) -> ProductPoints:
-        """All points."""
-
-    def locate(self, lon: Floats, lat: Floats) -> Places:
-        """Return the places of positions (degrees, any convention)."""
 
 
 def mesh_of(ds: xr.Dataset | xr.DataArray) -> Mesh:
@@ -347,6 +336,9 @@ def find_quadrilaterals(
                     row[n], column[n], best = j, i, max(beyond, 0.0)
                     xi[n], eta[n] = min(max(s, 0.0), 1.0), min(max(t, 0.0), 1.0)
 
+
+Mesh = AxesMesh | ProjectedMesh | CurvilinearMesh | NodeMesh
+"""Points of a product, and the search among them."""
 
 Span = tuple[float, float]
 

@@ -227,6 +227,12 @@ def called(number: int, parent: int, name: str = "") -> str:
     return name or f"{'fragment' if parent > 0 else 'berg'} {number}"
 
 
+def counted_from(start: Any) -> dict[str, str]:
+    """Return units and calendar of times that count from a date."""
+    moment = np.datetime_as_string(np.datetime64(start, "s")).replace("T", " ")
+    return {"units": f"seconds since {moment}", "calendar": "proleptic_gregorian"}
+
+
 HUTH_2022 = (
     "Huth, A., Adcroft, A., Sergienko, O. and Khan, N. (2022): Ocean currents break up a tabular iceberg. "
     "Science Advances 8, eabq6974. https://doi.org/10.1126/sciadv.abq6974"

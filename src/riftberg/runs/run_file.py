@@ -60,6 +60,7 @@ from riftberg.runs.layout import (
     PLACE,
     SHAPE,
     Layout,
+    counted_from,
     define_texts,
     element_history,
     in_file,
@@ -333,7 +334,7 @@ class RunWriter:
                 self._write(file, model)
                 if last and self._tracks and self._add_tracks:  # a berg lies in one piece, and cannot be appended to
                     fragments = {row.number: vars(row) for row in model.fragments.rows}
-                    write_tracks(file, ragged(self._tracks, fragments, _since(model), not self._names))
+                    write_tracks(file, ragged(self._tracks, fragments, model.start, not self._names))
                 if last and self.background:
                     add_background(file, model)
         except (OSError, RuntimeError) as error:  # HDF5 says the latter where a file may not grow
@@ -525,17 +526,8 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     file.createDimension("bond", len(layout.bond_ids))
     file.createDimension("fragment", None)
     file.createDimension("contact", None)
-    _create(
-        file,
-        "time",
-        "f8",
-        ("time",),
-        standard_name="time",
-        long_name="time",
-        units=_since(model),
-        calendar="proleptic_gregorian",
-        axis="T",
-    )
+    about = {"standard_name": "time", "long_name": "time", **counted_from(model.start), "axis": "T"}
+    _create(file, "time", "f8", ("time",), **about)
     # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
     kind = "i4" if layout.ids.max(initial=0) <= np.iinfo(np.int32).max else "i8"
     number = _create(
@@ -557,8 +549,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
         v = registry[name]
         attributes = _described(v, {})
         if name == "break_time":
-            attributes |= {"units": _since(model), "long_name": "time of breaking, missing while unbroken"}
-            attributes["calendar"] = "proleptic_gregorian"
+            attributes |= {**counted_from(model.start), "long_name": "time of breaking, missing while unbroken"}
         if name == "status":
             attributes |= {"flag_meanings": "unbroken broken_in_contact gone"}
         stored = _create(file, in_file(name), "i4" if v.dtype == "i8" else "f8", ("bond",), **attributes)
@@ -576,7 +567,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
             if v.name in ("lon", "lat") and not names:
                 attributes["standard_name"] = {"lon": "longitude", "lat": "latitude"}[v.name]
             if v.name in ("birth_time", "time", "end"):
-                attributes |= {"units": _since(model), "calendar": "proleptic_gregorian"}
+                attributes |= counted_from(model.start)
             name = f"{kind}_{names.get(v.name, v.name)}"
             if v.dtype == "str":
                 define_texts(file, name, kind).setncatts(
@@ -585,10 +576,6 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
                 continue
             _create(file, name, _COLUMNS.get(v.dtype, "f8"), (kind,), **attributes)
     define_ledgers(file, model)
-
-
-def _since(model: BareModel) -> str:
-    return f"seconds since {model.start.strftime('%Y-%m-%d %H:%M:%S').rjust(19, '0')}"
 
 
 def _create(

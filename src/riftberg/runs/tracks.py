@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from riftberg import constants
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import FRAGMENT_VARIABLES, define_texts, in_file, position_names, texts
+from riftberg.runs.layout import FRAGMENT_VARIABLES, counted_from, define_texts, in_file, position_names, texts
 from riftberg.state import Floats, Ints, Variable
 from riftberg.stepping.forces.media import aground
 
@@ -365,17 +365,17 @@ class Ragged(NamedTuple):
 
 
 def ragged(
-    blocks: Sequence[Mapping[str, NDArray[Any]]], fragments: Mapping[int, Mapping[str, Any]], since: str, latlon: bool
+    blocks: Sequence[Mapping[str, NDArray[Any]]], fragments: Mapping[int, Mapping[str, Any]], start: Any, latlon: bool
 ) -> dict[str, Ragged]:
     """Return the rows of all records one berg after the other: a CF contiguous ragged array, times not decoded.
 
-    ``fragments``: parent, birth_time (s), name and calved_from by number; ``since``: units of the times.
+    ``fragments``: parent, birth_time (s), name and calved_from by number; ``start``: date of time zero.
     """
     rows = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     order = np.argsort(rows["number"], kind="stable")
     numbers, counts = np.unique(rows["number"], return_counts=True)
     places = position_names(latlon)
-    dated = {"units": since, "calendar": "proleptic_gregorian"}
+    counted = counted_from(start)
     unknown = {"parent": 0, "birth_time": np.nan, "name": "", "calved_from": 0}
     known = [{**unknown, **fragments.get(n, {}), "trajectory": n} for n in numbers.tolist()]
     table = {}
@@ -385,12 +385,12 @@ def ragged(
             "trajectory", values.astype({"i8": "i4", "str": "U"}.get(v.dtype, "f8")), {"long_name": v.long_name}
         )
     table["trajectory"].attributes["cf_role"] = "trajectory_id"
-    table["birth"].attributes.update(dated)
+    table["birth"].attributes.update(counted)
     about = {"long_name": "number of records of the berg or fragment", "sample_dimension": "index"}
     table["rowsize"] = Ragged("trajectory", counts.astype("i4"), about)
     for v in TRACK_VARIABLES:
         if v.name in rows:
-            attributes = _attributes(v, places) | (dated if v.name == "time" else {})
+            attributes = _attributes(v, places) | (counted if v.name == "time" else {})
             table[places.get(v.name, v.name)] = Ragged("index", rows[v.name][order], attributes)
     table["aground"].attributes.update(flag_values=np.array([0, 1], "i1"), flag_meanings="afloat aground")
     return table
@@ -461,9 +461,8 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
         blocks.append(berg_rows(seconds(part["time"].values), fixed | columns, parameters))
     family = family_of(run).items()
     fragments = {number: {**row, "birth_time": float(seconds(row["birth_time"]))} for number, row in family}
-    since = f"seconds since {np.datetime_as_string(start, 's').replace('T', ' ')}"
     tracks = xr.Dataset(
-        {name: tuple(variable) for name, variable in ragged(blocks, fragments, since, latlon).items()},
+        {name: tuple(variable) for name, variable in ragged(blocks, fragments, start, latlon).items()},
         attrs={"Conventions": "CF-1.11", "featureType": "trajectory"},
     )
     return xr.decode_cf(tracks.set_coords([*(v.name for v in TRACK_COORDINATES), "time"]))

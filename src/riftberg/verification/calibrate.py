@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Unpack, cast
 import numpy as np
 import xarray as xr
 
+from riftberg.config.units import count_text
 from riftberg.config.values import check_names
 from riftberg.diagnostics.observed import Observations
 from riftberg.ensembles.distributions import member_seed, shares
@@ -458,7 +459,7 @@ def calibrate(
         count = options.get("members") or PER_INPUT * len(inputs)
         if count < len(inputs) + 4:
             raise InputError(
-                f"{count} members for {len(inputs)} input{'s' if len(inputs) > 1 else ''}",
+                f"{count} members for {count_text(len(inputs), 'input')}",
                 where="members",
                 remedy=f"Give {len(inputs) + 4} or more",
             )

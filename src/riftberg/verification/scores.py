@@ -22,7 +22,7 @@ from shapely.affinity import translate
 from riftberg.diagnostics.outlines import intersection_over_union
 from riftberg.ensembles.probability import wilson
 from riftberg.errors import InputError
-from riftberg.plane import unit_vectors
+from riftberg.plane import EquidistantPlane, unit_vectors
 from riftberg.state import Floats
 
 LEVELS: Final = (0.5, 0.9)
@@ -309,27 +309,15 @@ def distance(lon1: Floats | float, lat1: Floats | float, lon2: Floats | float, l
     return np.hypot(east, north)
 
 
-def local(
-    lon0: Floats | float, lat0: Floats | float, lon: Floats | float, lat: Floats | float
-) -> tuple[Floats, Floats]:
+def local(lon0: Any, lat0: Any, lon: Any, lat: Any) -> tuple[Floats, Floats]:
     """Return kilometres east and north of a place, with the distance and first direction of the great circle."""
-    a, b, b0 = np.radians(np.subtract(lon, lon0)), np.radians(lat), np.radians(lat0)
-    east = np.cos(b) * np.sin(a)
-    north = np.cos(b0) * np.sin(b) - np.sin(b0) * np.cos(b) * np.cos(a)
-    sine = np.hypot(east, north)
-    angle = np.arctan2(sine, np.sin(b0) * np.sin(b) + np.cos(b0) * np.cos(b) * np.cos(a))
-    stretch = EARTH_KM * np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
-    return stretch * east, stretch * north
+    return EquidistantPlane(lon0, lat0, EARTH_KM).forward(lon, lat)
 
 
-def moved(lon0: Floats | float, lat0: Floats | float, east: Floats, north: Floats) -> tuple[Floats, Floats]:
+def moved(lon0: Any, lat0: Any, east: Floats, north: Floats) -> tuple[Floats, Floats]:
     """Return longitude and latitude of points kilometres east and north of a place; the inverse of `local`."""
-    length = np.hypot(east, north)
-    angle, b0 = length / EARTH_KM, np.radians(lat0)
-    sine = np.divide(np.sin(angle), length, out=np.zeros_like(length), where=length > 0.0)
-    lat = np.arcsin(np.clip(np.cos(angle) * np.sin(b0) + north * sine * np.cos(b0), -1.0, 1.0))
-    lon = np.arctan2(east * sine, np.cos(b0) * np.cos(angle) - np.sin(b0) * north * sine)
-    return (lon0 + np.degrees(lon) + 180.0) % 360.0 - 180.0, np.degrees(lat)
+    lon, lat = EquidistantPlane(lon0, lat0, EARTH_KM).inverse(east, north)
+    return (lon + 180.0) % 360.0 - 180.0, lat
 
 
 def carried_on(lon1: float, lat1: float, lon2: float, lat2: float, ratio: Floats) -> tuple[Floats, Floats]:

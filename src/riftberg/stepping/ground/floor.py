@@ -67,7 +67,7 @@ class Keels(NamedTuple):
     looked_at: Booleans  # Of the elements
 
 
-class Raster(NamedTuple):
+class FloorCells(NamedTuple):
     """How cells lie."""
 
     cell: float  # Side, m
@@ -131,7 +131,7 @@ class Floor:
 
     def _in_reach(self, survey: Survey, keels: Keels, level: float, way: float) -> Booleans:
         """Which elements that are looked at have a square of a survey within `REACH`."""
-        raster = Raster(self.cell, self.latlon, self.radius)
+        raster = FloorCells(self.cell, self.latlon, self.radius)
         while True:
             near = np.zeros(keels.draft.size, np.bool_)
             missing = np.empty(self._room * BLOCK**2 // survey.side**2, np.int64)  # as many cells of either
@@ -169,7 +169,7 @@ class Floor:
         ``draft`` (m) and ``near`` (whether it is looked at) are those of the elements of the fragment.
         """
         keels = Keels(body.start, self._coordinates(body, lon, lat), body.owner, draft, near)
-        raster = Raster(self.cell, self.latlon, self.radius)
+        raster = FloorCells(self.cell, self.latlon, self.radius)
         while True:
             room = self._room
             start, out = np.zeros(room + 1, np.int64), np.empty((8 * room, 3))
@@ -318,8 +318,8 @@ def place_of(keys: Ints, key: int, at: int, before: int) -> int:
 
 @kernel
 def squares_in_reach(
-    keels: Keels, level: float, reach: float, way: float, raster: Raster, side: int, keys: Ints, least: Floats, near: Booleans,
-    missing: Ints,
+    keels: Keels, level: float, reach: float, way: float, raster: FloorCells, side: int, keys: Ints, least: Floats,
+    near: Booleans, missing: Ints,
 ) -> int:  # fmt: skip
     """Set which elements have a square within ``reach`` (m) on a ``way`` (cells); returns how many squares are missing.
 
@@ -361,7 +361,7 @@ def squares_in_reach(
 
 @kernel
 def cut_by_cells(
-    keels: Keels, level: float, raster: Raster, blocks: Blocks, found: Patches, missing: Ints
+    keels: Keels, level: float, raster: FloorCells, blocks: Blocks, found: Patches, missing: Ints
 ) -> tuple[int, int]:
     """Write the polygons of `Patches`; returns how many there are (-1 where they do not fit) and how many blocks are missing."""
     start, corner, owner, draft, near = keels
