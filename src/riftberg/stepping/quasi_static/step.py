@@ -48,13 +48,6 @@ the shortest interval between two cracks for touch-down and overload (under half
 LONGEST_CONTACT_STEP = 1800.0
 """Longest trial step (s) in which fragments touch: in longer ones the loads at its end are not those of the impact."""
 
-FEW_SUBSTEPS = 8.0
-"""Shortest sub-steps from which on a trial of fragments in contact is accepted where the next crack is located (chosen)."""
-
-GROWTH = 16.0
-"""A step that contact has made short is followed by one this many times as long. Chosen: an empty step costs some 3 ms, one
-through the impacts of fifty pieces a thousand times as much."""
-
 
 class TimeStep:
     """One time step of a model, from event to event.
@@ -114,9 +107,7 @@ class TimeStep:
         while (rest := end - self.state.time) > 1e-9 * self.dt:
             # The rest in equal parts, so that the last one is no shorter than it must be.
             h = min(rest / math.ceil(rest / self._max_dt - 1e-9), next_dt)
-            # After a crack by contact steps grow from its sub-steps up: one over all the rest would go through impacts in which
-            # nothing breaks, only to show that something breaks before.
-            next_dt = max(self._advance_to_event(h, may_break), GROWTH * h if h == next_dt else 0.0)
+            next_dt = self._advance_to_event(h, may_break)
         self._store(self._equilibrium(self.state))
 
     # One step to the first event
@@ -157,7 +148,7 @@ class TimeStep:
         touched_down = False
         if grounding_dt < self.dt and self._touch_down(trial) > 0.0:
             first = self._any_event if may_break else self._touch_down
-            trial = self._located(trial, first, tolerance)
+            trial = self._located(trial, first, tolerance, accepting=True)
             touched_down = self._touch_down(trial) > 0.0
         if not may_break:
             self._accept(trial)
@@ -168,9 +159,7 @@ class TimeStep:
         if trial.contact is not None and self.lattice.overload(self._peak_equilibrium(trial)) > 0.0:
             # Cracks by contact may follow each other as quickly as its sub-steps.
             shortest = trial.contact.shortest_substep
-            # A trial of a few sub-steps ends in the middle of one: whether a body that rests was struck shows in whole ones.
-            located = shortest * EVENT_TOLERANCE, min(least, shortest), FEW_SUBSTEPS * shortest
-            trial = self._located(trial, self._overload_in, *located)
+            trial = self._located(trial, self._overload_in, shortest * EVENT_TOLERANCE, min(least, shortest))
             if (
                 self._peak_equilibrium(trial) is not None
                 and self.lattice.overload(self._equilibrium(trial.state)) <= 0.0
@@ -180,10 +169,11 @@ class TimeStep:
                 peak_load = self.motion.peak_load(trial.state, trial.contact.peak_load)
                 trial.state = self.motion.in_equilibrium(trial.state._replace(load=peak_load))
             self._accept(trial, cracks=True)
-            self._propagate_crack(
-                impact=True
-            )  # from the most critical bond, if any: where contact presses has shifted a little
-            return shortest  # the next crack by crushing follows soon
+            # From the most critical bond, if any: where contact presses has shifted a little.
+            self._propagate_crack(impact=True)
+            # The next crack by crushing follows soon, and to locate it from a long step takes through the impact many times.
+            # The factor only trades steps against trials: each step is located to the same tolerance.
+            return max(8.0 * trial.h, shortest)
 
         if self.lattice.overload(self._equilibrium(trial.state)) <= 0.0:
             self._accept(trial)
@@ -208,15 +198,15 @@ class TimeStep:
         return math.inf
 
     def _located(
-        self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0, short: float = 0.0
-    ) -> Trial:
-        """Advance to shortly before an event in ``trial``, and return the trial from there to at most ``tolerance`` s after it.
+        self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0, *, accepting: bool = False
+    ) -> Trial:  # fmt: skip
+        """Return a trial that ends at most ``tolerance`` s after the first event in ``trial``.
 
-        ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located; trials of up to ``short`` s are
-        not accepted.
+        ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located. ``accepting``: trials without an
+        event become the state, and what is returned starts from there.
         """
-        # A trial without an event is as good a step as any: it is accepted, and the next ones start at its end. A berg that
-        # shatters would go through the same impacts twenty times if each started where the first one did.
+        # Touch-down must be met in a step that is short itself: half of it is taken with the floor. An impact is not cut: of
+        # three bergs that meet at 300 Pa half as many bonds broke where each trial without a crack was accepted.
         done, latest = 0.0, (trial.h, trial)
 
         def until(t: float) -> float:
@@ -224,7 +214,7 @@ class TimeStep:
             self._rollback()
             latest = t, self.motion.trial(self.state, t - done)
             value = event(latest[1])
-            if value <= 0.0 and latest[1].h > short:
+            if value <= 0.0 and accepting:
                 self._accept(latest[1])
                 self._checkpoint()
                 done = t
