@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.constants import GRAVITY
+from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
@@ -130,3 +130,34 @@ def test_a_search_for_contact_inside_a_berg_finds_room_for_more_pairs_than_bonds
         model.elements.u[:] = model.elements.u_sync[:] = 0.3 * np.sign(7e3 - model.elements.lon)
         model.advance(steps=3)
     np.testing.assert_allclose(one.elements.lon, two.elements.lon, rtol=0, atol=1e-6)
+
+
+SPRINGS = {"law": "spring", "spring": 1e-4}
+
+
+@pytest.mark.parametrize(
+    ("scheme", "bonds", "step"),
+    [("mts", SPRINGS, 600.0), ("mts", {}, 600.0), ("verlet", SPRINGS, 60.0), ("runge_kutta", SPRINGS, 60.0),
+     ("quasi_static", {}, 600.0)],
+)  # fmt: skip
+def test_beyond_89_degrees_a_berg_goes_on_along_its_inertial_circle(scheme: str, bonds: dict, step: float) -> None:
+    """There the schemes go over to planes that touch the sphere; on a plane about the pole the circle is known."""
+    parameters = Parameters(
+        stepping={"scheme": scheme, "time_step": step},
+        bonds=bonds,
+        fracture={"enabled": False},
+        drag={"ocean_scale": 0.0},
+    )
+    lon, lat, east, north, time = 20.0, 88.9999, 0.03, 0.04, 7200.0
+    berg = Iceberg.from_points([lon], [lat], thickness=200.0, radius=500.0, velocity=(east, north))
+    model = Model(berg, Steady(), parameters)
+    model.advance(steps=round(time / step))
+
+    def place(lon: float, lat: float) -> complex:
+        return parameters.earth.radius * np.radians(90.0 - lat) * np.exp(1j * np.radians(lon))
+
+    f, outwards = 2.0 * EARTH_ROTATION, np.exp(1j * np.radians(lon))
+    way = (1j * east - north) * outwards * (1.0 - np.exp(-1j * f * time)) / (1j * f)
+    el = model.elements
+    assert el.lat[0] > 89.0
+    assert abs(place(el.lon[0], el.lat[0]) - place(lon, lat) - way) < 0.01 * abs(way)
