@@ -24,7 +24,7 @@ from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
-from riftberg.state import Bonds, Elements, Floats, Ints, copy_state
+from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Environment, Floats, Ints, copy_state
 from riftberg.state.population import Population, Saved, by_identifier, changed_rows, cut_out
 from riftberg.stepping.explicit.stability import (
     assign_substeps,
@@ -199,6 +199,10 @@ class BareModel(RunState):
             # The same values as in the file, unless the run failed because its forcing was at fault. A force of one's own may
             # have been taken at velocities that are no more: it stays.
             kept = self.elements.environment.own_x.copy(), self.elements.environment.own_y.copy()
+            # What this forcing does not give is not known: it may stem from another one, such as the water at a keel.
+            for variable in ELEMENT_VARIABLES:
+                if variable.name in Environment._fields:
+                    getattr(self.elements.environment, variable.name)[:] = variable.default
             self._stepper.sample_forcing(self)
             self.elements.environment.own_x[:], self.elements.environment.own_y[:] = kept
 
@@ -694,6 +698,13 @@ def check_coordinates(berg: Iceberg, forcing: Forcing, p: Parameters) -> None:
                 where=f"earth.latlon = {p.earth.latlon}",
                 remedy=f"Set earth.latlon = {latlon}, or make {who} in {theirs}",
             )
+    if forcing.grid is not None and forcing.grid.arrays.period not in (0.0, p.earth.period):
+        period = forcing.grid.arrays.period
+        raise InputError(
+            f"the grid of the forcing repeats after {period:g}, and earth.period is {p.earth.period:g}",
+            where="earth.period",
+            remedy=f"Set earth.period = {period:g}: bonds and contact go across the seam of the grid by it",
+        )
 
 
 def check_balance(forcing: Forcing, p: Parameters) -> None:

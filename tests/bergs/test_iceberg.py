@@ -8,6 +8,7 @@ import xarray as xr
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.bergs.iceberg import Iceberg
+from riftberg.bergs.raster import read_raster
 from riftberg.errors import BergError
 
 OUTLINE = [(-39.5, -55.2), (-38.5, -55.2), (-38.5, -54.9), (-39.5, -54.9)]
@@ -420,3 +421,25 @@ def test_description_gives_the_range_of_a_thickness_that_varies():
         f"thickness: 100.0 to 200.0 m, draft {draft[0]:.1f} to {draft[1]:.1f} m, freeboard 20.0 to 40.0 m"
         in berg.describe()
     )
+
+
+def test_elements_on_both_sides_of_the_date_line_are_bonded() -> None:
+    """A row of points at 180 degrees had a gap there: four bonds and two pieces."""
+    lon = 180.0 + 3000.0 / (111194.9 * np.cos(np.radians(75.0))) * (np.arange(6) - 2.5)
+    row = Iceberg.from_points((lon + 180.0) % 360.0 - 180.0, np.full(6, -75.0), thickness=200.0, radius=1500.0)
+    assert row.bonds.first.size == 5
+    with pytest.raises(BergError, match="overlap"):
+        Iceberg.from_points([179.7, -180.3], [-75.0, -75.0], thickness=200.0, radius=1500.0)
+
+
+def test_a_map_of_another_year_is_not_taken_for_the_date_asked_for(tmp_path) -> None:
+    """The nearest date was taken, however far: 1995 gave the map of 2020."""
+    days = np.array(["2020-12-01", "2020-12-15"], "datetime64[ns]")
+    thickness = xr.DataArray(
+        np.full((2, 5, 5), 200.0), dims=("time", "lat", "lon"),
+        coords={"time": days, "lat": np.linspace(-56.2, -56.0, 5), "lon": np.linspace(-37.2, -37.0, 5)}, name="h",
+    )  # fmt: skip
+    thickness.to_netcdf(tmp_path / "h.nc")
+    assert read_raster(tmp_path / "h.nc", date="2020-12-15").values.shape == (5, 5)
+    with pytest.raises(BergError, match=r"within a day of one of its dates, 2020-12-01 to 2020-12-15"):
+        read_raster(tmp_path / "h.nc", date="1995-01-01")

@@ -11,6 +11,7 @@ import pytest
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import ForcingError, InputError, RunError
 from riftberg.life.ice_fronts import REACH
+from riftberg.life.melt import base_spans, life_values
 from riftberg.life.process import HEAT_CLOSES, MASS_CLOSES
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022, Parameters
@@ -320,3 +321,47 @@ def test_kelvin_is_refused() -> None:
 def test_parameters_that_cannot_be_are_refused(changes: dict[str, Any], told: str) -> None:
     with pytest.raises(InputError, match=told):
         QUICK.changed(**changes)
+
+
+def test_children_of_one_step_melt_each_by_its_own_length() -> None:
+    """Ice that was born in a step has no number of its berg yet, and all of it was taken for one berg."""
+    berg = Iceberg.join([
+        Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-37.0 + k, -56.0)) for k in range(3)
+    ])  # fmt: skip
+    model = Model(berg, Steady(temperature=2.0, salinity=34.0), Parameters(melt={"enabled": True}))
+    model.step()
+    body, values = model.elements.body, life_values(model.parameters)
+    one_by_one = base_spans(model.elements, values)
+    body.berg[:] = 0
+    assert base_spans(model.elements, values).tolist() == one_by_one.tolist() == body.length.tolist()
+
+
+def test_a_child_of_a_grounded_berg_is_afloat() -> None:
+    """It took the load of the floor and what the bed holds of its parent, a hundred times its own."""
+    p = Parameters(
+        melt={"enabled": True}, grounding={"law": "seabed", "start": "settle"},
+        footloose={"enabled": True, "style": "bergs"},
+    )  # fmt: skip
+    sea = Steady(current=(0.4, 0.0), depth=165.5, temperature=3.0, salinity=34.0)
+    model = Model(Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-37.0, -56.0)), sea, p)
+    model.step()
+    model.elements.fl_k[:] = 3e5
+    model.step()
+    keel = model.elements.keel
+    assert keel.floor_load[0] > 0.0
+    assert model.elements.size > 1
+    assert not any(array[1:].any() for array in keel)
+
+
+def test_what_another_forcing_said_of_the_water_ends_with_it(tmp_path) -> None:
+    """Water at the keel and waves stayed from the forcing before, and melted a resumed berg three times as fast."""
+    sea = Steady(temperature=-1.0, salinity=34.0)
+    model = Model(
+        Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-37.0, -56.0)), sea, Parameters(melt={"enabled": True})
+    )
+    model.step()
+    model.elements.keel_temperature[:], model.elements.wave_height[:] = 5.0, 8.0
+    model.save(tmp_path / "restart.nc")
+    resumed = Model.resume(tmp_path / "restart.nc", sea)
+    assert np.isnan(resumed.elements.keel_temperature).all()
+    assert (resumed.elements.wave_height < 0.0).all()

@@ -376,3 +376,12 @@ def test_a_class_of_ones_own_needs_one_method() -> None:
 def test_a_forcing_says_all_that_it_is_and_nothing_that_it_is_not(forcing: Forcing, words: str) -> None:
     """It stands in the titles of all pictures: wind (0.0, 0.0) m/s is no news there, and a jet without its speed is none."""
     assert forcing.describe() == words
+
+
+def test_a_temperature_by_formula_counts_at_the_keel_too() -> None:
+    """Melt of base and sides went by the water at the keel that another part had said, and not by what was set over it."""
+    elements = new_elements(1)
+    elements.keel_temperature[:] = elements.keel_salinity[:] = 3.0
+    Steady(temperature=8.0).add_to(elements, 0.0)
+    assert np.isnan(elements.keel_temperature).all()
+    assert elements.keel_salinity[0] == 3.0

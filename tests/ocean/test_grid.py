@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from ocean.grids import ALL, bent, degrees, square_lakes
+from riftberg import Iceberg, Model, Parameters
 from riftberg.errors import BergError, InputError
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, cell_areas, haversine
+from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.state import new_elements
 from twins.cells import great_circle
 
@@ -289,3 +291,12 @@ def test_grids_of_the_whole_earth_keep_their_orientation() -> None:
     Grid.from_corners(*around, regular=False, cyclic=False)
     folded = np.concatenate([lat, lat[-2:-4:-1]]), np.concatenate([lon, lon[-2:-4:-1, ::-1]])
     Grid.from_corners(folded[1], folded[0], regular=False)
+
+
+def test_a_grid_that_repeats_needs_the_period_of_the_run() -> None:
+    """Positions went round and bonds did not: a bond over the seam was 37 km long."""
+    grid = Grid.cartesian(40, 40, 1000.0, period=40e3)
+    berg = Iceberg.rectangle(9e3, 3e3, thickness=200.0, latlon=False, placement=(38e3, 20e3))
+    forcing = GriddedForcing(grid, [grid.fields(depth=1000.0)] * 2, np.array([0.0, 1e6]), FieldRules())
+    with pytest.raises(InputError, match=r"repeats after 40000, and earth.period is 0"):
+        Model(berg, forcing, Parameters(earth={"latlon": False, "reference_latitude": -60.0}))

@@ -286,7 +286,7 @@ class Iceberg(BondedBerg):
         thickness: Any,
         static: Any = False,
         bond_length: float | None = None,
-        period: float = 0.0,
+        period: float | None = None,
         outline: Any = None,
         **options: Unpack[PointOptions],
     ) -> Iceberg:
@@ -302,8 +302,8 @@ class Iceberg(BondedBerg):
             Elements that never move.
         bond_length : float, optional
             Bond elements closer than this (m) instead of closer than 1.25 (R1 + R2).
-        period : float
-            Zonal period in degrees (m if not ``latlon``); 0 if there is none.
+        period : float, optional
+            Zonal period in degrees (m if not ``latlon``); 0 if there is none. By default 360 degrees, and none in metres.
         outline : geometry, dict or array_like, optional
             Outline of the ice (polygon) in the coordinates of the elements, which elastic cells fill.
         **options
@@ -312,6 +312,8 @@ class Iceberg(BondedBerg):
         """
         settings = berg_options(options, PointOptions, thickness)
         unit = "degree" if settings.latlon else "m"
+        if period is None:
+            period = 360.0 if settings.latlon else 0.0
         period = number(period, unit, where="period", kind=BergError)
         if bond_length is not None:
             bond_length = number(bond_length, "m", where="bond_length", kind=BergError)

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+A_DAY = np.timedelta64(1, "D")
+"""Farthest date from the one asked for of which a map is taken."""
+
 _LON = ("lon", "longitude", "nav_lon", "x")
 _LAT = ("lat", "latitude", "nav_lat", "y")
 
@@ -222,8 +225,10 @@ def _raster(array: xr.DataArray, where: str, date: str | None) -> Raster:
     if "time" in array.dims:
         if date is None and array.sizes["time"] > 1:
             raise BergError(f"{array.sizes['time']} dates", where=where, remedy="Choose one with date=")
-        with reading(where, "dates that cannot be chosen from", "Give date= as 2020-12-17", BergError):
-            array = array.isel(time=0) if date is None else array.sel(time=date, method="nearest")
+        first, last = (str(t)[:10] for t in array.time.values[[0, -1]])
+        remedy = f"Give date= as 2020-12-17, within a day of one of its dates, {first} to {last}"
+        with reading(where, "dates that cannot be chosen from", remedy, BergError):
+            array = array.isel(time=0) if date is None else array.sel(time=date, method="nearest", tolerance=A_DAY)
     array = array.squeeze(drop=True)
     lon = _coordinate(array, _LON, "longitude", where)
     lat = _coordinate(array, _LAT, "latitude", where)

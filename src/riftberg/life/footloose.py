@@ -355,6 +355,8 @@ class _Calving:
         # A child is a copy of its parent's row; what belongs to the lattice of the parent does not go with it.
         for array in (body.bond_count, body.bond_area, body.substeps, body.load_x, body.load_y, body.in_contact):
             array[0] = 0
+        for array in child.keel:  # whatever the floor does to the parent
+            array[0] = 0.0
         body.free_y[0] = 1.0
         child.motion.spin[0] = child.motion.rotation[0] = child.kicks.spin_rate[0] = 0.0
         if self.free is None:

@@ -383,7 +383,8 @@ def base_spans(elements: Elements, values: LifeValues) -> Floats:
         return body.length
     number, berg = numbered(body.berg)
     area = np.bincount(berg, body.length * body.width)[berg]
-    alone = np.bincount(berg, minlength=number.size)[berg] == 1
+    # Ice that was born in this step has no number yet: each piece is a berg of its own.
+    alone = (body.berg == 0) | (np.bincount(berg, minlength=number.size)[berg] == 1)
     return np.where(alone, body.length, np.sqrt(area))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from riftberg.config.values import ICE_UNITS, Pair, SeaIce, Section, Velocity, Wind, at_most, given, key, native, number
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
+from riftberg.ocean.cells import OVER_KEEL
 from riftberg.ocean.forcing import flows_text, pair_text, said
 from riftberg.ocean.formulas import SUMMED, UNKNOWN, Formula
 from riftberg.parameters import Earth
@@ -119,6 +120,7 @@ class Steady(Formula):
         np.minimum(e.depth, gives["depth"], out=e.depth)
         for name in self.provides:
             getattr(e, name)[:] = gives[name]
+            getattr(e, OVER_KEEL[name])[:] = np.nan  # that of the surface holds, whatever another part has said
         np.maximum(e.ice_fraction, self._water[2], out=e.ice_fraction)
 
     def _values(self, elements: Elements, time: float) -> Mapping[str, Floats | float]:

@@ -19,7 +19,7 @@ from riftberg.config.values import check_names, given, moment, number, required
 from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
-from riftberg.ocean.cells import FIELD_DEFAULTS
+from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import (
@@ -56,9 +56,6 @@ FILLS: Final = {
     "wave_height": ("wave_height", "wave_x", "wave_y", "wave_period"),
 }
 """Variables of the elements that come from a field of a product; vectors are named by their eastward component."""
-
-OVER_KEEL: Final = {"sst": "keel_temperature", "sss": "keel_salinity"}
-"""Variables of the elements that hold the mean of a field over the draft, where it comes on levels."""
 
 WITHOUT_WIND_DRIFT: Final = ("ugos", "uo_mean_over_berg_depth")
 """Variables of currents without levels that hold no drift of the uppermost metres."""

@@ -17,7 +17,8 @@ import xarray as xr
 from riftberg.config.units import box_text, duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.ocean.datasets import OVER_KEEL, DatasetForcing, Part, balance_of, product_part, provided_by
+from riftberg.ocean.cells import OVER_KEEL
+from riftberg.ocean.datasets import DatasetForcing, Part, balance_of, product_part, provided_by
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import (

@@ -47,7 +47,7 @@ from riftberg.config.values import (
 )
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
-from riftberg.ocean.cells import FIELD_DEFAULTS
+from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, land_at, pair_text, said, sea_level
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
@@ -566,6 +566,9 @@ class Front(Straight):
         left, right = self.temperature
         share = 0.5 * (1.0 + np.tanh((x * -north + y * east) / self.width))
         elements.environment.sst[:] = right + (left - right) * share
+        getattr(elements.environment, OVER_KEEL["sst"])[:] = (
+            np.nan
+        )  # that of the surface holds, whatever another part has said
 
 
 NEAR_EQUATOR: Final = 5e-6
