@@ -24,7 +24,7 @@ OCEAN = {"current": (0.1, 0.05), "wind": (8.0, -3.0), "sea_ice": (0.05, 0.0, 0.6
 
 @pytest.fixture(autouse=True)
 def _however_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lone_bergs, "FEWEST", 1)
+    monkeypatch.setattr(lone_bergs, "MIN_LONE_BERGS", 1)
 
 
 def berg(x: float, y: float, latlon: bool, *, side: float = 400.0, **given: Any) -> Iceberg:

@@ -28,7 +28,13 @@ from riftberg.stepping.contact.face_forces import (
     CrushingLaw,
 )
 from riftberg.stepping.contact.face_pairs import Faces, face_gaps
-from riftberg.stepping.contact.islands import ContactPhase, allocate_result, gather_islands, pair_separations, phase_of
+from riftberg.stepping.contact.islands import (
+    SubcycledMotion,
+    allocate_result,
+    gather_islands,
+    pair_separations,
+    subcycled_motion,
+)
 from riftberg.stepping.contact.land import NearPairs, metric_of, movable
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.footprints import FootprintBook, Footprints, body_footprint
@@ -123,7 +129,7 @@ class FaceContact:
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes, turned: Floats | None = None
-    ) -> ContactPhase | None:
+    ) -> SubcycledMotion | None:
         """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none touch.
 
         ``turned``: angles (rad) of the elements since their footprints were made, where the axes of the bodies do not rotate with
@@ -160,7 +166,7 @@ class FaceContact:
             raise FloatingPointError
         kept = pair_state[:, PHASE] != APART
         self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + dissipated)
-        return phase_of(op, lists, first, second, found, shortest, h)
+        return subcycled_motion(op, lists, first, second, found, shortest, h)
 
     def find_near(
         self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, turned: Floats | None, within: float

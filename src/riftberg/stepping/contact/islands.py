@@ -101,8 +101,8 @@ class PeakContactLoad(NamedTuple):
     spin: Floats  # Theirs then, rad s-1; shape (bodies,)
 
 
-class ContactPhase(NamedTuple):
-    """What contact made of a step, for the bodies that touched others."""
+class SubcycledMotion(NamedTuple):
+    """What sub-steps made of a step, for the bodies that went through them: those that touched others, or the floor."""
 
     bodies: Ints
     rows: Ints  # Their elements
@@ -188,9 +188,9 @@ def gather_islands(op: BodyOperators, first: Ints, second: Ints, apart: Floats) 
     )  # fmt: skip
 
 
-def phase_of(
+def subcycled_motion(
     op: BodyOperators, i: Islands, first: Ints, second: Ints, result: IslandResult, shortest: float, dt: float
-) -> ContactPhase | None:
+) -> SubcycledMotion | None:
     """Return what the sub-steps of all islands made of the bodies that touched others; None where no pair did.
 
     ``first``, ``second``: elements of the candidate pairs, as they were given.
@@ -215,15 +215,15 @@ def phase_of(
         i.members[members & pressed],
         spin[members & pressed],
     )
-    return ContactPhase(
+    return SubcycledMotion(
         i.members[members], i.rows[rows], path[members] / dt, after[members], impulse[members], applied[rows],
         first[touched], second[touched], shortest, peak,
     )  # fmt: skip
 
 
 def trapezoidal_correction(
-    contact: ContactPhase, start: BodyOperators, end: BodyOperators, twist: Floats, dt: float
-) -> tuple[Floats, ContactPhase]:
+    contact: SubcycledMotion, start: BodyOperators, end: BodyOperators, twist: Floats, dt: float
+) -> tuple[Floats, SubcycledMotion]:
     """Put the twists of bodies in contact into ``twist``, with half the difference that the media at the end make.
 
     In the sub-steps the media are those of the start; with this correction they act by the trapezoidal rule.

@@ -27,7 +27,7 @@ from riftberg.stepping.bodies.dynamics import (
 from riftberg.stepping.bodies.pose import Bodies, bodies_from_elements, fill_levers
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.faces import NO_FACE_PAIRS, FaceContact
-from riftberg.stepping.contact.islands import ContactPhase
+from riftberg.stepping.contact.islands import SubcycledMotion
 from riftberg.stepping.contact.land import NearPairs
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
@@ -115,7 +115,7 @@ class RigidImpacts:
         bodies = bodies_from_elements(lon, lat, part, el.mass, c.latlon, c.earth_radius, c.period)
         return self.faces.find_near(run, bodies, lon, lat, el.rotation, within)
 
-    def _break(self, run: RunState, bodies: Bodies, contact: ContactPhase) -> tuple[int, Floats]:
+    def _break(self, run: RunState, bodies: Bodies, contact: SubcycledMotion) -> tuple[int, Floats]:
         """Break the bonds that do not bear the largest force of the impact; returns their number and the stress of all."""
         fracture = run.parameters.fracture
         unbreakable = run.step_number == 0 and fracture.not_in_first_step

@@ -118,7 +118,7 @@ class BrittleLattice:
     # What breaks
 
     def overload(self, moment: Equilibrium | None) -> float:
-        """Sign function of fracture: stress over strength in the most critical place, less 1; negative without a moment."""
+        """Event function of fracture: stress over strength in the most critical place, less 1; negative without a moment."""
         return -1.0 if moment is None else self.critical_bond(moment)[1] - 1.0
 
     def critical_bond(self, moment: Equilibrium) -> tuple[int, float]:

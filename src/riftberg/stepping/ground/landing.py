@@ -35,7 +35,7 @@ from riftberg.stepping.bodies.dynamics import (
 )
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses, tangent_coordinates
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
-from riftberg.stepping.contact.islands import ContactPhase, PeakContactLoad, forcing_of_rows
+from riftberg.stepping.contact.islands import PeakContactLoad, SubcycledMotion, forcing_of_rows
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.balance import Bed, Bending, Hull, Pressure, hull_of, press
 from riftberg.stepping.ground.floor import STEEPEST, Floor, Patches
@@ -112,10 +112,10 @@ class Fragment(NamedTuple):
     bonds: Ints  # The same, as rows of the state
 
 
-class GroundPhase(NamedTuple):
+class GroundMotion(NamedTuple):
     """What the floor made of a step for the fragments that it touched; the gouges are deepened already."""
 
-    motion: ContactPhase  # As that of contact
+    motion: SubcycledMotion  # As that of contact
     keel: Keel  # Of all elements, at the end
     flexure: Floats  # Largest bending stress that each bond has borne, Pa; shape (bonds,)
 
@@ -207,8 +207,8 @@ class Seabed:
         return self._fragments[b]
 
     def resolve(
-        self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: ContactPhase | None
-    ) -> GroundPhase | None:
+        self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None
+    ) -> GroundMotion | None:
         """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does."""
         self.prepare(model, bodies)
         keel, flexure = Keel._make(array.copy() for array in model.elements.keel), np.zeros(model.bonds.first.size)
@@ -225,7 +225,7 @@ class Seabed:
                 run.integrate(h)
                 flexure[fragment.bonds] = run.flexure
                 phases.append(run)
-        return GroundPhase(_phase_of(phases, h), keel, flexure) if phases else None
+        return GroundMotion(_motion_of(phases, h), keel, flexure) if phases else None
 
     def held_in_contact(self, model: RunState, op: BodyOperators, twist: Floats, slides: Ints) -> BodyOperators:
         """Return the operators for sub-steps of contact, in which the bed brakes all fragments on it but ``slides``.
@@ -315,13 +315,13 @@ def _level(model: RunState, pose: Floats, time: float) -> float:
     return float(sea_level(model.forcing, lon, lat, time)[0])
 
 
-def bodies_that_are_struck(contact: ContactPhase, op: BodyOperators) -> Ints:
+def bodies_under_impact(contact: SubcycledMotion, op: BodyOperators) -> Ints:
     """Bodies that contact gives a change of velocity of more than `STRUCK`."""
     impulse, mass = np.hypot(*contact.impulse[:, :2].T), op.matrices.inertia[contact.bodies, 0, 0]
     return np.asarray(contact.bodies[impulse > STRUCK * mass])
 
 
-def _impulse_of(contact: ContactPhase | None, b: int) -> Floats:
+def _impulse_of(contact: SubcycledMotion | None, b: int) -> Floats:
     """Impulse (N s, N s, N m s) that contact gave a fragment in the step."""
     if contact is None:
         return np.zeros(3)
@@ -586,7 +586,7 @@ def bent_bonds(patch: Bending, xy: Floats, first: Ints, second: Ints) -> NDArray
     return np.asarray((side[first] != side[second]) & near)
 
 
-def _phase_of(phases: list[_Landing], h: float) -> ContactPhase:
+def _motion_of(phases: list[_Landing], h: float) -> SubcycledMotion:
     """Return the fragments that touched the floor as a phase of contact."""
     rows = np.concatenate([run.rows for run in phases])
     bonded = [run for run in phases if run.rows.size > 1]
@@ -596,7 +596,7 @@ def _phase_of(phases: list[_Landing], h: float) -> ContactPhase:
         np.concatenate([np.zeros((0, 2)), *(run.peak_axes for run in bonded)]),
         np.array([run.b for run in bonded], np.int64), np.array([run.peak_spin for run in bonded], np.float64),
     )  # fmt: skip
-    return ContactPhase(
+    return SubcycledMotion(
         np.array([run.b for run in phases], np.int64), rows, np.array([run.path for run in phases]) / h,
         np.array([run.velocity for run in phases]), np.zeros((len(phases), 3)),
         np.concatenate([run.applied for run in phases]), *NO_PAIRS,
@@ -605,7 +605,7 @@ def _phase_of(phases: list[_Landing], h: float) -> ContactPhase:
     )  # fmt: skip
 
 
-def joined(contact: ContactPhase | None, ground: ContactPhase | None, body: Ints) -> ContactPhase | None:
+def joined(contact: SubcycledMotion | None, ground: SubcycledMotion | None, body: Ints) -> SubcycledMotion | None:
     """Return both as one, of different fragments; ``body``: fragment of each element."""
     if contact is None or ground is None:
         return ground if contact is None else contact
@@ -618,13 +618,13 @@ def joined(contact: ContactPhase | None, ground: ContactPhase | None, body: Ints
     def both(name: str) -> Any:
         return np.concatenate([getattr(contact, name), getattr(ground, name)])
 
-    return ContactPhase(
+    return SubcycledMotion(
         both("bodies"), both("rows"), both("mean"), both("twist"), both("impulse"), both("applied"),
         contact.first, contact.second, min(contact.shortest_substep, ground.shortest_substep), peak,
     )  # fmt: skip
 
 
-def without(contact: ContactPhase, bodies: Ints, body: Ints) -> ContactPhase:
+def without(contact: SubcycledMotion, bodies: Ints, body: Ints) -> SubcycledMotion:
     """Return what contact did to the others: fragments on the bed go as its sub-steps say, in which contact acts, too."""
     stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
     return contact._replace(

@@ -41,7 +41,7 @@ from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR, ForcedEle
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.run_state import RunState
 
-FEWEST = 2000
+MIN_LONE_BERGS = 2000
 """Lone bergs from which on they go by themselves: with fewer it costs as much to copy the others out and back."""
 
 
@@ -51,7 +51,7 @@ def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceCo
     None where they are too few, or fewer than the others.
     """
     el, body = model.elements, bodies.body
-    least = max(FEWEST, el.size // 2 + 1)
+    least = max(MIN_LONE_BERGS, el.size // 2 + 1)
     if el.size < least or np.count_nonzero(alone := np.bincount(body)[body] == 1) < least:
         return None
     alone &= (el.body.static < 0.5) & (el.body.free_y >= 0.5)
@@ -60,9 +60,9 @@ def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceCo
     meets = np.zeros(bodies.pose.shape[0], np.bool_)
     for rows in candidate_pairs(el, body, sizes, model.parameters.stepping.time_step, model.constants):
         meets[body[rows]] = True
-    quiet = ~meets[body]
-    lone = np.flatnonzero(alone & quiet)
-    return (lone, quiet & ~alone) if lone.size >= least else None
+    unreachable = ~meets[body]
+    lone = np.flatnonzero(alone & unreachable)
+    return (lone, unreachable & ~alone) if lone.size >= least else None
 
 
 def run_of(model: RunState, rows: Ints) -> tuple[RunState, Ints]:

@@ -276,13 +276,13 @@ class TimeStep:
     # Events
 
     def _overload_in(self, trial: Trial) -> float:
-        """Sign function of fracture in a trial, by contact on the way or under the loads at its end."""
+        """Event function of fracture in a trial, by contact on the way or under the loads at its end."""
         return max(
             self.lattice.overload(self._peak_equilibrium(trial)), self.lattice.overload(self._equilibrium(trial.state))
         )
 
     def _touch_down(self, trial: Trial) -> float:
-        """Sign function of touch-down: above 0 where an element touches the floor that did not at the start."""
+        """Event function of touch-down: above 0 where an element touches the floor that did not at the start."""
         # A step and no slope: on a shoal the first to touch may be any of many.
         now, before = trial.state.operators.forcing.aground, self.state.operators.forcing.aground
         # Afloat, as nearly always, the bytes are the same, and compared quickly.
@@ -294,7 +294,7 @@ class TimeStep:
         return now.tobytes() != before.tobytes() and bool(((now > 0.0) != (before > 0.0)).any())
 
     def _any_event(self, trial: Trial) -> float:
-        """Sign function of all events."""
+        """Event function of all events."""
         return max(self._touch_down(trial), self._overload_in(trial))
 
     def _between(self, start: Equilibrium, end: Equilibrium, share: float) -> Equilibrium:

@@ -156,33 +156,34 @@ class QuasiStaticStepper:
         found = find_lone_bergs(model, bodies, sizes, self._faces)
         if found is None:
             return False
-        (lone, quiet), self._lattice, self._state = found, None, None
+        lone, unreachable = found
+        self._lattice = self._state = None
         applied = np.zeros((model.elements.size, len(FORCES), 2))
         done = step_lone_bergs(model, bodies, unknown, lone, sizes, applied)
-        # The quiet, fragments of several elements that nobody may touch, then the company of all that may meet: events cut the
+        # Fragments of several elements that nobody may touch, then all that may meet: events cut the
         # step of each group alone.
-        company = ~quiet
-        company[done.rows] = False
+        reachable = ~unreachable
+        reachable[done.rows] = False
         parts, touched, cracked = [(done.rows, done.bodies)], [], False
-        if not company.any():
+        if not reachable.any():
             self._faces.forget_pairs()
-        for among in (quiet, company):
+        for among in (unreachable, reachable):
             if not among.any():
                 continue
             rows = np.flatnonzero(among)
             (group, bond_rows), (theirs, numbers) = run_of(model, rows), bodies_of(bodies, rows)
-            topology = self._cell_topology if among is quiet else None
+            topology = self._cell_topology if among is unreachable else None
             step = TimeStep(
                 group, theirs, unknown=None if unknown is None else unknown[numbers], cells=(self._cells, topology),
                 cracks=(self._tips, int(bonds.crack.max(initial=0))),
-                laws=LawsWithMemory(None, self._faces) if among is company else None,  # faces meet in company alone
+                laws=LawsWithMemory(None, self._faces) if among is reachable else None,  # only there do faces meet
             )  # fmt: skip
             step.run()
             put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
             applied[rows] = step.applied
             touched += [(rows[first], rows[second]) for first, second in step.touched]
             self._cells, self._tips, cracked = step.lattice.elastic_cells, step.lattice.tips, cracked or step.cracked
-            if among is quiet:
+            if among is unreachable:
                 self._cell_topology = step.lattice.topology
             parts.append((rows, step.state.bodies))
         body = connected_parts(model.elements.size, bonds.first, bonds.second, bonds.status)

@@ -28,8 +28,8 @@ from riftberg.stepping.bodies.pose import Bodies, place_elements
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.faces import FaceContact, FacePairs
 from riftberg.stepping.contact.islands import (
-    ContactPhase,
     PeakContactLoad,
+    SubcycledMotion,
     scatter_peak_load,
     trapezoidal_correction,
 )
@@ -45,7 +45,7 @@ from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
 from riftberg.stepping.fracture.criteria import Equilibrium, grow_damage
-from riftberg.stepping.ground.landing import Seabed, bodies_that_are_struck, joined, without
+from riftberg.stepping.ground.landing import Seabed, bodies_under_impact, joined, without
 from riftberg.stepping.lattice.equilibrium import balanced_loads, supported_loads
 from riftberg.stepping.quasi_static.rigid_step import (
     BodyState,
@@ -59,14 +59,14 @@ from riftberg.stepping.run_state import RunState
 LONGEST_SLIDING_STEP = 20.0
 """Longest trial step (s) in which a fragment slides over a bed of sediment that others press: an impact lasts some 15 s."""
 
-YIELDS = 0.02
+MAX_HELD_SLIP = 0.02
 """Way (m) that a held fragment gives in a long step from which on it may be pushed harder than the bed can bear: at 1 mm/s under
 that force, for the time of an impact."""
 
-AT_REST = 0.01
+REST_SPEED = 0.01
 """Speed (m s-1) below which a fragment on the bed is held when others strike it."""
 
-PARTED = 0.5
+MAX_SPLITTING_ERROR = 0.5
 """Largest distance (m) between the places to which contact and the bed take a fragment that slides in a long step."""
 
 LARGEST_TURN_ON_ROLLERS = 0.02
@@ -125,7 +125,7 @@ class Trial:
 
     h: float  # s
     state: BodyState  # At its end
-    contact: ContactPhase | None  # What contact did on the way
+    contact: SubcycledMotion | None  # What contact and the bed did on the way
     slides: bool = False  # Whether a bed of sediment cannot hold a fragment that others press
     peak: Equilibrium | None = None  # Under the peak contact loads, once it has been needed
 
@@ -191,7 +191,7 @@ class FragmentMotion:
 
     def _resolve_contacts_and_bed(
         self, start: BodyState, h: float
-    ) -> tuple[ContactPhase | None, ContactPhase | None, bool]:
+    ) -> tuple[SubcycledMotion | None, SubcycledMotion | None, bool]:
         """Take fragments through contact and over a bed of sediment; the third value is that of `Trial.slides`.
 
         What stands on the bed is held while others press it, unless it turns out to slide then: it goes through the contact as
@@ -200,22 +200,24 @@ class FragmentMotion:
         none = NO_PAIRS[0]
         if self.seabed is None:
             return self._resolve_contacts(start, h, none), None, False
-        memory, keel = self.laws.checkpoint(), [array.copy() for array in self.el.keel]
+        before, keel = self.laws.checkpoint(), [array.copy() for array in self.el.keel]
         contact = self._resolve_contacts(start, h, none)
         ground = self._run_aground(start, h, contact)
         if contact is None or ground is None:
             return contact, ground, False
         both, of_contact, of_floor = np.intersect1d(contact.bodies, ground.bodies, return_indices=True)
-        struck = np.isin(both, bodies_that_are_struck(contact, start.operators))
+        under_impact = np.isin(both, bodies_under_impact(contact, start.operators))
         pushed, gone = h * contact.mean[of_contact, :2], h * ground.mean[of_floor, :2]
         if h > LONGEST_SLIDING_STEP * (1.0 + 1e-9):
             # The mean force of an impact in a long step is small, but what it does to a fragment that is held shows.
-            rests = np.hypot(*start.bodies.twist[both, :2].T) < AT_REST
-            too_long = np.hypot(*np.where(rests[:, None], pushed, pushed - gone).T) > np.where(rests, YIELDS, PARTED)
-            return without(contact, ground.bodies, start.bodies.body), ground, bool((struck & too_long).any())
-        slides = both[struck & (np.hypot(*gone.T) > self.seabed.bed.anchor_way)]
+            rests = np.hypot(*start.bodies.twist[both, :2].T) < REST_SPEED
+            too_long = np.hypot(*np.where(rests[:, None], pushed, pushed - gone).T) > np.where(
+                rests, MAX_HELD_SLIP, MAX_SPLITTING_ERROR
+            )
+            return without(contact, ground.bodies, start.bodies.body), ground, bool((under_impact & too_long).any())
+        slides = both[under_impact & (np.hypot(*gone.T) > self.seabed.bed.anchor_way)]
         if slides.size:
-            self.laws.rollback(memory)
+            self.laws.rollback(before)
             for array, values in zip(self.el.keel, keel, strict=True):
                 array[:] = values
             contact = self._resolve_contacts(start, h, slides)
@@ -224,7 +226,7 @@ class FragmentMotion:
             contact = without(contact, ground.bodies, start.bodies.body)
         return contact, ground, bool(slides.size)
 
-    def _run_aground(self, start: BodyState, h: float, contact: ContactPhase | None) -> ContactPhase | None:
+    def _run_aground(self, start: BodyState, h: float, contact: SubcycledMotion | None) -> SubcycledMotion | None:
         """Take the fragments that touch a bed of sediment within ``h`` s through sub-steps, up to what it does at the end."""
         if self.seabed is None:
             return None
@@ -234,7 +236,7 @@ class FragmentMotion:
         self.bonds.flexural_stress[:] = 0.0 if ground is None else ground.flexure
         return None if ground is None else ground.motion
 
-    def _resolve_contacts(self, start: BodyState, h: float, slides: Ints) -> ContactPhase | None:
+    def _resolve_contacts(self, start: BodyState, h: float, slides: Ints) -> SubcycledMotion | None:
         """Take the fragments that may touch each other within ``h`` s through sub-steps; the bed does not hold ``slides``."""
         bodies = start.bodies
         if self.faces is None or not self.c.interactions:
