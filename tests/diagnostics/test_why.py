@@ -187,6 +187,15 @@ def test_a_worn_bond_is_told_by_the_strength_that_was_left(run: xr.Dataset) -> N
     assert not breakup.sudden
 
 
+def test_a_weak_bond_that_reaches_its_own_strength_did_not_break_suddenly(run: xr.Dataset) -> None:
+    """Bug: its stress was held against the strength of the ice, so weak bergs always broke "suddenly"."""
+    weak = run.assign(strength=("bond", np.full(run.sizes["bond"], 0.1)))
+    (breakup,) = why.explain(weak).breakups
+    assert breakup.first_bonds[0].strength == pytest.approx(1.8e3)
+    assert breakup.highest == pytest.approx(1000.0 + 23 * 36.0)
+    assert not breakup.sudden
+
+
 def test_a_run_that_melts_is_explained(run: xr.Dataset) -> None:
     """Bug: mass and area change with time there, and were taken for columns of the elements: TypeError."""
     left = np.linspace(1.0, 0.5, run.sizes["time"])

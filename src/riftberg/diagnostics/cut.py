@@ -337,7 +337,7 @@ class Cut:
             by_strength=self.by_strength(),
             highest=self.highest_stress(),
             scheme=scene.parameters.stepping.scheme,
-            sudden=self.highest_stress(over_damage=True) < SUDDEN * strength,
+            sudden=self.highest_stress(over_strength=True) < SUDDEN * strength,
             hours_since_start=float((first_break - scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,
             history=loads,
@@ -467,18 +467,22 @@ class Cut:
 
     # --- bonds -----------------------------------------------------------------------------------------------------
 
-    def highest_stress(self, of: str = "normal_stress", *, over_damage: bool = False) -> float:
+    def highest_stress(self, of: str = "normal_stress", *, over_strength: bool = False) -> float:
         """Return the largest tensile stress (Pa) of the parent at the last record before the first bond failed.
 
         With ``of="peak_stress"`` it is that of the sub-steps up to this record, since the one before. With
-        ``over_damage`` each is divided by the part of the strength that damage has left at that record.
+        ``over_strength`` each is divided by the strength of its bond relative to that of the ice, as far as damage has left it
+        at that record.
         """
         body = self.body(self.last_whole)
         held = body[self.run["bond_first"].values] & body[self.run["bond_second"].values]
         held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[self.last_whole])
         stress = self.run[of].isel(time=self.last_whole).values[held]
-        if over_damage and "damage" in self.run:
-            stress = stress / (1.0 - self.run["damage"].isel(time=self.last_whole).values[held])
+        if over_strength:
+            left = self.run["strength"].values[held]
+            if "damage" in self.run:
+                left = left * (1.0 - self.run["damage"].isel(time=self.last_whole).values[held])
+            stress = stress[left > 0.0] / left[left > 0.0]
         return float(stress.max(initial=0.0))
 
     def by_strength(self) -> dict[str, int]:
