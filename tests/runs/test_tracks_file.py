@@ -187,3 +187,17 @@ def test_a_berg_that_a_bed_of_sediment_carries_is_aground(tmp_path: Path) -> Non
     with open_run(tmp_path / "drag.nc") as run:
         assert "floor_load" not in run
         assert not tracks_of(run)["aground"].values.any()
+
+
+def test_tables_follow_a_run_whose_variables_are_replaced(path: Path) -> None:
+    """Bug: the tracks that were made first stayed, whatever the run held afterwards."""
+    with open_run(path) as dataset:
+        run = dataset.load()
+    before = run.riftberg.tracks
+    assert run.riftberg.tracks is before  # made once
+    assert "area" in run.riftberg.fragments
+    run["lon"] = run["lon"] + 1.0
+    run["fragment_area"] = 2.0 * run["fragment_area"]
+    np.testing.assert_allclose(run.riftberg.tracks["lon"], before["lon"] + 1.0, atol=1e-9)
+    np.testing.assert_allclose(run.riftberg.fragments["area"][0], 2 * 24 * 9e6)
+    np.testing.assert_array_equal(run.riftberg.elements["lon"], run["lon"])

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -128,11 +127,16 @@ class RunAccessor:
 
     def __init__(self, run: xr.Dataset) -> None:
         self._run = run
+        self._tracks: tuple[Mapping[Hashable, Any], Tracks] | None = None
 
-    @cached_property
+    @property
     def tracks(self) -> Tracks:
         """Bergs and fragments over time, made from the elements of this dataset; so a part of a run has its own."""
-        return Tracks(tracks_of(self._run), self._run)
+        variables = dict(self._run.variables)
+        # xarray keeps this accessor with the dataset, whose variables may be replaced.
+        if self._tracks is None or not _same(self._tracks[0], variables):
+            self._tracks = variables, Tracks(tracks_of(self._run), self._run)
+        return self._tracks[1]
 
     def compare(self, other: xr.Dataset, berg: str | None = None) -> xr.Dataset:
         """Compare a berg of this run with the same berg of another run.
@@ -181,7 +185,7 @@ class RunAccessor:
             {"time": by_time["time"], "run": ["first", "second"]}, {"berg": courses[0].berg},
         )  # fmt: skip
 
-    @cached_property
+    @property
     def fragments(self) -> Fragments:
         """The family tree of bergs and fragments."""
         run = self._run
@@ -191,13 +195,18 @@ class RunAccessor:
         table = run[names].rename({name: name.removeprefix("fragment_") for name in names}).reset_coords()
         return Fragments(table.set_coords("number").swap_dims(fragment="number"), run)
 
-    @cached_property
+    @property
     def elements(self) -> ElementTable:
         """The elements over time."""
         run = self._run
         along = {"trajectory"}, {"trajectory", "time"}
         names = [name for name, v in run.data_vars.items() if set(v.dims) in along]
         return ElementTable(run[names].rename(trajectory="element"), run)
+
+
+def _same(one: Mapping[Hashable, Any], other: Mapping[Hashable, Any]) -> bool:
+    """Whether two datasets share their variables, none of them replaced by another."""
+    return one.keys() == other.keys() and all(one[name] is other[name] for name in one)
 
 
 # ---- the same berg of two runs ------------------------------------------------------------------------------------------
