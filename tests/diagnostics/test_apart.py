@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,13 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from diagnostics.test_compare import METRES, make_run
+from fakes import EXPLICIT, FakeModel
 from riftberg import open_run, open_sweep
 from riftberg.cli.main import app
 from riftberg.diagnostics.compare import shown_records
 from riftberg.errors import InputError
-from riftberg.runs.accessor import Course, apart
+from riftberg.runs.accessor import Course, aligned, apart, course_of
+from riftberg.runs.run_file import memory_run
 
 YAML = """start: 2020-12-09
 days: 0.5
@@ -46,6 +49,21 @@ def test_distance_and_rotation_are_between_the_records_of_the_other_and_turn_the
     moved = apart(one, course([-1, 3], lon=[-0.5, 3.5]))
     np.testing.assert_allclose(moved["distance"], half, rtol=1e-4)
     assert apart(one, course([1.5, 9.0]))["time"].tolist() == one.times[2:].tolist()
+
+
+def test_a_periodic_channel_is_measured_the_short_way_round() -> None:
+    """Bug: bergs at 10 and 99 km of a channel of 100 km were 89 km apart, and one that went round came from the other end."""
+    earth = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 100e3}
+    model = FakeModel(latlon=False, break_time=math.inf, parameters=EXPLICIT.changed(earth=earth))
+    with memory_run(None, 3.0) as writer:
+        model.advance(1, recorders=[writer])
+        run = writer.dataset()
+    here, there = (run.assign(x=(run["x"] + x) % 100e3) for x in (10e3, 99e3))
+    np.testing.assert_allclose(here.riftberg.compare(there)["distance"], 11e3, rtol=1e-6)
+    assert np.ptp(course_of(there).x) == pytest.approx(0.2 * 86400.0, rel=1e-3)
+    event = {"time": "2020-12-10T13:00:00", "lat": 0.0, "area_km2": 54.0, "grounded": False}
+    rows = aligned([[{**event, "lon": 1e3}], [{**event, "lon": 399e3}]], {**earth, "radius": 6.371e6, "period": 400e3})
+    assert [len(row) for row in rows] == [1, 1]  # one event of both
 
 
 def test_only_records_that_both_have_count_where_there_are_some() -> None:

@@ -70,6 +70,21 @@ def test_fragments_count_as_long_as_they_bring_the_area_closer(folder: Path, are
     assert made.area == pytest.approx(counted * 1e6)
 
 
+def test_neither_a_piece_left_far_behind_nor_another_berg_counts(folder: Path) -> None:
+    """Bug: any ice whose area suited counted, so the middle of berg and tip lay where there was no ice."""
+    with open_run(folder) as dataset:
+        run = dataset.load()
+    # The end is born in the run, and its elements are those of number 2 at the last record.
+    behind = run.copy(deep=True)
+    behind["lon"][run["berg"].isel(time=16).values == 2, 16] -= 2.0
+    other = run.copy(deep=True)
+    other["fragment_parent"][:] = 0
+    for changed in (behind, other):
+        made = observed_part(Scene(changed), 16, WHOLE * 1e6)
+        assert made.area == pytest.approx(REST * 1e6)
+    assert observed_part(Scene(run), 16, WHOLE * 1e6).area == pytest.approx(WHOLE * 1e6)
+
+
 def test_days_outside_of_the_run_are_left_out(folder: Path) -> None:
     late = replace(fix(folder, 4, REST), when=datetime(2020, 12, 20, 13))
     assert [day.time for day in read_compared(folder, "one", [late, fix(folder, 4, REST)]).days] == [

@@ -187,6 +187,27 @@ def test_a_worn_bond_is_told_by_the_strength_that_was_left(run: xr.Dataset) -> N
     assert not breakup.sudden
 
 
+def test_a_weak_bond_that_reaches_its_own_strength_did_not_break_suddenly(run: xr.Dataset) -> None:
+    """Bug: its stress was held against the strength of the ice, so weak bergs always broke "suddenly"."""
+    weak = run.assign(strength=("bond", np.full(run.sizes["bond"], 0.1)))
+    (breakup,) = why.explain(weak).breakups
+    assert breakup.first_bonds[0].strength == pytest.approx(1.8e3)
+    assert breakup.highest == pytest.approx(1000.0 + 23 * 36.0)
+    assert not breakup.sudden
+
+
+def test_a_run_that_melts_is_explained(run: xr.Dataset) -> None:
+    """Bug: mass and area change with time there, and were taken for columns of the elements: TypeError."""
+    left = np.linspace(1.0, 0.5, run.sizes["time"])
+    changing = {
+        name: (("trajectory", "time"), run[name].values[:, None] * left**part)
+        for name, part in {"mass": 1.0, "length": 0.1, "width": 0.1}.items()
+    }
+    (breakup,) = why.explain(run.assign(changing)).breakups
+    before, part = breakup.budgets["fragment"].mass, float(run["mass"].values[PIECE].sum())
+    assert before == pytest.approx(part * left[23])
+
+
 def test_small_pieces_are_counted_not_told(run: xr.Dataset) -> None:
     reasons = why.explain(run, smallest=0.5)
     assert reasons.breakups == []

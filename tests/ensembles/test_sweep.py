@@ -19,10 +19,11 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import riftberg
+from fakes import FakeModel
 from riftberg import Iceberg, Model, Parameters, Steady, draw_sweep, open_cells, open_sweep, sweep
 from riftberg.cli.ensembles import summary_lines
 from riftberg.cli.main import app
-from riftberg.ensembles.member import Job, MemberTracks, Outcome, build_member, run_member
+from riftberg.ensembles.member import Job, MemberTracks, Outcome, _stress_ratio, build_member, run_member
 from riftberg.ensembles.result import MOST_LISTED, write_sweep
 from riftberg.ensembles.sweep import Store, _cells, join_parts, planned
 from riftberg.errors import InputError, RunError
@@ -552,3 +553,11 @@ def test_the_command_runs_is_interrupted_and_goes_on(tmp_path: Path) -> None:
     single.advance(2.0, recorders=[track])
     assert result["lon"].values[0, 0].tolist() == [row[2] for row in track.rows if row[1] == 1.0]
     assert json.loads((out / "sweep.json").read_text())["days"] == 2.0
+
+
+def test_stress_of_a_member_is_held_against_the_strength_that_damage_has_left() -> None:
+    """Bug: bonds that damage had worn to four tenths were told by their whole strength, less than the tracks of the run say."""
+    model: Any = FakeModel()
+    whole = _stress_ratio(model)
+    model.bonds.damage[:] = 0.6
+    assert 0.0 < whole == pytest.approx(0.4 * _stress_ratio(model))

@@ -11,7 +11,9 @@ import pytest
 import xarray as xr
 
 from fakes import FakeModel
+from riftberg.parameters import Parameters
 from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Shapes, berg_position, tracks_of
 from riftberg.stepping.fragments.tree import equivalent_rectangles
 
@@ -168,3 +170,34 @@ def test_each_table_has_a_picture_by_one_call(path: Path, tmp_path: Path, kind: 
         table = getattr(run.riftberg, kind)
         assert table.plot(tmp_path / "picture.png", dpi=30).stat().st_size > 3000
         assert len(table.plot().axes) >= 1
+
+
+def test_a_berg_that_a_bed_of_sediment_carries_is_aground(tmp_path: Path) -> None:
+    """Every reader of a run called it afloat: the bed carries a tip of it, over water deeper than its draft."""
+    model = FakeModel(parameters=Parameters(grounding={"law": "seabed"}))
+    model.elements.keel.floor_load[3] = 1e9
+    model.advance(0.25, recorders=[RunWriter(tmp_path / "run.nc", every_hours=3)])
+    FakeModel().advance(0.25, recorders=[RunWriter(tmp_path / "drag.nc", every_hours=3)])
+    with open_run(tmp_path / "run.nc") as run, xr.open_dataset(tmp_path / "run.nc", group="tracks") as written:
+        assert written["aground"].values.all()
+        assert tracks_of(run)["aground"].values.all()
+        assert Scene(run).aground().sum(axis=1).tolist() == [1] * run.sizes["time"]
+        assert Scene(run).aground([1])[0].nonzero()[0].tolist() == [3]
+        assert Scene(run).has_floor
+    with open_run(tmp_path / "drag.nc") as run:
+        assert "floor_load" not in run
+        assert not tracks_of(run)["aground"].values.any()
+
+
+def test_tables_follow_a_run_whose_variables_are_replaced(path: Path) -> None:
+    """Bug: the tracks that were made first stayed, whatever the run held afterwards."""
+    with open_run(path) as dataset:
+        run = dataset.load()
+    before = run.riftberg.tracks
+    assert run.riftberg.tracks is before  # made once
+    assert "area" in run.riftberg.fragments
+    run["lon"] = run["lon"] + 1.0
+    run["fragment_area"] = 2.0 * run["fragment_area"]
+    np.testing.assert_allclose(run.riftberg.tracks["lon"], before["lon"] + 1.0, atol=1e-9)
+    np.testing.assert_allclose(run.riftberg.fragments["area"][0], 2 * 24 * 9e6)
+    np.testing.assert_array_equal(run.riftberg.elements["lon"], run["lon"])

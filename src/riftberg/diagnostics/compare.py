@@ -2,8 +2,8 @@
 
 The same break-up of all runs stands in one row (`riftberg.diagnostics.compare`). Each run is read from its folder
 (``summary.json`` and ``run.nc``). The berg at an observed day is the largest fragment, together with further ones,
-largest first, as long as they bring its area closer to the observed area: so a finger that is off but still in the
-observed outline counts to the berg, and a tip that was left behind does not.
+largest first, of the same berg and within a length of the largest, as long as they bring its area closer to the observed
+area: so a finger that is off but still in the observed outline counts to the berg, and a tip that was left behind does not.
 """
 
 from __future__ import annotations
@@ -274,13 +274,22 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
 
     ``area``: observed area, m2.
     """
-    chosen, total = list[int](), 0.0
-    for number, size in scene.fragment_areas(record).items():
-        if not chosen or abs(total + size - area) < abs(total - area):
+    berg, sizes, areas = scene.berg[record], scene.fragment_areas(record), scene.area_at(record)
+
+    def place(rows: NDArray[np.bool_]) -> Position:
+        return berg_position(scene.x[record][rows], scene.y[record][rows], areas[rows], radius=scene.radius)
+
+    largest = next(iter(sizes))
+    middle = place(berg == largest)
+    away = haversine(scene.x[record], scene.y[record], middle.lon, middle.lat, scene.radius)
+    length = 2.0 * away[berg == largest].max() + math.sqrt(areas[berg == largest].max())
+    chosen, total = [largest], sizes.pop(largest)
+    for number, size in sizes.items():
+        near = scene.origin(number) == scene.origin(largest) and away[berg == number].min() <= length
+        if near and abs(total + size - area) < abs(total - area):
             chosen.append(number)
             total += size
-    rows = np.isin(scene.berg[record], chosen)
-    return berg_position(scene.x[record][rows], scene.y[record][rows], scene.area[rows], radius=scene.radius)
+    return place(np.isin(berg, chosen))
 
 
 def compare(runs: Sequence[ComparedRun], known: RealEvent | None = None) -> Comparison:

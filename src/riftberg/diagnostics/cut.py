@@ -337,7 +337,7 @@ class Cut:
             by_strength=self.by_strength(),
             highest=self.highest_stress(),
             scheme=scene.parameters.stepping.scheme,
-            sudden=self.highest_stress(over_damage=True) < SUDDEN * strength,
+            sudden=self.highest_stress(over_strength=True) < SUDDEN * strength,
             hours_since_start=float((first_break - scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,
             history=loads,
@@ -384,6 +384,11 @@ class Cut:
         """Return the elements of fragment and rest at a record."""
         return np.asarray(self.inside | (self.scene.berg[record] == self.parent))
 
+    def mass(self, record: int) -> Floats:
+        """Return the masses of the elements (kg) at a record: those of a run that melts change."""
+        mass = self.run["mass"]
+        return np.asarray((mass.isel(time=record) if "time" in mass.dims else mass).values, np.float64)
+
     def forces(self, record: int, body: NDArray[np.bool_]) -> tuple[dict[str, Floats], int]:
         """Return the external forces at a record, and the number of elements of a body that are aground.
 
@@ -396,7 +401,7 @@ class Cut:
         if forces_recorded(self.run):
             forces["sea floor"] = applied_forces(self.run, after)["sea floor"]
         elif aground.any():
-            rate, mass = accelerations(self.run, record, record, after), self.run["mass"].values
+            rate, mass = accelerations(self.run, record, record, after), self.mass(record)
             others = np.sum([f[body].sum(axis=0) for name, f in forces.items() if name != "sea floor"], axis=0)
             missing = (mass[body, None] * rate[body]).sum(axis=0) - others
             forces["sea floor"] = np.where(aground[:, None], missing[None, :] / aground.sum(), 0.0)
@@ -404,7 +409,7 @@ class Cut:
 
     def budgets(self, record: int, last: int) -> dict[str, Budget]:
         """Return the budgets of fragment, rest and both."""
-        body, mass = self.body(record), self.run["mass"].values
+        body, mass = self.body(record), self.mass(record)
         forces, _ = self.forces(record, body)
         rate = accelerations(self.run, record, 0, last)
         budgets = {}
@@ -462,18 +467,22 @@ class Cut:
 
     # --- bonds -----------------------------------------------------------------------------------------------------
 
-    def highest_stress(self, of: str = "normal_stress", *, over_damage: bool = False) -> float:
+    def highest_stress(self, of: str = "normal_stress", *, over_strength: bool = False) -> float:
         """Return the largest tensile stress (Pa) of the parent at the last record before the first bond failed.
 
         With ``of="peak_stress"`` it is that of the sub-steps up to this record, since the one before. With
-        ``over_damage`` each is divided by the part of the strength that damage has left at that record.
+        ``over_strength`` each is divided by the strength of its bond relative to that of the ice, as far as damage has left it
+        at that record.
         """
         body = self.body(self.last_whole)
         held = body[self.run["bond_first"].values] & body[self.run["bond_second"].values]
         held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[self.last_whole])
         stress = self.run[of].isel(time=self.last_whole).values[held]
-        if over_damage and "damage" in self.run:
-            stress = stress / (1.0 - self.run["damage"].isel(time=self.last_whole).values[held])
+        if over_strength:
+            left = self.run["strength"].values[held]
+            if "damage" in self.run:
+                left = left * (1.0 - self.run["damage"].isel(time=self.last_whole).values[held])
+            stress = stress[left > 0.0] / left[left > 0.0]
         return float(stress.max(initial=0.0))
 
     def by_strength(self) -> dict[str, int]:
@@ -515,7 +524,7 @@ class _Geometry:
 
     def __init__(self, cut: Cut, record: int, body: NDArray[np.bool_]) -> None:
         scene, run = cut.scene, cut.run
-        self.mass, self.body, self.inside = run["mass"].values, body, cut.inside
+        self.mass, self.body, self.inside = cut.mass(record), body, cut.inside
         lon, lat, weight = scene.x[record], scene.y[record], self.mass[body]
         centre = float(np.average(lon[body], weights=weight)), float(np.average(lat[body], weights=weight))
         plane = ConformalPlane(*centre, scene.radius, scene.latlon)
@@ -523,13 +532,14 @@ class _Geometry:
         self.x, self.y = x - np.average(x[body], weights=weight), y - np.average(y[body], weights=weight)
         self.angle = plane.eastward(lon, lat)
         # Each element turns with the body, as a disc of its area.
-        disc = scene.area[body] / (2.0 * np.pi)
+        area = scene.area_at(record)
+        disc = area[body] / (2.0 * np.pi)
         self.inertia = float((weight * (self.x[body] ** 2 + self.y[body] ** 2 + disc)).sum())
         # The cut is the line through the middles of its bonds; its normal points to the fragment.
         first, second = run["bond_first"].values[cut.bonds], run["bond_second"].values[cut.bonds]
         inner, outer = np.where(self.inside[first], (first, second), (second, first))
         places = np.column_stack([self.x, self.y])
-        middle, side = 0.5 * (places[inner] + places[outer]), float(np.sqrt(scene.area[inner].mean()))
+        middle, side = 0.5 * (places[inner] + places[outer]), float(np.sqrt(area[inner].mean()))
         self.centre = middle.mean(axis=0)
         spread = middle - self.centre
         values, axes = np.linalg.eigh(spread.T @ spread)

@@ -328,7 +328,8 @@ def _stress_ratio(model: BareModel) -> float:
     if not whole.any():
         return 0.0
     tension = np.fmax(bonds.peak_stress[whole], bonds.normal_stress[whole]) / f.normal_strength
-    ratio = np.fmax(tension, np.abs(bonds.shear_stress[whole]) / f.shear_strength) / bonds.strength[whole]
+    left = bonds.strength[whole] * (1.0 - bonds.damage[whole])
+    ratio = np.fmax(tension, np.abs(bonds.shear_stress[whole]) / f.shear_strength) / left
     return float(np.nanmax(ratio, initial=0.0))
 
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -128,11 +127,16 @@ class RunAccessor:
 
     def __init__(self, run: xr.Dataset) -> None:
         self._run = run
+        self._tracks: tuple[Mapping[Hashable, Any], Tracks] | None = None
 
-    @cached_property
+    @property
     def tracks(self) -> Tracks:
         """Bergs and fragments over time, made from the elements of this dataset; so a part of a run has its own."""
-        return Tracks(tracks_of(self._run), self._run)
+        variables = dict(self._run.variables)
+        # xarray keeps this accessor with the dataset, whose variables may be replaced.
+        if self._tracks is None or not _same(self._tracks[0], variables):
+            self._tracks = variables, Tracks(tracks_of(self._run), self._run)
+        return self._tracks[1]
 
     def compare(self, other: xr.Dataset, berg: str | None = None) -> xr.Dataset:
         """Compare a berg of this run with the same berg of another run.
@@ -158,7 +162,7 @@ class RunAccessor:
         """
         courses = [course_of(run, berg) for run in (self._run, other)]
         by_time = apart(*courses)
-        earth = {"latlon": courses[0].latlon, "radius": courses[0].radius}
+        earth = {name: getattr(courses[0], name) for name in ("latlon", "radius", "period")}
         events = aligned([course.births for course in courses], earth)
 
         def column(key: str, missing: Any) -> list[list[Any]]:
@@ -181,7 +185,7 @@ class RunAccessor:
             {"time": by_time["time"], "run": ["first", "second"]}, {"berg": courses[0].berg},
         )  # fmt: skip
 
-    @cached_property
+    @property
     def fragments(self) -> Fragments:
         """The family tree of bergs and fragments."""
         run = self._run
@@ -191,13 +195,18 @@ class RunAccessor:
         table = run[names].rename({name: name.removeprefix("fragment_") for name in names}).reset_coords()
         return Fragments(table.set_coords("number").swap_dims(fragment="number"), run)
 
-    @cached_property
+    @property
     def elements(self) -> ElementTable:
         """The elements over time."""
         run = self._run
         along = {"trajectory"}, {"trajectory", "time"}
         names = [name for name, v in run.data_vars.items() if set(v.dims) in along]
         return ElementTable(run[names].rename(trajectory="element"), run)
+
+
+def _same(one: Mapping[Hashable, Any], other: Mapping[Hashable, Any]) -> bool:
+    """Whether two datasets share their variables, none of them replaced by another."""
+    return one.keys() == other.keys() and all(one[name] is other[name] for name in one)
 
 
 # ---- the same berg of two runs ------------------------------------------------------------------------------------------
@@ -209,13 +218,14 @@ class Course:
 
     berg: str  # Its name, empty for none
     times: NDArray[np.datetime64]
-    x: Floats  # Centroid, degrees or m; no jump at the date line
+    x: Floats  # Centroid, degrees or m; no jump at the date line or the end of a periodic channel
     y: Floats
     azimuth: Floats  # Long axis, degrees clockwise from north, 0 to 180; NaN where unknown
     area: Floats  # m2
     births: list[dict[str, Any]]  # As break-ups in ``summary.json``, in order of time
     latlon: bool
     radius: float  # Of the sphere, m
+    period: float = 0.0  # Length of a periodic channel, m; 0 for none
 
     def at(self, times: NDArray[np.datetime64]) -> tuple[Floats, Floats, Floats, Floats]:
         """Return position, long axis and area at some times, linear between records; NaN outside of them."""
@@ -261,7 +271,8 @@ def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
         row = max(named or bergs, key=lambda k: (float(table["area"].values[ends[k] - table["rowsize"].values[k]]), -k))
         tracks = table.isel(index=slice(int(ends[row] - table["rowsize"].values[row]), int(ends[row])))
         name, azimuth = names[row], tracks["azimuth"].values.astype(float)
-    lon = np.unwrap(tracks[x].values, period=360.0) if earth.latlon else tracks[x].values
+    around = 360.0 if earth.latlon else earth.period
+    lon = np.unwrap(tracks[x].values, period=around) if around > 0.0 else tracks[x].values
     columns = ("parent", "birth_time", x, y, "area", "bonds_broken", "grounded")
     births = zip(*(run[f"fragment_{column}"].values.tolist() for column in columns), strict=True)
     dates = run["fragment_birth_time"].values.astype("datetime64[s]").astype(str)
@@ -271,7 +282,7 @@ def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
     ]  # fmt: skip
     return Course(
         name, tracks["time"].values, lon, tracks[y].values, azimuth, tracks["area"].values.astype(float),
-        sorted(found, key=lambda event: event["time"]), earth.latlon, earth.radius,
+        sorted(found, key=lambda event: event["time"]), earth.latlon, earth.radius, earth.period,
     )  # fmt: skip
 
 
@@ -291,10 +302,16 @@ def apart(one: Course, other: Course) -> dict[str, NDArray[Any]]:
         spans = " and ".join(f"{str(c.times[0])[:16]} to {str(c.times[-1])[:16]}" for c in (one, other))
         raise InputError(f"the runs have no date in common: {spans}", where="compare", remedy="Give runs that overlap")
     (x1, y1, turn1, area1), (x2, y2, turn2, area2) = one.at(shared), other.at(shared)
-    distance = haversine(x1, y1, x2, y2, one.radius) if one.latlon else np.hypot(x2 - x1, y2 - y1)
+    on_plane = np.hypot(_short_way(x2 - x1, one.period), y2 - y1)
+    distance = haversine(x1, y1, x2, y2, one.radius) if one.latlon else on_plane
     rotation = axis_difference(turn2, turn1)
     found = {"distance": np.asarray(distance), "rotation": rotation, "area_first": area1, "area_second": area2}
     return {"time": shared, **found}
+
+
+def _short_way(dx: Any, period: float) -> Any:
+    """Return ways along x (m) the short way round a channel of some length; 0 for none."""
+    return dx - period * np.round(dx / period) if period > 0.0 else dx
 
 
 Event = dict[str, Any]
@@ -311,7 +328,8 @@ WORST: Final = 3.0
 def aligned(runs: Sequence[Sequence[Event]], earth: dict[str, Any]) -> list[list[Event | None]]:
     """Return the break-ups of each run in rows: each row holds the same event of all runs, or None.
 
-    ``earth``: parameters of the Earth, as in ``summary.json``: whether places are degrees, and its radius (m).
+    ``earth``: parameters of the Earth, as in ``summary.json``: whether places are degrees, its radius and the length of a
+    periodic channel (m).
     """
     longest = max(range(len(runs)), key=lambda k: len(runs[k]), default=0)
     rows: list[Event] = list(runs[longest]) if runs else []
@@ -337,7 +355,11 @@ def _cost(one: Event, other: Event, earth: dict[str, Any]) -> float:
     times = [datetime.fromisoformat(event["time"]) for event in (one, other)]
     days = abs((times[1] - times[0]).total_seconds()) / 86400.0
     places = [(event["lon"], event["lat"]) for event in (one, other)]
-    metres = float(haversine(*places[0], *places[1], earth["radius"])) if earth["latlon"] else math.dist(*places)
+    if earth["latlon"]:
+        metres = float(haversine(*places[0], *places[1], earth["radius"]))
+    else:
+        (x1, y1), (x2, y2) = places
+        metres = math.hypot(_short_way(x2 - x1, earth.get("period", 0.0)), y2 - y1)
     larger = abs(math.log(one["area_km2"] / other["area_km2"])) / math.log(TIMES_AS_LARGE)
     parts = days / DAYS_APART, metres / 1e3 / KILOMETRES_APART, larger
     return sum(parts) if max(parts) <= 1.0 and one["grounded"] == other["grounded"] else math.inf

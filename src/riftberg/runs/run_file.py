@@ -71,7 +71,7 @@ from riftberg.runs.layout import (
     texts,
 )
 from riftberg.runs.scene import add_background
-from riftberg.runs.tracks import ELEMENT_COLUMNS, berg_rows, blocks_of, ragged, write_tracks
+from riftberg.runs.tracks import ELEMENT_COLUMNS, FLOOR_LOAD, berg_rows, blocks_of, ragged, write_tracks
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
 from riftberg.system.input_files import is_folder
@@ -290,6 +290,9 @@ class RunWriter:
                 raise InputError(gap, where=place, remedy=_ANEW)
             if "u" not in old.variables:
                 raise InputError("a run file of a version before 0.2.0", where=place, remedy=_ANEW)
+            on_bed = [FLOOR_LOAD] if model.parameters.grounding.law == "seabed" else []
+            if on_bed and FLOOR_LOAD not in old.variables:
+                raise InputError("a run file of an earlier version, without floor_load", where=place, remedy=_ANEW)
             if self.forces != (APPLIED.variables[0].name in old.variables):
                 raise InputError(
                     f"its records have {'no ' if self.forces else ''}forces", where=place,
@@ -318,7 +321,7 @@ class RunWriter:
             for block in blocks_of(self.records, elements):
                 columns = {
                     name: variable[tuple(rows.get(dim, block) for dim in variable.dimensions)]
-                    for name in (*ELEMENT_COLUMNS, *bond_history(model))
+                    for name in (*ELEMENT_COLUMNS, *on_bed, *bond_history(model))
                     for variable in [old[self._names.get(name, name)]]
                 }
                 self._tracks.append(berg_rows(old["time"][block], layout.latest | columns, model.parameters))
@@ -391,7 +394,7 @@ class RunWriter:
     def _write_records(self, file: netCDF4.Dataset, model: BareModel, block: slice) -> None:
         layout, held = self._layout, self._held
         columns: dict[str, NDArray[Any]] = {}
-        for v in [*element_history(), *(_REGISTRY[name] for name in SHAPE)]:
+        for v in [*histories(model), *(_REGISTRY[name] for name in SHAPE)]:
             missing = MISSING if v.dtype == "i8" else np.nan
             columns[v.name] = np.stack([placed(r.ids, r.elements[v.name], layout.ids, missing) for r in held], axis=1)
         for name in bond_history(model):
@@ -442,13 +445,18 @@ class _Record:
         self.bond_ids = layout.bond_ids if np.array_equal(bonds.id, layout.bond_ids) else bonds.id.copy()
         velocity = dict(zip(("u", "v"), model.velocity(), strict=True))
         self.elements = {
-            v.name: velocity.get(v.name, getattr(elements, v.name)).astype(_stored_kind(v)) for v in element_history()
+            v.name: velocity.get(v.name, getattr(elements, v.name)).astype(_stored_kind(v)) for v in histories(model)
         }
         self.elements |= {name: getattr(elements, name).copy() for name in SHAPE}
         self.bonds = {name: getattr(bonds, name).astype("f4") for name in bond_history(model)}
         self.bonds["peak_stress"] = peak.astype("f4")
         self.derived = derived
         self.ledger = values_now(model, ledgers_of(model))
+
+
+def histories(model: BareModel) -> list[Variable]:
+    """Return the variables of the elements that every record of this run holds."""
+    return [v for v in element_history() if v.name != FLOOR_LOAD or model.parameters.grounding.law == "seabed"]
 
 
 def bond_history(model: BareModel) -> tuple[str, ...]:
@@ -543,7 +551,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
         else:
             kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
             _create(file, in_file(name), kind, ("trajectory",), **described)[:] = layout.shape[name]
-    _define_histories(file, element_history(), names, layout)
+    _define_histories(file, histories(model), names, layout)
     registry = {v.name: v for v in BOND_VARIABLES}
     for name in BOND_LATEST:
         v = registry[name]

@@ -23,7 +23,7 @@ from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.plane import near
 from riftberg.runs.layout import called
-from riftberg.runs.tracks import by_area, family_of
+from riftberg.runs.tracks import FLOOR_LOAD, by_area, family_of
 from riftberg.state import Floats, Ints
 from riftberg.stepping.forces.media import aground
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
@@ -398,7 +398,8 @@ class Scene:
     def has_floor(self) -> bool:
         """Whether the sea floor acts on the ice at all in this run."""
         p = self.parameters.kernel_values()
-        return bool(p.ground_coefficient > 0.0 or p.ground_quadratic > 0.0)
+        bed = self.parameters.grounding.law == "seabed"
+        return bool(bed or p.ground_coefficient > 0.0 or p.ground_quadratic > 0.0)
 
     def chosen_records(self, count: int) -> list[int]:
         """Return records from the first to the last, evenly spaced, on whole days where the run is long enough."""
@@ -440,11 +441,14 @@ class Scene:
 
     def aground(self, records: Sequence[int] | None = None) -> NDArray[np.bool_]:
         """Return which elements the sea floor acts on, at some records or at all: shape (records, elements)."""
-        state = self.run[["thickness", "depth"]].transpose("time", "trajectory")
+        names = ["thickness", "depth", *([FLOOR_LOAD] if FLOOR_LOAD in self.run else [])]
+        state = self.run[names].transpose("time", "trajectory")
         if records is not None:
             state = state.isel(time=list(records))
         thickness, depth = (state[name].values.astype(np.float64) for name in ("thickness", "depth"))
-        return np.asarray(aground(thickness, depth, self.parameters.kernel_values()))
+        touching = np.asarray(aground(thickness, depth, self.parameters.kernel_values()))
+        # A bed of sediment carries the deepest point of a keel, over water that is deeper in the mean.
+        return touching | (state[FLOOR_LOAD].values > 0.0) if FLOOR_LOAD in state else touching
 
     def draft(self) -> float:
         """Return the draft (m) of the thickest element at the start."""

@@ -267,6 +267,8 @@ TRACKS: Final = "tracks"
 ELEMENT_COLUMNS: Final = (
     "lon", "lat", "u", "v", "spin", "length", "width", "mass", "thickness", "depth", "berg",
 )  # fmt: skip
+FLOOR_LOAD: Final = "floor_load"
+"""Variable of a run file on a bed of sediment, by which it carries elements over water deeper than their draft."""
 BOND_COLUMNS: Final = ("first", "second", "strength", "break_time", "peak_stress")
 """Variables of a run file from which the rows follow; ``damage`` too, where the run has it."""
 
@@ -311,6 +313,8 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
     gyration = (length * length + width * width) / 12.0
     u, v, spin = bergs.motion(of("u"), of("v"), of("spin"), gyration)
     touching = aground(of("thickness"), of("depth"), p.kernel_values())
+    if FLOOR_LOAD in columns:
+        touching |= of(FLOOR_LOAD) > 0.0
     rows: dict[str, NDArray[Any]] = {
         "number": bergs_at % span,
         "time": time[bergs_at // span],
@@ -452,7 +456,7 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
     bonds = {name: run[in_file(name)] for name in BOND_COLUMNS if in_file(name) in run}
     fixed = {name: variable.values for name, variable in bonds.items() if "time" not in variable.dims}
     fixed["break_time"] = seconds(run["break_time"].values)
-    moving = [*ELEMENT_COLUMNS, *(name for name in ("peak_stress", "damage") if name in run)]
+    moving = [*ELEMENT_COLUMNS, *(name for name in (FLOOR_LOAD, "peak_stress", "damage") if name in run)]
     blocks = []
     for block in blocks_of(run.sizes["time"], run.sizes["trajectory"]):
         part = run.isel(time=block).transpose("trajectory", "bond", "time", ...)

@@ -271,7 +271,9 @@ class Environment(NamedTuple):
 class Keel(NamedTuple):
     """What a bed of sediment does to the keels of the elements (``grounding.law: seabed``); 0 afloat."""
 
-    floor_load: Annotated[Floats, _is("N", "weight of the element that the sea floor carries")]
+    floor_load: Annotated[
+        Floats, _is("N", "weight of the element that the sea floor carries; in run files with a seabed", output=True)
+    ]
     floor_x: Annotated[Floats, _is("N", "eastward force of the sea floor: friction and slope")]
     floor_y: Annotated[Floats, _is("N", "northward force of the sea floor: friction and slope")]
     floor_torque: Annotated[Floats, _is("N m", "torque of that force about the centre of the element")]
