@@ -104,8 +104,9 @@ def along(lon: Any, lat: Any) -> tuple[Any, Any]:
 
 
 def roms(
-    path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bool = True, transform: int = 0
-) -> list[Path]:
+    path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bool = True, transform: int = 0,
+    lacks: str = "",
+) -> list[Path]:  # fmt: skip
     """Write a ROMS file: C grid, s levels, angle; perhaps with the grid in a file of its own, as CROCO has it."""
     j, i = np.mgrid[0:50, 0:50]
     rho, at_u, at_v = (positions(*a) for a in ((j, i), (j[:, :-1], i[:, :-1] + 0.5), (j[:-1] + 0.5, i[:-1])))
@@ -139,7 +140,8 @@ def roms(
         **({"s_rho": ("s_rho", s, words)} if levels else {}),
     }
     files = [path / "his.nc"]
-    xr.Dataset({**fields, **({} if grid_apart else grid)}, coords).to_netcdf(files[0])
+    held = xr.Dataset({**fields, **({} if grid_apart else grid)}, coords)
+    held.drop_vars(lacks.split()).to_netcdf(files[0])
     if grid_apart:
         xr.Dataset(grid).to_netcdf(path / "model_grd.nc")
     return files
@@ -155,6 +157,23 @@ def test_roms_currents_are_turned_and_stand_on_depths(options: dict[str, Any], t
     for depth, share in ((5.0, 1.0 - 5.0 / 400.0), (200.0, 0.5)):
         np.testing.assert_allclose(found["uo"].sel(depth=depth)[0], share * east, atol=3e-3)
         np.testing.assert_allclose(found["vo"].sel(depth=depth)[0], share * north, atol=3e-3)
+
+
+def test_roms_levels_of_which_only_the_name_tells_the_formula_bend_as_it_says(tmp_path: Path) -> None:
+    """They were taken as even shares of the water: a level at 28 m stood at 50 m."""
+    [ds] = [part for part in open_all(roms(tmp_path, transform=1, lacks="Vtransform")) if "uo" in part]
+    speed = np.hypot(ds["uo"], ds["vo"]).isel(time=0)
+    np.testing.assert_allclose(speed.sel(depth=200.0) / speed.sel(depth=0.0), 0.5, atol=5e-3)
+
+
+@pytest.mark.parametrize("transform", [1, 2])
+def test_roms_levels_without_their_stretching_are_refused(transform: int, tmp_path: Path) -> None:
+    """``sc_r``, the levels themselves, was taken for it."""
+    [path] = roms(tmp_path, transform=transform, lacks="Cs_r")
+    with xr.open_dataset(path) as ds:
+        ds.load().assign(sc_r=("s_rho", ds["s_rho"].values)).to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(ForcingError, match=r"follow the sea floor, and the file lacks Cs_r"):
+        open_all([tmp_path / "other.nc"])
 
 
 def test_roms_without_its_grid_says_where_to_put_it(tmp_path: Path) -> None:
