@@ -176,6 +176,28 @@ def test_roms_levels_without_their_stretching_are_refused(transform: int, tmp_pa
         open_all([tmp_path / "other.nc"])
 
 
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [("temp", "sst"), ("salt", "sss"), ("zeta", "ssh"),
+     ("aice", "ice_fraction"), ("uice_eastward", "ui"), ("vice_northward", "vi")],
+)  # fmt: skip
+def test_roms_fields_of_the_sea_are_unknown_on_land(name: str, quantity: str, tmp_path: Path) -> None:
+    """Zeros of temperature and salinity on land were mixed into the water beside it."""
+    [path] = roms(tmp_path, levels=False)
+    with xr.open_dataset(path) as ds:
+        ds = ds.load()
+    mask = np.ones((50, 50))
+    mask[:, :20] = 0.0
+    plane = ("eta_rho", "xi_rho")
+    for own in ("temp", "salt", "zeta", "aice", "uice_eastward", "vice_northward", "Uwind_eastward", "Vwind_northward"):
+        ds[own] = ("ocean_time", *plane), 0.8 * mask[None], {"coordinates": "lon_rho lat_rho"}
+    ds.assign(mask_rho=(plane, mask)).to_netcdf(tmp_path / "other.nc")
+    parts = open_all([tmp_path / "other.nc"])
+    found = next(part[quantity] for part in parts if quantity in part).isel(time=0)
+    np.testing.assert_array_equal(np.isfinite(found), mask > 0.5)
+    assert any(np.isfinite(part["ua"]).all() for part in parts if "ua" in part)
+
+
 def test_roms_without_its_grid_says_where_to_put_it(tmp_path: Path) -> None:
     files = roms(tmp_path, grid_apart=True)
     (tmp_path / "model_grd.nc").unlink()
