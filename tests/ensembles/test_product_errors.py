@@ -17,6 +17,7 @@ from riftberg.ensembles.uncertain import estimated, stated_error, with_errors
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import build
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
+from riftberg.state import Floats
 
 DAY = 86400.0
 
@@ -63,6 +64,35 @@ def test_products_that_do_not_differ_or_overlap_are_refused(tmp_path: Path) -> N
         estimated(one, one)
     with pytest.raises(InputError, match="do not share four by four points"):
         estimated(one, product(tmp_path / "other.nc", 2, days=3), longitude=(0.0, 10.0))
+
+
+def constant(path: Path, lon: Floats, current: Floats) -> Path:
+    """Write a current that depends on longitude alone, the same eastward and northward."""
+    lat = np.arange(-60.0, -55.0, 0.25)
+    data = {
+        name: (("time", "lat", "lon"), np.broadcast_to(current, (3, lat.size, lon.size)),
+               {"units": "m s-1", "standard_name": f"{way}ward_sea_water_velocity"})
+        for name, way in (("uo", "east"), ("vo", "north"))
+    }  # fmt: skip
+    time = np.datetime64("2020-12-01", "ns") + np.arange(3) * np.timedelta64(1, "D")
+    xr.Dataset(data, {"time": time, "lat": ("lat", lat, {"units": "degrees_north"}),
+                      "lon": ("lon", lon, {"units": "degrees_east"})}).to_netcdf(path)  # fmt: skip
+    return path
+
+
+@pytest.mark.parametrize(
+    "wider", [np.arange(-180.0, 180.0, 0.25), np.arange(0.0, 360.0, 0.25), np.arange(-185.0, -175.0, 0.2)]
+)
+@pytest.mark.parametrize("box", [None, (176.0, 184.0), (-184.0, -176.0), (176.0, -176.0)])
+def test_products_across_180_are_compared_on_both_sides(
+    wider: Floats, box: tuple[float, float] | None, tmp_path: Path
+) -> None:
+    """Of a box from 175 to 185 E and a globe, the half beyond 180 was left out."""
+    lon = np.arange(175.0, 185.0, 0.25)
+    one = constant(tmp_path / "one.nc", lon, np.where(lon >= 180.0, 0.2, 0.0))
+    other = constant(tmp_path / "other.nc", wider, 0.0 * wider)
+    for pair in ((one, other), (other, one)):
+        assert estimated(*pair, longitude=box).speed == pytest.approx(0.1, rel=0.05)
 
 
 def stated(path: Path, west: float, east: float, units: str = "m s-1") -> Path:

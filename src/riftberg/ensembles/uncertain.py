@@ -344,10 +344,16 @@ def estimated(
     InputError
         If the products do not overlap, or have no current on such axes.
     """
+    from riftberg.products.mesh import longitudes_near
+
     one, other = (_currents(path) for path in (first, second))
     if _spacing(one) < _spacing(other):
         one, other = other, one  # on the points of the coarser one
-    for axis, wanted in (("lon", longitude), ("lat", latitude)):
+    # Both on the branch of the box, or of the narrower one, for they may stand on either side of 180.
+    west, east = longitude or min(((float(ds["lon"][0]), float(ds["lon"][-1])) for ds in (one, other)), key=np.ptp)
+    east = east if east >= west else east + 360.0
+    one, other = (longitudes_near(ds, west, east) for ds in (one, other))
+    for axis, wanted in (("lon", longitude and (west, east)), ("lat", latitude)):
         low, high = (f(float(one[axis][k]), float(other[axis][k])) for f, k in ((max, 0), (min, -1)))
         low, high = (low, high) if wanted is None else (max(low, wanted[0]), min(high, wanted[1]))
         one = one.sel({axis: slice(low, high)})
