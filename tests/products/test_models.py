@@ -216,6 +216,38 @@ def test_angle_in_other_units_than_it_says_is_refused(tmp_path: Path) -> None:
         open_all([path])
 
 
+@pytest.mark.parametrize("degrees", [0.15, 6.2, 20.0])
+@pytest.mark.parametrize("unit", ["degree", "radian"])
+def test_the_unit_of_an_angle_without_one_is_that_which_fits_the_grid(
+    degrees: float, unit: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """6.2 and 0.15 degrees everywhere were taken as radians: the current turned by 11 and 8 degrees too far."""
+    monkeypatch.setattr("products.test_models.TURN", np.deg2rad(degrees))
+    [path] = roms(tmp_path, levels=False)
+    with xr.open_dataset(path) as ds:
+        ds = ds.load()
+    del ds["angle"].attrs["units"]
+    if unit == "degree":
+        ds["angle"] = np.rad2deg(ds["angle"])
+    ds.to_netcdf(tmp_path / "other.nc")
+    [ds] = [part for part in open_all([tmp_path / "other.nc"]) if "uo" in part]
+    east, north = truth("uo", ds["lon"].values, ds["lat"].values, CENTRE)
+    inner = (slice(2, -2), slice(2, -2))
+    np.testing.assert_allclose(ds["uo"][0].values[inner], east[inner], atol=3e-3)
+    np.testing.assert_allclose(ds["vo"][0].values[inner], north[inner], atol=3e-3)
+
+
+def test_a_wrong_angle_without_unit_is_no_small_one_in_degrees(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("products.test_models.TURN", np.deg2rad(0.2))
+    [path] = roms(tmp_path, levels=False)
+    with xr.open_dataset(path) as ds:
+        ds = ds.load()
+    ds["angle"] = (ds["angle"] - np.pi / 2).drop_attrs()
+    ds.to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(ForcingError, match="differs from the direction of its grid by 90 degrees"):
+        open_all([tmp_path / "other.nc"])
+
+
 def fvcom(path: Path) -> Path:
     """Write an FVCOM file: scattered faces with currents on sigma layers, nodes with sea level and depth."""
     rng = np.random.default_rng(1)
