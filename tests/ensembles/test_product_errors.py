@@ -123,6 +123,26 @@ def test_the_size_by_place_is_that_of_the_product(tmp_path: Path) -> None:
     assert "x it.nc" in forcing.describe()
 
 
+def test_a_gap_has_the_size_of_the_nearest_places_that_are_known(tmp_path: Path) -> None:
+    """It had the mean of the whole file, which may be of the globe: between errors of 0.05 m/s an error of 0.12."""
+    ds = xr.open_dataset(stated(tmp_path / "it.nc", 0.05, 0.2)).load()
+    gap = (abs(ds["lon"] + 42.0) < 0.8) & (abs(ds["lat"] + 56.0) < 0.8) | ((ds["lon"] > -31.0) & (ds["lat"] > -53.0))
+    ds.assign({name: ds[name].where(~gap) for name in ("uo_err", "vo_err")}).to_netcdf(tmp_path / "gap.nc")
+    field = stated_error(str(tmp_path / "gap.nc"))
+    assert field.at(np.array([-42.0, -30.0]), np.array([-56.0, -52.5])) == pytest.approx([0.05, 0.2])
+
+
+def test_a_gap_at_the_seam_of_a_globe_has_the_size_beyond_the_seam(tmp_path: Path) -> None:
+    lon, lat = np.arange(0.0, 360.0, 2.0), np.arange(-70.0, -40.0, 2.0)
+    size = np.where((lon < 180.0) & (lon > 20.0), 0.05, 0.2) * np.ones((lat.size, 1))
+    size[:, :8] = np.nan
+    data = {name: (("lat", "lon"), size, {"units": "m s-1"}) for name in ("uo_err", "vo_err")}
+    coords = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+    xr.Dataset(data, coords).to_netcdf(tmp_path / "globe.nc")
+    field = stated_error(str(tmp_path / "globe.nc"))
+    assert field.at(np.array([2.0, 100.0]), np.array([-56.0, -56.0])) == pytest.approx([0.2, 0.05])
+
+
 @pytest.mark.parametrize(
     ("east", "north", "about"),
     [("err_ugosa", "err_vgosa", {}),
