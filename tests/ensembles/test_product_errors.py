@@ -17,6 +17,7 @@ from riftberg.ensembles.uncertain import estimated, stated_error, with_errors
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import build
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
+from riftberg.state import Floats
 
 DAY = 86400.0
 
@@ -65,6 +66,35 @@ def test_products_that_do_not_differ_or_overlap_are_refused(tmp_path: Path) -> N
         estimated(one, product(tmp_path / "other.nc", 2, days=3), longitude=(0.0, 10.0))
 
 
+def constant(path: Path, lon: Floats, current: Floats) -> Path:
+    """Write a current that depends on longitude alone, the same eastward and northward."""
+    lat = np.arange(-60.0, -55.0, 0.25)
+    data = {
+        name: (("time", "lat", "lon"), np.broadcast_to(current, (3, lat.size, lon.size)),
+               {"units": "m s-1", "standard_name": f"{way}ward_sea_water_velocity"})
+        for name, way in (("uo", "east"), ("vo", "north"))
+    }  # fmt: skip
+    time = np.datetime64("2020-12-01", "ns") + np.arange(3) * np.timedelta64(1, "D")
+    xr.Dataset(data, {"time": time, "lat": ("lat", lat, {"units": "degrees_north"}),
+                      "lon": ("lon", lon, {"units": "degrees_east"})}).to_netcdf(path)  # fmt: skip
+    return path
+
+
+@pytest.mark.parametrize(
+    "wider", [np.arange(-180.0, 180.0, 0.25), np.arange(0.0, 360.0, 0.25), np.arange(-185.0, -175.0, 0.2)]
+)
+@pytest.mark.parametrize("box", [None, (176.0, 184.0), (-184.0, -176.0), (176.0, -176.0)])
+def test_products_across_180_are_compared_on_both_sides(
+    wider: Floats, box: tuple[float, float] | None, tmp_path: Path
+) -> None:
+    """Of a box from 175 to 185 E and a globe, the half beyond 180 was left out."""
+    lon = np.arange(175.0, 185.0, 0.25)
+    one = constant(tmp_path / "one.nc", lon, np.where(lon >= 180.0, 0.2, 0.0))
+    other = constant(tmp_path / "other.nc", wider, 0.0 * wider)
+    for pair in ((one, other), (other, one)):
+        assert estimated(*pair, longitude=box).speed == pytest.approx(0.1, rel=0.05)
+
+
 def stated(path: Path, west: float, east: float, units: str = "m s-1") -> Path:
     """Write a product whose errors are these west and east of 37 W."""
     lon, lat = np.arange(-45.0, -29.0, 0.5), np.arange(-60.0, -52.0, 0.5)
@@ -91,6 +121,26 @@ def test_the_size_by_place_is_that_of_the_product(tmp_path: Path) -> None:
     spread = np.std(got, axis=(0, 1))
     assert spread == pytest.approx([0.05, 0.2], rel=0.15)
     assert "x it.nc" in forcing.describe()
+
+
+def test_a_gap_has_the_size_of_the_nearest_places_that_are_known(tmp_path: Path) -> None:
+    """It had the mean of the whole file, which may be of the globe: between errors of 0.05 m/s an error of 0.12."""
+    ds = xr.open_dataset(stated(tmp_path / "it.nc", 0.05, 0.2)).load()
+    gap = (abs(ds["lon"] + 42.0) < 0.8) & (abs(ds["lat"] + 56.0) < 0.8) | ((ds["lon"] > -31.0) & (ds["lat"] > -53.0))
+    ds.assign({name: ds[name].where(~gap) for name in ("uo_err", "vo_err")}).to_netcdf(tmp_path / "gap.nc")
+    field = stated_error(str(tmp_path / "gap.nc"))
+    assert field.at(np.array([-42.0, -30.0]), np.array([-56.0, -52.5])) == pytest.approx([0.05, 0.2])
+
+
+def test_a_gap_at_the_seam_of_a_globe_has_the_size_beyond_the_seam(tmp_path: Path) -> None:
+    lon, lat = np.arange(0.0, 360.0, 2.0), np.arange(-70.0, -40.0, 2.0)
+    size = np.where((lon < 180.0) & (lon > 20.0), 0.05, 0.2) * np.ones((lat.size, 1))
+    size[:, :8] = np.nan
+    data = {name: (("lat", "lon"), size, {"units": "m s-1"}) for name in ("uo_err", "vo_err")}
+    coords = {"lat": ("lat", lat, {"units": "degrees_north"}), "lon": ("lon", lon, {"units": "degrees_east"})}
+    xr.Dataset(data, coords).to_netcdf(tmp_path / "globe.nc")
+    field = stated_error(str(tmp_path / "globe.nc"))
+    assert field.at(np.array([2.0, 100.0]), np.array([-56.0, -56.0])) == pytest.approx([0.2, 0.05])
 
 
 @pytest.mark.parametrize(

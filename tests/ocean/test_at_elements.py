@@ -208,6 +208,34 @@ def test_scattered_nodes_reach_three_of_their_distances(apart: float, held: bool
     assert (places.row[0] >= 0) == held
 
 
+@pytest.mark.parametrize("missing", [0, 1, 4])
+def test_slopes_on_scattered_nodes_come_from_the_nodes_that_are_known(missing: int) -> None:
+    """One missing node of the nine near by made the slope 0."""
+    rng = np.random.default_rng(0)
+    lon, lat = -40.0 + rng.random(400), -56.0 + rng.random(400)
+    metre = DEGREE * EARTH_RADIUS_A68
+    level = 1e-6 * metre * (lat + 56.0) + 2e-6 * metre * np.cos(DEGREE * 55.5) * (lon + 40.0)
+    at = np.array([-39.5]), np.array([-55.5])
+    near = np.argsort(np.hypot((lon - at[0]) * np.cos(DEGREE * 55.5), lat - at[1]))
+    level[near[1:9:2][:missing]] = np.nan
+    east, north = NodeMesh(lon, lat).slopes(level, *at)
+    assert (east[0], north[0]) == pytest.approx((2e-6, 1e-6), rel=0.01)
+
+
+def test_three_nodes_nearly_on_a_line_tell_no_slope_across_it() -> None:
+    lon, lat = (q.ravel() for q in np.meshgrid(0.1 * np.arange(3), 0.1 * np.arange(3)))
+    lat = lat + 1e-3 * (np.arange(9) % 2)
+    level = np.full(9, np.nan)
+    level[3:6] = [0.0, 1e-3, 0.0]  # noise of a millimetre
+    east, north = NodeMesh(lon, lat).slopes(level, np.array([0.1]), np.array([0.1]))
+    assert np.hypot(east[0], north[0]) < 1e-7
+
+
+def test_where_no_node_is_known_the_sea_is_level() -> None:
+    lon, lat = (q.ravel() for q in np.meshgrid(0.1 * np.arange(5), 0.1 * np.arange(5)))
+    assert NodeMesh(lon, lat).slopes(np.full(25, np.nan), np.array([0.2]), np.array([0.2])) == ([0.0], [0.0])
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.6, 2.0])
 def test_places_within_half_a_step_of_the_edge_have_the_value_of_the_edge(angle: float) -> None:
     """The field is not continued beyond its points; farther out there is nothing."""

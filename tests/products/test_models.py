@@ -104,8 +104,9 @@ def along(lon: Any, lat: Any) -> tuple[Any, Any]:
 
 
 def roms(
-    path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bool = True, transform: int = 0
-) -> list[Path]:
+    path: Path, *, grid_apart: bool = False, angle: bool = True, levels: bool = True, transform: int = 0,
+    lacks: str = "",
+) -> list[Path]:  # fmt: skip
     """Write a ROMS file: C grid, s levels, angle; perhaps with the grid in a file of its own, as CROCO has it."""
     j, i = np.mgrid[0:50, 0:50]
     rho, at_u, at_v = (positions(*a) for a in ((j, i), (j[:, :-1], i[:, :-1] + 0.5), (j[:-1] + 0.5, i[:-1])))
@@ -139,7 +140,8 @@ def roms(
         **({"s_rho": ("s_rho", s, words)} if levels else {}),
     }
     files = [path / "his.nc"]
-    xr.Dataset({**fields, **({} if grid_apart else grid)}, coords).to_netcdf(files[0])
+    held = xr.Dataset({**fields, **({} if grid_apart else grid)}, coords)
+    held.drop_vars(lacks.split()).to_netcdf(files[0])
     if grid_apart:
         xr.Dataset(grid).to_netcdf(path / "model_grd.nc")
     return files
@@ -155,6 +157,45 @@ def test_roms_currents_are_turned_and_stand_on_depths(options: dict[str, Any], t
     for depth, share in ((5.0, 1.0 - 5.0 / 400.0), (200.0, 0.5)):
         np.testing.assert_allclose(found["uo"].sel(depth=depth)[0], share * east, atol=3e-3)
         np.testing.assert_allclose(found["vo"].sel(depth=depth)[0], share * north, atol=3e-3)
+
+
+def test_roms_levels_of_which_only_the_name_tells_the_formula_bend_as_it_says(tmp_path: Path) -> None:
+    """They were taken as even shares of the water: a level at 28 m stood at 50 m."""
+    [ds] = [part for part in open_all(roms(tmp_path, transform=1, lacks="Vtransform")) if "uo" in part]
+    speed = np.hypot(ds["uo"], ds["vo"]).isel(time=0)
+    np.testing.assert_allclose(speed.sel(depth=200.0) / speed.sel(depth=0.0), 0.5, atol=5e-3)
+
+
+@pytest.mark.parametrize("transform", [1, 2])
+def test_roms_levels_without_their_stretching_are_refused(transform: int, tmp_path: Path) -> None:
+    """``sc_r``, the levels themselves, was taken for it."""
+    [path] = roms(tmp_path, transform=transform, lacks="Cs_r")
+    with xr.open_dataset(path) as ds:
+        ds.load().assign(sc_r=("s_rho", ds["s_rho"].values)).to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(ForcingError, match=r"follow the sea floor, and the file lacks Cs_r"):
+        open_all([tmp_path / "other.nc"])
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [("temp", "sst"), ("salt", "sss"), ("zeta", "ssh"),
+     ("aice", "ice_fraction"), ("uice_eastward", "ui"), ("vice_northward", "vi")],
+)  # fmt: skip
+def test_roms_fields_of_the_sea_are_unknown_on_land(name: str, quantity: str, tmp_path: Path) -> None:
+    """Zeros of temperature and salinity on land were mixed into the water beside it."""
+    [path] = roms(tmp_path, levels=False)
+    with xr.open_dataset(path) as ds:
+        ds = ds.load()
+    mask = np.ones((50, 50))
+    mask[:, :20] = 0.0
+    plane = ("eta_rho", "xi_rho")
+    for own in ("temp", "salt", "zeta", "aice", "uice_eastward", "vice_northward", "Uwind_eastward", "Vwind_northward"):
+        ds[own] = ("ocean_time", *plane), 0.8 * mask[None], {"coordinates": "lon_rho lat_rho"}
+    ds.assign(mask_rho=(plane, mask)).to_netcdf(tmp_path / "other.nc")
+    parts = open_all([tmp_path / "other.nc"])
+    found = next(part[quantity] for part in parts if quantity in part).isel(time=0)
+    np.testing.assert_array_equal(np.isfinite(found), mask > 0.5)
+    assert any(np.isfinite(part["ua"]).all() for part in parts if "ua" in part)
 
 
 def test_roms_without_its_grid_says_where_to_put_it(tmp_path: Path) -> None:
@@ -173,6 +214,38 @@ def test_angle_in_other_units_than_it_says_is_refused(tmp_path: Path) -> None:
     wrong.to_netcdf(path)
     with pytest.raises(ForcingError, match="differs from the direction of its grid by 90 degrees"):
         open_all([path])
+
+
+@pytest.mark.parametrize("degrees", [0.15, 6.2, 20.0])
+@pytest.mark.parametrize("unit", ["degree", "radian"])
+def test_the_unit_of_an_angle_without_one_is_that_which_fits_the_grid(
+    degrees: float, unit: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """6.2 and 0.15 degrees everywhere were taken as radians: the current turned by 11 and 8 degrees too far."""
+    monkeypatch.setattr("products.test_models.TURN", np.deg2rad(degrees))
+    [path] = roms(tmp_path, levels=False)
+    with xr.open_dataset(path) as ds:
+        ds = ds.load()
+    del ds["angle"].attrs["units"]
+    if unit == "degree":
+        ds["angle"] = np.rad2deg(ds["angle"])
+    ds.to_netcdf(tmp_path / "other.nc")
+    [ds] = [part for part in open_all([tmp_path / "other.nc"]) if "uo" in part]
+    east, north = truth("uo", ds["lon"].values, ds["lat"].values, CENTRE)
+    inner = (slice(2, -2), slice(2, -2))
+    np.testing.assert_allclose(ds["uo"][0].values[inner], east[inner], atol=3e-3)
+    np.testing.assert_allclose(ds["vo"][0].values[inner], north[inner], atol=3e-3)
+
+
+def test_a_wrong_angle_without_unit_is_no_small_one_in_degrees(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("products.test_models.TURN", np.deg2rad(0.2))
+    [path] = roms(tmp_path, levels=False)
+    with xr.open_dataset(path) as ds:
+        ds = ds.load()
+    ds["angle"] = (ds["angle"] - np.pi / 2).drop_attrs()
+    ds.to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(ForcingError, match="differs from the direction of its grid by 90 degrees"):
+        open_all([tmp_path / "other.nc"])
 
 
 def fvcom(path: Path) -> Path:

@@ -52,6 +52,30 @@ def test_zeros_where_a_mask_says_land_are_no_still_water(tmp_path: Path, said: s
         forcing_of(tmp_path, written(tmp_path, over).name).check(elements(), 0.0, 8640.0)
 
 
+CROCO = {"option_0": "land", "option_1": "water"}
+
+
+@pytest.mark.parametrize(
+    ("said", "attributes", "land"),
+    [
+        ("land_binary_mask", CROCO, 0.0),
+        ("land_binary_mask", {"flag_values": np.array([0.0, 1.0]), "flag_meanings": "land water"}, 0.0),
+        ("sea_binary_mask", {"flag_values": np.array([1, 0], "i1"), "flag_meanings": "land sea"}, 1.0),
+        ("land_binary_mask", {"flag_meanings": "land water"}, 1.0),
+        ("land_binary_mask", {"flag_values": "0, 1", "flag_meanings": "land water"}, 1.0),
+    ],
+)
+def test_a_mask_that_says_what_its_values_mean_is_believed_over_its_standard_name(
+    tmp_path: Path, said: str, attributes: dict[str, Any], land: float
+) -> None:
+    """CROCO calls its mask land_binary_mask, with 1 for water: the sea was dropped, and zeros on land kept."""
+    ds = with_land(plain(names=("sst",)), slice(0, 6), said, land, 1.0 - land)
+    ds["wherever"].attrs |= attributes
+    sst = open_product(written(tmp_path, ds))["sst"].isel(time=0)
+    assert np.isnan(sst[:6]).all()
+    assert np.isfinite(sst[6:]).all()
+
+
 def test_wind_is_known_over_land_too(tmp_path: Path) -> None:
     ds = plain(names=("ua", "va"))
     mask = np.zeros((ds.sizes["lat"], ds.sizes["lon"]))

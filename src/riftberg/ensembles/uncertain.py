@@ -254,7 +254,8 @@ def stated_error(path: str) -> SizeField:
 
     Variables of errors are found by their names or standard names (``uo_err``, ``err_ugosa``,
     ``eastward_eulerian_current_velocity_error``, standard name with ``standard_error``). Records and both components are
-    brought together as the root of their mean square, the uppermost level counts.
+    brought together as the root of their mean square, the uppermost level counts. Where the product states none, its
+    nearest place that has one counts.
 
     Raises
     ------
@@ -262,6 +263,9 @@ def stated_error(path: str) -> SizeField:
         If the file states none on axes of longitude and latitude.
     """
     # Here, for each run looks up what may be uncertain: to load xarray and all products would make its start half as long again.
+    from scipy.spatial import cKDTree
+
+    from riftberg.plane import unit_vectors
     from riftberg.products.cf import role_of, units_of
     from riftberg.system.netcdf_lock import open_lazily
 
@@ -290,7 +294,10 @@ def stated_error(path: str) -> SizeField:
         size = np.sqrt(np.asarray(square))
     if not np.isfinite(size).any():
         raise ForcingError(f"{pair[0]} holds no value", where=path, remedy=remedy)
-    size = np.where(np.isfinite(size), size, np.nanmean(size))[np.argsort(lat)][:, np.argsort(lon)]
+    if not np.isfinite(size).all():
+        places, known = unit_vectors(*np.meshgrid(lon, lat)), np.isfinite(size)
+        size[~known] = size[known][cKDTree(places[known]).query(places[~known])[1]]  # the nearest, also across the seam
+    size = size[np.argsort(lat)][:, np.argsort(lon)]
     return SizeField(np.sort(lon), np.sort(lat), size, Path(path).name)
 
 
@@ -344,10 +351,16 @@ def estimated(
     InputError
         If the products do not overlap, or have no current on such axes.
     """
+    from riftberg.products.mesh import longitudes_near
+
     one, other = (_currents(path) for path in (first, second))
     if _spacing(one) < _spacing(other):
         one, other = other, one  # on the points of the coarser one
-    for axis, wanted in (("lon", longitude), ("lat", latitude)):
+    # Both on the branch of the box, or of the narrower one, for they may stand on either side of 180.
+    west, east = longitude or min(((float(ds["lon"][0]), float(ds["lon"][-1])) for ds in (one, other)), key=np.ptp)
+    east = east if east >= west else east + 360.0
+    one, other = (longitudes_near(ds, west, east) for ds in (one, other))
+    for axis, wanted in (("lon", longitude and (west, east)), ("lat", latitude)):
         low, high = (f(float(one[axis][k]), float(other[axis][k])) for f, k in ((max, 0), (min, -1)))
         low, high = (low, high) if wanted is None else (max(low, wanted[0]), min(high, wanted[1]))
         one = one.sel({axis: slice(low, high)})

@@ -348,16 +348,20 @@ def _terms(ds: xr.Dataset, axis: xr.DataArray, where: str) -> tuple[str, Floats,
     floor = next((name for name in (terms.get("depth"), "h") if name and name in ds.variables), None)
     metadata_name = standard_name(axis)
     transform = next((float(np.ravel(ds[n].values)[0]) for n in ("Vtransform",) if n in ds.variables), None)
+    # Files from before ROMS had a choice do not name the transform: theirs is the first, as in CF's "ocean_s_coordinate".
+    stretched = transform is None and (metadata_name == "ocean_s_coordinate" or "C" in terms)
     kind = (
         "g1"
         if "g1" in metadata_name or transform == 1.0
         else "g2"
         if "g2" in metadata_name or transform == 2.0
+        else "g1"
+        if stretched
         else "sigma"
     )
     if "sigma" in metadata_name:
         kind = "sigma"
-    c_name = next((n for n in (terms.get("C"), "Cs_r", "Cs_rho", "sc_r") if n and n in ds.variables), None)
+    c_name = next((n for n in (terms.get("C"), "Cs_r", "Cs_rho") if n and n in ds.variables), None)
     hc_name = next((n for n in (terms.get("depth_c"), "hc", "Tcline") if n and n in ds.variables), None)
     lacking = [word for word, name in (("h", floor), ("Cs_r", c_name), ("hc", hc_name)) if name is None]
     if floor is None or (kind != "sigma" and lacking):

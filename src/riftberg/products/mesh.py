@@ -276,10 +276,15 @@ class NodeMesh:
         turn = (self.points.lon[0][near] - lon[:, None] + 180.0) % 360.0 - 180.0
         east = EARTH_RADIUS_A68 * np.deg2rad(turn) * np.cos(np.deg2rad(lat[:, None]))
         north = EARTH_RADIUS_A68 * np.deg2rad(self.points.lat[0][near] - lat[:, None])
-        sides = np.stack([q - q.mean(axis=1, keepdims=True) for q in (east, north)], axis=-1)
-        level = values[near] - values[near].mean(axis=1, keepdims=True)
-        # The pseudo-inverse also serves nodes on one line: across it the slope is 0.
-        slope = np.linalg.pinv(sides) @ np.nan_to_num(level)[..., None]
+        # Nodes without a value, such as those on land, take no part: their rows are 0 on both sides.
+        known = np.isfinite(values[near])
+        count = np.maximum(known.sum(axis=1, keepdims=True), 1)
+        means = [np.where(known, q, 0.0).sum(axis=1, keepdims=True) / count for q in (east, north, values[near])]
+        x, y, level = (
+            np.where(known, q - mean, 0.0) for q, mean in zip((east, north, values[near]), means, strict=True)
+        )
+        # Across nodes that lie on one line, or nearly, the slope is 0: a few beside land must not tell it from noise.
+        slope = np.linalg.pinv(np.stack([x, y], axis=-1), rcond=0.05) @ level[..., None]
         return slope[:, 0, 0], slope[:, 1, 0]
 
 

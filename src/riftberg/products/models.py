@@ -280,11 +280,27 @@ def _staggered(ds: xr.Dataset) -> xr.Dataset:
     return ds
 
 
+_ROMS_FIELDS = (
+    Source("uo", ("u_eastward", "u"), "m s-1"),
+    Source("vo", ("v_northward", "v"), "m s-1"),
+    Source("ssh", ("zeta",), "m"),
+    Source("sst", ("temp",), "degrees_C"),
+    Source("sss", ("salt",), "1e-3"),
+    Source("ua", ("Uwind_eastward", "Uwind"), "m s-1"),
+    Source("va", ("Vwind_northward", "Vwind"), "m s-1"),
+    Source("ice_fraction", ("aice",), "1"),
+    Source("ice_thickness", ("hice",), "m"),
+    Source("ui", ("uice_eastward", "uice"), "m s-1"),
+    Source("vi", ("vice_northward", "vice"), "m s-1"),
+    Source("depth_below_surface", ("h",), "m"),
+)
+_KNOWN_OVER_LAND = ("ua", "va", "depth_below_surface")
+
+
 def _without_land(ds: xr.Dataset) -> xr.Dataset:
-    """Turn values where the masks of the model say land into missing ones."""
-    for name in [
-        n for n in ds.data_vars if n in ("u", "v", "u_eastward", "v_northward", "zeta", "aice", "hice", "uice", "vice")
-    ]:
+    """Turn values of the sea where the masks of the model say land into missing ones: the model writes zeros there."""
+    of_sea = {name for field in _ROMS_FIELDS if field.quantity not in _KNOWN_OVER_LAND for name in field.names}
+    for name in [n for n in ds.data_vars if n in of_sea]:
         for mask in ("mask_rho", "mask_u", "mask_v"):
             if mask in ds.variables and set(ds[mask].dims) <= set(ds[name].dims) and ds[mask].ndim == 2:
                 ds = ds.assign({name: ds[name].where(ds[mask] > 0.5).assign_attrs(ds[name].attrs)})
@@ -297,20 +313,7 @@ ROMS = Product(
     citation=_CITATION,
     evidence="sample",
     matches=_is_roms,
-    sources=(
-        Source("uo", ("u_eastward", "u"), "m s-1"),
-        Source("vo", ("v_northward", "v"), "m s-1"),
-        Source("ssh", ("zeta",), "m"),
-        Source("sst", ("temp",), "degrees_C"),
-        Source("sss", ("salt",), "1e-3"),
-        Source("ua", ("Uwind_eastward", "Uwind"), "m s-1"),
-        Source("va", ("Vwind_northward", "Vwind"), "m s-1"),
-        Source("ice_fraction", ("aice",), "1"),
-        Source("ice_thickness", ("hice",), "m"),
-        Source("ui", ("uice_eastward", "uice"), "m s-1"),
-        Source("vi", ("vice_northward", "vice"), "m s-1"),
-        Source("depth_below_surface", ("h",), "m"),
-    ),
+    sources=_ROMS_FIELDS,
     reshape=lambda ds: _without_land(_staggered(_with_grid(ds))),
     notes=(
         "u and v are brought to the points of u and turned with the angle of the file",

@@ -19,6 +19,9 @@ _PACKING = ("scale_factor", "add_offset")
 _SEA, _LAND = ("sea_binary_mask", "sea_area_fraction"), ("land_binary_mask", "land_area_fraction")
 """Standard names of masks: above 0 there is sea, from 1 on there is land alone."""
 
+_WATER = ("water", "sea", "ocean")
+"""Words by which masks themselves say that a value stands for the sea."""
+
 
 def with_plain_packing(raw: xr.Dataset, where: str) -> xr.Dataset:
     """Return an undecoded dataset whose scale factors and offsets are numbers, also where the file writes them as text."""
@@ -52,8 +55,20 @@ def without_land(ds: xr.Dataset, field: xr.DataArray) -> xr.DataArray:
     """Return a field of the sea without the values where a mask of its file says land, which files write as zeros."""
     for name, mask in ds.variables.items():
         if mask.ndim > 1 and set(mask.dims) <= set(field.dims) and (said := standard_name(mask)) in (*_SEA, *_LAND):
-            field = field.where(ds[name] > 0 if said in _SEA else ~(ds[name] >= 1))
+            one = _meaning_of_one(mask)
+            of_sea = said in _SEA if one not in (*_WATER, "land") else one in _WATER
+            field = field.where(ds[name] > 0 if of_sea else ~(ds[name] >= 1))
     return field
+
+
+def _meaning_of_one(mask: xr.Variable) -> str:
+    """Return the word that a mask itself gives for its value 1, in lower case; empty if it gives none.
+
+    CROCO writes ``option_1 = "water"`` beside the standard name ``land_binary_mask``.
+    """
+    flags, words = np.ravel(mask.attrs.get("flag_values", ())), str(mask.attrs.get("flag_meanings", "")).split()
+    meant = dict(zip(flags.tolist(), words, strict=False)) if flags.dtype.kind in "iuf" else {}
+    return str(mask.attrs.get("option_1", meant.get(1, ""))).strip().lower()
 
 
 def within_valid_range(ds: xr.Dataset) -> xr.Dataset:

@@ -40,6 +40,9 @@ _COSINES = (
 _TOLERANCE = 0.2
 """Largest median difference (rad) between an angle of the file and the direction of its grid."""
 
+_CLOSE = 0.02
+"""Median difference (rad) up to which the direction of the grid tells that an angle without a unit is in degrees."""
+
 _OVERLAP = 0.8
 """Share of the points of one component that must lie on the grid of the other."""
 
@@ -75,11 +78,14 @@ def with_angle(ds: xr.Dataset, field: xr.DataArray, name: str, place: Any, *, wh
         angle = _direction(here, after - before)
     else:
         lon, lat = np.asarray(field["lon"].values), np.asarray(field["lat"].values)
-        of_file = _of_file(ds, lon, lat, place)
-        angle = _of_positions(lon, lat, name, where, any_hand=of_file is not None)
-        if of_file is not None:
+        read = _of_file(ds, lon, lat, place)
+        angle = _of_positions(lon, lat, name, where, any_hand=bool(read))
+        if read:
             # The median, for a few cells at a pole or a seam may point anywhere.
-            off = np.nanmedian(np.abs((of_file - angle + np.pi) % (2.0 * np.pi) - np.pi))
+            apart = [np.nanmedian(np.abs((one - angle + np.pi) % (2.0 * np.pi) - np.pi)) for one in read]
+            # A small angle in degrees lies near that of any unturned grid: it is believed where it fits closely alone.
+            chosen = int(np.argmin(apart)) if min(apart) < _CLOSE else 0
+            of_file, off = read[chosen], apart[chosen]
             if off > _TOLERANCE:
                 raise ForcingError(
                     f"the angle that the file gives differs from the direction of its grid by {np.rad2deg(off):.0f} degrees",
@@ -112,21 +118,25 @@ def _of_positions(lon: Floats, lat: Floats, name: str, where: str, *, any_hand: 
     return _direction(points, along)
 
 
-def _of_file(ds: xr.Dataset, lon: Floats, lat: Floats, place: Any) -> Floats | None:
-    """Return the angle (rad) that the file gives, at positions of a component; None if it gives none."""
+def _of_file(ds: xr.Dataset, lon: Floats, lat: Floats, place: Any) -> list[Floats]:
+    """Return the angle (rad) that the file gives, at positions of a component; if it tells no unit, read in both."""
     for name in _ANGLES:
         if name in ds.variables and ds[name].ndim >= 2:
-            angle = place(name)
+            angle, units = place(name), units_of(ds[name]).lower()
             values = np.asarray(angle.values, float)
-            # Many files leave the unit out; radians never come near these numbers.
-            if units_of(ds[name]).lower().startswith("deg") or np.nanmax(np.abs(values)) > 2.0 * np.pi + 0.1:
-                values = np.deg2rad(values)
-            return _angle_at(angle, np.cos(values), np.sin(values), lon, lat)
+            # Radians never come near numbers beyond a turn; below, many files leave the unit out.
+            if units.startswith("deg") or np.nanmax(np.abs(values)) > 2.0 * np.pi + 0.1:
+                may_be = [np.deg2rad(values)]
+            else:
+                may_be = [values] if units.startswith("rad") else [values, np.deg2rad(values)]
+            there = (_angle_at(angle, np.cos(one), np.sin(one), lon, lat) for one in may_be)
+            return [one for one in there if one is not None]
     for cosine, sine in _COSINES:
         if {cosine, sine} <= set(ds.variables):
             placed = place(cosine)
-            return _angle_at(placed, placed.values, place(sine).values, lon, lat)
-    return None
+            found = _angle_at(placed, placed.values, place(sine).values, lon, lat)
+            return [] if found is None else [found]
+    return []
 
 
 def _angle_at(placed: xr.DataArray, cosine: Floats, sine: Floats, lon: Floats, lat: Floats) -> Floats | None:
