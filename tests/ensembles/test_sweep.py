@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +29,7 @@ from riftberg.ensembles.sweep import Store, _cells, join_parts, planned
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.runs.run_file import open_run
+from riftberg.verification.sightings import away_from
 
 SPEEDS = [0.1, 0.2, 0.3]
 
@@ -552,3 +554,29 @@ def test_the_command_runs_is_interrupted_and_goes_on(tmp_path: Path) -> None:
     single.advance(2.0, recorders=[track])
     assert result["lon"].values[0, 0].tolist() == [row[2] for row in track.rows if row[1] == 1.0]
     assert json.loads((out / "sweep.json").read_text())["days"] == 2.0
+
+
+def begun(start: str) -> Model:
+    berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Steady(current=(0.3, 0.0)), start=datetime.fromisoformat(start))
+
+
+def test_members_that_start_at_other_dates_have_their_own(tmp_path: Path) -> None:
+    """Bug: all had the dates of member 0; member 1 lay 14 km beside its own rerun."""
+    starts = ["2020-12-01 00:00:00", "2020-12-03 00:00:00"]
+    ds = sweep(begun, {"start": starts}, days=3, every_hours=6, workers=0, output=tmp_path / "s")
+    assert ds["start_after"].values.tolist() == [0.0, 2 * 86400.0]
+    run = begun(starts[1]).run(days=3, every_hours=6)
+    for later in (slice(None), slice(4, None)):  # also of a part of the tracks
+        compared = run.riftberg.compare(ds.isel(member=1, time=later))
+        assert compared["time"].values[-1] == np.datetime64("2020-12-06")
+        assert compared["distance"].values == pytest.approx(0.0, abs=1.0)
+    with pytest.raises(InputError, match="members that start at different dates"):
+        away_from(ds, datetime(2020, 12, 3), (-37.0, -56.0))
+    east, north = away_from(ds.isel(member=[1]), datetime(2020, 12, 3), (-37.0, -56.0))[0]
+    assert (east, north) == pytest.approx((0.0, 0.0), abs=0.1)
+    # A file of an earlier version has the dates of the members only as inputs.
+    old = ds.drop_vars("start_after")
+    write_sweep(old, tmp_path / "old.nc")
+    assert open_sweep(tmp_path / "old.nc")["start_after"].values.tolist() == [0.0, 2 * 86400.0]
+    draw_sweep(ds, tmp_path / "s.png")
