@@ -306,3 +306,18 @@ def test_a_sweep_is_no_forecast(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["hazard", str(tmp_path)])
     assert "holds no forecast" in " ".join(said.output.split())
     assert not (tmp_path / "hazard").exists()
+
+
+def test_members_without_weight_come_near_nothing() -> None:
+    """Bug: after ``riftberg update`` members of weight 0 still told when, and how near, ice comes."""
+    ds = standing([-38.0] * 2 + [-40.0] * 8)
+    ds["weight"] = "member", [5.0] * 2 + [0.0] * 8
+    found = approach(ds, "rig", shapely.Point(-40.0, -56.0), 20e3)
+    assert found.probability[-1] == 0.0
+    assert np.isnat(found.first_arrival).all()
+    km = 2 * DEGREE * np.cos(np.deg2rad(56.0)) - np.sqrt(100 / np.pi)
+    assert found.closest / 1e3 == pytest.approx([km] * 2, abs=0.5)
+    assert f"closest approach {km:.0f} km, median {km:.0f} km" in found.told()
+    # The median is that of the weight, not of the number of members.
+    ds["weight"] = "member", [4.0] * 2 + [0.25] * 8
+    assert f"closest approach 0 km, median {km:.0f} km" in approach(ds, "rig", shapely.Point(-40.0, -56.0), 20e3).told()

@@ -226,12 +226,14 @@ class Approach:
     low: Floats  # Ends of Wilson's interval
     high: Floats  # Ends of Wilson's interval
     first_arrival: Any  # Dates by which 10, 50 and 90 % of the members that arrive have arrived; NaT where none does
-    closest: Floats  # Closest approach of each member, m; 0 where ice lies over it
+    closest: Floats  # Closest approach of each member that counts, m; 0 where ice lies over it
+    weight: Floats  # Of these members
 
     def told(self) -> str:
         """Return it in a line."""
         p, low, high = (100.0 * float(a[-1]) for a in (self.probability, self.low, self.high))
-        near_by = f"closest approach {self.closest.min() / 1e3:.0f} km, median {np.median(self.closest) / 1e3:.0f} km"
+        median = float(quantiles(self.closest, self.weight, 0.5))
+        near_by = f"closest approach {self.closest.min() / 1e3:.0f} km, median {median / 1e3:.0f} km"
         arrival = (
             ""
             if np.isnat(self.first_arrival[1])
@@ -262,6 +264,8 @@ def _the_short_way(p: Floats) -> Floats:
 def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     """Return how likely ice comes within a distance (m) of a shape in degrees."""
     done, weight = counted(ds)
+    # After sightings some members count in nothing.
+    done, weight = done.isel(member=weight > 0.0), weight[weight > 0.0]
     if shape.is_empty:
         raise InputError("an empty shape", where=name, remedy="Give a point, a line or an area")
     shape = shapely.transform(shape, _the_short_way)
@@ -307,7 +311,7 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
         seconds = np.rint(3600.0 * quantiles(arrived, weight, (0.1, 0.5, 0.9)))
         dates = start.astype("datetime64[s]") + seconds.astype("timedelta64[s]")
     share = np.clip(share, 0.0, 1.0)
-    return Approach(name, within, ds["time"].values, share, low, high, dates, closest)
+    return Approach(name, within, ds["time"].values, share, low, high, dates, closest, weight)
 
 
 # ---- files ------------------------------------------------------------------------------------------------------------
