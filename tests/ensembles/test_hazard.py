@@ -321,3 +321,13 @@ def test_members_without_weight_come_near_nothing() -> None:
     # The median is that of the weight, not of the number of members.
     ds["weight"] = "member", [4.0] * 2 + [0.25] * 8
     assert f"closest approach 0 km, median {km:.0f} km" in approach(ds, "rig", shapely.Point(-40.0, -56.0), 20e3).told()
+
+
+def test_ice_that_comes_after_the_last_whole_hour_has_come() -> None:
+    """Bug: tracks were read every hour from the start on, and what is beyond the last whole hour was not seen."""
+    ds = standing([-37.0] * 3, area=1e4)
+    ds = ds.assign_coords(lead=ds["lead"] * 6.5 / 24.0)
+    ds["lat"].values[..., -1] = -55.9
+    found = approach(ds, "rig", shapely.Point(-37.0, -55.9), 100.0)
+    assert found.probability.tolist() == [0.0, 1.0]
+    assert found.closest.tolist() == [0.0] * 3

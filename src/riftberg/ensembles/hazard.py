@@ -280,7 +280,7 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     flat = shapely.transform(shape, laid_flat)
     shapely.prepare(flat)
     lead = ds["lead"].values
-    fine = np.arange(lead[0], lead[-1] + 0.5 * HOURS, HOURS) if len(lead) > 1 else lead
+    fine = np.union1d(np.arange(lead[0], lead[-1], HOURS), lead)  # and at the positions themselves
     ellipses = axes_of(done)
     arrived, closest = np.full(done.sizes["member"], np.inf), np.full(done.sizes["member"], np.inf)
     for m in range(done.sizes["member"]):
@@ -288,8 +288,7 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
             known = np.isfinite(done["lon"].values[m, p])
             if not known.any():
                 continue
-            there = (fine >= lead[known][0]) & (fine <= lead[known][-1])
-            hours = fine[there] if there.any() else lead[known]
+            hours = fine[(fine >= lead[known][0]) & (fine <= lead[known][-1])]
             track = near(done["lon"].values[m, p][known], float(done["lon"].values[m, p][known][0]))
             lon = np.interp(hours, lead[known], track)
             lat = np.interp(hours, lead[known], done["lat"].values[m, p][known])
