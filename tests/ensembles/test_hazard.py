@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,6 +19,7 @@ from typer.testing import CliRunner
 from riftberg.cli.ensembles import _distance
 from riftberg.cli.main import app
 from riftberg.ensembles.hazard import approach, geojson, ice_limits, positions, smallest_line
+from riftberg.ensembles.probability import wilson
 from riftberg.ensembles.result import write_sweep
 
 from .made import forecast_of, outcome
@@ -331,3 +333,19 @@ def test_ice_that_comes_after_the_last_whole_hour_has_come() -> None:
     found = approach(ds, "rig", shapely.Point(-37.0, -55.9), 100.0)
     assert found.probability.tolist() == [0.0, 1.0]
     assert found.closest.tolist() == [0.0] * 3
+
+
+def test_what_unfinished_members_did_counts_and_the_rest_is_not_known() -> None:
+    """Bug: five of ten members lay over the harbour before they ran out of time, and the answer was 0 % (0 to 35)."""
+    members = [outcome(k, [-38.0] * 4, [-56.0] * 4) for k in range(5)]
+    members += [replace(outcome(k, [-38.0, -40.0], [-56.0] * 2), status="unfinished") for k in range(5, 10)]
+    ds = forecast_of(members, 3)
+    harbour = approach(ds, "harbour", shapely.Point(-40.0, -56.0), 20e3)
+    assert harbour.probability == pytest.approx([0.0, 0.5, 0.5, 0.5])
+    assert harbour.low[-1] == pytest.approx(wilson(0.5, 10)[0])
+    assert harbour.high[-1] == pytest.approx(wilson(0.5, 10)[1])
+    # Where those that are known until the end do not come, the others might.
+    far = approach(ds, "far", shapely.Point(-30.0, -56.0), 20e3)
+    assert far.probability.tolist() == [0.0] * 4
+    assert far.high == pytest.approx([wilson(0.0, 10)[1]] * 2 + [wilson(0.5, 10)[1]] * 2)
+    assert far.low.tolist() == [0.0] * 4

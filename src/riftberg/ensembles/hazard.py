@@ -19,7 +19,7 @@ from shapely.geometry import mapping
 from shapely.geometry.polygon import orient
 
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import axes_of, counted, effective, near, quantiles, wilson
+from riftberg.ensembles.probability import axes_of, counted, effective, near, quantiles, share_until, with_interval
 from riftberg.errors import InputError
 from riftberg.plane import ellipses
 from riftberg.state import Floats
@@ -223,8 +223,8 @@ class Approach:
     within: float  # m
     time: Any  # Dates
     probability: Floats  # That ice has come that near until then
-    low: Floats  # Ends of Wilson's interval
-    high: Floats  # Ends of Wilson's interval
+    low: Floats  # Ends of Wilson's interval, with what is not known of unfinished members as no and as yes
+    high: Floats
     first_arrival: Any  # Dates by which 10, 50 and 90 % of the members that arrive have arrived; NaT where none does
     closest: Floats  # Closest approach of each member that counts, m; 0 where ice lies over it
     weight: Floats  # Of these members
@@ -262,8 +262,11 @@ def _the_short_way(p: Floats) -> Floats:
 
 
 def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
-    """Return how likely ice comes within a distance (m) of a shape in degrees."""
-    done, weight = counted(ds)
+    """Return how likely ice comes within a distance (m) of a shape in degrees.
+
+    What an unfinished member did counts; what it would have done after its last position is not known.
+    """
+    done, weight = counted(ds, "unfinished")
     # After sightings some members count in nothing.
     done, weight = done.isel(member=weight > 0.0), weight[weight > 0.0]
     if shape.is_empty:
@@ -301,15 +304,14 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
             close = np.flatnonzero(away <= within)
             if close.size:
                 arrived[m] = min(arrived[m], float(hours[close[0]]))
-    share = weight @ (arrived[:, None] <= lead[None, :] + 1e-9)
-    low, high = wilson(np.clip(share, 0.0, 1.0), effective(weight))
+    share, unknown = share_until(done, weight, arrived[:, None] <= lead[None, :] + 1e-9)
+    share, low, high = with_interval(share, effective(weight), unknown)
     came = np.isfinite(arrived)
     start = ds["time"].values[0]
     dates = np.full(3, np.datetime64("NaT", "s"))
     if came.any():
         seconds = np.rint(3600.0 * quantiles(arrived, weight, (0.1, 0.5, 0.9)))
         dates = start.astype("datetime64[s]") + seconds.astype("timedelta64[s]")
-    share = np.clip(share, 0.0, 1.0)
     return Approach(name, within, ds["time"].values, share, low, high, dates, closest, weight)
 
 

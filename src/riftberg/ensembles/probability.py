@@ -137,16 +137,24 @@ def _add_dated(ds: xr.Dataset) -> None:
 
     What an unfinished member did counts; what it would have done after its last position is not known.
     """
-    (of, weight), time = counted(ds, "unfinished"), ds["time"].values
-    beyond = np.zeros((weight.size, time.size), bool)
+    of, weight = counted(ds, "unfinished")
+    for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
+        share, unknown = share_until(of, weight, of[when].values[:, None] <= ds["time"].values)
+        _add(ds, name, ("time",), share, effective(weight), unknown)
+
+
+def share_until(of: xr.Dataset, weight: Floats, yes: Any) -> tuple[Floats, Floats]:
+    """Return by date the share of what has happened until then, and the weight of the members of which it is not known.
+
+    ``yes``: whether it has happened to each member (members, times). Of an unfinished one that it has not happened to, nothing
+    is known after its last position.
+    """
+    beyond = np.zeros(yes.shape, bool)
     for k in np.flatnonzero(of["status"].values == STATUS["unfinished"]):
         there = np.isfinite(of["area"].isel(member=k).values).any(axis=0)
         beyond[k] = np.cumsum(there[::-1])[::-1] == 0
-    for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
-        yes = of[when].values[:, None] <= time
-        unknown = weight @ (beyond & ~yes)
-        share = weight @ yes / np.maximum(1.0 - unknown, 1e-300)
-        _add(ds, name, ("time",), share, effective(weight), unknown)
+    unknown = weight @ (beyond & ~yes)
+    return weight @ yes / np.maximum(1.0 - unknown, 1e-300), unknown
 
 
 def _unfinished_share(ds: xr.Dataset) -> float:
@@ -155,16 +163,21 @@ def _unfinished_share(ds: xr.Dataset) -> float:
     return float(weight[of["status"].values == STATUS["unfinished"]].sum())
 
 
-def _add(
-    ds: xr.Dataset, name: str, dims: tuple[str, ...], share: Floats, number: float, unknown: float | Floats
-) -> None:  # fmt: skip
-    """Add a probability and its interval, whose ends take what is not known of members as no and as yes.
+def with_interval(share: Floats, number: float, unknown: float | Floats) -> tuple[Floats, Floats, Floats]:
+    """Return a probability and the ends of its interval, which take what is not known of members as no and as yes.
 
     ``unknown``: weight of the members of which it is not known; ``share``: of the others.
     """
     share = np.clip(share, 0.0, 1.0)
     least = share * (1.0 - unknown)
-    low, high = wilson(least, number)[0], wilson(np.minimum(least + unknown, 1.0), number)[1]
+    return share, wilson(least, number)[0], wilson(np.minimum(least + unknown, 1.0), number)[1]
+
+
+def _add(
+    ds: xr.Dataset, name: str, dims: tuple[str, ...], share: Floats, number: float, unknown: float | Floats
+) -> None:  # fmt: skip
+    """Add a probability and its interval."""
+    share, low, high = with_interval(share, number, unknown)
     about = {"units": "1", "long_name": _ABOUT[name]}
     ds[name] = (dims, share, about)
     ds[f"{name}_low"] = (dims, low, {**about, "long_name": f"{_ABOUT[name]}: lower end of the interval"})
