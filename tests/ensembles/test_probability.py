@@ -186,6 +186,14 @@ def test_scenarios_have_their_members_and_what_sets_them_apart() -> None:
     assert "start strength low" in other.told()
 
 
+def test_scenario_0_is_the_likeliest_by_weight() -> None:
+    """Bug: numbers went by how many members a scenario has; one that weighs nothing was number 0."""
+    members = [still(k, broken=2 if k < 3 else None) for k in range(8)]
+    ds = forecast_of(members, 4, weight=[8 / 3] * 3 + [0.0] * 5)
+    assert ds["scenario"].values.tolist() == [0, 0, 0, 1, 1, 1, 1, 1]
+    assert [(s.number, s.probability) for s in scenarios(ds)] == [(0, pytest.approx(1.0)), (1, 0.0)]
+
+
 def test_the_representative_of_a_scenario_is_in_its_middle_across_the_date_line() -> None:
     ends = [179.6, 179.8, -180.0, -179.8, -179.6]
     assert [

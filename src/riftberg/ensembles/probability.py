@@ -373,7 +373,9 @@ class Breaks:
             ds[name] = (("own_y", "own_x"), values, {"units": unit, "long_name": meaning})
         number = np.concatenate(self.numbers)
         known = number >= 0
-        rank = np.argsort(np.argsort(-np.bincount(number[known], minlength=len(self.leaders)), kind="stable"))
+        weight = np.ones(number.size) if self.weight is None else np.asarray(self.weight, float)
+        weighs = np.bincount(number[known], weight[known], minlength=len(self.leaders))
+        rank = np.argsort(np.argsort(-weighs, kind="stable"))
         number[known] = rank[number[known]]
         about = {"long_name": "scenario of the member, 0 the likeliest; -1 for none"}
         ds["scenario"] = ("member", number.astype("i4"), about)
