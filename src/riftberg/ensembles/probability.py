@@ -14,7 +14,7 @@ import xarray as xr
 from riftberg.compiled.kernels import kernel
 from riftberg.config.units import duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.result import MEANS, STATUS
+from riftberg.ensembles.result import MEANS, MOST_LISTED, STATUS
 from riftberg.state import Floats
 
 LEVEL: Final = 0.9
@@ -117,6 +117,11 @@ def with_probabilities(
     unfinished = int((ds["status"].values == STATUS["unfinished"]).sum())
     if unfinished:
         ds.attrs["not_covered"] += f"; {unfinished} unfinished member{'s' if unfinished > 1 else ''}"
+    begun = counted(ds, "unfinished")[0]
+    listed = (begun["fragment_parent"].values > 0).sum(axis=1)
+    cut = int((begun["breakups"].values > listed).sum())
+    if cut:
+        ds.attrs["not_covered"] += f"; pieces beyond the {MOST_LISTED} largest in {cut} member{'s' if cut > 1 else ''}"
     _add_dated(ds)
     bounds = np.array(AREA_CLASSES)
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
