@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -439,7 +440,9 @@ def on_cells(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Fresh water of the parts of a population, computed in this process."""
     folder = tmp_path_factory.mktemp("parts")
     sweep(melting, {"west": WESTS, "folder": [""]}, days="12 h", workers=0, output=folder, cells=0.5)
-    return open_cells(folder)
+    found = open_cells(folder)
+    found.encoding["folder"] = str(folder)
+    return found
 
 
 def test_parts_of_a_population_sum_up_to_the_whole(on_cells: xr.Dataset, tmp_path: Path) -> None:
@@ -473,6 +476,17 @@ def test_a_lost_part_of_a_population_is_done_again_with_the_same_fresh_water(
     assert (tmp_path / "died").exists()
     assert result["status"].values.tolist() == [0, 0]
     xr.testing.assert_identical(open_cells(tmp_path / "out"), on_cells)
+
+
+def test_members_from_100000_on_keep_their_numbers_and_their_order(on_cells: xr.Dataset, tmp_path: Path) -> None:
+    """Bug: of a number only five digits were read, and its file came before that of member 99999."""
+    (tmp_path / "cells").mkdir()
+    for k, number in enumerate((99999, 100000)):
+        copy = tmp_path / "cells" / f"{number}-monthly.nc"
+        shutil.copyfile(Path(on_cells.encoding["folder"]) / "cells" / f"{k:05d}-monthly.nc", copy)
+    found = open_cells(tmp_path)
+    assert found["member"].values.tolist() == [99999, 100000]
+    assert found["ficeberg"].values == pytest.approx(on_cells["ficeberg"].values)
 
 
 def test_cells_that_cannot_be_written_are_refused(tmp_path: Path) -> None:

@@ -396,7 +396,9 @@ def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
     required(path, (str, Path), "the folder of a sweep", where="open_cells")
     if kind not in ("monthly", "instantaneous"):
         raise InputError(f"{kind!r}", where="open_cells, kind", remedy="Give monthly or instantaneous")
-    files = sorted((Path(path) / CELLS).glob(f"*-{kind}.nc"))
+    ending = f"-{kind}.nc"
+    by_number = {int(file.name.removesuffix(ending)): file for file in (Path(path) / CELLS).glob(f"*{ending}")}
+    numbers, files = sorted(by_number), [by_number[number] for number in sorted(by_number)]
     if not files:
         raise InputError(
             f"holds no {kind} files of members on cells", where=str(path), remedy="Sweep with --cells, or cells=0.25"
@@ -408,7 +410,6 @@ def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
     )  # fmt: skip
     fields = xr.align(*(ds.drop_vars(["areacello", "time_bnds"]) for ds in members), join="outer", fill_value=0.0)
     whole: xr.Dataset = xr.concat(fields, dim="member")
-    numbers = [int(file.name[:5]) for file in files]
     return whole.assign_coords(member=numbers, areacello=shared["areacello"], time_bnds=shared["time_bnds"])
 
 
