@@ -45,8 +45,10 @@ def outcome(
     return Outcome(number, "done", "", 0.0, 1.0, totals, table, track, cracks)
 
 
-def forecast_of(outcomes: Sequence[Outcome], days: int, inputs: dict[str, Any] | None = None) -> xr.Dataset:
-    """Return the forecast of some members."""
+def forecast_of(
+    outcomes: Sequence[Outcome], days: int, inputs: dict[str, Any] | None = None, weight: Sequence[float] | None = None
+) -> xr.Dataset:
+    """Return the forecast of some members, all of one weight by default."""
     inputs = inputs or {}
     varied = [Varied(name, (), "m", name) for name in inputs]
     members = [{name: values[k] for name, values in inputs.items()} for k in range(len(outcomes))]
@@ -55,6 +57,6 @@ def forecast_of(outcomes: Sequence[Outcome], days: int, inputs: dict[str, Any] |
         varied, members, by_number, start=START, days=float(days), every=DAY, latlon=True, attributes={"title": "made"}
     )
     ice = np.repeat(np.arange(-5e3, 6e3, 1e3), 11), np.tile(np.arange(-5e3, 6e3, 1e3), 11), 1e3
-    breaks = Breaks(ice)
+    breaks = Breaks(ice, weight)
     breaks.add(ds, {o.number: o.cracks for o in outcomes})
-    return with_probabilities(ds, breaks)
+    return with_probabilities(ds, breaks, weight)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,6 +19,7 @@ from typer.testing import CliRunner
 from riftberg.cli.ensembles import _distance
 from riftberg.cli.main import app
 from riftberg.ensembles.hazard import approach, geojson, ice_limits, positions, smallest_line
+from riftberg.ensembles.probability import wilson
 from riftberg.ensembles.result import write_sweep
 
 from .made import forecast_of, outcome
@@ -306,3 +308,44 @@ def test_a_sweep_is_no_forecast(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["hazard", str(tmp_path)])
     assert "holds no forecast" in " ".join(said.output.split())
     assert not (tmp_path / "hazard").exists()
+
+
+def test_members_without_weight_come_near_nothing() -> None:
+    """Bug: after ``riftberg update`` members of weight 0 still told when, and how near, ice comes."""
+    ds = standing([-38.0] * 2 + [-40.0] * 8)
+    ds["weight"] = "member", [5.0] * 2 + [0.0] * 8
+    found = approach(ds, "rig", shapely.Point(-40.0, -56.0), 20e3)
+    assert found.probability[-1] == 0.0
+    assert np.isnat(found.first_arrival).all()
+    km = 2 * DEGREE * np.cos(np.deg2rad(56.0)) - np.sqrt(100 / np.pi)
+    assert found.closest / 1e3 == pytest.approx([km] * 2, abs=0.5)
+    assert f"closest approach {km:.0f} km, median {km:.0f} km" in found.told()
+    # The median is that of the weight, not of the number of members.
+    ds["weight"] = "member", [4.0] * 2 + [0.25] * 8
+    assert f"closest approach 0 km, median {km:.0f} km" in approach(ds, "rig", shapely.Point(-40.0, -56.0), 20e3).told()
+
+
+def test_ice_that_comes_after_the_last_whole_hour_has_come() -> None:
+    """Bug: tracks were read every hour from the start on, and what is beyond the last whole hour was not seen."""
+    ds = standing([-37.0] * 3, area=1e4)
+    ds = ds.assign_coords(lead=ds["lead"] * 6.5 / 24.0)
+    ds["lat"].values[..., -1] = -55.9
+    found = approach(ds, "rig", shapely.Point(-37.0, -55.9), 100.0)
+    assert found.probability.tolist() == [0.0, 1.0]
+    assert found.closest.tolist() == [0.0] * 3
+
+
+def test_what_unfinished_members_did_counts_and_the_rest_is_not_known() -> None:
+    """Bug: five of ten members lay over the harbour before they ran out of time, and the answer was 0 % (0 to 35)."""
+    members = [outcome(k, [-38.0] * 4, [-56.0] * 4) for k in range(5)]
+    members += [replace(outcome(k, [-38.0, -40.0], [-56.0] * 2), status="unfinished") for k in range(5, 10)]
+    ds = forecast_of(members, 3)
+    harbour = approach(ds, "harbour", shapely.Point(-40.0, -56.0), 20e3)
+    assert harbour.probability == pytest.approx([0.0, 0.5, 0.5, 0.5])
+    assert harbour.low[-1] == pytest.approx(wilson(0.5, 10)[0])
+    assert harbour.high[-1] == pytest.approx(wilson(0.5, 10)[1])
+    # Where those that are known until the end do not come, the others might.
+    far = approach(ds, "far", shapely.Point(-30.0, -56.0), 20e3)
+    assert far.probability.tolist() == [0.0] * 4
+    assert far.high == pytest.approx([wilson(0.0, 10)[1]] * 2 + [wilson(0.5, 10)[1]] * 2)
+    assert far.low.tolist() == [0.0] * 4

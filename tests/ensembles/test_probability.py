@@ -19,6 +19,7 @@ from riftberg.ensembles.forecast import default_errors, errors_line, forecast_er
 from riftberg.ensembles.hazard import approach, ice_limits
 from riftberg.ensembles.member import Outcome
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
+from riftberg.ensembles.result import MOST_LISTED
 from riftberg.ensembles.vary import varied_of
 from riftberg.errors import InputError
 from riftberg.runs.run_file import open_run
@@ -75,6 +76,22 @@ def test_an_unfinished_member_counts_until_it_took_too_long_and_then_both_ways()
     assert any("then both ways" in line for line in lines)
     assert not any("unfinished" in line for line in told(forecast_of([still(0), still(1)], 4)))
     assert any("first break-up by 2020-12-10 00:00" in line for line in told(forecast_of([broke, still(1)], 4)))
+
+
+def test_pieces_beyond_those_that_are_listed_are_said_not_to_be_covered() -> None:
+    """Bug: of a member with more than 64 pieces the smallest ones are in no map and no limit, and nothing said so."""
+    many = still(0, broken=1)
+    many.totals["breakups"] = 1.0
+    assert "pieces" not in forecast_of([many, still(1)], 4).attrs["not_covered"]
+    for _ in range(MOST_LISTED):
+        for name, column in many.fragments.items():
+            column.append(3.0 + len(column) if name == "number" else column[1])
+    many.totals["breakups"] = 1.0 + MOST_LISTED
+    ds = forecast_of([many, still(1)], 4)
+    assert ds.attrs["not_covered"].endswith("; pieces beyond the 64 largest in 1 member")
+    many.status = "unfinished"  # its ice counts too, near a place
+    ds = forecast_of([many, still(1)], 4)
+    assert ds.attrs["not_covered"].endswith("; pieces beyond the 64 largest in 1 member")
 
 
 def test_wilson_covers_at_the_ends() -> None:
@@ -184,6 +201,14 @@ def test_scenarios_have_their_members_and_what_sets_them_apart() -> None:
     assert other.pieces == (30e6,)
     assert other.representative in (0, 1, 2)
     assert "start strength low" in other.told()
+
+
+def test_scenario_0_is_the_likeliest_by_weight() -> None:
+    """Bug: numbers went by how many members a scenario has; one that weighs nothing was number 0."""
+    members = [still(k, broken=2 if k < 3 else None) for k in range(8)]
+    ds = forecast_of(members, 4, weight=[8 / 3] * 3 + [0.0] * 5)
+    assert ds["scenario"].values.tolist() == [0, 0, 0, 1, 1, 1, 1, 1]
+    assert [(s.number, s.probability) for s in scenarios(ds)] == [(0, pytest.approx(1.0)), (1, 0.0)]
 
 
 def test_the_representative_of_a_scenario_is_in_its_middle_across_the_date_line() -> None:

@@ -269,3 +269,22 @@ def test_the_studies_of_a68a_make_their_models() -> None:
     """Their ocean became a named tuple, and both studies failed at their first member."""
     study = loaded("docs/examples/sensitivity_of_a68a.py")
     assert study.a68a(wind=1.1, eddy=0.9, spacing=6000.0).elements.size > 100
+
+
+def test_days_count_from_the_own_start_of_each_member() -> None:
+    """Bug: of two members that both break a day after their start, one four days later, one was whole on day 2."""
+    days = np.datetime64("2020-12-01", "ns") + np.arange(5) * np.timedelta64(1, "D")
+    broke = np.array([days[1], days[1] + np.timedelta64(4, "D")])
+    born = np.stack([broke - np.timedelta64(1, "D"), broke], axis=1)
+    one = ("member", np.zeros(2))
+    ds = xr.Dataset(
+        {"status": one, "stress_ratio": one, "largest_area": one, "first_breakup": ("member", broke),
+         "first_aground": ("member", np.full(2, np.datetime64("NaT", "ns"))),
+         **{f"fragment_{name}": (("member", "fragment"), np.tile([0.0, 1.0], (2, 1))) for name in ("parent", "lon", "lat")},
+         "fragment_birth_time": (("member", "fragment"), born), "lat": (("member", "fragment", "time"), np.zeros((2, 2, 5)))},
+        {"time": days, "start_after": ("member", [0.0, 4 * 86400.0])},
+    )  # fmt: skip
+    found = results_of(ds, [2.0])
+    assert found["broken by day 2"].values.tolist() == [1.0, 1.0]
+    assert found["date of the first break-up"].values.tolist() == [1.0, 1.0]
+    assert found["lon of the first break-up"].values.tolist() == [1.0, 1.0]

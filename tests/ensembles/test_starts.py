@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from riftberg import forecast
+from riftberg import Iceberg, Model, Steady, forecast
 from riftberg.ensembles.uncertain import SPEED_OF_AGE, read_starts
 from riftberg.ensembles.vary import Draws, members_of, varied_of, vary_with_file
 from riftberg.errors import InputError
@@ -129,3 +131,32 @@ def test_lattices_of_observed_outlines_have_ice_at_every_bond(
     )
     model = build(str(file))[0]
     assert model.elements.size > 300
+
+
+def required(start: str) -> Model:
+    """Return a model of one element; without a start there is no control."""
+    berg = Iceberg.rectangle("3 km", "3 km", thickness=200.0, placement=(-39.0, -55.0))
+    return Model(berg, Steady(current=(0.3, 0.0)), start=datetime.fromisoformat(start))
+
+
+def usual(start: str = "2020-12-10 00:00") -> Model:
+    return required(start)
+
+
+def test_members_of_a_function_do_not_start_after_the_forecast_either() -> None:
+    """Bug: only those of a file were refused; of a function they had no position at the start, and lost the end."""
+    common: dict[str, Any] = {"days": 0.5, "every_hours": 6, "members": 1, "default_errors": False, "workers": 0}
+
+    def varied(*starts: str) -> dict[str, Any]:
+        return {"start": list(starts), "start.thickness": "lognormal(1, 1 %)"}
+
+    words = "a member starts on 2020-12-10 00:00, the forecast on 2020-12-09 12:00"
+    with pytest.raises(InputError, match=words):
+        forecast(required, varied("2020-12-09 12:00", "2020-12-10 00:00"), **common)
+    with pytest.raises(InputError, match="a member starts on 2020-12-11 00:00, the forecast on 2020-12-10 00:00"):
+        forecast(usual, varied("2020-12-11 00:00", "2020-12-09 12:00"), **common)
+    # The forecast starts with its control, the function without arguments.
+    result = forecast(usual, varied("2020-12-09 12:00", "2020-12-10 00:00"), **common)
+    assert str(result["init"].values)[:16] == "2020-12-10T00:00"
+    assert np.isfinite(result["lon"].values[:, 0]).all()
+    assert result["control_lon"].values[0, 0] == pytest.approx(-39.0, abs=1e-3)

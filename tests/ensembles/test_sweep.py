@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,6 +31,7 @@ from riftberg.ensembles.sweep import Store, _cells, join_parts, planned
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.runs.run_file import open_run
+from riftberg.verification.sightings import away_from
 
 SPEEDS = [0.1, 0.2, 0.3]
 
@@ -438,7 +441,9 @@ def on_cells(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Fresh water of the parts of a population, computed in this process."""
     folder = tmp_path_factory.mktemp("parts")
     sweep(melting, {"west": WESTS, "folder": [""]}, days="12 h", workers=0, output=folder, cells=0.5)
-    return open_cells(folder)
+    found = open_cells(folder)
+    found.encoding["folder"] = str(folder)
+    return found
 
 
 def test_parts_of_a_population_sum_up_to_the_whole(on_cells: xr.Dataset, tmp_path: Path) -> None:
@@ -472,6 +477,17 @@ def test_a_lost_part_of_a_population_is_done_again_with_the_same_fresh_water(
     assert (tmp_path / "died").exists()
     assert result["status"].values.tolist() == [0, 0]
     xr.testing.assert_identical(open_cells(tmp_path / "out"), on_cells)
+
+
+def test_members_from_100000_on_keep_their_numbers_and_their_order(on_cells: xr.Dataset, tmp_path: Path) -> None:
+    """Bug: of a number only five digits were read, and its file came before that of member 99999."""
+    (tmp_path / "cells").mkdir()
+    for k, number in enumerate((99999, 100000)):
+        copy = tmp_path / "cells" / f"{number}-monthly.nc"
+        shutil.copyfile(Path(on_cells.encoding["folder"]) / "cells" / f"{k:05d}-monthly.nc", copy)
+    found = open_cells(tmp_path)
+    assert found["member"].values.tolist() == [99999, 100000]
+    assert found["ficeberg"].values == pytest.approx(on_cells["ficeberg"].values)
 
 
 def test_cells_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
@@ -561,3 +577,29 @@ def test_stress_of_a_member_is_held_against_the_strength_that_damage_has_left() 
     whole = _stress_ratio(model)
     model.bonds.damage[:] = 0.6
     assert 0.0 < whole == pytest.approx(0.4 * _stress_ratio(model))
+
+
+def begun(start: str) -> Model:
+    berg = Iceberg.rectangle("6 km", "3 km", thickness=200.0, placement=(-37.0, -56.0))
+    return Model(berg, Steady(current=(0.3, 0.0)), start=datetime.fromisoformat(start))
+
+
+def test_members_that_start_at_other_dates_have_their_own(tmp_path: Path) -> None:
+    """Bug: all had the dates of member 0; member 1 lay 14 km beside its own rerun."""
+    starts = ["2020-12-01 00:00:00", "2020-12-03 00:00:00"]
+    ds = sweep(begun, {"start": starts}, days=3, every_hours=6, workers=0, output=tmp_path / "s")
+    assert ds["start_after"].values.tolist() == [0.0, 2 * 86400.0]
+    run = begun(starts[1]).run(days=3, every_hours=6)
+    for later in (slice(None), slice(4, None)):  # also of a part of the tracks
+        compared = run.riftberg.compare(ds.isel(member=1, time=later))
+        assert compared["time"].values[-1] == np.datetime64("2020-12-06")
+        assert compared["distance"].values == pytest.approx(0.0, abs=1.0)
+    with pytest.raises(InputError, match="members that start at different dates"):
+        away_from(ds, datetime(2020, 12, 3), (-37.0, -56.0))
+    east, north = away_from(ds.isel(member=[1]), datetime(2020, 12, 3), (-37.0, -56.0))[0]
+    assert (east, north) == pytest.approx((0.0, 0.0), abs=0.1)
+    # A file of an earlier version has the dates of the members only as inputs.
+    old = ds.drop_vars("start_after")
+    write_sweep(old, tmp_path / "old.nc")
+    assert open_sweep(tmp_path / "old.nc")["start_after"].values.tolist() == [0.0, 2 * 86400.0]
+    draw_sweep(ds, tmp_path / "s.png")

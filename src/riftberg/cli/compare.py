@@ -144,9 +144,8 @@ def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None
 
 def opened_result(run: Path) -> xr.Dataset:
     """Return a run, or a member of a sweep."""
-    import numpy as np
-
     from riftberg.ensembles.result import open_sweep
+    from riftberg.runs.accessor import own_dates
     from riftberg.runs.run_file import open_run
 
     member = member_of(run)
@@ -157,11 +156,7 @@ def opened_result(run: Path) -> xr.Dataset:
         count = sweep.sizes["member"]
         raise InputError(f"no member {member[1]}", where=str(run), remedy=f"It has {count}, counted from 0")
     one = sweep.sel(member=member[1])
-    if "start" in sweep.coords and "comment" in sweep["time"].attrs:  # times are those of member 0
-        one["time"] = one["time"] + (
-            np.datetime64(str(one["start"].item())) - np.datetime64(str(sweep["start"].values[0]))
-        )
-    return one
+    return one.assign_coords(time=own_dates(one)).drop_vars("start_after", errors="ignore")
 
 
 def _known(first: xr.Dataset, observed: Path | None) -> RealEvent:

@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 
 from riftberg.config.units import minute_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import axes_of, counted, effective, quantiles, wilson
+from riftberg.ensembles.probability import axes_of, counted, effective, quantiles, share_until, with_interval
 from riftberg.errors import InputError
 from riftberg.plane import ellipses, near
 from riftberg.state import Floats
@@ -224,15 +224,17 @@ class Approach:
     within: float  # m
     time: Any  # Dates
     probability: Floats  # That ice has come that near until then
-    low: Floats  # Ends of Wilson's interval
-    high: Floats  # Ends of Wilson's interval
+    low: Floats  # Ends of Wilson's interval, with what is not known of unfinished members as no and as yes
+    high: Floats
     first_arrival: Any  # Dates by which 10, 50 and 90 % of the members that arrive have arrived; NaT where none does
-    closest: Floats  # Closest approach of each member, m; 0 where ice lies over it
+    closest: Floats  # Closest approach of each member that counts, m; 0 where ice lies over it
+    weight: Floats  # Of these members
 
     def told(self) -> str:
         """Return it in a line."""
         p, low, high = (100.0 * float(a[-1]) for a in (self.probability, self.low, self.high))
-        near_by = f"closest approach {self.closest.min() / 1e3:.0f} km, median {np.median(self.closest) / 1e3:.0f} km"
+        median = float(quantiles(self.closest, self.weight, 0.5))
+        near_by = f"closest approach {self.closest.min() / 1e3:.0f} km, median {median / 1e3:.0f} km"
         half = self.first_arrival[1]
         arrival = "" if np.isnat(half) else f", half of these by {minute_text(half)}"
         chance = f"{self.name}: {p:.0f} % ({low:.0f} to {high:.0f} %) that ice comes within {self.within / 1e3:.1f} km"
@@ -258,8 +260,13 @@ def _the_short_way(p: Floats) -> Floats:
 
 
 def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
-    """Return how likely ice comes within a distance (m) of a shape in degrees."""
-    done, weight = counted(ds)
+    """Return how likely ice comes within a distance (m) of a shape in degrees.
+
+    What an unfinished member did counts; what it would have done after its last position is not known.
+    """
+    done, weight = counted(ds, "unfinished")
+    # After sightings some members count in nothing.
+    done, weight = done.isel(member=weight > 0.0), weight[weight > 0.0]
     if shape.is_empty:
         raise InputError("an empty shape", where=name, remedy="Give a point, a line or an area")
     shape = shapely.transform(shape, _the_short_way)
@@ -274,7 +281,7 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     flat = shapely.transform(shape, laid_flat)
     shapely.prepare(flat)
     lead = ds["lead"].values
-    fine = np.arange(lead[0], lead[-1] + 0.5 * HOURS, HOURS) if len(lead) > 1 else lead
+    fine = np.union1d(np.arange(lead[0], lead[-1], HOURS), lead)  # and at the positions themselves
     ellipses = axes_of(done)
     arrived, closest = np.full(done.sizes["member"], np.inf), np.full(done.sizes["member"], np.inf)
     for m in range(done.sizes["member"]):
@@ -282,8 +289,7 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
             known = np.isfinite(done["lon"].values[m, p])
             if not known.any():
                 continue
-            there = (fine >= lead[known][0]) & (fine <= lead[known][-1])
-            hours = fine[there] if there.any() else lead[known]
+            hours = fine[(fine >= lead[known][0]) & (fine <= lead[known][-1])]
             track = near(done["lon"].values[m, p][known], float(done["lon"].values[m, p][known][0]))
             lon = np.interp(hours, lead[known], track)
             lat = np.interp(hours, lead[known], done["lat"].values[m, p][known])
@@ -296,16 +302,15 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
             close = np.flatnonzero(away <= within)
             if close.size:
                 arrived[m] = min(arrived[m], float(hours[close[0]]))
-    share = weight @ (arrived[:, None] <= lead[None, :] + 1e-9)
-    low, high = wilson(np.clip(share, 0.0, 1.0), effective(weight))
+    share, unknown = share_until(done, weight, arrived[:, None] <= lead[None, :] + 1e-9)
+    share, low, high = with_interval(share, effective(weight), unknown)
     came = np.isfinite(arrived)
     start = ds["time"].values[0]
     dates = np.full(3, np.datetime64("NaT", "s"))
     if came.any():
         seconds = np.rint(3600.0 * quantiles(arrived, weight, (0.1, 0.5, 0.9)))
         dates = start.astype("datetime64[s]") + seconds.astype("timedelta64[s]")
-    share = np.clip(share, 0.0, 1.0)
-    return Approach(name, within, ds["time"].values, share, low, high, dates, closest)
+    return Approach(name, within, ds["time"].values, share, low, high, dates, closest, weight)
 
 
 # ---- files ------------------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ import xarray as xr
 from riftberg.compiled.kernels import kernel
 from riftberg.config.units import count_text, duration_text, minute_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.result import MEANS, STATUS
+from riftberg.ensembles.result import MEANS, MOST_LISTED, STATUS
 from riftberg.plane import near
 from riftberg.state import Floats
 
@@ -118,6 +118,11 @@ def with_probabilities(
     unfinished = int((ds["status"].values == STATUS["unfinished"]).sum())
     if unfinished:
         ds.attrs["not_covered"] += f"; {count_text(unfinished, 'unfinished member')}"
+    begun = counted(ds, "unfinished")[0]
+    listed = (begun["fragment_parent"].values > 0).sum(axis=1)
+    cut = int((begun["breakups"].values > listed).sum())
+    if cut:
+        ds.attrs["not_covered"] += f"; pieces beyond the {MOST_LISTED} largest in {count_text(cut, 'member')}"
     _add_dated(ds)
     bounds = np.array(AREA_CLASSES)
     ds["area_class_lower"] = ("area_class", bounds[:-1], {"units": "m2", "long_name": "least area of the class"})
@@ -138,16 +143,24 @@ def _add_dated(ds: xr.Dataset) -> None:
 
     What an unfinished member did counts; what it would have done after its last position is not known.
     """
-    (of, weight), time = counted(ds, "unfinished"), ds["time"].values
-    beyond = np.zeros((weight.size, time.size), bool)
+    of, weight = counted(ds, "unfinished")
+    for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
+        share, unknown = share_until(of, weight, of[when].values[:, None] <= ds["time"].values)
+        _add(ds, name, ("time",), share, effective(weight), unknown)
+
+
+def share_until(of: xr.Dataset, weight: Floats, yes: Any) -> tuple[Floats, Floats]:
+    """Return by date the share of what has happened until then, and the weight of the members of which it is not known.
+
+    ``yes``: whether it has happened to each member (members, times). Of an unfinished one that it has not happened to, nothing
+    is known after its last position.
+    """
+    beyond = np.zeros(yes.shape, bool)
     for k in np.flatnonzero(of["status"].values == STATUS["unfinished"]):
         there = np.isfinite(of["area"].isel(member=k).values).any(axis=0)
         beyond[k] = np.cumsum(there[::-1])[::-1] == 0
-    for name, when in (("p_broken", "first_breakup"), ("p_aground", "first_aground")):
-        yes = of[when].values[:, None] <= time
-        unknown = weight @ (beyond & ~yes)
-        share = weight @ yes / np.maximum(1.0 - unknown, 1e-300)
-        _add(ds, name, ("time",), share, effective(weight), unknown)
+    unknown = weight @ (beyond & ~yes)
+    return weight @ yes / np.maximum(1.0 - unknown, 1e-300), unknown
 
 
 def _unfinished_share(ds: xr.Dataset) -> float:
@@ -156,16 +169,21 @@ def _unfinished_share(ds: xr.Dataset) -> float:
     return float(weight[of["status"].values == STATUS["unfinished"]].sum())
 
 
-def _add(
-    ds: xr.Dataset, name: str, dims: tuple[str, ...], share: Floats, number: float, unknown: float | Floats
-) -> None:  # fmt: skip
-    """Add a probability and its interval, whose ends take what is not known of members as no and as yes.
+def with_interval(share: Floats, number: float, unknown: float | Floats) -> tuple[Floats, Floats, Floats]:
+    """Return a probability and the ends of its interval, which take what is not known of members as no and as yes.
 
     ``unknown``: weight of the members of which it is not known; ``share``: of the others.
     """
     share = np.clip(share, 0.0, 1.0)
     least = share * (1.0 - unknown)
-    low, high = wilson(least, number)[0], wilson(np.minimum(least + unknown, 1.0), number)[1]
+    return share, wilson(least, number)[0], wilson(np.minimum(least + unknown, 1.0), number)[1]
+
+
+def _add(
+    ds: xr.Dataset, name: str, dims: tuple[str, ...], share: Floats, number: float, unknown: float | Floats
+) -> None:  # fmt: skip
+    """Add a probability and its interval."""
+    share, low, high = with_interval(share, number, unknown)
     about = {"units": "1", "long_name": _ABOUT[name]}
     ds[name] = (dims, share, about)
     ds[f"{name}_low"] = (dims, low, {**about, "long_name": f"{_ABOUT[name]}: lower end of the interval"})
@@ -356,7 +374,9 @@ class Breaks:
             ds[name] = (("own_y", "own_x"), values, {"units": unit, "long_name": meaning})
         number = np.concatenate(self.numbers)
         known = number >= 0
-        rank = np.argsort(np.argsort(-np.bincount(number[known], minlength=len(self.leaders)), kind="stable"))
+        weight = np.ones(number.size) if self.weight is None else np.asarray(self.weight, float)
+        weighs = np.bincount(number[known], weight[known], minlength=len(self.leaders))
+        rank = np.argsort(np.argsort(-weighs, kind="stable"))
         number[known] = rank[number[known]]
         about = {"long_name": "scenario of the member, 0 the likeliest; -1 for none"}
         ds["scenario"] = ("member", number.astype("i4"), about)

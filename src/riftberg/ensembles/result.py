@@ -107,7 +107,9 @@ def dataset_of(
     if "start" in ds.coords:
         later = np.array([(datetime.fromisoformat(str(member["start"])) - start).total_seconds() for member in members])
         if not lagged:
-            ds["time"].attrs["comment"] = "dates of member 0; other members are as long after their own start"
+            ds["time"].attrs["comment"] = "dates of member 0; add start_after for those of another member"
+            about = {"units": "s", "long_name": "how much later than member 0 the member starts"}
+            ds.coords["start_after"] = ("member", later, about)
     _add_ends(ds, outcomes, later, start, room[1])
     _add_fragments(ds, outcomes, listed, later, start, latlon)
     _add_tracks(ds, outcomes, listed, times, later if lagged else np.zeros(count), latlon)
@@ -363,6 +365,10 @@ def open_sweep(path: str | Path, *, tracks: bool = True) -> xr.Dataset:
         ds = _loaded(file, remedy) if tracks else _without_tracks(file, remedy)
     if "member" not in ds.dims or "status" not in ds:
         raise InputError("not the result of a sweep", where=str(path), remedy=remedy)
+    if "start" in ds.coords and "comment" in ds["time"].attrs and "start_after" not in ds.coords:
+        # Files of an earlier version do not hold it.
+        later = ds["start"].values.astype("datetime64[ns]") - ds["time"].values[0]
+        ds.coords["start_after"] = ("member", later / np.timedelta64(1, "s"))
     return ds
 
 
@@ -390,7 +396,9 @@ def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
     required(path, (str, Path), "the folder of a sweep", where="open_cells")
     if kind not in ("monthly", "instantaneous"):
         raise InputError(f"{kind!r}", where="open_cells, kind", remedy="Give monthly or instantaneous")
-    files = sorted((Path(path) / CELLS).glob(f"*-{kind}.nc"))
+    ending = f"-{kind}.nc"
+    by_number = {int(file.name.removesuffix(ending)): file for file in (Path(path) / CELLS).glob(f"*{ending}")}
+    numbers, files = sorted(by_number), [by_number[number] for number in sorted(by_number)]
     if not files:
         raise InputError(
             f"holds no {kind} files of members on cells", where=str(path), remedy="Sweep with --cells, or cells=0.25"
@@ -402,7 +410,6 @@ def open_cells(path: str | Path, kind: str = "monthly") -> xr.Dataset:
     )  # fmt: skip
     fields = xr.align(*(ds.drop_vars(["areacello", "time_bnds"]) for ds in members), join="outer", fill_value=0.0)
     whole: xr.Dataset = xr.concat(fields, dim="member")
-    numbers = [int(file.name[:5]) for file in files]
     return whole.assign_coords(member=numbers, areacello=shared["areacello"], time_bnds=shared["time_bnds"])
 
 

@@ -45,11 +45,13 @@ class Result(NamedTuple):
 
 def results_of(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, Result]:
     """Return what is asked of the members of a sweep, by name; by default by the middle and the end of the runs."""
-    start, length = ds["time"].values[0], float((ds["time"].values[-1] - ds["time"].values[0]) / DAY)
+    first, length = ds["time"].values[0], float((ds["time"].values[-1] - ds["time"].values[0]) / DAY)
+    # Days count from the own start of each member.
+    after = ds["start_after"].values / 86400.0 if "start_after" in ds.coords else np.zeros(ds.sizes["member"])
     done = ds["status"].values == 0
 
     def days(dates: Any) -> Floats:
-        return np.asarray((dates - start) / DAY, float)
+        return np.asarray(((dates - first) / DAY).T - after, float).T
 
     found = {"largest stress over strength": Result(ds["stress_ratio"].values, "1")}
     if late := [day for day in at_days if not 0.0 < day <= length + 1e-6]:
@@ -62,9 +64,9 @@ def results_of(ds: xr.Dataset, at_days: Iterable[float] = ()) -> dict[str, Resul
     found["date of the first break-up"] = Result(days(ds["first_breakup"].values), "day", some=True)
     born = np.where(ds["fragment_parent"].values > 0, days(ds["fragment_birth_time"].values), np.inf)
     if born.size:
-        first = born.argmin(axis=1)
+        earliest = born.argmin(axis=1)
         for name in ("lon", "lat") if "lat" in ds else ("x", "y"):
-            place = ds[f"fragment_{name}"].values[np.arange(first.size), first]
+            place = ds[f"fragment_{name}"].values[np.arange(earliest.size), earliest]
             broke = np.where(np.isfinite(born.min(axis=1)), place, np.nan)
             found[f"{name} of the first break-up"] = Result(broke, "degree" if "lat" in ds else "m", some=True)
     return found

@@ -353,12 +353,18 @@ def planned(
 def _start_of(
     experiment: Any, options: Options, members: Sequence[dict[str, Any]], first: Model, days: float
 ) -> datetime:
-    """Return the start of a forecast, that of its file; members that start at other dates do so before it."""
-    if not isinstance(experiment, str) or "start" not in members[0]:
+    """Return the start of a forecast, that of its file or its control; members that start at other dates do so before it."""
+    if "start" not in members[0]:
         return first.start
-    from riftberg.experiments.yaml_file import read_file
+    if isinstance(experiment, str):
+        from riftberg.experiments.yaml_file import read_file
 
-    start = read_file(Path(experiment), options.changes)[0].start
+        start = read_file(Path(experiment), options.changes)[0].start
+    else:
+        try:
+            start = build_member(Job(CONTROL, {}, experiment, options, days, 1.0, Path())).start
+        except Exception:  # a function that must be given a start has no control
+            start = first.start
     dates = [datetime.fromisoformat(str(member["start"])) for member in members]
     if max(dates) > start or min(dates) <= start - timedelta(days=max(days, MOST_LAG)):
         wrong = max(dates) if max(dates) > start else min(dates)

@@ -239,6 +239,12 @@ class Course:
         return x, y, azimuth, area
 
 
+def own_dates(member: xr.Dataset) -> NDArray[np.datetime64]:
+    """Return the dates of the tracks of a member; where a sweep varies ``start``, ``time`` has those of member 0."""
+    later = 1e9 * float(member["start_after"]) if "start_after" in member.coords else 0.0
+    return np.asarray(member["time"].values.astype("datetime64[ns]") + np.timedelta64(round(later), "ns"))
+
+
 def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
     """Return the course of a berg of a run, or of one member of a sweep: the one of a name, or the largest at the start."""
     if "parameters_json" not in run.attrs or ("member" in run.dims):
@@ -256,6 +262,7 @@ def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
         one = run.isel(fragment=rows[0])
         there = np.isfinite(one[x].values)
         tracks, name, azimuth = one.isel(time=there), "", np.full(int(there.sum()), np.nan)
+        tracks = tracks.assign_coords(time=own_dates(tracks))
     else:
         table = tracks_of(run)
         ends = np.cumsum(table["rowsize"].values)

@@ -41,7 +41,7 @@ from riftberg.ensembles.vary import Varied, varied_of
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.verification.scores import AZIMUTH_ERROR, USUAL_ERROR
-from riftberg.verification.sightings import DAY, away_from, check_dates, sightings_of, turned_from
+from riftberg.verification.sightings import DAY, away_from, check_dates, sightings_of, times_of, turned_from
 
 if TYPE_CHECKING:
     from riftberg.ensembles.member import Maker
@@ -250,7 +250,7 @@ def second_margin(ds: xr.Dataset, when: datetime) -> Floats:
 
 def _so_far(ds: xr.Dataset, when: datetime, part: str = "so_far") -> Floats:
     """Return the largest stress over strength until the first record from a date on."""
-    times = ds["time"].values.astype("datetime64[ns]")
+    times = times_of(ds)
     record = min(int(np.searchsorted(times, np.datetime64(when, "ns"))), len(times) - 1)
     return np.asarray(ds[f"stress_ratio_{part}"].values[:, record], float)
 
@@ -308,7 +308,7 @@ class Runner:
         columns = {name: [values[k] for k in rows] for name, values in self.columns(wave, u).items()}
         own = np.array(columns.get("start.strength", [1.0] * len(rows)), float)
         columns["start.strength"] = np.minimum(FIRM * own, STRONGEST).tolist()
-        start = ds["time"].values[0]
+        start = times_of(ds)[0]
         # Until the record that follows the last date: beyond it nobody asks.
         days = min((np.datetime64(max(dates), "ns") - start) / DAY + 0.25, self._days(ds))
         firm = self._run(f"wave-{wave + 1}-firm", self._planned(columns, replace(self.options, days=float(days))))

@@ -25,6 +25,7 @@ from riftberg.ensembles.sweep import MEMBERS, WEIGHTS, Plan, Store
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.plane import ConformalPlane
+from riftberg.runs.accessor import own_dates
 from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import axis_difference
@@ -130,8 +131,13 @@ def check_dates(broken: datetime | None, whole_until: datetime | None) -> None:
 
 
 def times_of(ds: xr.Dataset) -> Any:
-    """Return the dates of the tracks of an ensemble, in nanoseconds."""
-    return ds["time"].values.astype("datetime64[ns]")
+    """Return the dates of the tracks of an ensemble, or of a member, in nanoseconds; members of other dates are refused."""
+    if "start_after" in ds.coords and np.ptp(ds["start_after"].values) > 0.0:
+        raise InputError(
+            "members that start at different dates", where="ensemble",
+            remedy="Give a forecast, or the members of one start: result.isel(member=result.start_after == 0)",
+        )  # fmt: skip
+    return own_dates(ds.isel(member=0) if "member" in ds.dims else ds)
 
 
 def start_of(ds: xr.Dataset) -> datetime:

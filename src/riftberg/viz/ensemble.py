@@ -137,7 +137,10 @@ def _draw_breakups(ax: Axes, done: xr.Dataset, x: Array, shades: Array) -> None:
         size = 12.0 + 120.0 * sizes[k][broke[k]] / most
         ax.scatter(np.full(broke[k].sum(), x[k]), births[k][broke[k]], s=size, color=colour, ec="white", lw=0.5)
     times = done["time"].values
-    ax.set_ylim(times[0], times[-1])
+    # Where the start is varied, the dates are those of member 0.
+    after = done["start_after"].values if "start_after" in done.coords else np.zeros(1)
+    first, last = (np.timedelta64(round(1e9 * float(end)), "ns") for end in (after.min(), after.max()))
+    ax.set_ylim(times[0] + first, times[-1] + last)
     style.date_axis(ax, "y")
     largest = f"largest dot {area_text(1e6 * most, squared='²')}" if broke.any() else "none broke"
     ax.set_title(f"Break-ups ({largest})", fontsize=10, pad=6)
