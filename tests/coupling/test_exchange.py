@@ -297,3 +297,39 @@ def test_melt_without_temperature_and_calving_into_land_are_refused() -> None:
     run = exchange(the_grid=grid(mask=mask), berg=loose(1))
     with pytest.raises(InputError, match=r"cell \(6, 5\), which is land"):
         run.step(ocean(**ice_flux()))
+
+
+@pytest.mark.parametrize(
+    "name", ["sea_surface_temperature", "sea_surface_salinity", "sea_floor_depth_below_geoid", "eastward_wind"]
+)
+@pytest.mark.parametrize("shape", [(), (NJ + 2, NI + 2)])
+def test_missing_values_over_water_are_refused_in_every_step(name: str, shape: tuple[int, ...]) -> None:
+    """From the second step on they became 0, with a number or a ring around the cells."""
+    run = exchange()
+    run.step(ocean())
+    values = np.full(shape, 1.0)
+    values[(7, 8) if shape else ...] = np.nan
+    with pytest.raises(InputError, match="nan|NaN over water in cell"):
+        run.step(ocean(**{name: values}))
+    assert run.model.step_number == 1
+
+
+def test_land_may_lack_values_and_the_sea_beyond_an_open_edge_may_not() -> None:
+    mask = np.ones((NJ, NI))
+    mask[:3, 2:] = 0.0
+    run = exchange(the_grid=grid(mask=mask), berg=loose(1))
+    around = np.pad(np.where(mask > 0.0, 3.0, np.nan), 1, mode="edge")
+    for _ in range(2):
+        run.step(ocean(sea_surface_temperature=around))
+    around[0, 0] = np.nan
+    with pytest.raises(InputError, match=r"sst is NaN over water in cell \(0, 0\)"):
+        run.step(ocean(sea_surface_temperature=around))
+    assert run.model.step_number == 2
+
+
+def test_the_sea_floor_at_the_start_has_no_gaps_over_water() -> None:
+    depth = np.full((NJ, NI), 500.0)
+    depth[4, 5] = np.nan
+    g = grid()
+    with pytest.raises(ForcingError, match=r"depth is NaN over water in cell \(6, 5\)"):
+        OceanForcing(g, g.fields(depth=depth))
