@@ -22,6 +22,7 @@ from riftberg.life.process import PROCESSES, LifeModel, date_of_birth, missing_w
 from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
+from riftberg.ocean.gridded import corners_at_elements
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
@@ -134,7 +135,7 @@ class _Seen(NamedTuple):
     ids: Any
     shares: Shares
     scaling: Floats
-    forces: Floats
+    drag: Floats  # Of the water on the elements, N, along and across the rows of the grid; shape (2, elements)
 
 
 class Exchange:
@@ -429,16 +430,19 @@ class Exchange:
         """Note where the elements are and what forces have acted, before the melt."""
         m = self.model
         shares = shares_of(m.elements, m.bonds, self.grid, m.parameters)
-        self._seen = _Seen(m.elements.body.id.copy(), shares, m.elements.life.mass_scaling.copy(), m.applied_forces())
+        east, north = m.applied_forces()[:, FORCES.index("water")].T
+        g, mirrored = self.grid.arrays, bool(self.forcing.rules.mirrored)
+        c, s = (corners_at_elements(angle, m.elements, mirrored) for angle in (g.cos_angle, g.sin_angle))
+        drag = np.stack([c * east - s * north, s * east + c * north])
+        self._seen = _Seen(m.elements.body.id.copy(), shares, m.elements.life.mass_scaling.copy(), drag)
 
     def _add(self, fluxes: dict[str, Floats], by_process: Floats) -> None:
         """Add what one step of the bergs gives."""
         assert self._seen is not None
         seen, part = self._seen, 1.0 / self.ocean_step
         # The ocean gets the opposite of what it did to the bergs.
-        drag = -seen.forces[:, FORCES.index("water")] * seen.scaling[:, None]
-        for k, name in enumerate(("stress_x", "stress_y")):
-            fluxes[name] += seen.shares.per_area(drag[:, k]) / self.steps
+        for name, drag in zip(("stress_x", "stress_y"), seen.drag, strict=True):
+            fluxes[name] += seen.shares.per_area(-drag * seen.scaling) / self.steps
         life = self.model.life
         if life is None or life.last is None:
             return
