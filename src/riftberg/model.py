@@ -197,10 +197,12 @@ class BareModel(RunState):
             if forcing.grid is not None:
                 forcing.grid.check_cells(self.elements)
             # The same values as in the file, unless the run failed because its forcing was at fault. A force of one's own may
-            # have been taken at velocities that are no more: it stays.
-            kept = self.elements.environment.own_x.copy(), self.elements.environment.own_y.copy()
-            self._stepper.sample_forcing(self)
-            self.elements.environment.own_x[:], self.elements.environment.own_y[:] = kept
+            # have been taken at velocities that are no more: it stays. An ocean model that has yet to hand over its fields
+            # (`OceanForcing`) would be one at rest.
+            if getattr(forcing, "given", True):
+                kept = self.elements.environment.own_x.copy(), self.elements.environment.own_y.copy()
+                self._stepper.sample_forcing(self)
+                self.elements.environment.own_x[:], self.elements.environment.own_y[:] = kept
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""

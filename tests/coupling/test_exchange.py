@@ -351,3 +351,21 @@ def test_drag_on_the_water_is_along_the_rows_of_a_turned_grid(turn: float) -> No
         return float(given["ibtaux"].sum()), float(given["ibtauy"].sum())
 
     assert stress(turn) == pytest.approx(stress(0.0), rel=1e-6)
+
+
+def test_a_resumed_exchange_meets_the_ocean_that_it_left(tmp_path: Path) -> None:
+    """Its first step was one in an ocean at rest, and fields that had been handed over once were gone."""
+    whole = exchange(Parameters(melt={"enabled": True}), loose(1))
+    whole.step(ocean(sea_floor_depth_below_geoid=120.0))
+    whole.step(ocean())
+    whole.model.save(tmp_path / "r.nc")
+    g = grid()
+    again = Exchange(Model.resume(tmp_path / "r.nc", OceanForcing(g, g.fields())))
+    with pytest.raises(InputError, match=r"no sea_floor_depth_below_geoid, which the run had before its restart"):
+        again.step(ocean())
+    given = ocean(sea_floor_depth_below_geoid=120.0)
+    xr.testing.assert_identical(again.step(given), whole.step(given))
+    for run in (whole, again):
+        given = run.step(ocean())
+    assert again.model.elements.u[0] == whole.model.elements.u[0]
+    assert again.model.elements.depth[0] == pytest.approx(120.0)

@@ -198,6 +198,8 @@ class Exchange:
         self.staggering: Staggering = staggering
         self.wind_staggering: Staggering = wind_staggering
         _check_kept(model, self.grid)
+        # Which fields have been handed over so far: 1 or 0 for each name of `Fields`.
+        self._handed = model.remembered.get(STORES + "handed", np.zeros(len(Fields._fields))).copy()
         self.calving = FluxCalving(p, self.grid, _kept_stores(model)) if calving else None
         self._settling = Settling(number(settling_time, "s", where="settling_time"), self.grid)
         self._settling.take_up(model.remembered.get(STORES + "settling"))
@@ -263,6 +265,7 @@ class Exchange:
         flux, heat = np.array(flux), np.array(heat)
         # All that may be refused has been checked by now: a step that is refused has changed nothing.
         self.forcing.put(self._fields(arrays))
+        self._handed[[name in arrays for name in Fields._fields]] = 1.0
         fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
         by_process = np.zeros((len(PROCESSES), *flux.shape))
         if self.calving is not None:
@@ -317,6 +320,7 @@ class Exchange:
             arrays["ua"], arrays["va"] = wind_from_stress(np.atleast_2d(tau_x), np.atleast_2d(tau_y))
             if tau_x.ndim == 0:
                 arrays["ua"], arrays["va"] = arrays["ua"][0, 0], arrays["va"][0, 0]
+        self._refuse_lacking(arrays)
         before = self.forcing.fields_at(0.0)
         fields = {name: self.grid.extended(a) for name, a in arrays.items()}
         for u, v, where in (
@@ -327,6 +331,17 @@ class Exchange:
             if u in fields:
                 fields[u], fields[v] = at_corners(fields[u], fields[v], self.grid, where)
         return before._replace(**fields)
+
+    def _refuse_lacking(self, arrays: Mapping[str, Floats]) -> None:
+        """Refuse the first step after a restart unless all is there that was handed over before: a restart has no fields."""
+        handed = (name for name, once in zip(Fields._fields, self._handed, strict=True) if once)
+        lacking = [name for name in handed if name not in arrays]
+        if lacking and not self.forcing.given:
+            names = [name for name, q in TAKEN.items() if q.field in lacking]
+            raise InputError(
+                f"no {' and no '.join(names)}, which the run had before its restart", where="exchange",
+                remedy="Hand over in the first step all that was handed over before; a restart holds no fields of the ocean",
+            )  # fmt: skip
 
     def _calve(self, flux: Floats, heat: Floats, fluxes: dict[str, Floats]) -> None:
         assert self.calving is not None
@@ -500,7 +515,7 @@ class Exchange:
         """Leave stores and ledger where a restart finds them."""
         kept: dict[str, Floats | None] = {
             "totals": self._totals, "start": self._start, "held": self._held, "left": self._left,
-            "settling": self._settling.rest,
+            "settling": self._settling.rest, "handed": self._handed,
         }  # fmt: skip
         if self.calving is not None:
             s = self.calving.stores

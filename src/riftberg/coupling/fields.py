@@ -157,6 +157,8 @@ class OceanForcing(GriddedForcing):
     ----------
     provides : frozenset of str
         What each step brings of the water; `Exchange.step` sees to it.
+    given : bool
+        Whether a step has put its fields; until then a run that is resumed keeps what its bergs met last.
     """
 
     provides: Final = frozenset({"sst", "sss"})
@@ -164,12 +166,14 @@ class OceanForcing(GriddedForcing):
     def __init__(self, grid: Grid, fields: Fields, **options: Any) -> None:
         super().__init__(grid, fields, **options)
         self.ocean_grid = grid
+        self.given = False
         self._refuse_gaps(fields)
 
     def put(self, fields: Fields) -> Fields:
         """Take the fields of a step, unless they have gaps (NaN) over water; return them as bergs see them: 0 on land."""
         self._refuse_gaps(fields)
         self.replace(fields)
+        self.given = True
         return self.fields_at(0.0)
 
     def _refuse_gaps(self, fields: Fields) -> None:
