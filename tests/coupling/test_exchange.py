@@ -369,3 +369,22 @@ def test_a_resumed_exchange_meets_the_ocean_that_it_left(tmp_path: Path) -> None
         given = run.step(ocean())
     assert again.model.elements.u[0] == whole.model.elements.u[0]
     assert again.model.elements.depth[0] == pytest.approx(120.0)
+
+
+def test_births_count_once_in_the_ledger_of_life() -> None:
+    """Those of the first step stood in the stock at the start, too, and what others added before births was not entered."""
+    run = exchange(ALONE, loose(1))
+    more = loose(1).elements
+
+    def add(model) -> None:
+        if model.step_number == 2:
+            model.append(more)
+
+    run.model.after_step.append(add)
+    for _ in range(4):
+        run.step(ocean(**ice_flux(1.0)))
+        assert run.model.elements.size > 1
+        assert abs(run.model.life.balance(run.model).error) < 1e-12
+    gained = run.model.life.balance(run.model).gained
+    assert gained["calved"] > 0.0
+    assert gained["other"] == pytest.approx(scaled_mass(more.life, more.body.mass).sum(), rel=1e-9)

@@ -359,6 +359,8 @@ class Exchange:
 
     def _bear(self, elements: Elements, bonds: Bonds | None = None) -> tuple[Ints, float, float]:
         """Add newborn elements to the model and its ledger; return identifiers, mass (kg) and heat (J)."""
+        if self.model.life is not None:
+            self.model.life.find_others(self.model)
         ids = self.model.append(elements, bonds)
         mass, heat = stocks(elements)
         if self.model.life is not None:
