@@ -388,3 +388,17 @@ def test_births_count_once_in_the_ledger_of_life() -> None:
     gained = run.model.life.balance(run.model).gained
     assert gained["calved"] > 0.0
     assert gained["other"] == pytest.approx(scaled_mass(more.life, more.body.mass).sum(), rel=1e-9)
+
+
+def test_missing_calving_on_land_is_no_ice() -> None:
+    """It went into stores, budget and what the ocean gets, as NaN."""
+    mask = np.ones((NJ, NI))
+    mask[0] = 0.0
+    run = exchange(the_grid=grid(mask=mask), berg=loose(1))
+    given = ice_flux()
+    for values in given.values():
+        values[0] = np.nan
+    back = run.step(ocean(**given))
+    assert np.isfinite(back["flandice"]).all()
+    assert abs(run.balance().error) < 1e-12
+    assert abs(run.balance().heat_error) < 1e-10

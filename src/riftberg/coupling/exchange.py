@@ -261,8 +261,10 @@ class Exchange:
         arrays = self._arrays(given)
         shape = self.grid.arrays.nj, self.grid.arrays.ni
         flux, heat = (np.broadcast_to(arrays.pop(name, np.zeros(shape)), shape) for name in ("calving", "calving_heat"))
-        check_flux(flux, heat, self.grid.arrays.mask[self.grid.domain], "exchange")
-        flux, heat = np.array(flux), np.array(heat)
+        mask = self.grid.arrays.mask[self.grid.domain]
+        check_flux(flux, heat, mask, "exchange")
+        # On land may stand what marks missing values.
+        flux, heat = (np.where(mask >= 0.5, q, 0.0) for q in (flux, heat))
         # All that may be refused has been checked by now: a step that is refused has changed nothing.
         self.forcing.put(self._fields(arrays))
         self._handed[[name in arrays for name in Fields._fields]] = 1.0
