@@ -402,3 +402,20 @@ def test_missing_calving_on_land_is_no_ice() -> None:
     assert np.isfinite(back["flandice"]).all()
     assert abs(run.balance().error) < 1e-12
     assert abs(run.balance().heat_error) < 1e-10
+
+
+def test_ice_that_a_process_adds_lies_in_its_own_cells() -> None:
+    """It was put under another berg in the step in which it came."""
+    berg = Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-39.0, -57.0))
+    run = exchange(Parameters(melt={"enabled": True}), berg)
+    run.step(ocean())
+    added = Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-37.0, -56.0)).elements
+
+    def add(model) -> None:
+        if model.elements.size == 1:
+            model.append(added)
+
+    run.model.after_step.append(add)
+    given = run.step(ocean())
+    area = run.grid.arrays.area[run.grid.domain]
+    assert float((given["ibmass"].values * area)[7:9, 11:13].sum()) == pytest.approx(added.mass.sum(), rel=1e-12)

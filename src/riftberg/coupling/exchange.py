@@ -433,10 +433,16 @@ class Exchange:
     def _borne(self) -> tuple[Floats, Floats]:
         """Return the mass of bergs on cells now, and what of it the floor bears, kg."""
         m = self.model
+        shares = self._shares()
+        mass = scaled_mass(m.elements.life, m.elements.body.mass)
+        return shares.sum(mass), shares.sum(self._on_floor(m.elements))
+
+    def _shares(self) -> Shares:
+        """Return the shares of the elements in cells as they lie now."""
+        m = self.model
         elements = m.elements.copy()
         self.grid.locate(elements)
-        shares = shares_of(elements, m.bonds, self.grid, m.parameters)
-        return shares.sum(scaled_mass(elements.life, elements.body.mass)), shares.sum(self._on_floor(elements))
+        return shares_of(elements, m.bonds, self.grid, m.parameters)
 
     def _on_floor(self, el: Elements) -> Floats:
         """Return the mass of each element that the sea floor bears, kg."""
@@ -476,8 +482,10 @@ class Exchange:
         assert self._seen is not None
         el, p = self.model.elements, self.model.parameters
         # Melt may have removed elements since their shares were found: rows are matched by identifier.
-        rows, _ = rows_of(self._seen.ids, el.body.id)
-        shares, scaling = self._seen.shares.taken(rows), el.life.mass_scaling
+        rows, known = rows_of(self._seen.ids, el.body.id)
+        # Processes of the user may have added ice since.
+        shares = self._seen.shares.taken(rows) if known.all() else self._shares()
+        scaling = el.life.mass_scaling
         mass, plan = scaled_mass(el.life, el.body.mass), el.body.length * el.body.width * scaling
         on_floor = self._on_floor(el)
         speed = np.hypot(el.motion.u - el.environment.uo, el.motion.v - el.environment.vo)
