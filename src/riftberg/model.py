@@ -190,7 +190,7 @@ class BareModel(RunState):
         check_work(1, self.substeps, self.elements.mass.size, where="stepping.substeps")
         self._look()
         self._stepper: Stepper = make_stepper(self)
-        self._stepped = self.elements.body.id.copy()
+        self._stepped, self._stepped_mass = self.elements.body.id.copy(), self.elements.body.mass.copy()
         if self._visited:
             if not self.elements.body.berg_length.all():  # of a restart file that does not hold it
                 measure_outlines(self.elements, self.constants)
@@ -291,10 +291,14 @@ class BareModel(RunState):
         array, shape (elements, forces, 2)
             East and north, for each name of `riftberg.stepping.forces.media.FORCES`.
         """
-        applied = self._stepper.applied
-        if not np.array_equal(self._stepped, self.elements.body.id):
-            applied = by_identifier(self._stepped, applied, self.elements.body.id)
-        return self.elements.body.mass[:, None, None] * applied
+        return self._of_last_step(self._stepper.applied)
+
+    def _of_last_step(self, accelerations: Floats) -> Floats:
+        """Return forces (N) on the elements of now, with the masses of the last step: life has changed them since."""
+        forces = self._stepped_mass[:, None, None] * accelerations
+        if np.array_equal(self._stepped, self.elements.body.id):
+            return forces
+        return by_identifier(self._stepped, forces, self.elements.body.id)
 
     def own_forces(self) -> Floats:
         """Return the mean forces (N) of each of several laws of one's own over the last long step.
@@ -307,9 +311,7 @@ class BareModel(RunState):
         own, count = self._own, len(self.laws.several())
         if own is None:
             return np.zeros((self.elements.size, count, 2))
-        if not np.array_equal(self._stepped, self.elements.body.id):
-            own = by_identifier(self._stepped, own, self.elements.body.id)
-        return self.elements.body.mass[:, None, None] * own
+        return self._of_last_step(own)
 
     def step(self) -> None:
         """Advance the state by one long step, and run the processes of `after_step`.
@@ -392,7 +394,7 @@ class BareModel(RunState):
             check_speed(self, before, self._stepper.applied)
             refuse_forcing(self, before, error)
             raise
-        self._stepped = self.elements.body.id.copy()
+        self._stepped, self._stepped_mass = self.elements.body.id.copy(), self.elements.body.mass.copy()
         check_speed(self, before, self._stepper.applied)
         check_forcing(self)
 

@@ -419,3 +419,19 @@ def test_ice_that_a_process_adds_lies_in_its_own_cells() -> None:
     given = run.step(ocean())
     area = run.grid.arrays.area[run.grid.domain]
     assert float((given["ibmass"].values * area)[7:9, 11:13].sum()) == pytest.approx(added.mass.sum(), rel=1e-12)
+
+
+def test_a_berg_that_calves_gives_the_ocean_all_its_drag() -> None:
+    """The mass that it had left was counted, not that with which it was moved."""
+    p = Parameters(melt={"enabled": True}, footloose={"enabled": True, "style": "bits"})
+    run = exchange(p, loose(1), staggering="A")
+    run.step(ocean())
+    run.model.elements.life.fl_k[:] = 2e6
+    area, before = run.grid.arrays.area[run.grid.domain], run.model.elements.mass[0]
+    impulse = [run.model.motion.balance(run.model, run.model.remembered).impulse["water"]]
+    given = run.step(ocean())
+    impulse.append(run.model.motion.balance(run.model, run.model.remembered).impulse["water"])
+    assert run.model.elements.mass[0] < 0.9 * before
+    for k, name in enumerate(("ibtaux", "ibtauy")):
+        to_ocean = float((given[name].values * area).sum()) * run.ocean_step
+        assert to_ocean == pytest.approx(-(impulse[1][k] - impulse[0][k]), rel=1e-9)
