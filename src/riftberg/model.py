@@ -409,6 +409,23 @@ class BareModel(RunState):
         self.population.restore(population)
         self._look()
 
+    def way_back(self) -> Callable[[], None]:
+        """Return what brings this state back: for a step of an ocean that fails after births or steps of the bergs."""
+        names = ("_seen_rows", "_seen_bonds", "_seen_ids", "_seen_bytes", "_seen_coarse", "_visited", "outlines")
+        noted = {name: getattr(self, name) for name in (*names, "departed")}
+        before = (
+            self.time, self.step_number, list(self.fragments.rows), self.population.saved(), dict(self.remembered),
+            self.contacts.saved(),
+        )  # fmt: skip
+
+        def go_back() -> None:
+            self._go_back(*before)
+            # What came before the step and has not been followed up is still to be, and so is the first visit.
+            for name, value in noted.items():
+                setattr(self, name, value)
+
+        return go_back
+
     def _look(self, coarse: tuple[Floats, ...] | None = None) -> None:
         """Note what must be followed up when it changes: which rows there are, mass and sizes; those in steps if known."""
         body, population = self.elements.body, self.population

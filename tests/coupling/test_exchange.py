@@ -435,3 +435,32 @@ def test_a_berg_that_calves_gives_the_ocean_all_its_drag() -> None:
     for k, name in enumerate(("ibtaux", "ibtauy")):
         to_ocean = float((given[name].values * area).sum()) * run.ocean_step
         assert to_ocean == pytest.approx(-(impulse[1][k] - impulse[0][k]), rel=1e-9)
+
+
+@pytest.mark.parametrize("fails_in", [1, 3, 4])
+def test_a_step_that_fails_is_taken_back_with_births_and_stores(fails_in: int) -> None:
+    """Newborn bergs stayed, and the ice that they had come from was in the stores no more and in no budget."""
+    settings = ALONE.changed(calving={"smoothing_time": 86400.0})
+    run, other = (exchange(settings, loose(1), ocean_step=3600.0) for _ in range(2))
+    given, fail = ocean(**ice_flux(1.0)), [True]
+
+    def fails(model) -> None:
+        if fail[0] and model.step_number == fails_in:
+            raise RuntimeError
+
+    run.model.after_step.append(fails)
+    other.model.after_step.append(lambda model: None)
+    for _ in range((fails_in - 1) // 2):
+        run.step(given)
+        other.step(given)
+    with pytest.raises(RuntimeError):
+        run.step(given)
+    assert run.balance() == other.balance()
+    assert run.model.time == other.model.time
+    assert run.model.elements.size == other.model.elements.size
+    fail[0] = False
+    for _ in range(2):
+        xr.testing.assert_identical(run.step(given), other.step(given))
+    assert run.balance() == other.balance()
+    assert abs(run.balance().error) < 1e-12
+    np.testing.assert_array_equal(run.model.elements.id, other.model.elements.id)

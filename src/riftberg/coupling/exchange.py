@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from copy import deepcopy
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -256,7 +257,8 @@ class Exchange:
         Raises
         ------
         InputError
-            If a name, a unit, a shape or a value is wrong; nothing has been stepped then.
+            If a name, a unit, a shape or a value is wrong; nothing has been stepped then. Whatever else fails takes the whole
+            step back, with births and stores.
         """
         arrays = self._arrays(given)
         shape = self.grid.arrays.nj, self.grid.arrays.ni
@@ -268,6 +270,32 @@ class Exchange:
         # All that may be refused has been checked by now: a step that is refused has changed nothing.
         self.forcing.put(self._fields(arrays))
         self._handed[[name in arrays for name in Fields._fields]] = 1.0
+        go_back = self._way_back()
+        try:
+            return self._stepped(flux, heat)
+        except BaseException:
+            go_back()
+            raise
+
+    def _way_back(self) -> Callable[[], None]:
+        """Return what brings back bergs, stores and budget as they are now."""
+        go_back = self.model.way_back()
+        names = ("_held", "_totals", "_left", "departed")
+        kept = {name: getattr(self, name).copy() for name in names}
+        rest, stores = self._settling.rest.copy(), None if self.calving is None else deepcopy(self.calving.stores)
+
+        def whole_way() -> None:
+            go_back()
+            for name, value in kept.items():
+                setattr(self, name, value)
+            self._settling.rest = rest
+            if self.calving is not None and stores is not None:
+                self.calving.stores = stores
+
+        return whole_way
+
+    def _stepped(self, flux: Floats, heat: Floats) -> xr.Dataset:
+        """Let ice calve and bergs step, and return what the ocean gets."""
         fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
         by_process = np.zeros((len(PROCESSES), *flux.shape))
         if self.calving is not None:
