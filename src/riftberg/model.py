@@ -280,25 +280,30 @@ class BareModel(RunState):
         """Take elements out, with their bonds; for use between two steps or in `after_step`."""
         self.population.remove(ids)
 
-    def applied_forces(self) -> Floats:
+    def applied_forces(self, elements: Elements | None = None) -> Floats:
         """Return the mean forces (N) on the elements over the last long step, as they were applied.
 
         The drag of the sea floor in the sub-steps and the implicit solves are included. Zero before the first step, for
         elements that never move and for those born since.
+
+        Parameters
+        ----------
+        elements : Elements, optional
+            Those of now by default; what `departed` in this step, too.
 
         Returns
         -------
         array, shape (elements, forces, 2)
             East and north, for each name of `riftberg.stepping.forces.media.FORCES`.
         """
-        return self._of_last_step(self._stepper.applied)
+        return self._of_last_step(self._stepper.applied, self.elements if elements is None else elements)
 
-    def _of_last_step(self, accelerations: Floats) -> Floats:
-        """Return forces (N) on the elements of now, with the masses of the last step: life has changed them since."""
+    def _of_last_step(self, accelerations: Floats, elements: Elements) -> Floats:
+        """Return forces (N) on elements, with the masses of the last step: life has changed them since."""
         forces = self._stepped_mass[:, None, None] * accelerations
-        if np.array_equal(self._stepped, self.elements.body.id):
+        if np.array_equal(self._stepped, elements.body.id):
             return forces
-        return by_identifier(self._stepped, forces, self.elements.body.id)
+        return by_identifier(self._stepped, forces, elements.body.id)
 
     def own_forces(self) -> Floats:
         """Return the mean forces (N) of each of several laws of one's own over the last long step.
@@ -311,7 +316,7 @@ class BareModel(RunState):
         own, count = self._own, len(self.laws.several())
         if own is None:
             return np.zeros((self.elements.size, count, 2))
-        return self._of_last_step(own)
+        return self._of_last_step(own, self.elements)
 
     def step(self) -> None:
         """Advance the state by one long step, and run the processes of `after_step`.

@@ -464,3 +464,19 @@ def test_a_step_that_fails_is_taken_back_with_births_and_stores(fails_in: int) -
     assert run.balance() == other.balance()
     assert abs(run.balance().error) < 1e-12
     np.testing.assert_array_equal(run.model.elements.id, other.model.elements.id)
+
+
+def test_a_berg_that_leaves_gives_the_ocean_its_last_drag_at_the_edge() -> None:
+    """What it did to the water in the step in which it left was given to nobody."""
+    berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-39.95, -56.6), velocity=(-1.0, 0.0))
+    run = drifting_west("open", berg)
+    area = run.grid.arrays.area[run.grid.domain]
+    while not run.departed:
+        before = run.model.motion.balance(run.model, run.model.remembered).impulse["water"]
+        given = run.step(WEST)
+    after = run.model.motion.balance(run.model, run.model.remembered).impulse["water"]
+    assert run.model.elements.size == 0
+    for k, name in enumerate(("ibtaux", "ibtauy")):
+        force = given[name].values * area
+        assert float(force.sum()) * run.ocean_step == pytest.approx(-(after[k] - before[k]), rel=1e-9)
+        assert force[5:7, 0].sum() == pytest.approx(force.sum(), rel=1e-12)

@@ -309,6 +309,7 @@ class Exchange:
             self.model.step()
             if self.model.departed is not None:
                 self.departed.append(self.model.departed)
+                self._add_departed(self.model.departed[0], fluxes)
             # A model without melt has no process that looks around between motion and melt.
             if self._seen is None:
                 self._look(self.model)
@@ -483,11 +484,27 @@ class Exchange:
         """Note where the elements are and what forces have acted, before the melt."""
         m = self.model
         shares = shares_of(m.elements, m.bonds, self.grid, m.parameters)
-        east, north = m.applied_forces()[:, FORCES.index("water")].T
+        scaling = m.elements.life.mass_scaling.copy()
+        self._seen = _Seen(m.elements.body.id.copy(), shares, scaling, self._drag(m.elements))
+
+    def _drag(self, elements: Elements) -> Floats:
+        """Return the mean drag of the water (N) in the last step of the bergs, along and across the rows of the grid."""
+        east, north = self.model.applied_forces(elements)[:, FORCES.index("water")].T
         g, mirrored = self.grid.arrays, bool(self.forcing.rules.mirrored)
-        c, s = (corners_at_elements(angle, m.elements, mirrored) for angle in (g.cos_angle, g.sin_angle))
-        drag = np.stack([c * east - s * north, s * east + c * north])
-        self._seen = _Seen(m.elements.body.id.copy(), shares, m.elements.life.mass_scaling.copy(), drag)
+        c, s = (corners_at_elements(angle, elements, mirrored) for angle in (g.cos_angle, g.sin_angle))
+        return np.stack([c * east - s * north, s * east + c * north])
+
+    def _add_departed(self, elements: Elements, fluxes: dict[str, Floats]) -> None:
+        """Add the drag of what left in one step of the bergs: to their cells, of those beyond the edge to the nearest."""
+        there, place, g = elements.copy(), elements.place, self.grid.arrays
+        for own, size, name in ((place.cell_i, g.ni, "cell_i"), (place.cell_j, g.nj, "cell_j")):
+            getattr(there.place, name)[:] = np.clip(own, g.halo, g.halo + size - 1)
+        np.clip(place.xi, 0.0, 1.0, out=there.place.xi)
+        np.clip(place.eta, 0.0, 1.0, out=there.place.eta)
+        cells = there.place.cell_j - g.halo, there.place.cell_i - g.halo
+        area = g.area[self.grid.domain][cells]
+        for name, drag in zip(("stress_x", "stress_y"), self._drag(there), strict=True):
+            np.add.at(fluxes[name], cells, -drag * there.life.mass_scaling / area / self.steps)
 
     def _add(self, fluxes: dict[str, Floats], by_process: Floats) -> None:
         """Add what one step of the bergs gives."""
