@@ -278,6 +278,7 @@ def test_steps_that_do_not_fit_are_refused() -> None:
         ({"sea_surface_height_above_geoid": np.zeros((3, 3))}, r"shape \(3, 3\)"),
         ({"land_ice_specific_mass_flux_due_to_calving": np.full((NJ, NI), -1e-3)}, "-0.001"),
         ({"sea_ice_area_fraction": 40.0}, "Check its units"),
+        ({"land_ice_specific_mass_flux_due_to_calving": np.zeros((NJ + 2, NI + 2))}, r"shape \(14, 18\), expected"),
         ({"sea_surface_salinity": np.full((NJ, NI), np.nan)}, "nan"),
         ({"surface_downward_eastward_stress": 0.1}, "alone"),
     ],

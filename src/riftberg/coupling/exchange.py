@@ -328,6 +328,7 @@ class Exchange:
         # Vectors may come with one more row and column: their corners.
         wide = {*CORNER_FIELDS, "taux", "tauy"}
         shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
+        shapes |= {"calving": cell[:1], "calving_heat": cell[:1]}  # ice calves into cells of the ocean only
         arrays = taken(items, shapes, g.mask[self.grid.domain])
         for lacking, field in missing_water(self.model.parameters, arrays).items():
             name = next(name for name, q in TAKEN.items() if q.field == field)
