@@ -327,6 +327,7 @@ class Exchange:
         corner = (*cell, (g.nj + 1, g.ni + 1))
         # Vectors may come with one more row and column: their corners.
         wide = {*CORNER_FIELDS, "taux", "tauy"}
+        shapes: dict[str, tuple[tuple[int, int], ...]]
         shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
         shapes |= {"calving": cell[:1], "calving_heat": cell[:1]}  # ice calves into cells of the ocean only
         arrays = taken(items, shapes, g.mask[self.grid.domain])
