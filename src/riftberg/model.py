@@ -190,21 +190,24 @@ class BareModel(RunState):
         check_work(1, self.substeps, self.elements.mass.size, where="stepping.substeps")
         self._look()
         self._stepper: Stepper = make_stepper(self)
-        self._stepped = self.elements.body.id.copy()
+        self._stepped, self._stepped_mass = self.elements.body.id.copy(), self.elements.body.mass.copy()
         if self._visited:
             if not self.elements.body.berg_length.all():  # of a restart file that does not hold it
                 measure_outlines(self.elements, self.constants)
             if forcing.grid is not None:
                 forcing.grid.check_cells(self.elements)
             # The same values as in the file, unless the run failed because its forcing was at fault. A force of one's own may
-            # have been taken at velocities that are no more: it stays.
-            kept = self.elements.environment.own_x.copy(), self.elements.environment.own_y.copy()
-            # What this forcing does not give is not known: it may stem from another one, such as the water at a keel.
-            for variable in ELEMENT_VARIABLES:
-                if variable.name in Environment._fields:
-                    getattr(self.elements.environment, variable.name)[:] = variable.default
-            self._stepper.sample_forcing(self)
-            self.elements.environment.own_x[:], self.elements.environment.own_y[:] = kept
+            # have been taken at velocities that are no more: it stays. An ocean model that has yet to hand over its fields
+            # (`OceanForcing`) would be one at rest.
+            if getattr(forcing, "given", True):
+                environment = self.elements.environment
+                kept = environment.own_x.copy(), environment.own_y.copy()
+                # What this forcing does not give is not known: it may stem from another one, such as the water at a keel.
+                for variable in ELEMENT_VARIABLES:
+                    if variable.name in Environment._fields:
+                        getattr(environment, variable.name)[:] = variable.default
+                self._stepper.sample_forcing(self)
+                environment.own_x[:], environment.own_y[:] = kept
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""
@@ -282,21 +285,30 @@ class BareModel(RunState):
         """Take elements out, with their bonds; for use between two steps or in `after_step`."""
         self.population.remove(ids)
 
-    def applied_forces(self) -> Floats:
+    def applied_forces(self, elements: Elements | None = None) -> Floats:
         """Return the mean forces (N) on the elements over the last long step, as they were applied.
 
         The drag of the sea floor in the sub-steps and the implicit solves are included. Zero before the first step, for
         elements that never move and for those born since.
+
+        Parameters
+        ----------
+        elements : Elements, optional
+            Those of now by default; what `departed` in this step, too.
 
         Returns
         -------
         array, shape (elements, forces, 2)
             East and north, for each name of `riftberg.stepping.forces.media.FORCES`.
         """
-        applied = self._stepper.applied
-        if not np.array_equal(self._stepped, self.elements.body.id):
-            applied = by_identifier(self._stepped, applied, self.elements.body.id)
-        return self.elements.body.mass[:, None, None] * applied
+        return self._of_last_step(self._stepper.applied, self.elements if elements is None else elements)
+
+    def _of_last_step(self, accelerations: Floats, elements: Elements) -> Floats:
+        """Return forces (N) on elements, with the masses of the last step: life has changed them since."""
+        forces = self._stepped_mass[:, None, None] * accelerations
+        if np.array_equal(self._stepped, elements.body.id):
+            return forces
+        return by_identifier(self._stepped, forces, elements.body.id)
 
     def own_forces(self) -> Floats:
         """Return the mean forces (N) of each of several laws of one's own over the last long step.
@@ -309,9 +321,7 @@ class BareModel(RunState):
         own, count = self._own, len(self.laws.several())
         if own is None:
             return np.zeros((self.elements.size, count, 2))
-        if not np.array_equal(self._stepped, self.elements.body.id):
-            own = by_identifier(self._stepped, own, self.elements.body.id)
-        return self.elements.body.mass[:, None, None] * own
+        return self._of_last_step(own, self.elements)
 
     def step(self) -> None:
         """Advance the state by one long step, and run the processes of `after_step`.
@@ -394,7 +404,7 @@ class BareModel(RunState):
             check_speed(self, before, self._stepper.applied)
             refuse_forcing(self, before, error)
             raise
-        self._stepped = self.elements.body.id.copy()
+        self._stepped, self._stepped_mass = self.elements.body.id.copy(), self.elements.body.mass.copy()
         check_speed(self, before, self._stepper.applied)
         check_forcing(self)
 
@@ -408,6 +418,23 @@ class BareModel(RunState):
         self.fragments.calved_from.clear()
         self.population.restore(population)
         self._look()
+
+    def way_back(self) -> Callable[[], None]:
+        """Return what brings this state back: for a step of an ocean that fails after births or steps of the bergs."""
+        names = ("_seen_rows", "_seen_bonds", "_seen_ids", "_seen_bytes", "_seen_coarse", "_visited", "outlines")
+        noted = {name: getattr(self, name) for name in (*names, "departed")}
+        before = (
+            self.time, self.step_number, list(self.fragments.rows), self.population.saved(), dict(self.remembered),
+            self.contacts.saved(),
+        )  # fmt: skip
+
+        def go_back() -> None:
+            self._go_back(*before)
+            # What came before the step and has not been followed up is still to be, and so is the first visit.
+            for name, value in noted.items():
+                setattr(self, name, value)
+
+        return go_back
 
     def _look(self, coarse: tuple[Floats, ...] | None = None) -> None:
         """Note what must be followed up when it changes: which rows there are, mass and sizes; those in steps if known."""

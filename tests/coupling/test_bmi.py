@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from riftberg.coupling.fields import GIVEN, TAKEN
-from riftberg.errors import InputError
+from riftberg.errors import ForcingError, InputError
 
 bmi = pytest.importorskip("riftberg.coupling.bmi", reason="the extra bmi is not installed")
 
@@ -56,6 +56,26 @@ def test_input_is_set_as_a_whole_and_in_part(model) -> None:
     assert model.get_current_time() == 3600.0
     with pytest.raises(InputError, match="whole steps"):
         model.update_until(4000.0)
+
+
+def test_bergs_that_melt_need_a_temperature_that_is_given(tmp_path: Path) -> None:
+    """It was 0 where none was given."""
+    path = tmp_path / "riftberg.yaml"
+    path.write_text(CONFIGURATION.replace("ocean: {sea_surface_temperature: 1.5}", "ocean: {}"))
+    component = bmi.BmiRiftberg()
+    component.initialize(str(path))
+    assert np.isnan(component.get_value_ptr("sea_surface_temperature")).all()
+    with pytest.raises(ForcingError, match="no sea_surface_temperature, but bergs melt"):
+        component.update()
+    component.set_value_at_indices("sea_surface_temperature", np.array([0]), np.array([1.0]))
+    with pytest.raises(InputError, match=r"exchange, sea_surface_temperature: nan"):
+        component.update()
+    component.get_value_ptr("sea_surface_temperature")[:] = 1.5
+    component.update()
+    component.get_value_ptr("sea_surface_temperature")[:] = np.nan
+    with pytest.raises(InputError, match=r"exchange, sea_surface_temperature: nan"):
+        component.update()
+    assert component.get_current_time() == 1800.0
 
 
 def test_names_are_those_of_csdms_and_those_of_cf_are_known(model) -> None:

@@ -278,6 +278,7 @@ def test_steps_that_do_not_fit_are_refused() -> None:
         ({"sea_surface_height_above_geoid": np.zeros((3, 3))}, r"shape \(3, 3\)"),
         ({"land_ice_specific_mass_flux_due_to_calving": np.full((NJ, NI), -1e-3)}, "-0.001"),
         ({"sea_ice_area_fraction": 40.0}, "Check its units"),
+        ({"land_ice_specific_mass_flux_due_to_calving": np.zeros((NJ + 2, NI + 2))}, r"shape \(14, 18\), expected"),
         ({"sea_surface_salinity": np.full((NJ, NI), np.nan)}, "nan"),
         ({"surface_downward_eastward_stress": 0.1}, "alone"),
     ],
@@ -297,3 +298,186 @@ def test_melt_without_temperature_and_calving_into_land_are_refused() -> None:
     run = exchange(the_grid=grid(mask=mask), berg=loose(1))
     with pytest.raises(InputError, match=r"cell \(6, 5\), which is land"):
         run.step(ocean(**ice_flux()))
+
+
+@pytest.mark.parametrize(
+    "name", ["sea_surface_temperature", "sea_surface_salinity", "sea_floor_depth_below_geoid", "eastward_wind"]
+)
+@pytest.mark.parametrize("shape", [(), (NJ + 2, NI + 2)])
+def test_missing_values_over_water_are_refused_in_every_step(name: str, shape: tuple[int, ...]) -> None:
+    """From the second step on they became 0, with a number or a ring around the cells."""
+    run = exchange()
+    run.step(ocean())
+    values = np.full(shape, 1.0)
+    values[(7, 8) if shape else ...] = np.nan
+    with pytest.raises(InputError, match=r"nan|NaN over water in cell"):
+        run.step(ocean(**{name: values}))
+    assert run.model.step_number == 1
+
+
+def test_land_may_lack_values_and_the_sea_beyond_an_open_edge_may_not() -> None:
+    mask = np.ones((NJ, NI))
+    mask[:3, 2:] = 0.0
+    run = exchange(the_grid=grid(mask=mask), berg=loose(1))
+    around = np.pad(np.where(mask > 0.0, 3.0, np.nan), 1, mode="edge")
+    for _ in range(2):
+        run.step(ocean(sea_surface_temperature=around))
+    around[0, 0] = np.nan
+    with pytest.raises(InputError, match=r"sst is NaN over water in cell \(0, 0\)"):
+        run.step(ocean(sea_surface_temperature=around))
+    assert run.model.step_number == 2
+
+
+def test_the_sea_floor_at_the_start_has_no_gaps_over_water() -> None:
+    depth = np.full((NJ, NI), 500.0)
+    depth[4, 5] = np.nan
+    g = grid()
+    with pytest.raises(ForcingError, match=r"depth is NaN over water in cell \(6, 5\)"):
+        OceanForcing(g, g.fields(depth=depth))
+
+
+@pytest.mark.parametrize("turn", [0.5, 0.5 * np.pi])
+def test_drag_on_the_water_is_along_the_rows_of_a_turned_grid(turn: float) -> None:
+    """It was east and north whatever the grid."""
+
+    def stress(turn: float) -> tuple[float, float]:
+        x, y = np.meshgrid(np.linspace(-1e5, 1e5, 21), np.linspace(-1e5, 1e5, 21))
+        c, s = np.cos(turn), np.sin(turn)
+        angles = {"cos_angle": np.full((20, 20), c), "sin_angle": np.full((20, 20), -s)}
+        g = ocean_grid(c * x - s * y, s * x + c * y, latlon=False, regular=turn == 0.0, **angles)
+        berg = Iceberg.rectangle(3e3, 3e3, thickness=200.0, latlon=False)
+        p = Parameters(earth={"latlon": False, "reference_latitude": -60.0})
+        run = Exchange(Model(berg, OceanForcing(g, g.fields()), p), staggering="A")
+        given = run.step({"eastward_sea_water_velocity": 0.3, "northward_sea_water_velocity": 0.0})
+        return float(given["ibtaux"].sum()), float(given["ibtauy"].sum())
+
+    assert stress(turn) == pytest.approx(stress(0.0), rel=1e-6)
+
+
+def test_a_resumed_exchange_meets_the_ocean_that_it_left(tmp_path: Path) -> None:
+    """Its first step was one in an ocean at rest, and fields that had been handed over once were gone."""
+    whole = exchange(Parameters(melt={"enabled": True}), loose(1))
+    whole.step(ocean(sea_floor_depth_below_geoid=120.0))
+    whole.step(ocean())
+    whole.model.save(tmp_path / "r.nc")
+    g = grid()
+    again = Exchange(Model.resume(tmp_path / "r.nc", OceanForcing(g, g.fields())))
+    with pytest.raises(InputError, match=r"no sea_floor_depth_below_geoid, which the run had before its restart"):
+        again.step(ocean())
+    given = ocean(sea_floor_depth_below_geoid=120.0)
+    xr.testing.assert_identical(again.step(given), whole.step(given))
+    for run in (whole, again):
+        given = run.step(ocean())
+    assert again.model.elements.u[0] == whole.model.elements.u[0]
+    assert again.model.elements.depth[0] == pytest.approx(120.0)
+
+
+def test_births_count_once_in_the_ledger_of_life() -> None:
+    """Those of the first step stood in the stock at the start, too, and what others added before births was not entered."""
+    run = exchange(ALONE, loose(1))
+    more = loose(1).elements
+
+    def add(model) -> None:
+        if model.step_number == 2:
+            model.append(more)
+
+    run.model.after_step.append(add)
+    for _ in range(4):
+        run.step(ocean(**ice_flux(1.0)))
+        assert run.model.elements.size > 1
+        assert abs(run.model.life.balance(run.model).error) < 1e-12
+    gained = run.model.life.balance(run.model).gained
+    assert gained["calved"] > 0.0
+    assert gained["other"] == pytest.approx(scaled_mass(more.life, more.body.mass).sum(), rel=1e-9)
+
+
+def test_missing_calving_on_land_is_no_ice() -> None:
+    """It went into stores, budget and what the ocean gets, as NaN."""
+    mask = np.ones((NJ, NI))
+    mask[0] = 0.0
+    run = exchange(the_grid=grid(mask=mask), berg=loose(1))
+    given = ice_flux()
+    for values in given.values():
+        values[0] = np.nan
+    back = run.step(ocean(**given))
+    assert np.isfinite(back["flandice"]).all()
+    assert abs(run.balance().error) < 1e-12
+    assert abs(run.balance().heat_error) < 1e-10
+
+
+def test_ice_that_a_process_adds_lies_in_its_own_cells() -> None:
+    """It was put under another berg in the step in which it came."""
+    berg = Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-39.0, -57.0))
+    run = exchange(Parameters(melt={"enabled": True}), berg)
+    run.step(ocean())
+    added = Iceberg.rectangle(3e3, 3e3, thickness=200.0, placement=(-37.0, -56.0)).elements
+
+    def add(model) -> None:
+        if model.elements.size == 1:
+            model.append(added)
+
+    run.model.after_step.append(add)
+    given = run.step(ocean())
+    area = run.grid.arrays.area[run.grid.domain]
+    assert float((given["ibmass"].values * area)[7:9, 11:13].sum()) == pytest.approx(added.mass.sum(), rel=1e-12)
+
+
+def test_a_berg_that_calves_gives_the_ocean_all_its_drag() -> None:
+    """The mass that it had left was counted, not that with which it was moved."""
+    p = Parameters(melt={"enabled": True}, footloose={"enabled": True, "style": "bits"})
+    run = exchange(p, loose(1), staggering="A")
+    run.step(ocean())
+    run.model.elements.life.fl_k[:] = 2e6
+    area, before = run.grid.arrays.area[run.grid.domain], run.model.elements.mass[0]
+    impulse = [run.model.motion.balance(run.model, run.model.remembered).impulse["water"]]
+    given = run.step(ocean())
+    impulse.append(run.model.motion.balance(run.model, run.model.remembered).impulse["water"])
+    assert run.model.elements.mass[0] < 0.9 * before
+    for k, name in enumerate(("ibtaux", "ibtauy")):
+        to_ocean = float((given[name].values * area).sum()) * run.ocean_step
+        assert to_ocean == pytest.approx(-(impulse[1][k] - impulse[0][k]), rel=1e-9)
+
+
+@pytest.mark.parametrize("fails_in", [1, 3, 4])
+def test_a_step_that_fails_is_taken_back_with_births_and_stores(fails_in: int) -> None:
+    """Newborn bergs stayed, and the ice that they had come from was in the stores no more and in no budget."""
+    settings = ALONE.changed(calving={"smoothing_time": 86400.0})
+    run, other = (exchange(settings, loose(1), ocean_step=3600.0) for _ in range(2))
+    given, fail = ocean(**ice_flux(1.0)), [True]
+
+    def fails(model) -> None:
+        if fail[0] and model.step_number == fails_in:
+            raise RuntimeError
+
+    run.model.after_step.append(fails)
+    other.model.after_step.append(lambda model: None)
+    for _ in range((fails_in - 1) // 2):
+        run.step(given)
+        other.step(given)
+    with pytest.raises(RuntimeError):
+        run.step(given)
+    assert run.balance() == other.balance()
+    assert run.model.time == other.model.time
+    assert run.model.elements.size == other.model.elements.size
+    fail[0] = False
+    for _ in range(2):
+        xr.testing.assert_identical(run.step(given), other.step(given))
+    assert run.balance() == other.balance()
+    assert abs(run.balance().error) < 1e-12
+    np.testing.assert_array_equal(run.model.elements.id, other.model.elements.id)
+
+
+def test_a_berg_that_leaves_gives_the_ocean_its_last_drag_at_the_edge() -> None:
+    """What it did to the water in the step in which it left was given to nobody."""
+    berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, placement=(-39.95, -56.6), velocity=(-1.0, 0.0))
+    run = drifting_west("open", berg)
+    area = run.grid.arrays.area[run.grid.domain]
+    while not run.departed:
+        before = run.model.motion.balance(run.model, run.model.remembered).impulse["water"]
+        given = run.step(WEST)
+    after = run.model.motion.balance(run.model, run.model.remembered).impulse["water"]
+    assert run.model.elements.size == 0
+    for k, name in enumerate(("ibtaux", "ibtauy")):
+        force = given[name].values * area
+        assert float(force.sum()) * run.ocean_step == pytest.approx(-(after[k] - before[k]), rel=1e-9)
+        assert force[5:7, 0].sum() == pytest.approx(force.sum(), rel=1e-12)

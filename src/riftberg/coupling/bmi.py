@@ -66,7 +66,8 @@ class BmiRiftberg(Bmi):
     """Bergs beside an ocean, behind the Basic Model Interface.
 
     Input variables are those of `riftberg.coupling.fields.TAKEN` (wind, not its stress), output variables those of
-    `riftberg.coupling.fields.GIVEN`. They are listed by the names of CSDMS, see `NAMES`; those of CF are known too.
+    `riftberg.coupling.fields.GIVEN`. What is not set is at rest or absent, salinity 34; temperature is NaN, and must be set
+    if bergs melt. They are listed by the names of CSDMS, see `NAMES`; those of CF are known too.
 
     Examples
     --------
@@ -82,6 +83,7 @@ class BmiRiftberg(Bmi):
     def __init__(self) -> None:
         self._exchange: Exchange | None = None
         self._values: dict[str, NDArray[np.float64]] = {}
+        self._lacking: set[str] = set()
         self._end = 0.0
 
     # ------------------------------------------------------------------------------------------------- from start to end
@@ -119,6 +121,9 @@ class BmiRiftberg(Bmi):
             raise InputError(f"days = {said['days']}", where=config_file, remedy="Give a finite number above 0")
         self._values = {name: np.zeros(self._shape) for name in NAMES.values()}
         self._values["sea_floor_depth_below_geoid"][:] = box["depth"]
+        # No warmth of the sea is usual: until it is given it is not handed over, and bergs that melt are refused.
+        self._lacking = {"sea_surface_temperature"}
+        self._values["sea_surface_temperature"][:] = np.nan
         # Of the open Southern Ocean, where nothing else is given.
         self._values["sea_surface_salinity"][:] = 34.0
         for name, value in said.get("ocean", {}).items():
@@ -126,7 +131,7 @@ class BmiRiftberg(Bmi):
             if known in GIVEN or known not in self._values:
                 raise InputError(f"unknown field {name!r}", where=f"{config_file}, ocean", remedy="See TAKEN")
             self._values[known][:] = number(value, TAKEN[known].units, where=f"{config_file}, ocean, {name}")
-        asked = {name: values for name, values in self._values.items() if name in TAKEN}
+        asked = self._handed_over()
         # Only for the check: values that cannot be are refused here and not in the first step.
         taken(asked, {TAKEN[name].field: (self._shape,) for name in asked}, np.ones(self._shape))
 
@@ -139,9 +144,14 @@ class BmiRiftberg(Bmi):
 
     def update(self) -> None:
         """Take one step."""
-        fields = self.exchange.step({name: values for name, values in self._values.items() if name not in GIVEN})
+        fields = self.exchange.step(self._handed_over())
         for name, quantity in GIVEN.items():
             self._values[name][:] = fields[quantity.short].values
+
+    def _handed_over(self) -> dict[str, NDArray[np.float64]]:
+        """Return the input, but for what has not been given yet."""
+        self._lacking = {name for name in self._lacking if np.isnan(self._values[name]).all()}
+        return {name: q for name, q in self._values.items() if name in TAKEN and name not in self._lacking}
 
     def update_until(self, time: float) -> None:
         """Step until a time (s); it must be reached by whole steps."""

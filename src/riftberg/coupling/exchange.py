@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from copy import deepcopy
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from riftberg.life.process import PROCESSES, LifeModel, date_of_birth, missing_w
 from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
+from riftberg.ocean.gridded import corners_at_elements
 from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
@@ -134,7 +136,7 @@ class _Seen(NamedTuple):
     ids: Any
     shares: Shares
     scaling: Floats
-    forces: Floats
+    drag: Floats  # Of the water on the elements, N, along and across the rows of the grid; shape (2, elements)
 
 
 class Exchange:
@@ -197,6 +199,8 @@ class Exchange:
         self.staggering: Staggering = staggering
         self.wind_staggering: Staggering = wind_staggering
         _check_kept(model, self.grid)
+        # Which fields have been handed over so far: 1 or 0 for each name of `Fields`.
+        self._handed = model.remembered.get(STORES + "handed", np.zeros(len(Fields._fields))).copy()
         self.calving = FluxCalving(p, self.grid, _kept_stores(model)) if calving else None
         self._settling = Settling(number(settling_time, "s", where="settling_time"), self.grid)
         self._settling.take_up(model.remembered.get(STORES + "settling"))
@@ -253,15 +257,45 @@ class Exchange:
         Raises
         ------
         InputError
-            If a name, a unit, a shape or a value is wrong; nothing has been stepped then.
+            If a name, a unit, a shape or a value is wrong; nothing has been stepped then. Whatever else fails takes the whole
+            step back, with births and stores.
         """
         arrays = self._arrays(given)
         shape = self.grid.arrays.nj, self.grid.arrays.ni
         flux, heat = (np.broadcast_to(arrays.pop(name, np.zeros(shape)), shape) for name in ("calving", "calving_heat"))
-        check_flux(flux, heat, self.grid.arrays.mask[self.grid.domain], "exchange")
-        flux, heat = np.array(flux), np.array(heat)
+        mask = self.grid.arrays.mask[self.grid.domain]
+        check_flux(flux, heat, mask, "exchange")
+        # On land may stand what marks missing values.
+        flux, heat = (np.where(mask >= 0.5, q, 0.0) for q in (flux, heat))
         # All that may be refused has been checked by now: a step that is refused has changed nothing.
         self.forcing.put(self._fields(arrays))
+        self._handed[[name in arrays for name in Fields._fields]] = 1.0
+        go_back = self._way_back()
+        try:
+            return self._stepped(flux, heat)
+        except BaseException:
+            go_back()
+            raise
+
+    def _way_back(self) -> Callable[[], None]:
+        """Return what brings back bergs, stores and budget as they are now."""
+        go_back = self.model.way_back()
+        names = ("_held", "_totals", "_left", "departed")
+        kept = {name: getattr(self, name).copy() for name in names}
+        rest, stores = self._settling.rest.copy(), None if self.calving is None else deepcopy(self.calving.stores)
+
+        def whole_way() -> None:
+            go_back()
+            for name, value in kept.items():
+                setattr(self, name, value)
+            self._settling.rest = rest
+            if self.calving is not None and stores is not None:
+                self.calving.stores = stores
+
+        return whole_way
+
+    def _stepped(self, flux: Floats, heat: Floats) -> xr.Dataset:
+        """Let ice calve and bergs step, and return what the ocean gets."""
         fluxes = {name: np.zeros(flux.shape) for name in ("melt", "heat", "left", "left_heat", "stress_x", "stress_y")}
         by_process = np.zeros((len(PROCESSES), *flux.shape))
         if self.calving is not None:
@@ -275,6 +309,7 @@ class Exchange:
             self.model.step()
             if self.model.departed is not None:
                 self.departed.append(self.model.departed)
+                self._add_departed(self.model.departed[0], fluxes)
             # A model without melt has no process that looks around between motion and melt.
             if self._seen is None:
                 self._look(self.model)
@@ -292,7 +327,9 @@ class Exchange:
         corner = (*cell, (g.nj + 1, g.ni + 1))
         # Vectors may come with one more row and column: their corners.
         wide = {*CORNER_FIELDS, "taux", "tauy"}
+        shapes: dict[str, tuple[tuple[int, int], ...]]
         shapes = {q.field: corner if q.field in wide else cell for q in TAKEN.values()}
+        shapes |= {"calving": cell[:1], "calving_heat": cell[:1]}  # ice calves into cells of the ocean only
         arrays = taken(items, shapes, g.mask[self.grid.domain])
         for lacking, field in missing_water(self.model.parameters, arrays).items():
             name = next(name for name, q in TAKEN.items() if q.field == field)
@@ -316,6 +353,7 @@ class Exchange:
             arrays["ua"], arrays["va"] = wind_from_stress(np.atleast_2d(tau_x), np.atleast_2d(tau_y))
             if tau_x.ndim == 0:
                 arrays["ua"], arrays["va"] = arrays["ua"][0, 0], arrays["va"][0, 0]
+        self._refuse_lacking(arrays)
         before = self.forcing.fields_at(0.0)
         fields = {name: self.grid.extended(a) for name, a in arrays.items()}
         for u, v, where in (
@@ -326,6 +364,17 @@ class Exchange:
             if u in fields:
                 fields[u], fields[v] = at_corners(fields[u], fields[v], self.grid, where)
         return before._replace(**fields)
+
+    def _refuse_lacking(self, arrays: Mapping[str, Floats]) -> None:
+        """Refuse the first step after a restart unless all is there that was handed over before: a restart has no fields."""
+        handed = (name for name, once in zip(Fields._fields, self._handed, strict=True) if once)
+        lacking = [name for name in handed if name not in arrays]
+        if lacking and not self.forcing.given:
+            names = [name for name, q in TAKEN.items() if q.field in lacking]
+            raise InputError(
+                f"no {' and no '.join(names)}, which the run had before its restart", where="exchange",
+                remedy="Hand over in the first step all that was handed over before; a restart holds no fields of the ocean",
+            )  # fmt: skip
 
     def _calve(self, flux: Floats, heat: Floats, fluxes: dict[str, Floats]) -> None:
         assert self.calving is not None
@@ -343,6 +392,8 @@ class Exchange:
 
     def _bear(self, elements: Elements, bonds: Bonds | None = None) -> tuple[Ints, float, float]:
         """Add newborn elements to the model and its ledger; return identifiers, mass (kg) and heat (J)."""
+        if self.model.life is not None:
+            self.model.life.find_others(self.model)
         ids = self.model.append(elements, bonds)
         mass, heat = stocks(elements)
         if self.model.life is not None:
@@ -413,10 +464,16 @@ class Exchange:
     def _borne(self) -> tuple[Floats, Floats]:
         """Return the mass of bergs on cells now, and what of it the floor bears, kg."""
         m = self.model
+        shares = self._shares()
+        mass = scaled_mass(m.elements.life, m.elements.body.mass)
+        return shares.sum(mass), shares.sum(self._on_floor(m.elements))
+
+    def _shares(self) -> Shares:
+        """Return the shares of the elements in cells as they lie now."""
+        m = self.model
         elements = m.elements.copy()
         self.grid.locate(elements)
-        shares = shares_of(elements, m.bonds, self.grid, m.parameters)
-        return shares.sum(scaled_mass(elements.life, elements.body.mass)), shares.sum(self._on_floor(elements))
+        return shares_of(elements, m.bonds, self.grid, m.parameters)
 
     def _on_floor(self, el: Elements) -> Floats:
         """Return the mass of each element that the sea floor bears, kg."""
@@ -429,16 +486,35 @@ class Exchange:
         """Note where the elements are and what forces have acted, before the melt."""
         m = self.model
         shares = shares_of(m.elements, m.bonds, self.grid, m.parameters)
-        self._seen = _Seen(m.elements.body.id.copy(), shares, m.elements.life.mass_scaling.copy(), m.applied_forces())
+        scaling = m.elements.life.mass_scaling.copy()
+        self._seen = _Seen(m.elements.body.id.copy(), shares, scaling, self._drag(m.elements))
+
+    def _drag(self, elements: Elements) -> Floats:
+        """Return the mean drag of the water (N) in the last step of the bergs, along and across the rows of the grid."""
+        east, north = self.model.applied_forces(elements)[:, FORCES.index("water")].T
+        g, mirrored = self.grid.arrays, bool(self.forcing.rules.mirrored)
+        c, s = (corners_at_elements(angle, elements, mirrored) for angle in (g.cos_angle, g.sin_angle))
+        return np.stack([c * east - s * north, s * east + c * north])
+
+    def _add_departed(self, elements: Elements, fluxes: dict[str, Floats]) -> None:
+        """Add the drag of what left in one step of the bergs: to their cells, of those beyond the edge to the nearest."""
+        there, place, g = elements.copy(), elements.place, self.grid.arrays
+        for own, size, name in ((place.cell_i, g.ni, "cell_i"), (place.cell_j, g.nj, "cell_j")):
+            getattr(there.place, name)[:] = np.clip(own, g.halo, g.halo + size - 1)
+        np.clip(place.xi, 0.0, 1.0, out=there.place.xi)
+        np.clip(place.eta, 0.0, 1.0, out=there.place.eta)
+        cells = there.place.cell_j - g.halo, there.place.cell_i - g.halo
+        area = g.area[self.grid.domain][cells]
+        for name, drag in zip(("stress_x", "stress_y"), self._drag(there), strict=True):
+            np.add.at(fluxes[name], cells, -drag * there.life.mass_scaling / area / self.steps)
 
     def _add(self, fluxes: dict[str, Floats], by_process: Floats) -> None:
         """Add what one step of the bergs gives."""
         assert self._seen is not None
         seen, part = self._seen, 1.0 / self.ocean_step
         # The ocean gets the opposite of what it did to the bergs.
-        drag = -seen.forces[:, FORCES.index("water")] * seen.scaling[:, None]
-        for k, name in enumerate(("stress_x", "stress_y")):
-            fluxes[name] += seen.shares.per_area(drag[:, k]) / self.steps
+        for name, drag in zip(("stress_x", "stress_y"), seen.drag, strict=True):
+            fluxes[name] += seen.shares.per_area(-drag * seen.scaling) / self.steps
         life = self.model.life
         if life is None or life.last is None:
             return
@@ -453,8 +529,10 @@ class Exchange:
         assert self._seen is not None
         el, p = self.model.elements, self.model.parameters
         # Melt may have removed elements since their shares were found: rows are matched by identifier.
-        rows, _ = rows_of(self._seen.ids, el.body.id)
-        shares, scaling = self._seen.shares.taken(rows), el.life.mass_scaling
+        rows, known = rows_of(self._seen.ids, el.body.id)
+        # Processes of the user may have added ice since.
+        shares = self._seen.shares.taken(rows) if known.all() else self._shares()
+        scaling = el.life.mass_scaling
         mass, plan = scaled_mass(el.life, el.body.mass), el.body.length * el.body.width * scaling
         on_floor = self._on_floor(el)
         speed = np.hypot(el.motion.u - el.environment.uo, el.motion.v - el.environment.vo)
@@ -496,7 +574,7 @@ class Exchange:
         """Leave stores and ledger where a restart finds them."""
         kept: dict[str, Floats | None] = {
             "totals": self._totals, "start": self._start, "held": self._held, "left": self._left,
-            "settling": self._settling.rest,
+            "settling": self._settling.rest, "handed": self._handed,
         }  # fmt: skip
         if self.calving is not None:
             s = self.calving.stores

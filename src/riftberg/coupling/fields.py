@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError, nearest
 from riftberg.ocean.cells import Fields
-from riftberg.ocean.grid import Grid
+from riftberg.ocean.grid import Grid, first_gap
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.state import Floats
 
@@ -129,8 +129,8 @@ def _check_limits(values: Floats, mask: Floats, name: str, q: Exchanged) -> None
     wet: NDArray[np.bool_] = mask >= 0.5 if values.shape == mask.shape else np.ones(values.shape, bool)
     with np.errstate(invalid="ignore"):
         bad = wet & ~((values >= q.low) & (values <= q.high))
-    if values.shape != mask.shape:
-        bad &= ~np.isnan(values)  # corners of land may lack a value
+    if values.ndim and values.shape != mask.shape:
+        bad &= ~np.isnan(values)  # land may lack a value: `OceanForcing.put` knows where it is, also beyond the cells
     if bad.any():
         at = tuple(int(k) for k in np.argwhere(bad)[0])
         cell = f" in cell ({at[1] + 1}, {at[0] + 1})" if at else ""
@@ -157,6 +157,8 @@ class OceanForcing(GriddedForcing):
     ----------
     provides : frozenset of str
         What each step brings of the water; `Exchange.step` sees to it.
+    given : bool
+        Whether a step has put its fields; until then a run that is resumed keeps what its bergs met last.
     """
 
     provides: Final = frozenset({"sst", "sss"})
@@ -164,8 +166,21 @@ class OceanForcing(GriddedForcing):
     def __init__(self, grid: Grid, fields: Fields, **options: Any) -> None:
         super().__init__(grid, fields, **options)
         self.ocean_grid = grid
+        self.given = False
+        self._refuse_gaps(fields)
 
     def put(self, fields: Fields) -> Fields:
-        """Take the fields of a step; return them as the bergs see them: without gaps, 0 on land."""
+        """Take the fields of a step, unless they have gaps (NaN) over water; return them as bergs see them: 0 on land."""
+        self._refuse_gaps(fields)
         self.replace(fields)
+        self.given = True
         return self.fields_at(0.0)
+
+    def _refuse_gaps(self, fields: Fields) -> None:
+        g = self.ocean_grid.arrays
+        for name, values in zip(Fields._fields, fields, strict=True):
+            if name == "ssh" and self.rules.sea_level_gaps:
+                continue
+            i, j = first_gap(values, g.mask, g.halo - 1)  # with the cells beyond an open edge
+            if i >= 0:
+                raise self._gap_error(0, name, i, j)

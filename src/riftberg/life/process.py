@@ -322,6 +322,12 @@ class LifeProcess:
 
             follow_outlines(model.elements, model.bonds, model.outlines, model.constants, model.remembered)
 
+    def find_others(self, model: LifeModel) -> None:
+        """Enter what other hands have done until now; to be called before another process adds ice, see `enter`."""
+        ledger = self.ledger(model)
+        ledger.find_others(model.elements)
+        self._keep(model, ledger)
+
     def enter(self, model: LifeModel, source: str, mass: float, heat: float) -> None:
         """Enter ice (kg) that another process has just added, and its heat (J), under a name of `ledger.SOURCES`."""
         ledger = self.ledger(model)

@@ -445,7 +445,8 @@ def tidal_increment(mask: Floats, i: Ints, j: Ints, east: Floats, north: Floats)
     return along * (1.0 - to_south * to_north) * here, across * (1.0 - to_west * to_east) * here
 
 
-def _corners_at_elements(q: Floats, e: Elements, mirrored: bool) -> Floats:
+def corners_at_elements(q: Floats, e: Elements, mirrored: bool) -> Floats:
+    """Return a field of corners at elements: linear in their cells."""
     i, j, xi, eta = e.place.cell_i, e.place.cell_j, e.place.xi, e.place.eta
     x, y = (1.0 - xi, 1.0 - eta) if mirrored else (xi, eta)
     return (q[j, i] * x + q[j, i - 1] * (1.0 - x)) * y + (q[j - 1, i] * x + q[j - 1, i - 1] * (1.0 - x)) * (1.0 - y)
@@ -466,7 +467,7 @@ def add_tidal_drift(
     e = elements
     east, north = _draws(e.cell_i, e.cell_j, ssh, grid.halo, order)
     along, across = (amplitude * q for q in tidal_increment(grid.mask, e.cell_i, e.cell_j, east, north))
-    c, s = _corners_at_elements(grid.cos_angle, e, mirrored), _corners_at_elements(grid.sin_angle, e, mirrored)
+    c, s = corners_at_elements(grid.cos_angle, e, mirrored), corners_at_elements(grid.sin_angle, e, mirrored)
     du, dv = c * along + s * across, c * across - s * along
     e.uo[:] += du
     e.ui[:] += du
