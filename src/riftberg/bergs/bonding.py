@@ -130,6 +130,16 @@ def give_velocity(elements: Elements, east: Any, north: Any) -> None:
         getattr(elements, f"v{when}")[:] += north
 
 
+def turn_rigidly(elements: Elements, metric: Metric) -> None:
+    """Give the elements of each piece the velocities of its spin about its centre of mass; a lone element has none."""
+    _, first, piece = np.unique(elements.berg, return_index=True, return_inverse=True)
+    lon, lat, mass = elements.lon, elements.lat, elements.mass
+    x, y = separations(metric, lon, lat, lon[first][piece], lat[first][piece])
+    whole = np.bincount(piece, mass)
+    x, y = (a - (np.bincount(piece, mass * a) / whole)[piece] for a in (x, y))
+    give_velocity(elements, -elements.spin * y, elements.spin * x)
+
+
 OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
 

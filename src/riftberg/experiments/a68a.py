@@ -96,10 +96,12 @@ def a68a_berg(
     offset: tuple[float, float] | None = None,
     thickness: Any = 200.0,
     velocity: tuple[float, float] = (0.22, 0.0),
+    density: float = 850.0,
 ) -> Iceberg:
     """Return A68a as it was on 9 December 2020, 13:00.
 
-    ``radius``: radius of the elements, m; ``thickness``, ``velocity``: of the ice (m, m s-1), by default those of the paper.
+    ``radius``: radius of the elements, m; ``thickness``, ``velocity``, ``density``: of the ice (m, m s-1, kg m-3), by default
+    those of the paper.
 
     Examples
     --------
@@ -118,6 +120,7 @@ def a68a_berg(
     berg = Iceberg.from_table(
         A68A_ROWS, placement=(2 * lon - placed[0] - 360.0, 2 * lat - placed[1]), table_radius=A68A_RADIUS, radius=radius,
         lattice_angle=lattice_angle, offset=offset, thickness=thickness, packing=packing, velocity=velocity,
+        density=density,
     )  # fmt: skip
     made = {
         "source": "A68a, 9 December 2020 (Huth et al. 2022)",
@@ -232,10 +235,10 @@ def story_model(
         OWN if own else REFERENCE, shoal="shoal" not in options.without, shear="shear" not in options.without
     )
     lattice = {"radius": radius, "packing": packing, **options.lattice}
-    berg = a68a_berg(**lattice)
+    parameters = A68A_2022 if own else A68A_2022_KID
+    berg = a68a_berg(**lattice, density=options.apply(parameters).ice.density)
     if own:
         start_turning(berg, TURN)
-    parameters = A68A_2022 if own else A68A_2022_KID
     if lattice != {"radius": 1500.0, "packing": "square"}:
         # The number of sub-steps of the publication belongs to its lattice.
         parameters = parameters.changed(stepping={"substeps": None})
@@ -361,7 +364,13 @@ def melting_a68a(options: Options, *, radius: float = 1500.0, sea: TrackSea | No
     from riftberg.runs.model import Model
 
     here = sea or TrackSea()
-    berg = a68a_berg(**{"radius": radius, **options.lattice}, thickness=MELT_THICKNESS, velocity=(0.1, 0.05))
+    parameters = options.apply(
+        A68A_2022.changed(melt={"enabled": True, "tide": 0.1}, fracture={"enabled": False}, stepping={"substeps": None})
+    )
+    berg = a68a_berg(
+        **{"radius": radius, **options.lattice}, thickness=MELT_THICKNESS, velocity=(0.1, 0.05),
+        density=parameters.ice.density,
+    )  # fmt: skip
     lon, lat = here.place(0.0)
     e = berg.elements
     scale = math.cos(float(e.lat.mean()) * DEGREE) / math.cos(lat * DEGREE)
@@ -373,10 +382,7 @@ def melting_a68a(options: Options, *, radius: float = 1500.0, sea: TrackSea | No
     e.lon[:], e.lat[:] = moved(e.lon, e.lat)
     berg = replace(berg, outlines=tuple(shapely.transform(ice, moved, interleaved=False) for ice in berg.outlines))
     e.lon_pair[:], e.lat_pair[:] = e.lon, e.lat
-    parameters = A68A_2022.changed(
-        melt={"enabled": True, "tide": 0.1}, fracture={"enabled": False}, stepping={"substeps": None}
-    )
-    return Model(berg, here, options.apply(parameters), MELT_START)
+    return Model(berg, here, parameters, MELT_START)
 
 
 def build_melt(options: Options) -> tuple[Model, Info]:

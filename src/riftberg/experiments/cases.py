@@ -233,7 +233,7 @@ seamount stays below 1850 Pa but for the corner that lands first.
 """
 
 
-def grounding_berg() -> Iceberg:
+def grounding_berg(density: float = 850.0) -> Iceberg:
     """Return 69 hexagons in columns that fill the rectangle from its south-western corner, drifting with the current."""
     radius, south = 1500.0, GROUNDING_CENTRE[1] - 0.5 * WIDTH
     x, y = [], []
@@ -244,7 +244,7 @@ def grounding_berg() -> Iceberg:
         x.append(np.full(rows.size, west + radius * (2.0 / math.sqrt(3.0) + math.sqrt(3.0) * column)))
     return Iceberg.from_points(
         np.concatenate(x), np.concatenate(y), radius=radius, thickness=200.0, packing="hexagonal",
-        velocity=(CURRENT[0], 0.0), latlon=False,
+        velocity=(CURRENT[0], 0.0), latlon=False, density=density,
     )  # fmt: skip
 
 
@@ -256,5 +256,6 @@ def build_grounding_fracture(options: Options) -> tuple[Model, Info]:
     forcing = Steady(current=CURRENT) + Seamount(
         (63e3, 60e3), height=950.0, width=5e3, depth=1000.0, latlon=False, latitude=0.0
     )
-    model = Model(grounding_berg(), forcing, options.apply(parameters))
+    parameters = options.apply(parameters)
+    model = Model(grounding_berg(parameters.ice.density), forcing, parameters)
     return model, Info("grounding-fracture", "A berg runs aground and breaks", days=3.0, output_every_hours=1.0)

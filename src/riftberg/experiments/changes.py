@@ -5,7 +5,6 @@ Runs and sweeps keep the command that made them with its changes, so that ``rift
 
 from __future__ import annotations
 
-import copy
 import json
 import math
 import os
@@ -81,9 +80,16 @@ def file_value(text: str, where: str) -> Any:
     return value if isinstance(value, bool | int | float | list | dict) else text
 
 
+def _own(value: Any) -> Any:
+    """Copy what an experiment file says; what an alias of YAML shares becomes one's own, so that it changes alone."""
+    if isinstance(value, dict):
+        return {key: _own(inner) for key, inner in value.items()}
+    return [_own(inner) for inner in value] if isinstance(value, list) else value
+
+
 def changed_document(values: dict[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Return what an experiment file says with changes of its keys made; ``berg`` means each of several bergs."""
-    values = copy.deepcopy(values)
+    values = _own(values)
     for group, inner in changes.items():
         if group in Parameters.model_fields:
             continue
@@ -246,6 +252,12 @@ def started(
 
     e.lon[:], e.lat[:] = moved(e.lon, e.lat)
     e.lon_pair[:], e.lat_pair[:] = e.lon, e.lat
+    for when in ("", "_sync", "_pair"):  # its own motion about its centre turns and grows with it
+        u, v = getattr(e, f"u{when}"), getattr(e, f"v{when}")
+        du, dv = u - share @ u, v - share @ v
+        east_of, north_of = turned(du, dv, turn)
+        u += size * east_of - du
+        v += size * north_of - dv
     if bonds.bond_length.size:
         # Strains stay as they were: rest lengths follow the distances.
         bonds.bond_length[:] *= lengths() / before

@@ -426,6 +426,7 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
 
 
 def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) -> Iceberg:
+    from riftberg.bergs.bonding import Metric, turn_rigidly
     from riftberg.coupling.shelf import IceShelf
 
     path = folder / shelf.file
@@ -435,6 +436,7 @@ def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) 
     )  # fmt: skip
     made = ice.berg(radius=berg.radius, packing=berg.packing, velocity=berg.velocity)
     made.elements.motion.spin[:] = berg.spin
+    turn_rigidly(made.elements, Metric(parameters.earth.latlon, parameters.earth.radius))
     return made
 
 
@@ -460,6 +462,8 @@ def build_forcing(
             where="--without",
             remedy="Change the file instead",
         )
+    if options.grid is not None and not isinstance(forcing, FileForcing):
+        raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
     if isinstance(forcing, ConstantForcing):
         from riftberg.ocean.analytic import Steady
 
@@ -479,8 +483,6 @@ def build_forcing(
         return shared_forcing(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
         return Sum(forcing.parts)
-    if options.grid is not None:
-        raise InputError("this forcing needs no grid", where="--grid", remedy="Leave it out")
     without = frozenset(forcing.without) | options.without
     model, _ = find(forcing.name).load()(Options(without=without, data=options.data))
     return model.forcing
