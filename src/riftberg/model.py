@@ -305,6 +305,8 @@ class BareModel(RunState):
 
     def _of_last_step(self, accelerations: Floats, elements: Elements) -> Floats:
         """Return forces (N) on elements, with the masses of the last step: life has changed them since."""
+        if accelerations.shape[0] != self._stepped_mass.size:  # no step has been taken
+            accelerations = np.zeros((self._stepped_mass.size, *accelerations.shape[1:]))
         forces = self._stepped_mass[:, None, None] * accelerations
         if np.array_equal(self._stepped, elements.body.id):
             return forces
@@ -417,6 +419,7 @@ class BareModel(RunState):
         self.time, self.step_number, self.fragments.rows = time, step_number, rows
         self.fragments.calved_from.clear()
         self.population.restore(population)
+        self._stepper.take_back(self)
         self._look()
 
     def way_back(self) -> Callable[[], None]:

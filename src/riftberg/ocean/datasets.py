@@ -462,6 +462,14 @@ class DatasetForcing(DescribedForcing):
         depth = _values(part, "depth_below_surface", places, 0.0, None, NO_RINGS)
         return np.where(depth > 0.0, depth, np.nan).reshape(np.shape(lon))
 
+    def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
+        """Return the sea level (m) above that of the depth at arrays of points; 0 where no product gives both."""
+        part = self._part_with("ssh")
+        if part is None or self._part_with("depth_below_surface") is None:
+            return np.zeros(np.shape(lon))
+        places = part.mesh.locate(_flat(lon), _flat(lat))
+        return np.nan_to_num(_values(part, "ssh", places, time, None)).reshape(np.shape(lon))
+
     def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
         """Return which points of the products are land: no current is known there, or no depth above 0."""
         x, y, found = _flat(lon), _flat(lat), np.zeros(np.size(lon), bool)

@@ -28,6 +28,9 @@ class Stepper(Protocol):
     def step(self, run: RunState) -> None:
         """Advance by one long step; ``run.time`` moves on, ``run.step_number`` does not."""
 
+    def take_back(self, run: RunState) -> None:
+        """Return to the start of the last step, if it began at ``run.time``: the model has taken it back."""
+
     def sample_forcing(self, run: RunState) -> None:
         """Sample the forcing for the environment that the elements carry between two steps."""
 
@@ -55,6 +58,9 @@ class Stepper(Protocol):
 
 class Stateless:
     """Schemes that need nothing beside the state."""
+
+    def take_back(self, run: RunState) -> None:
+        """Nothing is kept from one step to the next."""
 
     @property
     def plastic(self) -> Floats:

@@ -70,13 +70,16 @@ class RigidImpacts:
         self._footprints.load_state_dict(saved)
         self.faces.load_state_dict(saved)
 
+    def take_back(self, run: RunState) -> None:
+        """See `riftberg.stepping.stepper.Stepper.take_back`."""
+        if self._last_start[0] == run.time:
+            self.faces.pairs = self._last_start[1]
+
     def before_substeps(self, run: RunState, sizes: Sizes, dt: float) -> tuple[Impact | None, int]:
         """Give the elements the mean motion of their piece through the impacts of a step of ``dt`` s.
 
         Returns what `after_substeps` needs after the sub-steps, and the number of bonds that break.
         """
-        if self._last_start[0] == run.time:  # the model has taken the last step back
-            self.faces.pairs = self._last_start[1]
         self._last_start = run.time, self.faces.pairs
         self.touched = NO_PAIRS
         el, bonds = run.elements, run.bonds

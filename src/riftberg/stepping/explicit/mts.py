@@ -160,6 +160,11 @@ class MultipleStepper(Stateless):
             super().plastic if self._impacts is None else np.append(self._impacts.faces.pairs.dissipated, np.zeros(2))
         )
 
+    def take_back(self, run: RunState) -> None:
+        """See `riftberg.stepping.stepper.Stepper.take_back`."""
+        if self._impacts is not None:
+            self._impacts.take_back(run)
+
     def state_dict(self) -> dict[str, Any]:
         """See `riftberg.stepping.stepper.Stepper.state_dict`."""
         return {} if self._impacts is None else self._impacts.state_dict()

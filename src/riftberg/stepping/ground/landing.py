@@ -217,6 +217,8 @@ class Seabed:
             rows = np.flatnonzero(op.body == b)
             near = self._near(model, bodies, b, rows, time, h)
             if not near.any():
+                for array in keel:  # it may have been lifted off the floor since the last step
+                    array[rows] = 0.0
                 continue
             fragment = self.fragment(model, bodies, b)
             push = _impulse_of(contact, b) / h

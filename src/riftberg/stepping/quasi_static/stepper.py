@@ -115,11 +115,15 @@ class QuasiStaticStepper:
         """Return the velocity, which belongs to the positions."""
         return model.elements.u_sync.copy(), model.elements.v_sync.copy()
 
+    def take_back(self, model: RunState) -> None:
+        """See `riftberg.stepping.stepper.Stepper.take_back`."""
+        if self._last_start[0] == model.time:
+            _, self._bodies, self._snapshot, self._cells, self._tips, law_states = self._last_start
+            self._laws.rollback(law_states)
+            self._lattice = self._state = None
+
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
-        if self._last_start[0] == model.time:  # the model has taken the last step back
-            (_, self._bodies, self._snapshot, self._cells, self._tips, law_states), self._state = self._last_start, None
-            self._laws.rollback(law_states)
         self._last_start = (
             model.time, self._bodies, self._snapshot, self._cells, self._tips, self._laws.checkpoint()
         )  # fmt: skip
