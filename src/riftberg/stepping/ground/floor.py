@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.physics.seabed import cut
+from riftberg.plane import near
 from riftberg.state import Floats, Ints
 from riftberg.stepping.lattice.footprints import BodyFootprint
 
@@ -103,8 +104,13 @@ class Survey:
 class Floor:
     """Depths of the blocks that keels have come near to, and gouges by place."""
 
-    def __init__(self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float) -> None:
+    def __init__(
+        self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float, middle: float = 0.0
+    ) -> None:
         self.cell, self.latlon, self.radius = cell, latlon, radius
+        self.middle = (
+            middle  # Longitude about which depths are asked for: a floor of one's own may know no other branch
+        )
         self._depth = depth
         # Wide squares are sampled at other places than blocks, less than a cell away.
         self._surveys = (Survey(WIDE, STEEPEST * cell), Survey(BLOCK, 0.0))
@@ -194,6 +200,8 @@ class Floor:
         per_degree = np.array([columns_of(row, side, self.cell, self.latlon, self.radius) for row in rows])
         lon = np.broadcast_to(x / per_degree[:, None, None], (keys.size, side + 1, side + 1))
         lat = np.broadcast_to(y / (DEGREE * self.radius if self.latlon else 1.0), lon.shape)
+        if self.latlon:
+            lon = near(lon, self.middle)
         depth = np.asarray(self._depth(lon.ravel(), lat.ravel()), float).reshape(lon.shape)
         return np.where(np.isfinite(depth), depth, OPEN_DEPTH)
 

@@ -138,8 +138,10 @@ class Seabed:
 
     def __init__(self, model: RunState, footprints: FootprintBook) -> None:
         p, forcing = model.parameters, model.forcing
-        self.bed = bed_of(p.grounding)
-        self.floor = Floor(p.grounding.cell, forcing.depth, p.earth.latlon, p.earth.radius)
+        self.bed, lon = bed_of(p.grounding), model.elements.lon
+        self.floor = Floor(
+            p.grounding.cell, forcing.depth, p.earth.latlon, p.earth.radius, float(lon[0]) if lon.size else 0.0
+        )
         self.plastic = np.zeros(2)  # Work of friction and of gouging since the start, J
         self._footprints = footprints
         self._fragments: dict[int, Fragment] = {}
