@@ -134,9 +134,11 @@ def turn_rigidly(elements: Elements, metric: Metric) -> None:
     """Give the elements of each piece the velocities of its spin about its centre of mass; a lone element has none."""
     _, first, piece = np.unique(elements.berg, return_index=True, return_inverse=True)
     lon, lat, mass = elements.lon, elements.lat, elements.mass
-    x, y = separations(metric, lon, lat, lon[first][piece], lat[first][piece])
-    whole = np.bincount(piece, mass)
-    x, y = (a - (np.bincount(piece, mass * a) / whole)[piece] for a in (x, y))
+    whole, east = np.bincount(piece, mass), lon - lon[first][piece]
+    if metric.period > 0.0:
+        east -= metric.period * np.round(east / metric.period)
+    middle = (lon[first] + np.bincount(piece, mass * east) / whole, np.bincount(piece, mass * lat) / whole)
+    x, y = separations(metric, lon, lat, *(a[piece] for a in middle))
     give_velocity(elements, -elements.spin * y, elements.spin * x)
 
 
