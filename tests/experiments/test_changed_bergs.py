@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
-from riftberg import Iceberg, Model
-from riftberg.ensembles.uncertain import with_errors
+from riftberg import Model
 from riftberg.errors import InputError
 from riftberg.experiments import build
 from riftberg.experiments.registry import Options
@@ -37,21 +35,6 @@ def file_model(folder: Path, more: str = "") -> Model:
     """A berg of a file."""
     (folder / "x.yaml").write_text(FILE.format(more=more))
     return build(str(folder / "x.yaml"), Options())[0]
-
-
-def test_the_spin_of_a_file_turns_the_berg(tmp_path: Path) -> None:
-    """Its elements had the spin, and no velocity about its centre: a fiftieth of it was left after an hour."""
-    turn, growth = flow(file_model(tmp_path, ", spin: 3e-5"))
-    assert turn == pytest.approx(3e-5, rel=5e-3)  # local axes of the elements
-    assert abs(growth) < 1e-8
-
-
-def test_each_of_several_pieces_turns_about_its_own_centre() -> None:
-    """Pieces are bergs of their own; one of a single element has no velocity by its spin."""
-    x, y = np.array([0.0, 2e3, 50e3]), np.zeros(3)
-    e = Iceberg.from_points(x, y, thickness=200.0, radius=1e3, spin=1e-4, latlon=False).elements
-    assert e.v.tolist() == pytest.approx([-0.1, 0.1, 0.0], abs=1e-12)
-    assert not e.u.any()
 
 
 def test_a_berg_that_is_turned_keeps_its_turning() -> None:
@@ -84,40 +67,3 @@ def test_a_grid_is_refused_where_no_file_needs_one(tmp_path: Path) -> None:
     file_model(tmp_path)
     with pytest.raises(InputError, match="needs no grid"):
         build(str(tmp_path / "x.yaml"), Options(grid=0.1))
-
-
-def test_thicker_members_get_the_current_over_their_draft(tmp_path: Path) -> None:
-    """Levels were cut at the keel of the berg as it is in the file, and members thicker than that failed."""
-    depth = np.array([0.5, 50.0, 100.0, 150.0, 175.0, 200.0, 300.0, 400.0])
-    lon, lat = np.linspace(-40.0, -37.0, 7), np.linspace(-56.0, -54.0, 5)
-    u = np.broadcast_to(np.where(depth < 187.0, 0.1, 0.5)[:, None, None], (depth.size, lat.size, lon.size))
-    xr.Dataset(
-        {
-            "uo": (
-                ("depth", "latitude", "longitude"),
-                u,
-                {"units": "m s-1", "standard_name": "eastward_sea_water_velocity"},
-            ),
-            "vo": (
-                ("depth", "latitude", "longitude"),
-                0.0 * u,
-                {"units": "m s-1", "standard_name": "northward_sea_water_velocity"},
-            ),
-        },
-        {
-            "depth": ("depth", depth, {"units": "m", "positive": "down", "standard_name": "depth"}),
-            "latitude": ("latitude", lat, {"units": "degrees_north", "standard_name": "latitude"}),
-            "longitude": ("longitude", lon, {"units": "degrees_east", "standard_name": "longitude"}),
-        },
-    ).to_netcdf(tmp_path / "levels.nc")
-    text = FILE.format(more="").replace(
-        "{kind: constant, current: [0, 0]}", "{kind: files, files: [levels.nc], sea_level: none, wind: none}"
-    )
-    (tmp_path / "x.yaml").write_text(text)
-    model = build(str(tmp_path / "x.yaml"), Options())[0]
-    thick = with_errors(model, {"start.thickness": 1.5})
-    thick.check(1.0)
-    thick.forcing.sample(thick.elements, 0.0)
-    assert 0.12 < thick.elements.uo.mean() < 0.3
-    model.forcing.sample(model.elements, 0.0)
-    assert model.elements.uo.mean() == pytest.approx(0.1)

@@ -29,7 +29,7 @@ from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
 from riftberg.physics.floating import draft_of
-from riftberg.plane import EqualAreaPlane
+from riftberg.plane import EqualAreaPlane, near
 from riftberg.state import Bonds, Elements, Floats, copy_state, elements_of
 from riftberg.system.input_files import value_shown
 
@@ -434,8 +434,9 @@ def portrait(elements: Elements, *, latlon: bool, hexagonal: bool) -> str:
     if elements.size == 0:
         return ""
     stride = -(-elements.size // MOST_DRAWN)
-    plane = EqualAreaPlane(float(elements.lon[0]), float(elements.lat.mean()), EARTH_RADIUS_A68, latlon)
-    x, y = plane.forward(elements.lon, elements.lat)
+    lon = near(elements.lon, elements.lon[0]) if latlon else elements.lon
+    plane = EqualAreaPlane(float(lon.mean()), float(elements.lat.mean()), EARTH_RADIUS_A68, latlon)
+    x, y = plane.forward(lon, elements.lat)
     # Where only every n-th is drawn, each stands for the area of n.
     half = 0.5 * np.sqrt(elements.length * elements.width) * np.sqrt(stride)
     low_x, high_x = float((x - half).min()), float((x + half).max())

@@ -130,18 +130,6 @@ def give_velocity(elements: Elements, east: Any, north: Any) -> None:
         getattr(elements, f"v{when}")[:] += north
 
 
-def turn_rigidly(elements: Elements, metric: Metric) -> None:
-    """Give the elements of each piece the velocities of its spin about its centre of mass; a lone element has none."""
-    _, first, piece = np.unique(elements.berg, return_index=True, return_inverse=True)
-    lon, lat, mass = elements.lon, elements.lat, elements.mass
-    whole, east = np.bincount(piece, mass), lon - lon[first][piece]
-    if metric.period > 0.0:
-        east -= metric.period * np.round(east / metric.period)
-    middle = (lon[first] + np.bincount(piece, mass * east) / whole, np.bincount(piece, mass * lat) / whole)
-    x, y = separations(metric, lon, lat, *(a[piece] for a in middle))
-    give_velocity(elements, -elements.spin * y, elements.spin * x)
-
-
 OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
 

@@ -426,7 +426,6 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
 
 
 def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) -> Iceberg:
-    from riftberg.bergs.bonding import Metric, turn_rigidly
     from riftberg.coupling.shelf import IceShelf
 
     path = folder / shelf.file
@@ -436,7 +435,6 @@ def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) 
     )  # fmt: skip
     made = ice.berg(radius=berg.radius, packing=berg.packing, velocity=berg.velocity)
     made.elements.motion.spin[:] = berg.spin
-    turn_rigidly(made.elements, Metric(parameters.earth.latlon, parameters.earth.radius))
     return made
 
 

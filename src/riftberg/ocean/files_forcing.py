@@ -129,8 +129,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     grid = None if settings.spacing is None else ModelGrid.of(settings, datasets, run)
 
     def part(ds: xr.Dataset) -> Part:
-        # Members of an ensemble may be thicker: levels down to twice the keel.
-        return product_part(ds, run.start, keel=2.0 * float(run.drafts.max())) if grid is None else grid.part(ds, run)
+        return product_part(ds, run.start, keel=float(run.drafts.max())) if grid is None else grid.part(ds, run)
 
     balance = None
     if settings.sea_level == "geostrophic":  # over the draft also where the surface alone drives the berg
@@ -304,7 +303,7 @@ class _GridRecords(ProductRecords):
     """Fields of a product at the corners and dates of a model grid, from the product's own points as elements get them."""
 
     def __init__(self, ds: xr.Dataset, run: Run, grid: ModelGrid) -> None:
-        keel = 2.0 * float(run.drafts.max())  # as in `product_part` of other grids
+        keel = float(run.drafts.max())
         super().__init__(ds, run.start, keel=keel)
         self._product = product_part(_averaged(ds, grid.lat[1] - grid.lat[0]), run.start, keel=keel)
         self._corners = np.meshgrid(grid.lon, grid.lat)
