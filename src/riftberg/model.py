@@ -351,9 +351,7 @@ class BareModel(RunState):
         # A scheme alone changes neither rows nor sizes, so half of the copies are spared.
         stepped_only = self.life is None and not self.after_step
         self._saved = saved = self.population.saved(stepped_only=stepped_only, into=self._saved)
-        before = (
-            self.time, self.step_number, list(self.fragments.rows), saved, dict(self.remembered), self.contacts.saved()
-        )  # fmt: skip
+        before = self._before(saved)
         try:
             if self.elements.size:
                 if self._force is not None:
@@ -410,6 +408,13 @@ class BareModel(RunState):
         check_speed(self, before, self._stepper.applied)
         check_forcing(self)
 
+    def _before(self, population: Saved) -> tuple[float, int, list[Fragment], Saved, dict[str, Floats], ContactLog]:
+        """Return what `_go_back` takes, as it is before a step."""
+        return (
+            self.time, self.step_number, list(self.fragments.rows), population, dict(self.remembered),
+            self.contacts.saved(),
+        )  # fmt: skip
+
     def _go_back(
         self, time: float, step_number: int, rows: list[Fragment], population: Saved, remembered: dict[str, Floats],
         contacts: ContactLog,
@@ -422,14 +427,11 @@ class BareModel(RunState):
         self._stepper.take_back(self)
         self._look()
 
-    def way_back(self) -> Callable[[], None]:
+    def checkpoint(self) -> Callable[[], None]:
         """Return what brings this state back: for a step of an ocean that fails after births or steps of the bergs."""
         names = ("_seen_rows", "_seen_bonds", "_seen_ids", "_seen_bytes", "_seen_coarse", "_visited", "outlines")
         noted = {name: getattr(self, name) for name in (*names, "departed")}
-        before = (
-            self.time, self.step_number, list(self.fragments.rows), self.population.saved(), dict(self.remembered),
-            self.contacts.saved(),
-        )  # fmt: skip
+        before = self._before(self.population.saved())
 
         def go_back() -> None:
             self._go_back(*before)

@@ -24,9 +24,9 @@ def unit_vectors(lon: Floats, lat: Floats) -> Floats:
     return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=-1)
 
 
-def near(lon: Any, middle: Any) -> Any:
-    """Return longitudes on the branch of another: within half a turn of it."""
-    return lon - 360.0 * np.round((lon - middle) / 360.0)
+def near(lon: Any, middle: Any, period: float = 360.0) -> Any:
+    """Return longitudes on the branch of another: within half a turn, or half a ``period`` (m), of it."""
+    return lon - period * np.round((lon - middle) / period)
 
 
 @dataclass(frozen=True)

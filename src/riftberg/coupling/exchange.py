@@ -270,16 +270,16 @@ class Exchange:
         # All that may be refused has been checked by now: a step that is refused has changed nothing.
         self.forcing.put(self._fields(arrays))
         self._handed[[name in arrays for name in Fields._fields]] = 1.0
-        go_back = self._way_back()
+        go_back = self._checkpoint()
         try:
             return self._stepped(flux, heat)
         except BaseException:
             go_back()
             raise
 
-    def _way_back(self) -> Callable[[], None]:
+    def _checkpoint(self) -> Callable[[], None]:
         """Return what brings back bergs, stores and budget as they are now."""
-        go_back = self.model.way_back()
+        go_back = self.model.checkpoint()
         names = ("_held", "_totals", "_left", "departed")
         kept = {name: getattr(self, name).copy() for name in names}
         rest, stores = self._settling.rest.copy(), None if self.calving is None else deepcopy(self.calving.stores)

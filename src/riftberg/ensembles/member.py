@@ -30,7 +30,7 @@ from riftberg.plane import EqualAreaPlane
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.tracks import Shapes
 from riftberg.state.population import rows_of
-from riftberg.stepping.forces.media import aground
+from riftberg.stepping.forces.media import on_the_floor
 from riftberg.system.input_files import allow_large, value_shown
 
 if TYPE_CHECKING:
@@ -318,7 +318,7 @@ class MemberTracks:
 def _aground(model: BareModel) -> Any:
     """Return which elements are aground."""
     e = model.elements
-    return aground(e.body.thickness, e.environment.depth, model.constants) | (e.keel.floor_load > 0.0)
+    return on_the_floor(e.body.thickness, e.environment.depth, e.keel.floor_load, model.constants)
 
 
 def _stress_ratio(model: BareModel) -> float:

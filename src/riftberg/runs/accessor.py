@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import InputError, nearest
 from riftberg.ocean.grid import haversine
+from riftberg.plane import near
 from riftberg.runs.layout import called, parameters_of
 from riftberg.runs.tracks import axis_difference, tracks_of
 from riftberg.state import Floats
@@ -318,7 +319,7 @@ def apart(one: Course, other: Course) -> dict[str, NDArray[Any]]:
 
 def _short_way(dx: Any, period: float) -> Any:
     """Return ways along x (m) the short way round a channel of some length; 0 for none."""
-    return dx - period * np.round(dx / period) if period > 0.0 else dx
+    return near(dx, 0.0, period) if period > 0.0 else dx
 
 
 Event = dict[str, Any]

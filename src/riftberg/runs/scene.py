@@ -25,7 +25,7 @@ from riftberg.plane import near
 from riftberg.runs.layout import called
 from riftberg.runs.tracks import FLOOR_LOAD, by_area, family_of
 from riftberg.state import Floats, Ints
-from riftberg.stepping.forces.media import aground
+from riftberg.stepping.forces.media import on_the_floor
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:
@@ -446,9 +446,8 @@ class Scene:
         if records is not None:
             state = state.isel(time=list(records))
         thickness, depth = (state[name].values.astype(np.float64) for name in ("thickness", "depth"))
-        touching = np.asarray(aground(thickness, depth, self.parameters.kernel_values()))
-        # A bed of sediment carries the deepest point of a keel, over water that is deeper in the mean.
-        return touching | (state[FLOOR_LOAD].values > 0.0) if FLOOR_LOAD in state else touching
+        load = state[FLOOR_LOAD].values if FLOOR_LOAD in state else 0.0
+        return on_the_floor(thickness, depth, load, self.parameters.kernel_values())
 
     def draft(self) -> float:
         """Return the draft (m) of the thickest element at the start."""

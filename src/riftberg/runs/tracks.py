@@ -22,7 +22,7 @@ from riftberg import constants
 from riftberg.parameters import Parameters
 from riftberg.runs.layout import FRAGMENT_VARIABLES, counted_from, define_texts, in_file, position_names, texts
 from riftberg.state import Floats, Ints, Variable
-from riftberg.stepping.forces.media import aground
+from riftberg.stepping.forces.media import on_the_floor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -312,9 +312,8 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
     )
     gyration = (length * length + width * width) / 12.0
     u, v, spin = bergs.motion(of("u"), of("v"), of("spin"), gyration)
-    touching = aground(of("thickness"), of("depth"), p.kernel_values())
-    if FLOOR_LOAD in columns:
-        touching |= of(FLOOR_LOAD) > 0.0
+    load = of(FLOOR_LOAD) if FLOOR_LOAD in columns else 0.0
+    touching = on_the_floor(of("thickness"), of("depth"), load, p.kernel_values())
     rows: dict[str, NDArray[Any]] = {
         "number": bergs_at % span,
         "time": time[bergs_at // span],

@@ -323,3 +323,13 @@ def aground(thickness: Floats, depth: Floats, p: KernelParameters) -> NDArray[np
     for e in range(flat.size):
         touching[e] = grounded_part(flat[e], water[e], p) > 0.0
     return touching.reshape(thickness.shape)
+
+
+def on_the_floor(
+    thickness: Floats, depth: Floats, floor_load: Floats | float, p: KernelParameters
+) -> NDArray[np.bool_]:
+    """Which elements the sea floor acts on, by either law: a bed carries the deepest point of a keel in water deeper elsewhere.
+
+    ``floor_load``: what a bed of sediment carries, N; 0 where there is none.
+    """
+    return np.asarray(aground(thickness, depth, p) | (np.asarray(floor_load) > 0.0))

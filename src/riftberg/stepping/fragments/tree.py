@@ -18,7 +18,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.drag import exposed_sides
 from riftberg.physics.geometry import nearest_image
 from riftberg.state import Bonds, Elements, Floats, Ints
-from riftberg.stepping.forces.media import aground
+from riftberg.stepping.forces.media import on_the_floor
 from riftberg.stepping.forces.sizes import sides_of
 from riftberg.stepping.fragments.connectivity import connected_parts
 
@@ -78,7 +78,7 @@ class FragmentTree:
         number = self._inherited(part, mass, elements.berg)
         unnumbered = np.flatnonzero(number == 0)
         cuts = _Cuts(part, elements, bonds)
-        touching = aground(elements.body.thickness, elements.environment.depth, p) | (elements.keel.floor_load > 0.0)
+        touching = on_the_floor(elements.body.thickness, elements.environment.depth, elements.keel.floor_load, p)
         # All rows of a part in turn, in their order.
         order = np.argsort(part, kind="stable")
         ends = np.cumsum(np.bincount(part))

@@ -108,9 +108,8 @@ class Floor:
         self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float, middle: float = 0.0
     ) -> None:
         self.cell, self.latlon, self.radius = cell, latlon, radius
-        self.middle = (
-            middle  # Longitude about which depths are asked for: a floor of one's own may know no other branch
-        )
+        # Longitude about which depths are asked for: a floor of one's own may know no other branch.
+        self.middle = middle
         self._depth = depth
         # Wide squares are sampled at other places than blocks, less than a cell away.
         self._surveys = (Survey(WIDE, STEEPEST * cell), Survey(BLOCK, 0.0))
