@@ -74,7 +74,7 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
     scheme = r.choice(["quasi_static", "quasi_static", "quasi_static", "mts"])
     parameters = {
         "stepping": {"scheme": scheme, "time_step": 1800},
-        "fracture": {"normal_strength": 1e7},
+        "fracture": {"normal_strength": 1e7, "shear_strength": 1e7},
         "bonds": perhaps(0.3, {"elasticity": "bonds"}),
         "grounding": perhaps(0.3, {"law": "quadratic", "coefficient": 0, "quadratic_coefficient": 1e4}),
         "melt": perhaps(0.4, {"enabled": True, "mode": "mixed", "temperature": 3.0, "salinity": 34.5}),

@@ -73,7 +73,8 @@ def order(results: list[Any]) -> float:
 def test_order_in_the_long_step(agrees, what, forcing, groups) -> None:
     """Places and turns of the elements after two days are of second order in the step."""
     ends = []
-    for dt in (3600.0, 1800.0, 900.0, 450.0):
+    # In longer ones drag takes more than a quarter of the speed through the water, and is taken with a smaller error.
+    for dt in (1800.0, 900.0, 450.0, 225.0):
         p = quasi(
             stepping={"time_step": dt, "landing_steps": 1}, drag={"ocean_scale": 17.8},
             bonds={"youngs_modulus": 1e9}, earth={"reference_latitude": -55.0}, **groups,

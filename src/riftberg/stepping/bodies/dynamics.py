@@ -14,6 +14,14 @@ where f are all forces on an element but the drag c of the sea floor (s-1). A st
 drag of the sea floor, which stops an element within a minute, is taken implicitly (L-stable), and with second order
 where the step resolves it. Drag of water, air and ice and the Coriolis force are centred by both halves together. The
 second half is solved by Newton's method. Fragments in contact go through the step in `riftberg.stepping.contact.islands`.
+
+The first half takes drag at the speed of the start. A berg of 30 m has its speed in the water within minutes: in half a
+step of a quarter of an hour it would be flung past it by ten times as much. So what an element loses of its speed through a
+medium beyond `EXPLICIT_PART` in the half step is taken implicitly, with the drag D of that excess:
+
+    (W + (h/2) P M^-1 D) q(1/2) = q(0) + (h/2) P M^-1 (G(x0, q0) + D q0)
+
+The second half takes all of it implicitly as it is. Where the step resolves drag, D is 0.
 """
 
 from __future__ import annotations
@@ -67,6 +75,10 @@ NEWTON_PREDICTED_RTOL = 1e-11
 INERTIAL_PART = 1.0 / 6.0
 """Longest trial step as a part of the inertial period, 2.3 h at 60 degrees."""
 
+EXPLICIT_PART = 0.25
+"""Largest part of its speed through the media that the drag at the start of a step may take from an element in the first half
+kick; drag beyond that is taken implicitly. At 1 it would come to rest in them, beyond 2 it would be flung to the other side."""
+
 VELOCITY_SCALE = 1e-6
 """Least speed (m s-1) that changes are measured by: at rest they would be parts of round-off."""
 
@@ -98,6 +110,7 @@ class ForceTerms(NamedTuple):
 
     accelerations: Floats  # By each of `riftberg.stepping.forces.media.FORCES`, m s-2; shape (elements, forces, 2)
     net_force: Floats  # On the fragments, N, N, N m; shape (fragments, 3)
+    drag_rate: Floats  # Drag of all media per velocity through them, and the same of the spin, s-1; shape (elements, 2)
 
 
 class BodyMatrices(NamedTuple):
@@ -195,12 +208,12 @@ def add_inertia_and_floor_drag(
 
 
 @kernel
-def drag_and_jacobian(row: Floats, u: float, v: float) -> tuple[float, float, float, float, float]:
-    """Acceleration (m s-2) by one medium, and minus its derivatives (s-1): xx, xy, yy."""
+def drag_and_jacobian(row: Floats, u: float, v: float) -> tuple[float, float, float, float, float, float]:
+    """Acceleration (m s-2) by one medium, minus its derivatives xx, xy, yy, and the drag per velocity through it (s-1)."""
     du, dv = u - row[U], v - row[V]
     linear, c = row[LINEAR], row[QUADRATIC]
     if linear == 0.0 and c == 0.0:
-        return row[PUSH_X], row[PUSH_Y], 0.0, 0.0, 0.0
+        return row[PUSH_X], row[PUSH_Y], 0.0, 0.0, 0.0, 0.0
     speed = math.sqrt(du * du + dv * dv)
     rate, inverse = linear + c * speed, (c / speed if speed > 0.0 else 0.0)
     return (
@@ -209,6 +222,7 @@ def drag_and_jacobian(row: Floats, u: float, v: float) -> tuple[float, float, fl
         rate + du * du * inverse,
         du * dv * inverse,
         rate + dv * dv * inverse,
+        rate,
     )
 
 
@@ -248,6 +262,27 @@ def accumulate_forces(
 
 
 @kernel
+def accumulate_excess_drag(
+    op: BodyOperators, drag_rate: Floats, twist: Floats, new: Floats, half_dt: float, part: float, applied: Floats
+) -> None:
+    """Add to ``applied`` what drag beyond `EXPLICIT_PART` has lost by the change of the velocities in a first half kick.
+
+    Each medium has its part of it, as of the drag itself, by its rate at the velocities ``twist`` of the start.
+    """
+    forcing = op.forcing
+    for e in range(op.body.size):
+        excess = excess_rate(drag_rate[e, 0], half_dt)
+        if excess > 0.0:
+            b, m = op.body[e], op.levers[e]
+            (u, v, _), (u_new, v_new, _) = element_velocity(m, twist[b]), element_velocity(m, new[b])
+            for k in range(len(MEDIA)):
+                if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+                    rate = part * excess * drag_and_jacobian(forcing.media[e, k], u, v)[5] / drag_rate[e, 0]
+                    applied[e, k, 0] -= rate * (u_new - u)
+                    applied[e, k, 1] -= rate * (v_new - v)
+
+
+@kernel
 def spin_torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float]:
     """Torque (N m) of the water on an element that spins, and minus its derivative."""
     spin = w - forcing.water_spin[e]
@@ -262,33 +297,33 @@ def add_forces(
     twist: Floats,
     forcing: ElementForcing,
     accelerations: Floats,
+    drag_rate: Floats,
     force: Floats,
     net_force: Floats,
 ) -> None:
     """Find the forces on all elements but those of contact and the linear drag of the sea floor.
 
-    ``accelerations`` (elements, forces, 2) takes those by each force (m s-2), ``force`` (elements, 3) the force and the
-    torque about the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
+    ``accelerations`` and ``drag_rate`` are those of `ForceTerms`; ``force`` (elements, 3) takes the force and the torque about
+    the vertical (N, N, N m); sums over the fragments are added to ``net_force`` (fragments, 3).
     """
     media, mass = forcing.media, forcing.mass
     for e in range(body.size):
         b, m = body[e], levers[e]
         u, v, w = element_velocity(m, twist[b])
-        ax = ay = 0.0
+        ax = ay = rate = 0.0
         if forcing.media_act:
             ax, ay = forcing.coriolis[e] * v, -forcing.coriolis[e] * u
             accelerations[e, CORIOLIS, 0], accelerations[e, CORIOLIS, 1] = ax, ay
         for k in range(len(MEDIA)):
             if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-                dx, dy, _, _, _ = drag_and_jacobian(media[e, k], u, v)
+                dx, dy, _, _, _, of_medium = drag_and_jacobian(media[e, k], u, v)
                 accelerations[e, k, 0], accelerations[e, k, 1] = dx, dy
                 ax += dx
                 ay += dy
-        fx, fy, torque = (
-            mass[e] * ax + forcing.push_x[e],
-            mass[e] * ay + forcing.push_y[e],
-            spin_torque(forcing, e, w)[0],
-        )
+                rate += of_medium
+        torque, turning = spin_torque(forcing, e, w)
+        drag_rate[e, 0], drag_rate[e, 1] = rate, 0.5 * turning / forcing.inertia[e]
+        fx, fy = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e]
         force[e, 0], force[e, 1], force[e, 2] = fx, fy, torque
         for i in range(3):
             net_force[b, i] += m[i] * fx + m[3 + i] * fy + m[6 + i] * torque
@@ -350,7 +385,7 @@ def assemble_force_and_jacobian(
             ax, ay = f * v, -f * u
         for k in range(len(MEDIA)):
             if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-                dx, dy, dxx, dxy, dyy = drag_and_jacobian(media[e, k], u, v)
+                dx, dy, dxx, dxy, dyy, _ = drag_and_jacobian(media[e, k], u, v)
                 ax += dx
                 ay += dy
                 jxx += dxx
@@ -398,9 +433,9 @@ def allocate_body_workspace(count: int) -> BodyWorkspace:
 
 
 @kernel
-def _is_afloat(floor_drag: Floats) -> bool:
-    """Whether the sea floor takes nothing from a fragment: its drag is positive semi-definite, so the diagonal says it."""
-    return bool(floor_drag[0, 0] == 0.0 and floor_drag[1, 1] == 0.0 and floor_drag[2, 2] == 0.0)
+def _is_zero(drag: Floats) -> bool:
+    """Whether a drag takes nothing from a fragment: it is positive semi-definite, so its diagonal says it."""
+    return bool(drag[0, 0] == 0.0 and drag[1, 1] == 0.0 and drag[2, 2] == 0.0)
 
 
 @kernel
@@ -409,7 +444,7 @@ def pade_factors(matrices: BodyMatrices, half_dt: float, work: BodyWorkspace) ->
     mobility, floor_drag = matrices.mobility, matrices.floor_drag
     z, square, ahead = work.scratch[0], work.scratch[1], work.scratch[2]
     for b in range(floor_drag.shape[0]):
-        if _is_afloat(floor_drag[b]):  # nearly all bergs, nearly always: W is 1
+        if _is_zero(floor_drag[b]):  # nearly all bergs, nearly always: W is 1
             for i in range(3):
                 for j in range(3):
                     work.exp_factor[b, i, j], work.phi_factor[b, i, j] = 1.0 if i == j else 0.0, mobility[b, i, j]
@@ -427,19 +462,56 @@ def pade_factors(matrices: BodyMatrices, half_dt: float, work: BodyWorkspace) ->
 
 
 @kernel
-def half_kick_explicit(
-    matrices: BodyMatrices, twist: Floats, net_force: Floats, half_dt: float, new: Floats, work: BodyWorkspace
+def excess_rate(rate: float, half_dt: float) -> float:
+    """Rate (s-1) of the drag that is taken implicitly in a first half kick, of a drag of ``rate`` (s-1)."""
+    return max(rate - EXPLICIT_PART / half_dt, 0.0)
+
+
+@kernel
+def add_excess_drag(op: BodyOperators, drag_rate: Floats, half_dt: float, excess_drag: Floats) -> None:
+    """Add D of the text above to the matrices of the fragments, shape (fragments, 3, 3)."""
+    mass, inertia = op.forcing.mass, op.forcing.inertia
+    for e in range(op.body.size):
+        rate, spin_rate = excess_rate(drag_rate[e, 0], half_dt), excess_rate(drag_rate[e, 1], half_dt)
+        if rate > 0.0 or spin_rate > 0.0:
+            drag, m = excess_drag[op.body[e]], op.levers[e]
+            _add_outer(drag, mass[e] * rate, m[0:3], m[0:3])
+            _add_outer(drag, mass[e] * rate, m[3:6], m[3:6])
+            _add_outer(drag, inertia[e] * spin_rate, m[6:9], m[6:9])
+
+
+@kernel
+def first_half_kick(
+    op: BodyOperators, twist: Floats, terms: ForceTerms, half_dt: float, new: Floats, work: BodyWorkspace
 ) -> None:
-    """First half kick: velocities ``new`` at mid-step from those at the start, at which the forces are ``net_force``."""
+    """Find the velocities ``new`` at mid-step from those at the start, at which the forces are ``terms``.
+
+    Leaves in ``work.net_force`` the mean force of the half step: that at the start, less what its excess drag D (which
+    stays in ``work.jacobian``) loses with the speed.
+    """
+    matrices, net_force, excess_drag = op.matrices, work.net_force, work.jacobian
     pade_factors(matrices, half_dt, work)
-    right = work.scratch[0, 0]
+    excess_drag[:, :, :] = 0.0
+    add_excess_drag(op, terms.drag_rate, half_dt, excess_drag)
+    matrix, right = work.scratch[0], work.scratch[1, 0]
     for b in range(twist.shape[0]):
+        resolved = _is_zero(excess_drag[b])
+        kept = times(excess_drag[b], twist[b])
+        for i in range(3):
+            net_force[b, i] = terms.net_force[b, i] if resolved else terms.net_force[b, i] + kept[i]
         x, y, z = times(work.phi_factor[b], net_force[b])
         right[0], right[1], right[2] = twist[b, 0] + half_dt * x, twist[b, 1] + half_dt * y, twist[b, 2] + half_dt * z
-        if _is_afloat(matrices.floor_drag[b]):
+        if resolved and _is_zero(matrices.floor_drag[b]):
             new[b, 0], new[b, 1], new[b, 2] = right[0], right[1], right[2]
-        else:
-            new[b, 0], new[b, 1], new[b, 2] = solve(work.exp_factor[b], right)
+            continue
+        multiply(work.phi_factor[b], excess_drag[b], matrix)
+        for i in range(3):
+            for j in range(3):
+                matrix[i, j] = work.exp_factor[b, i, j] + half_dt * matrix[i, j]
+        new[b, 0], new[b, 1], new[b, 2] = solve(matrix, right)
+        taken = times(excess_drag[b], new[b])
+        for i in range(3):
+            net_force[b, i] -= taken[i]
 
 
 @kernel
@@ -529,7 +601,7 @@ def mean_drag_velocity(
     """
     z = scratch[0]
     for b in range(after.shape[0]):
-        if _is_afloat(matrices.floor_drag[b]):  # nobody asks
+        if _is_zero(matrices.floor_drag[b]):  # nobody asks
             continue
         multiply(matrices.mobility[b], matrices.floor_drag[b], z)
         slowed, pushed = times(z, after[b]), times(matrices.mobility[b], net_force[b])

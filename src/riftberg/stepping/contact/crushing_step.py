@@ -128,7 +128,7 @@ def _integrate_island(
                 _remember_depths(island, faces, pair_state, result, work)
                 _find_close_pairs(island, faces, result, work)
                 return shortest
-            evaluate_media(island, twist, about, work.everyone, work.accelerations, work.force)
+            evaluate_media(island, twist, about, work.everyone, work.accelerations, work.drag_rate, work.force)
             elapsed = 0.0
         linearised_force(about, island.matrices.floor_drag, twist, work.net_force)
         if left == dt:

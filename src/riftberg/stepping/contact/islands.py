@@ -238,7 +238,8 @@ def trapezoidal_correction(
     def forces(levers: Floats, forcing: ElementForcing) -> tuple[Floats, Floats]:
         """Accelerations of the elements by each force, and net forces on the bodies, at ``now``."""
         accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(now.shape)
-        add_forces(body, levers, now, forcing, accelerations, np.empty((rows.size, 3)), net_force)
+        rate, force = np.empty((rows.size, 2)), np.empty((rows.size, 3))
+        add_forces(body, levers, now, forcing, accelerations, rate, force, net_force)
         return accelerations, net_force
 
     old_accelerations, old_force = forces(start.levers[rows], forcing_of_rows(rows, start.forcing))
@@ -360,7 +361,8 @@ def allocate_linearisation(twist: Floats) -> Linearisation:
 
 @borrower
 def evaluate_media(
-    island: Island, twist: Floats, about: Linearisation, everyone: NDArray[np.bool_], accelerations: Floats, force: Floats
+    island: Island, twist: Floats, about: Linearisation, everyone: NDArray[np.bool_], accelerations: Floats, drag_rate: Floats,
+    force: Floats,
 ) -> None:  # fmt: skip
     """Evaluate the media at ``twist``; ``force`` takes what acts on the elements (N, N, N m)."""
     forcing = island.forcing
@@ -368,7 +370,7 @@ def evaluate_media(
     for b in range(twist.shape[0]):
         for i in range(3):
             about.twist[b, i] = twist[b, i]
-    add_forces(island.body_of, island.levers, twist, forcing, accelerations, force, about.force)
+    add_forces(island.body_of, island.levers, twist, forcing, accelerations, drag_rate, force, about.force)
     about.force[:, :] = 0.0
     assemble_force_and_jacobian(island.body_of, island.levers, twist, forcing, everyone, about.force, about.jacobian)
 
@@ -401,7 +403,7 @@ def accumulate_impulse(island: Island, about: Linearisation, time: float, applie
             applied[e, CORIOLIS, 1] -= forcing.coriolis[e] * (time * u + du)
         for k in range(len(MEDIA)):
             if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-                ax, ay, xx, xy, yy = drag_and_jacobian(forcing.media[e, k], u, v)
+                ax, ay, xx, xy, yy, _ = drag_and_jacobian(forcing.media[e, k], u, v)
                 applied[e, k, 0] += time * ax - xx * du - xy * dv
                 applied[e, k, 1] += time * ay - xy * du - yy * dv
 

@@ -539,8 +539,13 @@ class _Landing:
         """Make a sub-step the state of the fragment."""
         pose, n = middle[0], self.rows.size
         levers, mean = self._levers(pose), 0.5 * (self.velocity + friction.velocity)
-        accelerations, force, net = np.zeros((1, n, len(FORCES), 2))[0], np.empty((n, 3)), np.zeros((1, 3))
-        add_forces(self.body_of, levers, mean[None].copy(), self.forcing, accelerations, force, net)
+        accelerations, rate, force, net = (
+            np.zeros((n, len(FORCES), 2)),
+            np.empty((n, 2)),
+            np.empty((n, 3)),
+            np.zeros((1, 3)),
+        )
+        add_forces(self.body_of, levers, mean[None].copy(), self.forcing, accelerations, rate, force, net)
         accelerations[:, SEA_FLOOR] += friction.force / self.forcing.mass[:, None]
         self.applied += dt * accelerations
         self.path = self.path + dt * mean

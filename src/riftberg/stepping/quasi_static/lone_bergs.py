@@ -197,7 +197,7 @@ def _acceleration(
             applied[e, CORIOLIS, 1] += part * ay
     for k in range(len(MEDIA)):
         if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-            dx, dy, dxx, dxy, dyy = drag_and_jacobian(media[e, k], u, v)
+            dx, dy, dxx, dxy, dyy, _ = drag_and_jacobian(media[e, k], u, v)
             ax += dx
             ay += dy
             jxx += dxx

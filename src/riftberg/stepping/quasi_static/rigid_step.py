@@ -27,12 +27,13 @@ from riftberg.stepping.bodies.dynamics import (
     Booleans,
     ElementForcing,
     ForceTerms,
+    accumulate_excess_drag,
     accumulate_forces,
     add_forces,
     add_inertia_and_floor_drag,
     allocate_forcing,
     evaluate_forcing,
-    half_kick_explicit,
+    first_half_kick,
     mean_drag_velocity,
     scatter_velocities,
 )
@@ -70,22 +71,22 @@ class BodyState(NamedTuple):
 # in.
 @borrower
 def predict(
-    new: Bodies, bodies: Bodies, matrices: BodyMatrices, levers: Floats, net_force: Floats, frozen_displacement: Floats,
-    h: float, latlon: bool, radius: float, period: float, lon: Floats, lat: Floats, static: Floats, rotation: Floats,
-    contact_bodies: Ints, contact_mean: Floats, work: BodyWorkspace,
+    new: Bodies, bodies: Bodies, op: BodyOperators, terms: ForceTerms, frozen_displacement: Floats, h: float, latlon: bool,
+    radius: float, period: float, lon: Floats, lat: Floats, static: Floats, rotation: Floats, contact_bodies: Ints,
+    contact_mean: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Take the first half kick and drift over ``h`` s: fill twist and pose of ``new``, and place the elements.
 
     ``contact_bodies`` drift with the mean twists ``contact_mean`` of their sub-steps in contact instead.
     """
     body, twist = bodies.body, new.twist
-    half_kick_explicit(matrices, bodies.twist, net_force, 0.5 * h, twist, work)
+    first_half_kick(op, bodies.twist, terms, 0.5 * h, twist, work)
     for k in range(contact_bodies.size):
         for i in range(3):
             twist[contact_bodies[k], i] = contact_mean[k, i]
     move_poses(bodies.pose, twist, h, latlon, radius, new.pose, work.scratch[0])
     for e in range(body.size):
-        m, q = levers[e], twist[body[e]]
+        m, q = op.levers[e], twist[body[e]]
         rotation[e] += h * (m[6] * q[0] + m[7] * q[1] + m[8] * q[2])
     # Displacements lag by the whole time step: those of a trial are known only after its velocities and loads.
     there = Bodies(body, bodies.reference, new.pose, twist, frozen_displacement)
@@ -127,7 +128,7 @@ def find_loads(
     ``pressed``: forces on the elements (N, N, N m) that load the lattice alone; no rows where there are none.
     """
     body, levers, forcing = op.body, op.levers, op.forcing
-    add_forces(body, levers, twist, forcing, terms.accelerations, force, terms.net_force)
+    add_forces(body, levers, twist, forcing, terms.accelerations, terms.drag_rate, force, terms.net_force)
     scatter_velocities(body, levers, twist, forcing, force, motion, shown)
     for b in range(twist.shape[0]):
         angular = 0.0
@@ -169,19 +170,21 @@ def remove_rigid_modes(
     return True
 
 
-# Many arguments: the trapezoidal rule needs levers, floor, matrices, forces and velocities of both ends of the step.
+# Many arguments: the trapezoidal rule needs what moves the bodies, forces and velocities at both ends of the step.
 @borrower
 def accumulate_step_forces(
-    body: Ints, levers: Floats, end_levers: Floats, floor_rate: Floats, end_floor_rate: Floats, matrices: BodyMatrices,
-    end_matrices: BodyMatrices, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, end_twist: Floats, half_dt: float,
-    part: float, middle: Floats, drag_twist: Floats, applied: Floats, work: BodyWorkspace,
+    op: BodyOperators, end_op: BodyOperators, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, end_twist: Floats,
+    half_dt: float, part: float, middle: Floats, drag_twist: Floats, applied: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Add to ``applied`` the accelerations of a step by the trapezoidal rule: ``part`` of those at each of its ends."""
-    half_kick_explicit(matrices, twist, terms.net_force, half_dt, middle, work)
-    mean_drag_velocity(matrices, terms.net_force, middle, half_dt, drag_twist, work.scratch)
-    accumulate_forces(body, levers, floor_rate, terms.accelerations, drag_twist, part, applied)
-    mean_drag_velocity(end_matrices, end_terms.net_force, end_twist, half_dt, drag_twist, work.scratch)
-    accumulate_forces(body, end_levers, end_floor_rate, end_terms.accelerations, drag_twist, part, applied)
+    body, levers, rate, matrices = op.body, op.levers, op.forcing.floor_rate, op.matrices
+    first_half_kick(op, twist, terms, half_dt, middle, work)
+    mean_drag_velocity(matrices, work.net_force, middle, half_dt, drag_twist, work.scratch)
+    accumulate_forces(body, levers, rate, terms.accelerations, drag_twist, part, applied)
+    accumulate_excess_drag(op, terms.drag_rate, twist, middle, half_dt, part, applied)
+    levers, rate, matrices = end_op.levers, end_op.forcing.floor_rate, end_op.matrices
+    mean_drag_velocity(matrices, end_terms.net_force, end_twist, half_dt, drag_twist, work.scratch)
+    accumulate_forces(body, levers, rate, end_terms.accelerations, drag_twist, part, applied)
 
 
 # ---- between two steps ----

@@ -254,11 +254,9 @@ class TimeStep:
         before = self.applied[contact.rows] if contact else self.applied[:0]
         part = 0.5 * trial.h / self.dt
         middle, drag_twist = np.empty_like(start.bodies.twist), np.empty_like(start.bodies.twist)
-        op, end_op = start.operators, end.operators
         accumulate_step_forces(
-            op.body, op.levers, end_op.levers, op.forcing.floor_rate, end_op.forcing.floor_rate, op.matrices,
-            end_op.matrices, start.terms, end.terms, start.bodies.twist, end.bodies.twist, 0.5 * trial.h, part, middle,
-            drag_twist, self.applied, work,
+            start.operators, end.operators, start.terms, end.terms, start.bodies.twist, end.bodies.twist, 0.5 * trial.h, part,
+            middle, drag_twist, self.applied, work,
         )  # fmt: skip
         if contact is not None:
             # In contact the impulses of all forces were summed over the sub-steps instead.

@@ -160,9 +160,8 @@ class FragmentMotion:
         new = bodies._replace(pose=np.empty_like(bodies.pose), twist=np.empty_like(bodies.twist))
         moved = (in_substeps.bodies, in_substeps.mean) if in_substeps else (NO_PAIRS[0], bodies.twist[:0])
         predict(
-            new, bodies, start.operators.matrices, start.operators.levers, start.terms.net_force, self.frozen_displacement,
-            h, c.latlon, c.earth_radius, c.period, el.place.lon, el.place.lat, el.body.static, el.motion.rotation,
-            *moved, work,
+            new, bodies, start.operators, start.terms, self.frozen_displacement, h, c.latlon, c.earth_radius, c.period,
+            el.place.lon, el.place.lat, el.body.static, el.motion.rotation, *moved, work,
         )  # fmt: skip
         new, ashore = self._constrained_by_land(new)
         self.model.forcing.sample(el, time)
@@ -328,7 +327,7 @@ class FragmentMotion:
         if self.faces is not None and self.faces.pairs.pair.size:
             of_faces = self.faces.force(self.model)
             pressed = pressed + of_faces if pressed.size else of_faces
-        terms = ForceTerms(np.zeros((count, len(FORCES), 2)), np.zeros_like(twist))
+        terms = ForceTerms(np.zeros((count, len(FORCES), 2)), np.zeros_like(twist), np.empty((count, 2)))
         force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((twist.shape[0], 7))
         find_loads(
             op, twist, self.lattice.xy, pressed, terms, force, load, el.motion, el.shown, el.kicks.spin_rate, sums,

@@ -1,0 +1,92 @@
+"""Drag that stops an element in the water within a part of a step: small bergs, and keels on a floor of quadratic drag."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg.compiled.kernels import plain
+from riftberg.stepping.bodies.dynamics import EXPLICIT_PART, accumulate_excess_drag, add_excess_drag, excess_rate
+from riftberg.stepping.forces.media import FORCES
+
+WATER, AIR = (0.8, 0.0), (15.0, 0.0)
+QUADRATIC = {"law": "quadratic", "coefficient": 0.0, "quadratic_coefficient": 1e4}
+
+
+def made(
+    length: float, thickness: float, time_step: float, *, turned: float = 0.0, depth: float = 1e4, **changes: Any
+) -> Model:
+    """Return a berg of one element in current and wind, at rest."""
+    c, s = np.cos(turned), np.sin(turned)
+    ocean = Steady(current=(c * WATER[0], s * WATER[0]), wind=(c * AIR[0], s * AIR[0]), depth=depth)
+    berg = Iceberg.rectangle(
+        length,
+        length,
+        radius=0.5 * length,
+        thickness=thickness,
+        placement=(0.0, 0.0),
+        latlon=False,
+        **changes.pop("berg", {}),
+    )
+    plane = {"latlon": False, "period": 0.0, "reference_latitude": -60.0}
+    return Model(berg, ocean, Parameters(earth=plane, stepping={"time_step": time_step}, **changes))
+
+
+def way(model: Model, hours: float) -> np.ndarray:
+    """Return how far a berg has come east and north (m) after each step."""
+    places = []
+    for _ in range(round(3600.0 * hours / model.parameters.stepping.time_step)):
+        model.step()
+        places.append([model.elements.lon.mean(), model.elements.lat.mean()])
+    return np.array(places)
+
+
+@pytest.mark.parametrize(("length", "thickness"), [(30.0, 25.0), (60.0, 50.0), (200.0, 100.0)])
+@pytest.mark.parametrize("time_step", [600.0, 1800.0, 7200.0])
+def test_a_small_berg_is_not_flung_past_the_water(length: float, thickness: float, time_step: float) -> None:
+    """A berg of 30 m went 20 km in its first half hour, at 11 m/s, and 14 km back in the next."""
+    coarse, every = way(made(length, thickness, time_step), 4.0), round(time_step / 20.0)
+    fine = way(made(length, thickness, 20.0), 4.0)
+    in_a_step = every * np.hypot(*(fine[-1] - fine[-2]))
+    assert np.hypot(*(coarse - fine[every - 1 :: every]).T).max() < 0.2 * in_a_step
+
+
+def test_a_keel_on_a_floor_of_quadratic_drag_stays_where_it_is() -> None:
+    """Its own speed flung it 600 km in the first half hour."""
+    model = made(2000.0, 250.0, 1800.0, depth=200.0, grounding=QUADRATIC, berg={"velocity": (0.3, 0.1)})
+    assert np.hypot(*way(model, 0.5)[0]) < 0.3 * 1800.0
+    assert 0.0 < model.elements.u[0] < 0.1
+
+
+def test_it_goes_the_same_way_in_all_directions() -> None:
+    east, turned = made(60.0, 50.0, 1800.0), made(60.0, 50.0, 1800.0, turned=2.0)
+    (x, y), c, s = way(east, 1.0)[-1], np.cos(2.0), np.sin(2.0)
+    np.testing.assert_allclose(way(turned, 1.0)[-1], [c * x - s * y, s * x + c * y], rtol=1e-9)
+
+
+@pytest.mark.parametrize("depth", [1e4, 40.0])
+def test_the_ledger_of_momentum_closes(depth: float) -> None:
+    """Each medium has its part of what it gives implicitly."""
+    model = made(60.0, 50.0, 1800.0, depth=depth, grounding=QUADRATIC)
+    model.advance(steps=4)
+    assert model.motion.balance(model, model.remembered).momentum_error < 1e-10
+
+
+def test_excess_drag_is_the_plain_sum_over_the_elements() -> None:
+    """And what the ledger takes from it is what it takes from the berg."""
+    model = made(60.0, 50.0, 1800.0)
+    model.step()
+    state = model._stepper._state
+    op, rate, half_dt, before = state.operators, state.terms.drag_rate, 900.0, state.bodies.twist
+    slow = np.zeros((1, 3, 3))
+    plain(add_excess_drag)(op, rate, half_dt, slow)
+    r = max(rate[0, 0] - EXPLICIT_PART / half_dt, 0.0)
+    assert 0.0 < r == plain(excess_rate)(rate[0, 0], half_dt)
+    np.testing.assert_allclose(slow[0, :2, :2], r * model.elements.mass[0] * np.eye(2), rtol=1e-12)
+    applied, after = np.zeros((1, len(FORCES), 2)), before + np.array([0.3, -0.5, 0.0])
+    plain(accumulate_excess_drag)(op, rate, before, after, half_dt, 1.0, applied)
+    np.testing.assert_allclose(applied.sum(axis=1)[0], [-0.3 * r, 0.5 * r], rtol=1e-9)
+    assert plain(excess_rate)(EXPLICIT_PART / half_dt, half_dt) == 0.0
