@@ -21,10 +21,10 @@ from riftberg.parameters import A68A_2022
 from riftberg.stepping.contact import faces
 from riftberg.stepping.contact.crushing_step import integrate_faces
 from riftberg.stepping.contact.face_forces import (
+    AREA_AT_END,
     CHORD,
     COLUMNS,
     CRUSHED,
-    DEPTH_AT_END,
     FORCE,
     IMPACT,
     PHASE,
@@ -448,7 +448,7 @@ def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monke
     )
     model = Model(Iceberg.join(bergs), Steady(), parameters)
     state = np.zeros((1, COLUMNS))
-    state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, DEPTH_AT_END]] = 12.0, 12.0, 1e3, 50.0, 0.012, IMPACT, 5.0
+    state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, AREA_AT_END]] = 12e3, 12e3, 1e3, 50.0, 0.012, IMPACT, 5e3
     pair = model.elements.body.id[None, :].astype(np.int64)
     model._stepper._faces.pairs = FacePairs(pair, state, np.zeros(1))  # type: ignore[attr-defined]
     steps: list[float] = []
