@@ -6,6 +6,7 @@ Young's modulus, a restart and a second impact change.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,10 @@ from riftberg.parameters import A68A_2022
 from riftberg.stepping.contact import faces
 from riftberg.stepping.contact.crushing_step import integrate_faces
 from riftberg.stepping.contact.face_forces import (
+    AREA_AT_END,
     CHORD,
     COLUMNS,
     CRUSHED,
-    DEPTH_AT_END,
     FORCE,
     IMPACT,
     PHASE,
@@ -33,6 +34,8 @@ from riftberg.stepping.contact.face_forces import (
     TOUCHED,
 )
 from riftberg.stepping.contact.faces import FacePairs
+from riftberg.stepping.quasi_static.step import TimeStep
+from riftberg.stepping.quasi_static.trial import LawsWithMemory
 
 LONG = 50  # Elements of the first berg
 
@@ -208,6 +211,45 @@ def test_an_impact_hangs_on_neither_the_axes_nor_the_order_of_the_bergs() -> Non
     np.testing.assert_allclose(after_oblique_impact(0.0, swapped=True), plain, rtol=1e-4, atol=1e-6)
 
 
+def in_parts(model: Model, parts: Sequence[float]) -> list[float]:
+    """Take a model through the parts of a step (s); returns the force on all faces (N) at the end of each."""
+    contact = model._stepper._faces  # type: ignore[attr-defined]
+    step, found = TimeStep(model, laws=LawsWithMemory(None, contact)), []
+    for h in parts:
+        step._advance_to_event(h, False)
+        found.append(float(contact.pairs.state[:, FORCE].sum()))
+    return found
+
+
+def test_an_impact_that_is_cut_keeps_its_force() -> None:
+    """Bug: where a short sub-step followed a long one, a corner that is pressed in lost up to nine tenths of its force."""
+    turned = {"placement": (17.8e3, -4e3), "rotation": 20.0}
+    whole, cut = (
+        in_parts(meeting((0.3, 0.1), 0.0, 1800.0, second=turned), parts)
+        for parts in ([400.0, 20.0], [400.0, 0.01, 0.01, 5.0, 0.1, 0.01, 14.87])
+    )
+    assert 0.0 < whole[0] < whole[1]
+    assert (np.diff(cut) > 0.0).all()
+    assert cut[-1] == pytest.approx(whole[-1], rel=1e-3)
+
+
+@pytest.mark.parametrize("parts", [[300.0], [100.0, 200.0], [105.0, 0.1, 3.0, 191.9]])
+def test_an_impact_loads_what_stands_behind_the_one_that_is_struck(parts: list[float]) -> None:
+    """Bug: a piece at rest bore nothing of it, unless another one bore its largest load at that moment."""
+    shape = {"thickness": 200.0, "radius": 500.0, "latlon": False}
+    bergs = [
+        Iceberg.rectangle(1e3 * n, 1e3, placement=(x, 0.0), velocity=(u, 0.0), **shape)
+        for n, x, u in ((1, -1030.0, 0.3), (1, 0.0, 0.0), (2, 1500.0, 0.0))
+    ]
+    parameters = Parameters(
+        earth={"latlon": False, "period": 0.0}, stepping={"only_interactions": True, "time_step": 1800.0},
+    )  # fmt: skip
+    model = Model(Iceberg.join(bergs), Steady(), parameters)
+    in_parts(model, parts)
+    # Tension across the push of 7.5e9 N that comes through; explicit steps of 1 ms of three masses give 7.3e9 N.
+    assert model.bonds.peak_stress.max() == pytest.approx(1311.0, rel=0.02)
+
+
 @pytest.mark.parametrize("latlon", [False, True])
 def test_faces_at_rest_bear_the_load_and_no_more(latlon: bool) -> None:
     """Half of 1e9 N. Where a step found faces deeper than the last one had left them, they bore up to 7e10 N.
@@ -229,13 +271,18 @@ def test_faces_at_rest_bear_the_load_and_no_more(latlon: bool) -> None:
         np.testing.assert_allclose(stress, stress[0], rtol=1e-3)
 
 
-def test_faces_that_stand_on_each_other_come_to_their_load_without_a_swing() -> None:
-    """Bug: a load that set in was borne twice over, by the swing of both bergs on the stiffness of their faces."""
-    model, found = pressed(False, between=0.0, dt=10.0), []
+@pytest.mark.parametrize("between", [0.0, 0.005])
+def test_faces_that_stand_on_each_other_come_to_their_load_without_a_swing(between: float) -> None:
+    """Bugs: a load that set in was borne twice over, by the swing of both bergs on the stiffness of their faces.
+
+    And over a gap of millimetres it was let go in every other sub-step.
+    """
+    model, found = pressed(False, between=between, dt=10.0), []
     for _ in range(30):
         model.advance(steps=1)
         found.append(model._stepper.state_dict()["meeting_state"][:, FORCE].sum())
     assert max(found) < 1.05 * 5e8
+    assert (np.diff(found) > -0.05 * 5e8).all()
     assert found[-1] == pytest.approx(5e8, rel=0.01)
 
 
@@ -324,20 +371,24 @@ def broken_in_converging_current(strength: str, dt: float, modulus: float, aside
 @pytest.mark.compiled
 @pytest.mark.parametrize(("dt", "modulus"), [(10800.0, 5e6), (1800.0, 9e9)])
 def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:
-    """At 700 Pa, half the largest stress of the impacts, 40 of 201 bonds break; which goes first moves the count by three."""
-    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 40) <= 3
+    """At 700 Pa, half the largest stress of the impacts, 37 of 201 bonds break: 36 to 39 in 32 starts, steps and moduli."""
+    assert abs(broken_in_converging_current("700 Pa", dt, modulus) - 37) <= 3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("strength", "dt", "modulus", "bonds"),
-    [("700 Pa", 450.0, 5e6, 38), ("700 Pa", 1800.0, 1e7, 38), ("500 Pa", 450.0, 5e6, 60), ("500 Pa", 1800.0, 5e6, 60),
-     ("500 Pa", 1800.0, 9e9, 60), ("300 Pa", 450.0, 5e6, 75), ("300 Pa", 1800.0, 5e6, 75), ("300 Pa", 1800.0, 9e9, 75)],
+    [("700 Pa", 450.0, 5e6, 37), ("700 Pa", 1800.0, 1e7, 37), ("500 Pa", 450.0, 5e6, 77), ("500 Pa", 1800.0, 5e6, 77),
+     ("500 Pa", 1800.0, 9e9, 77), ("300 Pa", 450.0, 5e6, 82), ("300 Pa", 1800.0, 5e6, 82), ("300 Pa", 1800.0, 9e9, 82)],
 )  # fmt: skip
 def test_means_of_what_breaks_in_a_converging_current_hang_on_neither_step_nor_modulus(
     strength: str, dt: float, modulus: float, bonds: float
 ) -> None:
-    """Up to 40 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count by up to a third."""
+    """Up to 20 s each. A start 10 cm aside changes which bond breaks first in an impact, and the count by some per cent.
+
+    Means of eight starts with steps of 450, 1800 and 10800 s and moduli of 5 MPa and 9 GPa: 75 to 79 at 500 Pa, with errors of
+    1 to 2, and 81 to 83 at 300 Pa.
+    """
     found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 0.2, 0.4, 0.7, 1.0)]
     assert abs(np.mean(found) - bonds) <= 5.0
 
@@ -448,7 +499,7 @@ def test_a_face_that_closes_on_what_it_has_crushed_gets_there_in_few_steps(monke
     )
     model = Model(Iceberg.join(bergs), Steady(), parameters)
     state = np.zeros((1, COLUMNS))
-    state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, DEPTH_AT_END]] = 12.0, 12.0, 1e3, 50.0, 0.012, IMPACT, 5.0
+    state[0, [TOUCHED, CRUSHED, CHORD, SINCE, SPEED, PHASE, AREA_AT_END]] = 12e3, 12e3, 1e3, 50.0, 0.012, IMPACT, 5e3
     pair = model.elements.body.id[None, :].astype(np.int64)
     model._stepper._faces.pairs = FacePairs(pair, state, np.zeros(1))  # type: ignore[attr-defined]
     steps: list[float] = []

@@ -307,7 +307,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "footprint_start": Bound((None,), 0, "corners"),
     # Faces of two elements that press each other.
     "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
-    "meeting_state": Bound(("face pairs", 13)),
+    "meeting_state": Bound(("face pairs", 15)),
     "meeting_dissipated": Bound((1,)),
     "bed_plastic": Bound((2,)),
     "record_peak_stress_.+": Bound((None,)),

@@ -17,13 +17,15 @@ from riftberg.physics.contact import face_stiffness
 from riftberg.state import Floats
 from riftberg.stepping.contact.face_forces import (
     APART,
+    AREA_AT_END,
     CHORD,
     CRUSHED,
-    DEPTH_AT_END,
     FORCE,
     IMPACT,
     PHASE,
     REST,
+    SKIN_X,
+    SKIN_Y,
     SLOW,
     SPEED,
     TOUCHED,
@@ -34,6 +36,7 @@ from riftberg.stepping.contact.face_forces import (
     record_peak,
     set_apart,
     sweep_faces,
+    unloading_rate,
     update_faces,
 )
 from riftberg.stepping.contact.face_pairs import (
@@ -118,13 +121,11 @@ def _integrate_island(
     """Take one island through the step; returns its shortest sub-step, s."""
     twist = result.twist
     left, shortest, elapsed, h = dt, dt, np.inf, np.inf
-    work.skin[:, :] = 0.0
-    _align(island, faces, pair_state, result, work)
+    _align(island, faces, pair_state, result, law, work)
     while True:
         if left <= 0.0 or is_stale(about, twist, work.arm, elapsed, dt):
             accumulate_impulse(island, about, elapsed, result.applied)
             if left <= 0.0:
-                work.skin[:, :] = 0.0
                 _remember_depths(island, faces, pair_state, result, work)
                 _find_close_pairs(island, faces, result, work)
                 return shortest
@@ -158,18 +159,25 @@ def _integrate_island(
 
 
 @borrower
-def _align(island: Island, faces: Faces, pair_state: Floats, result: IslandResult, work: CrushingWorkspace) -> None:
-    """Take the pairs on from where the last step saw them: no force from a depth that has changed without a motion.
+def _align(
+    island: Island, faces: Faces, pair_state: Floats, result: IslandResult, law: CrushingLaw, work: CrushingWorkspace
+) -> None:
+    """Take the pairs on from where the last step saw them: no force from an overlap that has changed without a motion.
 
     A sub-step moves bodies on a plane of its own, a step on the sphere: that shifts faces by millimetres, of which unloading
-    would make the force of an impact.
+    would make the force of an impact. What a sub-step expects the overlap to be at its end is wrong by less, but an impact that
+    is cut there would lose a part of its force for a moment.
     """
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
-            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, work)
-            shift = area / pair_state[k, CHORD] - pair_state[k, DEPTH_AT_END]
+            skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
+            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, skin_x, skin_y, work)
+            shift = area - pair_state[k, AREA_AT_END]
             pair_state[k, TOUCHED] += shift
             pair_state[k, CRUSHED] += shift
+            if pair_state[k, PHASE] == IMPACT and pair_state[k, FORCE] > 0.0:
+                thickness = min(faces.thickness[island.first[k]], faces.thickness[island.second[k]])
+                pair_state[k, CRUSHED] = area - pair_state[k, FORCE] / unloading_rate(thickness, law)
 
 
 @borrower
@@ -179,8 +187,9 @@ def _remember_depths(
     """Note how deep the faces are at the end of a step."""
     for k in range(island.first.size):
         if pair_state[k, PHASE] != APART:
-            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, work)
-            pair_state[k, DEPTH_AT_END] = area / pair_state[k, CHORD]
+            skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
+            area, _, _, _, _ = overlap_of_pair(island, faces, result.path, k, skin_x, skin_y, work)
+            pair_state[k, AREA_AT_END] = area
 
 
 @kernel
@@ -228,7 +237,8 @@ def _longest_substep(
         work.speed[b, 1] = _speed_bound(work.acceleration[b], work.arm[b])
     fastest, quickest = approach_bound(twist, work.arm), approach_bound(work.acceleration, work.arm)
     for k in range(island.first.size):
-        work.skin[k, 0] = work.skin[k, 1] = 0.0
+        if pair_state[k, PHASE] == APART:
+            pair_state[k, SKIN_X] = pair_state[k, SKIN_Y] = 0.0
         if pair_state[k, PHASE] == REST:
             # Whether they still overlap shows in the middle; the forces of the sub-step before are the first guess.
             work.gap[k], work.bound[k], limit = 0.0, 0.0, min(limit, REST_STEP, 2.0 * before)
@@ -304,11 +314,11 @@ def _limit_of_pair(
     if nearest <= SKIN and free and (closing <= SLOW or parting):
         # They stand on each other, or part: whatever drives them together, the force of the sub-step answers.
         work.gap[k], work.bound[k] = 0.0, 0.0
-        work.skin[k, 0], work.skin[k, 1] = 0.5 * SKIN * nx, 0.5 * SKIN * ny
+        state[SKIN_X], state[SKIN_Y] = 0.5 * SKIN * nx, 0.5 * SKIN * ny
         if closing > SLOW:  # they part where they stand on each other, and turn into each other beside it
             limit = min(limit, max(max(UNSEEN, UNSEEN_OF_SIZE * smaller) / closing, entry))
         return min(limit, REST_STEP)
-    if nearest > 0.0:
+    if nearest > 2.0 * math.hypot(state[SKIN_X], state[SKIN_Y]):
         set_apart(state)
         work.gap[k], work.bound[k] = nearest, closing + driven * limit
         crossed, meets = _most_of_way(nearest, closing, driven)
@@ -324,8 +334,8 @@ def _limit_of_pair(
         work.stiffness[b] += stiffness * _mobility_of_point(mobility[b], n, ox, oy, nx, ny)
         if state[FORCE] <= 0.0:
             # Unloaded, but closing: nothing happens before the depth to which the faces are crushed.
-            area, _, _, _, _ = overlap_of_pair(island, faces, path, k, work)
-            to_go = max(state[CRUSHED] - area / state[CHORD], 0.0)
+            area, _, _, _, _ = overlap_of_pair(island, faces, path, k, state[SKIN_X], state[SKIN_Y], work)
+            to_go = max(state[CRUSHED] - area, 0.0) / state[CHORD]
             limit = min(limit, max(_most_of_way(to_go, closing, driven)[0], entry))
     return limit
 

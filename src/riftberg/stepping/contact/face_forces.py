@@ -16,6 +16,7 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.physics.contact import crushing_force, face_stiffness, sliding_force
@@ -30,14 +31,29 @@ from riftberg.stepping.contact.face_pairs import (
 )
 from riftberg.stepping.contact.islands import Island, IslandResult, record_loads, spin_lever
 
-TOUCHED, CRUSHED, CHORD, SINCE, SPEED, FORCE, FRICTION, PHASE, PUSH_X, PUSH_Y, TORQUE_1, TORQUE_2, DEPTH_AT_END = range(
-    13
-)
-"""Columns of a pair of faces: depths at which they touched and to which they are crushed (m), longest chord (m), time
-since touching (s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques
-(N m); depth at the end of the last step (m). At rest, and of faces that overlap and part, the closing speed now."""
+(
+    TOUCHED,
+    CRUSHED,
+    CHORD,
+    SINCE,
+    SPEED,
+    FORCE,
+    FRICTION,
+    PHASE,
+    PUSH_X,
+    PUSH_Y,
+    TORQUE_1,
+    TORQUE_2,
+    AREA_AT_END,
+    SKIN_X,
+    SKIN_Y,
+) = range(15)
+"""Columns of a pair of faces: overlaps at which they touched and to which they are crushed (m2), chord (m), time since touching
+(s), closing speed then (m s-1), forces across and along (N), phase; force on the second element (N), torques (N m); overlap at
+the end of the last step (m2); way (m) of each towards the other with which faces that stood on each other overlap. At rest, and
+of faces that overlap and part, the closing speed now."""
 
-COLUMNS: Final = 13
+COLUMNS: Final = 15
 
 APART, IMPACT, REST = 0.0, 1.0, 2.0
 """Phases of contact of two faces."""
@@ -82,7 +98,7 @@ class CrushingLaw(NamedTuple):
     friction: float
 
 
-NX, NY, DEPTH, DEPTH_PER_SPEED, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
+NX, NY, AREA, AREA_PER_SPEED, ROW_N, ROW_T = 0, 1, 2, 3, 4, 10
 MOBILITY_N, MOBILITY_T, OFFSET, SLIDING, CLOSING, BEFORE = 16, 17, 18, 22, 23, 24
 """Columns of ``face``."""
 
@@ -94,13 +110,19 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
     return CrushingWorkspace(
         np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((bodies, 3)),
         np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
-        np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs), np.empty((pairs, 2)),
+        np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs),
         np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 25)),
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 2)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
-        np.zeros((rows, 3)), np.ones(bodies, np.bool_),
+        np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3))),
         np.empty((4, 3, 3)), np.zeros(1),
     )  # fmt: skip
+
+
+@kernel
+def unloading_rate(thickness: float, law: CrushingLaw) -> float:
+    """Force (N m-2) that a face loses with its overlap as it is unloaded; the thickness (m) is that of the thinner element."""
+    return law.ratio * law.strength * thickness / law.depth
 
 
 @kernel
@@ -146,10 +168,11 @@ def find_faces(
         i, j = island.first[k], island.second[k]
         m, n, a, b = island.levers[i], island.levers[j], island.body_of[i], island.body_of[j]
         ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
-        area, moment_x, moment_y, chord_x, chord_y = overlap_of_pair(island, faces, path, k, work)
+        skin_x, skin_y = pair_state[k, SKIN_X], pair_state[k, SKIN_Y]
+        area, moment_x, moment_y, chord_x, chord_y = overlap_of_pair(island, faces, path, k, skin_x, skin_y, work)
         chord = math.hypot(chord_x, chord_y)
-        skin = 2.0 * math.hypot(work.skin[k, 0], work.skin[k, 1])
-        if skin > 0.0 and chord < LEAST_FACE:  # a corner, until it is in the other face
+        standing = skin_x != 0.0 or skin_y != 0.0
+        if standing and chord < LEAST_FACE and pair_state[k, PHASE] == APART:  # a corner, until it is in the other face
             continue
         if not (area > 0.0 and chord * chord > LEAST_CHORD * area):
             set_apart(pair_state[k])
@@ -170,14 +193,13 @@ def find_faces(
         state = pair_state[k]
         if state[PHASE] == APART:
             # Faces meet where they stand: what was crushed before is rubble that fills the gap.
-            state[TOUCHED] = area / chord - skin
-            state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if skin > 0.0 else SLOW) else REST
+            state[TOUCHED] = area
+            state[PHASE] = IMPACT if closing > (STRUCK_AT_REST if standing else SLOW) else REST
             if state[PHASE] == REST:
-                state[TOUCHED] -= 0.5 * h * closing
+                state[TOUCHED] -= 0.5 * h * closing * chord
             state[CRUSHED] = state[TOUCHED]
-            state[CHORD], state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = chord, 0.0, closing, 0.0, 0.0
-        # A chord that shrinks while the load is released would make energy.
-        state[CHORD] = max(state[CHORD], chord)
+            state[SINCE], state[SPEED], state[FORCE], state[FRICTION] = 0.0, closing, 0.0, 0.0
+        state[CHORD] = chord
         row[NX], row[NY], row[OFFSET], row[OFFSET + 1] = nx, ny, x - x1, y - y1
         row[OFFSET + 2], row[OFFSET + 3] = x - x2, y - y2
         row[MOBILITY_N] = _mobility_along(row, ROW_N, work.compliance[a], work.compliance[b])
@@ -185,17 +207,12 @@ def find_faces(
         row[SLIDING], row[CLOSING], row[BEFORE] = _speed(row, ROW_T, twist[a], twist[b]), closing, state[FORCE]
         if row[MOBILITY_N] <= 0.0:
             continue
-        depth = area / state[CHORD] - skin
         if state[PHASE] == REST:
-            stiffness = face_stiffness(
-                law.strength, min(faces.thickness[i], faces.thickness[j]), state[CHORD], law.depth
-            )
-            row[DEPTH], row[DEPTH_PER_SPEED] = (
-                depth - 0.5 * h * closing,
-                h + 2.0 / math.sqrt(stiffness * row[MOBILITY_N]),
-            )
+            stiffness = face_stiffness(law.strength, min(faces.thickness[i], faces.thickness[j]), chord, law.depth)
+            row[AREA] = area - 0.5 * h * closing * chord
+            row[AREA_PER_SPEED] = chord * (h + 2.0 / math.sqrt(stiffness * row[MOBILITY_N]))
         else:
-            row[DEPTH], row[DEPTH_PER_SPEED] = depth, 0.5 * h
+            row[AREA], row[AREA_PER_SPEED] = area, 0.5 * h * chord
         work.active[count] = k
         count += 1
     return count
@@ -260,12 +277,11 @@ def sweep_faces(
             largest = 0.0
             one, two, v, w = work.compliance[a], work.compliance[b], work.new[a], work.new[b]
             thickness = min(faces.thickness[i], faces.thickness[j])
-            stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
             mobility = h * row[MOBILITY_N]
             free = _speed(row, ROW_N, v, w) + mobility * state[FORCE]
             force = crushing_force(
-                row[DEPTH] + row[DEPTH_PER_SPEED] * free, state[TOUCHED], state[CRUSHED], stiffness, law.ratio,
-                stiffness * law.depth, row[DEPTH_PER_SPEED] * mobility,
+                row[AREA] + row[AREA_PER_SPEED] * free, state[TOUCHED], state[CRUSHED], law.strength * thickness / law.depth,
+                law.ratio, law.strength * thickness * state[CHORD], row[AREA_PER_SPEED] * mobility,
             )  # fmt: skip
             change = force - state[FORCE]
             state[FORCE] = force
@@ -304,25 +320,24 @@ def update_faces(
         k, row = work.active[f], work.face[f]
         i, j = island.first[k], island.second[k]
         a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
-        thickness = min(faces.thickness[i], faces.thickness[j])
-        stiffness = face_stiffness(law.strength, thickness, state[CHORD], law.depth)
+        back = unloading_rate(min(faces.thickness[i], faces.thickness[j]), law)
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
         sliding = 0.5 * (row[SLIDING] + _speed(row, ROW_T, work.new[a], work.new[b]))
-        depth = row[DEPTH] + (h if state[PHASE] == REST else 0.5 * h) * closing
+        area = row[AREA] + (h if state[PHASE] == REST else 0.5 * h) * closing * state[CHORD]
         force, slide = state[FORCE], state[FRICTION]
         result.touched[k] = result.touched[k] or force > 0.0
         for n in range(3):
             result.impulse[a, n] -= h * (force * row[ROW_N + n] + slide * row[ROW_T + n])
             result.impulse[b, n] -= h * (force * row[ROW_N + 3 + n] + slide * row[ROW_T + 3 + n])
-        crushed = depth - force / (law.ratio * stiffness)
+        crushed = area - force / back
         if force > 0.0 and crushed > state[CRUSHED]:
-            stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (law.ratio * stiffness)
+            stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (back * state[CHORD])
             work.dissipated[0] += max(0.5 * h * force * (row[CLOSING] + closing) - stored, 0.0)
             state[CRUSHED] = crushed
         if state[PHASE] == REST and force > 0.0:
-            # At rest the depth follows the new velocity, and the place the mean of old and new: what lies between must not
+            # At rest the overlap follows the new velocity, and the place the mean of old and new: what lies between must not
             # become a force when the next sub-step is shorter.
-            drift = 0.5 * h * (row[CLOSING] - closing)
+            drift = 0.5 * h * (row[CLOSING] - closing) * state[CHORD]
             state[TOUCHED] += drift
             state[CRUSHED] += drift
         work.dissipated[0] += max(h * slide * sliding, 0.0)
@@ -353,15 +368,15 @@ def record_peak(island: Island, pair_state: Floats, count: int, result: IslandRe
     """Record the loads of the bonded bodies that contact presses harder in this sub-step than before in the step."""
     if count == 0:
         return
-    body_of, bonded, harder = island.body_of, island.bonded, False
+    body_of, harder = island.body_of, False
+    _find_struck(island, pair_state, count, work.struck, work)
     work.size[:] = 0.0
     for f in range(count):
         k = work.active[f]
-        size, impact = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y]), pair_state[k, PHASE] == IMPACT
+        size = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y])
         for b in (body_of[island.first[k]], body_of[island.second[k]]):
-            work.size[b] += size
-            # At rest loads change slowly, and are those of the end of the step.
-            harder = harder or (bonded[b] and impact and work.size[b] > work.peak[b])
+            work.size[b] += size if work.struck[b] else 0.0
+            harder = harder or (island.bonded[b] and work.size[b] > work.peak[b])
     if not harder:
         return
     work.contact_force[:, :] = 0.0
@@ -375,3 +390,25 @@ def record_peak(island: Island, pair_state: Floats, count: int, result: IslandRe
         work.contact_force[j, 1] += y
         work.contact_force[j, 2] += pair_state[k, TORQUE_2]
     record_loads(island, work.size, work.peak, work.new, work.middle, work.force, work.contact_force, result)
+
+
+@borrower
+def _find_struck(
+    island: Island, pair_state: Floats, count: int, struck: NDArray[np.bool_], work: CrushingWorkspace
+) -> None:
+    """Find the bodies that bear an impact: on a face of their own, or by way of others that press them at rest.
+
+    What is driven into another faster than `STRUCK_AT_REST` strikes it, however long that lasts. All else is at rest, where loads
+    change slowly, and are those of the end of the step.
+    """
+    struck[:], more = False, True
+    while more:
+        more = False
+        for f in range(count):
+            k = work.active[f]
+            a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
+            if pair_state[k, FORCE] <= 0.0 or (struck[a] and struck[b]):
+                continue
+            strikes = pair_state[k, PHASE] == IMPACT or pair_state[k, SPEED] > STRUCK_AT_REST
+            if strikes or struck[a] or struck[b]:
+                struck[a] = struck[b] = more = True

@@ -50,7 +50,6 @@ class CrushingWorkspace(NamedTuple):
     measured: Floats  # Gap of each pair when last measured, and how far both bodies had travelled, m; shape (pairs, 2)
     gap: Floats  # Of each pair, m; 0 where they overlap, infinite where far apart; shape (pairs,)
     bound: Floats  # Speed at which it closes at most, m s-1; shape (pairs,)
-    skin: Floats  # Way (m) of each of a pair towards the other at which faces that stand on each other overlap; shape (pairs, 2)
     changed: Ints  # Sweep in which each body's velocities changed last; shape (bodies,)
     active: Ints  # Pairs that overlap in the middle, as places among the candidates; shape (pairs,)
     # Of these: normal (2), depth without force (m), its change by closing speed (s), two rows of levers for both bodies (12),
@@ -63,6 +62,7 @@ class CrushingWorkspace(NamedTuple):
     net_force: Floats
     contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)
     everyone: NDArray[np.bool_]
+    struck: NDArray[np.bool_]  # Whether an impact loads a body now; shape (bodies,)
     pair: PairWorkspace
     scratch: Floats  # shape (4, 3, 3)
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)
@@ -108,16 +108,16 @@ def gap_of_pair(
 
 @borrower
 def overlap_of_pair(
-    island: Island, faces: Faces, path: Floats, k: int, work: CrushingWorkspace
+    island: Island, faces: Faces, path: Floats, k: int, skin_x: float, skin_y: float, work: CrushingWorkspace
 ) -> tuple[float, float, float, float, float]:
-    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin.
+    """Area (m2), first moments (m3) and chord (m) of the overlap of a pair, with the bodies moved by ``path`` and the skin (m).
 
     The skin brings each towards the other, so that neither is the first one. It takes the whole workspace, as `gap_of_pair`:
     with few arguments LLVM no longer takes these into their callers, and a sub-step costs a third more.
     """
     i, j = island.first[k], island.second[k]
     ca, sa, cb, sb, x1, y1, x2, y2 = places_of_pair(island, path, k)
-    x1, y1, x2, y2 = x1 + work.skin[k, 0], y1 + work.skin[k, 1], x2 - work.skin[k, 0], y2 - work.skin[k, 1]
+    x1, y1, x2, y2 = x1 + skin_x, y1 + skin_y, x2 - skin_x, y2 - skin_y
     area = moment_x = moment_y = chord_x = chord_y = 0.0
     for p in range(faces.begin[i], faces.end[i]):
         corners = _place(faces, p, x1, y1, ca, sa, work.pair.one)

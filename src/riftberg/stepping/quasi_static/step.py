@@ -148,7 +148,7 @@ class TimeStep:
         touched_down = False
         if grounding_dt < self.dt and self._touch_down(trial) > 0.0:
             first = self._any_event if may_break else self._touch_down
-            trial = self._located(trial, first, tolerance, accepting=True)
+            trial = self._located(trial, first, tolerance)
             touched_down = self._touch_down(trial) > 0.0
         if not may_break:
             self._accept(trial)
@@ -177,7 +177,7 @@ class TimeStep:
 
         if self.lattice.overload(self._equilibrium(trial.state)) <= 0.0:
             self._accept(trial)
-            return math.inf
+            return 8.0 * trial.h if self.cracked and trial.contact is not None else math.inf
         first_broken = -1
         if not touched_down:  # the load of a touch-down sets in at its end, not evenly over the step
             start, end, h = self._equilibrium(self.state), self._equilibrium(trial.state), trial.h
@@ -198,15 +198,14 @@ class TimeStep:
         return math.inf
 
     def _located(
-        self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0, *, accepting: bool = False
+        self, trial: Trial, event: Callable[[Trial], float], tolerance: float, least: float = 0.0
     ) -> Trial:  # fmt: skip
         """Return a trial that ends at most ``tolerance`` s after the first event in ``trial``.
 
-        ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located. ``accepting``: trials without an
-        event become the state, and what is returned starts from there.
+        ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located. Trials without an event become
+        the state, and what is returned starts from there: touch-down must be met in a step that is short itself, as half of it
+        is taken with the floor, and an impact need not be gone through from its start each time.
         """
-        # Touch-down must be met in a step that is short itself: half of it is taken with the floor. An impact is not cut: of
-        # three bergs that meet at 300 Pa half as many bonds broke where each trial without a crack was accepted.
         done, latest = 0.0, (trial.h, trial)
 
         def until(t: float) -> float:
@@ -214,7 +213,7 @@ class TimeStep:
             self._rollback()
             latest = t, self.motion.trial(self.state, t - done)
             value = event(latest[1])
-            if value <= 0.0 and accepting:
+            if value <= 0.0:
                 self._accept(latest[1])
                 self._checkpoint()
                 done = t
