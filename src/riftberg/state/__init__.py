@@ -25,6 +25,7 @@ from riftberg.state.variables import (
     Place,
     Shown,
     Variable,
+    copied,
     elements_of,
 )
 
@@ -75,11 +76,6 @@ def new_bonds(first: Ints, second: Ints) -> Bonds:
 
 def copy_state(elements: Elements, bonds: Bonds) -> tuple[Elements, Bonds]:
     """Return copies that share no memory with the originals; what is 0 takes none until it is written."""
-    return elements_of({name: _copied(array) for name, array in elements.arrays().items()}), Bonds._make(
-        map(_copied, bonds)
+    return elements_of({name: copied(array) for name, array in elements.arrays().items()}), Bonds._make(
+        map(copied, bonds)
     )
-
-
-def _copied(array: NDArray[Any]) -> NDArray[Any]:
-    # By the bits: -0.0 is no 0. Most variables of a new state are 0 everywhere, and many stay so.
-    return array.copy() if array.view(np.int64).any() else np.zeros(array.shape, array.dtype)
