@@ -101,7 +101,7 @@ def break_overloaded(
     bond_ids: Ints, bond: Floats, shape: Floats, scratch: Floats, ends: Floats, rotation: Floats, bonds: Bonds,
     aground: Floats, time: float,
 ) -> int:  # fmt: skip
-    """Break the bonds of a tile that are overloaded: mark them, and replace their force.
+    """Break the bonds of a tile that are overloaded: mark them, and replace their force. `record_breaks` does the rest.
 
     A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
     any other contributes nothing.
@@ -115,7 +115,6 @@ def break_overloaded(
         b = bond_ids[k]
         i, j = bonds.first[b], bonds.second[b]
         store_bond(bonds, b, bond, scratch, k, rotation)
-        bonds.status[b] = 1
         bonds.break_time[b] = time
         bonds.break_grounded[b] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
         bonds.break_strength[b] = 1 if tension > bond[tile.NORMAL_LIMIT + k] else 2
@@ -142,13 +141,14 @@ def _force_while_breaking(shape: Floats, scratch: Floats, ends: Floats, k: int) 
 def record_breaks(
     tiles: BondTiles, bonds: Bonds, bond_count: Ints, pairs: ContactPairs, time: float, keep_contact: bool
 ) -> None:
-    """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, layer by layer."""
+    """Mark bonds that broke at ``time``, take them from the counts of their ends, list them as contact pairs, layer by layer."""
     layers = len(tiles.kinds)
     for layer in range(layers):
         for i in range(bond_count.size):
             b = tiles.bond_ids[lane_of(layer, i, layers)]
-            if b < 0 or bonds.status[b] == 0 or bonds.break_time[b] != time:
+            if b < 0 or bonds.break_time[b] != time:
                 continue
+            bonds.status[b] = 1
             j = bonds.second[b]
             bond_count[i] -= 1
             bond_count[j] -= 1
