@@ -27,6 +27,7 @@ from riftberg.state.variables import (
     Variable,
     copied,
     elements_of,
+    zeros,
 )
 
 __all__ = [
@@ -50,12 +51,13 @@ __all__ = [
     "elements_of",
     "new_bonds",
     "new_elements",
+    "zeros",
 ]
 
 
 def _arrays(variables: Iterable[Variable], size: int) -> dict[str, NDArray[Any]]:
     # Zeros that are never written take no memory; `np.full` writes them.
-    return {v.name: np.full(size, v.default, v.dtype) if v.default else np.zeros(size, v.dtype) for v in variables}
+    return {v.name: np.full(size, v.default, v.dtype) if v.default else zeros(size, v.dtype) for v in variables}
 
 
 def new_elements(size: int) -> Elements:

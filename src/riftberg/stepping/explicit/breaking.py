@@ -16,7 +16,7 @@ from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import damage_rate, exceeds, grown_damage, normal_force, residual_strength, stress_ratio
 from riftberg.physics.geometry import same_axes, separation
-from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state import Bonds, Elements, Floats, Ints, zeros
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.tiles import BondTiles, free_diagonals, lane_of
@@ -40,8 +40,7 @@ class ContactPairs(NamedTuple):
 
 def allocate_pairs(size: int) -> ContactPairs:
     """Return rows for ``size`` pairs."""
-    first, second, bond = np.zeros((3, size), np.int64)
-    return ContactPairs(first, second, bond, np.zeros(1, np.int64))
+    return ContactPairs(*zeros(3 * size, np.int64).reshape(3, size), np.zeros(1, np.int64))
 
 
 @kernel

@@ -34,7 +34,7 @@ from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import beam_parts, damping_constant, isotropic_parts, residual_strength, signed_slip
 from riftberg.physics.geometry import fast_cos_latitude, separation
-from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state import Bonds, Elements, Floats, Ints, zeros
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.diagonals import Diagonals, diagonal_length, find_diagonals, holds
 
@@ -183,7 +183,7 @@ class BondTiles(NamedTuple):
 
 def _aligned(count: int) -> Floats:
     """Return zeros that begin with a line of the cache, so that no vector lies across two."""
-    padded = np.zeros(count + 8)  # a line holds 64 bytes, eight numbers
+    padded = zeros(count + 8)  # a line holds 64 bytes, eight numbers
     begin = -(padded.ctypes.data // 8) % 8
     return padded[begin : begin + count]
 
