@@ -43,8 +43,8 @@ def find_diagonals(el: Elements, bonds: Bonds, p: KernelParameters) -> Diagonals
     """Return the diagonals of unbroken square lattices; none where bonds are those of the published model."""
     if not p.isotropic:
         return NO_DIAGONALS
-    start, partner, bond = partners_over_bonds(bonds.first, bonds.second, bonds.status, el.size)
-    partner, bond = partner.astype(np.int32), bond.astype(np.int32)
+    start, *rows = partners_over_bonds(bonds.first, bonds.second, bonds.status, el.size)
+    partner, bond = (each.astype(np.int32) for each in rows)
     around, lon, lat = np.repeat(np.arange(el.size, dtype=np.int32), np.diff(start)), el.place.lon, el.place.lat
     x, y = separations(Metric(p.latlon, p.earth_radius, p.period), lon[partner], lat[partner], lon[around], lat[around])
     length, corners = np.hypot(x, y), np.flatnonzero(np.where(el.body.sides > 0, el.body.sides, p.max_sides) == 4)
