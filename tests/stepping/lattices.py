@@ -12,7 +12,7 @@ from riftberg.stepping.contact.broad_phase import excluding
 from riftberg.stepping.explicit.breaking import allocate_pairs, pairs_from_list
 from riftberg.stepping.explicit.mts import StepReport, take_long_step
 from riftberg.stepping.explicit.substeps import StepPlan, Workspace, allocate_fields
-from riftberg.stepping.explicit.tiles import allocate_tiles
+from riftberg.stepping.explicit.tiles import AT_ONCE, allocate_tiles
 from riftberg.stepping.forces.media import allocate_surroundings
 from riftberg.stepping.forces.pair_law import NeighbourLists
 from riftberg.stepping.forces.sizes import interaction_sizes
@@ -144,7 +144,7 @@ def partners_of(el, bonds, p, *, multiple):
 def touching_pairs(el, bonds, p):
     """Pairs of one berg that may touch: ends of broken bonds, or candidates of a search."""
     waiting = np.flatnonzero(bonds.status == 1)
-    pairs = allocate_pairs(200)
+    pairs = allocate_pairs(max(200, bonds.first.size))
     if p.broken_as_contact:
         pairs.first[: waiting.size] = bonds.first[waiting]
         pairs.second[: waiting.size] = bonds.second[waiting]
@@ -170,6 +170,7 @@ def long_step(
     grow_damage=False,
     rank=None,
     around=None,
+    at_once=AT_ONCE,
 ):
     """Take one long step by the kernels of `riftberg.stepping.explicit.mts`; changes the state in place."""
     n = el.mass.size
@@ -183,6 +184,7 @@ def long_step(
         break_inline=may_break,
         break_after=False,
         grow_damage=grow_damage,
+        at_once=at_once,
     )
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
     pairs = touching_pairs(el, bonds, p)

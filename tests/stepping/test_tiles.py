@@ -18,7 +18,7 @@ from riftberg.stepping.explicit.substeps import allocate_fields
 from riftberg.stepping.explicit.tile_kernels import drift_tile, sum_over_bonds
 from riftberg.stepping.explicit.tiles import BondTiles, allocate_tiles, may_cross_seam, pack_bonds
 from riftberg.stepping.forces.sizes import interaction_sizes
-from stepping.lattices import lattice, parameters
+from stepping.lattices import lattice, long_step, parameters
 
 P = parameters()
 
@@ -154,6 +154,34 @@ def test_elements_wait_for_all_bonds_that_see_them() -> None:
     for b in range(made.last_tile.size):
         ends = (bonds.second // tile.LANES == b) & (bonds.status == 0)
         assert made.last_tile[b] == max([b, *(bonds.first[ends] // tile.LANES)])
+        begin = (bonds.first // tile.LANES == b) & (bonds.status == 0)
+        assert made.farthest[b] == max([b, *(bonds.second[begin] // tile.LANES)])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("elasticity", ["bonds", "isotropic"])
+def test_sub_steps_at_once_are_those_one_after_the_other(elasticity: str) -> None:
+    """To the last bit, with bonds that break in several of them, the diagonals that these free, and contact from then on."""
+    weak = {"enabled": True, "broken_as_contact": True, "normal_strength": 120e3, "shear_strength": 60e3}
+    p = parameters(
+        stepping={"scheme": "mts"}, fracture=weak, bonds={"elasticity": elasticity}, damage={"enabled": True}
+    )
+    moments = []
+    for seed in range(6):
+        results = []
+        for at_once in (1, 2, tile.AT_ONCE):
+            el, bonds = lattice(seed, p, columns=40, rows=5, touching=False, speed=0.02, strain=1e-4)
+            bonds.strength[:] = np.random.default_rng(seed).uniform(0.05, 1.5, bonds.strength.size)
+            broken = long_step(
+                el, bonds, p, 300.0, 15, starting=seed % 2 == 0, may_break=True, grow_damage=True, at_once=at_once
+            ).broken
+            assert broken == np.isfinite(bonds.break_time).sum() == (bonds.status != 0).sum()
+            results.append({**el.arrays(), **{f"bond {name}": a for name, a in bonds.arrays().items()}})
+        for name, one_by_one in results[0].items():
+            for together in results[1:]:
+                np.testing.assert_array_equal(together[name], one_by_one, err_msg=name)
+        moments.append(np.unique(bonds.break_time[np.isfinite(bonds.break_time)]).size)
+    assert sum(m >= 3 for m in moments) >= 3, moments
 
 
 def test_where_no_bond_is_nothing_acts() -> None:

@@ -425,13 +425,17 @@ def bonds_vibrate(run: RunState) -> bool:
     return run.parameters.stepping.scheme == "mts" and bool(run.constants.dem and run.constants.bonds_on)
 
 
+BLOCK: Final = 2**17
+"""Bonds of which the energy is found at a time."""
+
+
 def energy_in_bonds(elements: Elements, bonds: Bonds, run: RunState) -> float | None:
     """Return the elastic energy (J) in unbroken bonds, None where their law is not that of a vibrating lattice.
 
     Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``;
     isotropic bonds have other parts of these, and diagonals.
     """
-    p, c = run.parameters, run.constants
+    c = run.constants
     if not bonds_vibrate(run):
         return None
     some = bonds.taken(bonds.status == 0) if (bonds.status != 0).any() else bonds
@@ -440,7 +444,23 @@ def energy_in_bonds(elements: Elements, bonds: Bonds, run: RunState) -> float | 
     diagonals = find_diagonals(elements, some, c)
     i, j = np.append(some.first, diagonals.first), np.append(some.second, diagonals.second)
     rest = np.append(some.rest_length, diagonal_lengths(diagonals, some))
-    parts = stiffness_parts(p, elements, i, np.arange(i.size) >= some.first.size)
+    slip = np.append(some.shear_x**2 + some.shear_y**2, np.zeros(diagonals.first.size))
+    beyond = some.first.size  # from here on they are diagonals
+    energy = 0.0
+    # In blocks: the twenty numbers that each bond needs would be the largest memory of a run of very many.
+    for k in range(0, i.size, BLOCK):
+        block = slice(k, k + BLOCK)
+        diagonal = np.arange(k, min(k + BLOCK, i.size)) >= beyond
+        energy += _energy_of(elements, run, i[block], j[block], rest[block], slip[block], diagonal)
+    return energy
+
+
+def _energy_of(
+    elements: Elements, run: RunState, i: Ints, j: Ints, rest: Floats, slip: Floats, diagonal: Booleans
+) -> float:
+    """Return the elastic energy (J) of bonds and diagonals from ``i`` to ``j``; ``slip``: squared, m2."""
+    p, c = run.parameters, run.constants
+    of_normal, of_shear, facet = stiffness_parts(p, elements, i, diagonal)
     sizes = interaction_sizes(elements, c)
     radius, thickness = sizes.bond_radius, elements.body.thickness
     x, y = elements.place.lon, elements.place.lat
@@ -458,9 +478,6 @@ def energy_in_bonds(elements: Elements, bonds: Bonds, run: RunState) -> float | 
     angle = elements.motion.rotation - sub_step * elements.motion.spin
     bent = angle[i] - angle[j]
     bending = 0.5 * bent * bent if p.bonds.linear_bending else 1.0 - np.cos(bent)
-    of_normal, of_shear, facet = parts
-    slip = np.append(some.shear_x**2 + some.shear_y**2, np.zeros(diagonals.first.size)) * (
-        0.0 if p.bonds.no_shear else of_shear
-    )
+    slid = slip * (0.0 if p.bonds.no_shear else of_shear)
     stretch = of_normal * (length - rest) ** 2
-    return float((stiffness * (0.5 * (stretch + slip) + facet**3 * width * width / 12.0 * bending)).sum())
+    return float((stiffness * (0.5 * (stretch + slid) + facet**3 * width * width / 12.0 * bending)).sum())

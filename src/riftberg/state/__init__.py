@@ -25,7 +25,9 @@ from riftberg.state.variables import (
     Place,
     Shown,
     Variable,
+    copied,
     elements_of,
+    zeros,
 )
 
 __all__ = [
@@ -49,12 +51,13 @@ __all__ = [
     "elements_of",
     "new_bonds",
     "new_elements",
+    "zeros",
 ]
 
 
 def _arrays(variables: Iterable[Variable], size: int) -> dict[str, NDArray[Any]]:
     # Zeros that are never written take no memory; `np.full` writes them.
-    return {v.name: np.full(size, v.default, v.dtype) if v.default else np.zeros(size, v.dtype) for v in variables}
+    return {v.name: np.full(size, v.default, v.dtype) if v.default else zeros(size, v.dtype) for v in variables}
 
 
 def new_elements(size: int) -> Elements:
@@ -75,11 +78,6 @@ def new_bonds(first: Ints, second: Ints) -> Bonds:
 
 def copy_state(elements: Elements, bonds: Bonds) -> tuple[Elements, Bonds]:
     """Return copies that share no memory with the originals; what is 0 takes none until it is written."""
-    return elements_of({name: _copied(array) for name, array in elements.arrays().items()}), Bonds._make(
-        map(_copied, bonds)
+    return elements_of({name: copied(array) for name, array in elements.arrays().items()}), Bonds._make(
+        map(copied, bonds)
     )
-
-
-def _copied(array: NDArray[Any]) -> NDArray[Any]:
-    # By the bits: -0.0 is no 0. Most variables of a new state are 0 everywhere, and many stay so.
-    return array.copy() if array.view(np.int64).any() else np.zeros(array.shape, array.dtype)

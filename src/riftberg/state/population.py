@@ -162,11 +162,17 @@ class Population:
 
 @borrower
 def _copy_columns(source: tuple[Ints, ...], target: tuple[Ints, ...]) -> None:
-    """Copy arrays, all of them in one call: there are some fifty, which for a small berg cost NumPy more than their numbers."""
+    """Copy arrays, all of them in one call: there are some fifty, which for a small berg cost NumPy more than their numbers.
+
+    What has not changed is not written: zeros that never were written take no memory.
+    """
     for k in range(len(source)):
-        one, other = source[k], target[k]
+        one, other, changed = source[k], target[k], 0
         for n in range(one.size):
-            other[n] = one[n]
+            changed |= one[n] ^ other[n]
+        if changed != 0:
+            for n in range(one.size):
+                other[n] = one[n]
 
 
 def _above(ids: Ints) -> int:

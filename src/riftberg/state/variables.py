@@ -9,6 +9,7 @@ Compiled code takes the groups that it needs: ``motion = el.motion``, then ``mot
 
 from __future__ import annotations
 
+import mmap
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Annotated, Any, NamedTuple, cast, get_type_hints
@@ -437,8 +438,27 @@ def _with_copies(arrays: Any, places: list[int]) -> Any:
         return arrays
     some = list(arrays)
     for k in places:
-        some[k] = some[k].copy()
+        some[k] = copied(some[k])
     return arrays._make(some)
+
+
+def copied(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a copy of a variable that takes no memory where all is 0, as half of the variables are in many runs."""
+    # By the bits: -0.0 is no 0.
+    return array.copy() if array.view(np.int64).any() else zeros(array.size, array.dtype)
+
+
+LARGE = 2**18
+"""Bytes from which zeros are taken from the system: what comes and goes in a step stays with NumPy."""
+
+
+def zeros(count: int, dtype: Any = "f8") -> NDArray[Any]:
+    """Return zeros that take no memory until they are written; those of `numpy.zeros` do where it clears used memory."""
+    kind = np.dtype(dtype)
+    if count * kind.itemsize < LARGE or not hasattr(mmap, "MAP_PRIVATE"):  # as on Windows
+        return np.zeros(count, kind)
+    pages = mmap.mmap(-1, count * kind.itemsize, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(pages, kind)
 
 
 def _registered(kind: type, group: str = "") -> tuple[Variable, ...]:

@@ -3,6 +3,12 @@
 Bonds and elements stand in tiles (`riftberg.stepping.explicit.tiles`). A sub-step goes through the elements once: forces of the
 bonds that begin in a tile, and, as soon as all bonds of a tile of elements are done, the sums over them, the kick, and the drift
 to the positions of the sub-step that follows. So forces are summed while they are in the cache.
+
+Several sub-steps go through the elements together, one close behind the other, so that bonds and elements of a large berg come
+from memory once for all of them. One that follows takes the bonds of a tile as soon as the one before has moved on all elements
+that they see. So each does what it would do alone, in the same order, to the last bit. Where a bond breaks, those behind stop:
+its ends have not been moved on yet, so they have met neither these nor the diagonals there. They go on from where they stand
+when the break has been recorded; one by one if anything may touch, since contact looks at all elements at one time.
 """
 
 from __future__ import annotations
@@ -79,13 +85,15 @@ def take_substeps_of_beams(
     """Take the sub-steps; returns the number of bonds broken."""
     tiles, pairs, law, broken = work.tiles, work.pairs, pair_law(p), 0
     context = _step_context(el, bonds, work, sizes, around, rank, plan, p)
-    for n in range(_first_substep(plan, p), plan.substeps):
-        flags = _substep_flags(n, plan, context.period)
+    n = _first_substep(plan, p)
+    while n < plan.substeps:
         # Contact before the bonds: one that breaks in this sub-step touches from the next one on.
-        _add_contact(el, bonds, work, plan.by_search, sizes, law, flags.dt, p)
-        newly_broken = _take_substep(bonds, tiles, work.fields.aground, n, flags, plan, context, p)
+        _add_contact(el, bonds, work, plan.by_search, sizes, law, _substep_flags(n, plan, context.period).dt, p)
+        end = n + 1 if pairs.used[0] > 0 else min(n + plan.at_once, plan.substeps)
+        n, newly_broken = _take_substeps(bonds, tiles, work.fields.aground, n, end, plan, context, p)
         if newly_broken > 0:
-            record_breaks(tiles, bonds, el.body.bond_count, pairs, flags.time, p.broken_as_contact)
+            time = _substep_flags(n - 1, plan, context.period).time
+            record_breaks(tiles, bonds, el.body.bond_count, pairs, time, p.broken_as_contact)
             broken += newly_broken
     _end(el, work, around, plan, context, p)
     return broken
@@ -112,10 +120,11 @@ def _step_context(
 
 @stage
 def pack_elements(tiles: BondTiles, el: Elements, fields: SubstepFields) -> None:
-    """Pack the elements into tiles; nothing has been summed, and nothing has turned."""
+    """Pack the elements into tiles; nothing has been summed, nothing has turned, and no sub-step has begun."""
     tiles.elem[:] = 0.0
     tiles.sums[:] = 0.0
     tiles.rotation[:] = 0.0
+    tiles.fronts[:] = 0
     _pack_motion(tiles, el.shown, el.motion, el.kicks)
     _pack_bodies(tiles.elem, el.body, fields)
 
@@ -202,23 +211,56 @@ def _unpack_pair_state(tiles: BondTiles, el: Elements) -> None:
 
 
 @stage
-def _take_substep(
-    bonds: Bonds, tiles: BondTiles, aground: Floats, n: int, flags: SubstepFlags, plan: StepPlan, on: StepContext,
+def _take_substeps(
+    bonds: Bonds, tiles: BondTiles, aground: Floats, first: int, end: int, plan: StepPlan, on: StepContext,
     p: KernelParameters,
-) -> int:  # fmt: skip
-    """Take sub-step ``n``, up to the positions of the next one; returns the number of bonds broken."""
-    dt, layers, broken, at, ready = plan.dt / plan.substeps, len(tiles.kinds), 0, 0, 0
-    for e in range(tiles.last_tile.size):
-        while at < on.bond_tiles and tiles.in_use[at] // layers == e:
-            broken += _apply_bonds(bonds, tiles, tiles.in_use[at], aground, flags, p)
-            at += 1
-        # A kick moves ends: it waits for all bonds that see them.
-        while ready <= e and tiles.last_tile[ready] <= e:
-            _kick(tiles, ready, dt, n < 0, on.floor_acts, on.floor_varies, p.ground_implicit)
-            if n < plan.substeps - 1:
-                _drift(tiles, ready, dt, on.near_pole, p)
-            ready += 1
-    return broken
+) -> tuple[int, int]:  # fmt: skip
+    """Take the sub-steps from ``first`` on, before ``end``, together.
+
+    Returns which is next, and how many bonds broke in the last one: it ends with the first sub-step in which any breaks.
+    """
+    fronts, farthest, count = tiles.fronts, tiles.farthest, tiles.last_tile.size
+    for e in range(fronts[first % tile.AT_ONCE, tile.TILE], count):
+        n = first
+        while n < end:
+            front, ahead = fronts[n % tile.AT_ONCE], fronts[(n - 1) % tile.AT_ONCE]
+            # The first one goes on by one tile, the others as far as they can.
+            while front[tile.TILE] < count and (
+                front[tile.TILE] <= e if n == first else farthest[front[tile.TILE]] < ahead[tile.MOVED]
+            ):
+                _take_tile(bonds, tiles, aground, n, front, plan, on, p)
+            if front[tile.BROKEN] > 0:
+                end = n + 1
+            n += 1
+    broken = fronts[(end - 1) % tile.AT_ONCE, tile.BROKEN]
+    for n in range(first, end):  # for those that come after them
+        fronts[n % tile.AT_ONCE, :] = 0
+    return end, broken
+
+
+@stage
+def _take_tile(
+    bonds: Bonds, tiles: BondTiles, aground: Floats, n: int, front: Ints, plan: StepPlan, on: StepContext,
+    p: KernelParameters,
+) -> None:  # fmt: skip
+    """Take sub-step ``n`` through its next tile of elements, and move on those whose bonds are all done."""
+    dt, layers, e, flags = (
+        plan.dt / plan.substeps,
+        len(tiles.kinds),
+        front[tile.TILE],
+        _substep_flags(n, plan, on.period),
+    )
+    while front[tile.BONDS] < on.bond_tiles and tiles.in_use[front[tile.BONDS]] // layers == e:
+        front[tile.BROKEN] += _apply_bonds(bonds, tiles, tiles.in_use[front[tile.BONDS]], aground, flags, p)
+        front[tile.BONDS] += 1
+    # A kick moves ends: it waits for all bonds that see them.
+    ready = front[tile.MOVED]
+    while ready <= e and tiles.last_tile[ready] <= e:
+        _kick(tiles, ready, dt, n < 0, on.floor_acts, on.floor_varies, p.ground_implicit)
+        if n < plan.substeps - 1:
+            _drift(tiles, ready, dt, on.near_pole, p)
+        ready += 1
+    front[tile.TILE], front[tile.MOVED] = e + 1, ready
 
 
 @stage

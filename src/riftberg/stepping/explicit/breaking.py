@@ -16,7 +16,7 @@ from riftberg.compiled.kernels import kernel, stage
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import damage_rate, exceeds, grown_damage, normal_force, residual_strength, stress_ratio
 from riftberg.physics.geometry import same_axes, separation
-from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state import Bonds, Elements, Floats, Ints, zeros
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.tiles import BondTiles, free_diagonals, lane_of
@@ -40,8 +40,7 @@ class ContactPairs(NamedTuple):
 
 def allocate_pairs(size: int) -> ContactPairs:
     """Return rows for ``size`` pairs."""
-    first, second, bond = np.zeros((3, size), np.int64)
-    return ContactPairs(first, second, bond, np.zeros(1, np.int64))
+    return ContactPairs(*zeros(3 * size, np.int64).reshape(3, size), np.zeros(1, np.int64))
 
 
 @kernel
@@ -101,7 +100,7 @@ def break_overloaded(
     bond_ids: Ints, bond: Floats, shape: Floats, scratch: Floats, ends: Floats, rotation: Floats, bonds: Bonds,
     aground: Floats, time: float,
 ) -> int:  # fmt: skip
-    """Break the bonds of a tile that are overloaded: mark them, and replace their force.
+    """Break the bonds of a tile that are overloaded: mark them, and replace their force. `record_breaks` does the rest.
 
     A bond that fails in shear while compressed still pushes (and damps) in the sub-step in which it fails (Q31);
     any other contributes nothing.
@@ -115,7 +114,6 @@ def break_overloaded(
         b = bond_ids[k]
         i, j = bonds.first[b], bonds.second[b]
         store_bond(bonds, b, bond, scratch, k, rotation)
-        bonds.status[b] = 1
         bonds.break_time[b] = time
         bonds.break_grounded[b] = 1 if aground[i] > 0.0 or aground[j] > 0.0 else 0
         bonds.break_strength[b] = 1 if tension > bond[tile.NORMAL_LIMIT + k] else 2
@@ -142,13 +140,14 @@ def _force_while_breaking(shape: Floats, scratch: Floats, ends: Floats, k: int) 
 def record_breaks(
     tiles: BondTiles, bonds: Bonds, bond_count: Ints, pairs: ContactPairs, time: float, keep_contact: bool
 ) -> None:
-    """Take the bonds that broke at ``time`` from the counts of their ends, and list them as contact pairs, layer by layer."""
+    """Mark bonds that broke at ``time``, take them from the counts of their ends, list them as contact pairs, layer by layer."""
     layers = len(tiles.kinds)
     for layer in range(layers):
         for i in range(bond_count.size):
             b = tiles.bond_ids[lane_of(layer, i, layers)]
-            if b < 0 or bonds.status[b] == 0 or bonds.break_time[b] != time:
+            if b < 0 or bonds.break_time[b] != time:
                 continue
+            bonds.status[b] = 1
             j = bonds.second[b]
             bond_count[i] -= 1
             bond_count[j] -= 1

@@ -24,7 +24,7 @@ from riftberg.physics.geometry import fast_cos_latitude
 from riftberg.physics.seabed import grounding_spin_rate
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.explicit.breaking import ContactPairs, allocate_pairs
-from riftberg.stepping.explicit.tiles import BondTiles, allocate_tiles
+from riftberg.stepping.explicit.tiles import AT_ONCE, BondTiles, allocate_tiles
 from riftberg.stepping.forces.implicit_velocity import (
     INTERACTIONS_ONLY,
     OUTER_KICK,
@@ -64,6 +64,7 @@ class StepPlan(NamedTuple):
     apply_outer: bool = True  # Apply the outer forces at its start: both half kicks, and fracture after the step before
     apply_inner: bool = True  # Take its sub-steps
     sync_only: bool = False  # Apply the outer half kick that completes the step before, and nothing else
+    at_once: int = AT_ONCE  # Sub-steps of beams that go through the bonds together
 
 
 class SubstepFields(NamedTuple):

@@ -34,7 +34,7 @@ from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
 from riftberg.physics.bonds import beam_parts, damping_constant, isotropic_parts, residual_strength, signed_slip
 from riftberg.physics.geometry import fast_cos_latitude, separation
-from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state import Bonds, Elements, Floats, Ints, zeros
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.lattice.diagonals import Diagonals, diagonal_length, find_diagonals, holds
 
@@ -100,6 +100,12 @@ SUM_X, SUM_Y, SUM_TORQUE = (LANES * n for n in range(3))
 SUM_TILE: Final = LANES * 3
 """Numbers in a tile of sums."""
 
+AT_ONCE: Final = 8
+"""Sub-steps that go through the tiles one close behind the other: a tile comes from memory once for all of them."""
+
+TILE, BONDS, MOVED, BROKEN = range(4)
+"""How far a sub-step has come: elements whose bonds are done, tiles of bonds done, elements moved on, bonds that broke."""
+
 
 @kernel
 def bond_offset(lane: int) -> int:
@@ -164,6 +170,8 @@ class BondTiles(NamedTuple):
     scratch: Floats  # What a tile of bonds needs within a sub-step
     in_use: Ints  # Tiles that hold bonds, in order; as many as `pack_bonds` says
     last_tile: Ints  # Of each tile of elements: the last one in which a bond begins that it sees; shape (tiles,)
+    farthest: Ints  # Of each tile of elements: the last one that the bonds that begin in it see; shape (tiles,)
+    fronts: Ints  # How far each of the sub-steps at work has come: `TILE` and what follows it; shape (AT_ONCE, 4)
     slots: Indices  # Where the k-th bond that ends at each element begins in ``bond``, or the zeros; shape (elements, slots)
     rotation: Floats  # By how much elements have turned since the bonds were packed, rad
     counter: Ints  # Work space, one number for each element
@@ -175,7 +183,7 @@ class BondTiles(NamedTuple):
 
 def _aligned(count: int) -> Floats:
     """Return zeros that begin with a line of the cache, so that no vector lies across two."""
-    padded = np.zeros(count + 8)  # a line holds 64 bytes, eight numbers
+    padded = zeros(count + 8)  # a line holds 64 bytes, eight numbers
     begin = -(padded.ctypes.data // 8) % 8
     return padded[begin : begin + count]
 
@@ -210,6 +218,8 @@ def allocate_tiles(elements: Elements, bonds: Bonds, p: KernelParameters) -> Bon
         scratch=_aligned(SCRATCH_TILE),
         in_use=np.zeros(tiles, np.int64),
         last_tile=np.zeros(width, np.int64),
+        farthest=np.zeros(width, np.int64),
+        fronts=np.zeros((AT_ONCE, 4), np.int64),
         slots=np.zeros((count, max(int(end.max(initial=0)), 1)), np.uint32),
         rotation=np.zeros(width * LANES),
         counter=np.zeros(count, np.int64),
@@ -276,14 +286,15 @@ def _list_tiles(tiles: BondTiles) -> int:
 
 @kernel
 def _fill_slots(tiles: BondTiles, second: Ints) -> None:
-    """List the bonds that end at each element, layer by layer, and the last tile of elements in which one begins.
+    """List the bonds that end at each element, layer by layer, and which tiles of elements see each other.
 
     Unused slots point at the tile of zeros.
     """
     slots, counter, bond_ids, end = tiles.slots, tiles.counter, tiles.bond_ids, tiles.diagonals.second
+    last, farthest = tiles.last_tile, tiles.farthest
     counter[:] = 0
-    for e in range(tiles.last_tile.size):
-        tiles.last_tile[e] = e
+    for e in range(last.size):
+        last[e] = farthest[e] = e
     # The last tile holds zeros for good: an unused slot adds nothing, and no branch is needed.
     slots[:, :] = tiles.bond.size - BOND_TILE
     layers = len(tiles.kinds)
@@ -294,7 +305,8 @@ def _fill_slots(tiles: BondTiles, second: Ints) -> None:
                 j = second[bond_ids[r]] if bond_ids[r] >= 0 else end[diagonal_of(bond_ids[r])]
                 slots[j, counter[j]] = bond_offset(r)
                 counter[j] += 1
-                tiles.last_tile[j // LANES] = max(tiles.last_tile[j // LANES], i // LANES)
+                last[j // LANES] = max(last[j // LANES], i // LANES)
+                farthest[i // LANES] = max(farthest[i // LANES], j // LANES)
 
 
 @kernel

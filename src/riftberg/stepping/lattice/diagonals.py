@@ -12,6 +12,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.bergs.bonding import Metric, separations
 from riftberg.compiled.kernels import kernel
@@ -23,23 +24,28 @@ RIGHT_ANGLE = 0.5
 """Largest cosine between two bonds of one element that go around a corner; those of one row have 1."""
 
 
+Rows = NDArray[np.int32]
+"""Rows in the state: half of the memory of longer numbers, and there are two diagonals for each element."""
+
+
 class Diagonals(NamedTuple):
     """Pairs of elements that are joined around a corner, each once."""
 
-    first: Ints  # shape (diagonals,)
-    second: Ints
-    way: Ints  # Bonds of the two ways around the corner, -1 where there is but one; shape (diagonals, 2, 2)
+    first: Rows  # shape (diagonals,)
+    second: Rows
+    way: Rows  # Bonds of the two ways around the corner, -1 where there is but one; shape (diagonals, 2, 2)
 
 
-NO_DIAGONALS = Diagonals(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2, 2), np.int64))
+NO_DIAGONALS = Diagonals(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 2, 2), np.int32))
 
 
 def find_diagonals(el: Elements, bonds: Bonds, p: KernelParameters) -> Diagonals:
     """Return the diagonals of unbroken square lattices; none where bonds are those of the published model."""
     if not p.isotropic:
         return NO_DIAGONALS
-    start, partner, bond = partners_over_bonds(bonds.first, bonds.second, bonds.status, el.size)
-    around, lon, lat = np.repeat(np.arange(el.size), np.diff(start)), el.place.lon, el.place.lat
+    start, *rows = partners_over_bonds(bonds.first, bonds.second, bonds.status, el.size)
+    partner, bond = (each.astype(np.int32) for each in rows)
+    around, lon, lat = np.repeat(np.arange(el.size, dtype=np.int32), np.diff(start)), el.place.lon, el.place.lat
     x, y = separations(Metric(p.latlon, p.earth_radius, p.period), lon[partner], lat[partner], lon[around], lat[around])
     length, corners = np.hypot(x, y), np.flatnonzero(np.where(el.body.sides > 0, el.body.sides, p.max_sides) == 4)
     most, found = int(np.diff(start)[corners].max(initial=0)), []
@@ -59,19 +65,19 @@ def find_diagonals(el: Elements, bonds: Bonds, p: KernelParameters) -> Diagonals
     again = np.zeros(first.size + 1, np.bool_)
     again[1:-1] = (first[1:] == first[:-1]) & (second[1:] == second[:-1])
     begins = np.flatnonzero(~again[:-1])
-    other = np.where(again[begins + 1][:, None], ways[np.minimum(begins + 1, first.size - 1)], -1)
+    other = np.where(again[begins + 1][:, None], ways[np.minimum(begins + 1, first.size - 1)], np.int32(-1))
     return Diagonals(first[begins], second[begins], np.stack([ways[begins], other], axis=1))
 
 
 @kernel
-def holds(way: Ints, d: int, status: Ints) -> bool:
+def holds(way: Rows, d: int, status: Ints) -> bool:
     """Whether a way around the corner of diagonal ``d`` is left."""
     one = status[way[d, 0, 0]] == 0 and status[way[d, 0, 1]] == 0
     return bool(one or (way[d, 1, 0] >= 0 and status[way[d, 1, 0]] == 0 and status[way[d, 1, 1]] == 0))
 
 
 @kernel
-def diagonal_length(way: Ints, d: int, rest: Floats, status: Ints) -> float:
+def diagonal_length(way: Rows, d: int, rest: Floats, status: Ints) -> float:
     """Length at rest (m) of diagonal ``d``, by the lengths of the bonds around its corner; not a number where these are not."""
     # By the first way that is left: after a restart it is the first that is found.
     n = 0 if status[way[d, 0, 0]] == 0 and status[way[d, 0, 1]] == 0 else 1
