@@ -151,7 +151,7 @@ def test_help_loads_no_command() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "unwanted"), [("--help", ("rich", "pydantic", "numpy")), ("experiments", ("rich", "numpy"))]
+    ("words", "unwanted"), [("--help", ("rich", "pydantic", "numpy")), ("experiments", ("rich", "pydantic", "numpy"))]
 )
 def test_help_and_the_list_of_experiments_load_nothing_heavy(words: str, unwanted: tuple[str, ...]) -> None:
     code = (
@@ -159,6 +159,15 @@ def test_help_and_the_list_of_experiments_load_nothing_heavy(words: str, unwante
         f"print([m for m in {unwanted} if m in sys.modules])"
     )
     assert said(code).endswith("[]")
+
+
+def test_the_end_of_a_command_searches_no_cycles() -> None:
+    """To look through all that was imported takes a quarter of a second; callbacks of the start are called last."""
+    code = (
+        "import atexit, gc\natexit.register(lambda: print(gc.get_freeze_count() > 1000))\n"
+        "from riftberg.cli.main import app\ntry: app(['--version'])\nexcept SystemExit: pass"
+    )
+    assert said(code).endswith("True")
 
 
 def test_the_application_lists_its_commands() -> None:
