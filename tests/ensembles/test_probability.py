@@ -55,6 +55,15 @@ def test_a_failed_member_counts_in_nothing() -> None:
     assert ds["scenario"].values.tolist() == [0, -1, 1]
 
 
+def test_why_members_failed_is_said_once_with_its_count() -> None:
+    """A forecast said how many failed; why stood in its file alone."""
+    deep = [Outcome(k, "failed", f"element 1 has a draft of {300 + k}.5 m") for k in (0, 1)]
+    slow = Outcome(3, "unfinished", "unfinished after 10 min")
+    said = ["  2 of 3 failed: element 1 has a draft of 300.5 m", "  1 of 1 unfinished: unfinished after 10 min"]
+    assert told(forecast_of([*deep, Outcome(2, "failed", "no"), slow], 4))[1:] == said
+    assert told(forecast_of([*deep, Outcome(2, "failed", "no"), slow, still(4)], 4))[-2:] == said
+
+
 def test_an_unfinished_member_counts_until_it_took_too_long_and_then_both_ways() -> None:
     """One broke before it was left, the other was whole: what it would have done is not known."""
     broke, whole = (outcome(k, [-37.0] * 3, [-56.0] * 3, broken=1.0 if k == 0 else None) for k in range(2))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -552,12 +554,24 @@ def fates(ds: xr.Dataset) -> str:
     return f"{failed} failed" + (f", {unfinished} unfinished" if unfinished else "")
 
 
+def reasons(ds: xr.Dataset) -> list[str]:
+    """Return why members failed or are unfinished: the commonest reason of each in a line, whatever numbers it holds."""
+    lines = []
+    for status in ("failed", "unfinished"):
+        said = [str(text) for text in ds["message"].values[ds["status"].values == STATUS[status]]]
+        kinds = [re.sub(r"[\d.]+", "#", text) for text in said]
+        if said:
+            kind, number = Counter(kinds).most_common(1)[0]
+            lines.append(f"  {number} of {len(said)} {status}: {said[kinds.index(kind)]}")
+    return lines
+
+
 def told(ds: xr.Dataset) -> list[str]:
     """Return a forecast in a few lines."""
     done, weight = counted(ds)
     number = done.sizes["member"]
     if not number:
-        return ["no member came to its end"]
+        return ["no member came to its end", *reasons(ds)]
     last = {
         name: [100.0 * float(ds[f"{name}{end}"].values[-1]) for end in ("", "_low", "_high")]
         for name in ("p_broken", "p_aground")
@@ -566,7 +580,10 @@ def told(ds: xr.Dataset) -> list[str]:
     counting = effective(weight)
     members = count_text(number, "member")
     members += f", {counting:.1f} of them count" if counting < 0.995 * number else ""
-    lines = [f"{members}, {fates(ds)}; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"]
+    lines = [
+        f"{members}, {fates(ds)}; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:",
+        *reasons(ds),
+    ]
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
@@ -606,4 +623,4 @@ def told(ds: xr.Dataset) -> list[str]:
         rest = ", ".join(f"{other} {100 * part:.0f} %" for other, part in list(parts.items())[1:4])
         said = f"{100 * share:.0f} %" + (f"; {rest}" if rest else "")
         lines.append(f"  most of the spread of the position comes from the {name} ({said})")
-    return lines
+    return lines + reasons(ds)
