@@ -580,10 +580,7 @@ def told(ds: xr.Dataset) -> list[str]:
     counting = effective(weight)
     members = count_text(number, "member")
     members += f", {counting:.1f} of them count" if counting < 0.995 * number else ""
-    lines = [
-        f"{members}, {fates(ds)}; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:",
-        *reasons(ds),
-    ]
+    lines = [f"{members}, {fates(ds)}; after {duration_text(days)}, with intervals of {100 * LEVEL:.0f} %:"]
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")

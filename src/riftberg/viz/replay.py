@@ -166,7 +166,6 @@ class ReplayContent:
             "skipped": int(run.sizes["time"] - len(self.records)),
             "packing": scene.parameters.bonds.packing,
             "sides": scene.sides.tolist(),
-            "side": np.round(np.sqrt(scene.area), 1).tolist(),
             "draft": scene.draft(),
             "strength": fracture.normal_strength if fracture.enabled else None,
             "lowest": None if lowest is None else quantised(lowest[self.records], "uint16"),
@@ -193,8 +192,10 @@ class ReplayContent:
         x, y = self.plane.forward(lon, lat)
         rotation = np.stack([scene.rotation(int(k)) for k in chosen])
         angle = rotation + scene.lattice_angle + self.plane.eastward(lon, lat)
-        thickness = self._table("thickness")
-        constant = bool((thickness == thickness[:1]).all())
+        side, thickness = (
+            table[:1] if (table == table[:1]).all() else table
+            for table in (np.sqrt(scene.areas[chosen]), self._table("thickness"))
+        )
         damage = scene.bond_damage()
         return {
             "count": lon.shape[1],
@@ -206,7 +207,8 @@ class ReplayContent:
             "stress": quantised(self._largest_of_bonds(tension), "uint16"),
             "damage": None if damage is None else quantised(self._largest_of_bonds(damage[chosen]), "uint8"),
             "berg": quantised(scene.berg[chosen], "uint16", step=1.0),
-            "thickness": quantised(thickness[0] if constant else thickness, "uint16"),
+            "thickness": quantised(thickness, "uint16"),
+            "side": quantised(side, "uint16"),
             "aground": quantised(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
         }
 
