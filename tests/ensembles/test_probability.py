@@ -17,7 +17,7 @@ from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.hazard import approach, ice_limits
-from riftberg.ensembles.member import Outcome
+from riftberg.ensembles.member import Outcome, breakup_times
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
 from riftberg.ensembles.result import MOST_LISTED
 from riftberg.ensembles.vary import varied_of
@@ -47,6 +47,29 @@ def test_members_that_never_break_stay_in_the_denominator() -> None:
     # Wilson's interval of 2 in 8 at 90 %, from the formula by hand: centre 0.3132, half-width 0.2267.
     assert ds["p_broken_low"].values[-1] == pytest.approx(0.0865, abs=1e-4)
     assert ds["p_broken_high"].values[-1] == pytest.approx(0.5398, abs=1e-4)
+
+
+def test_a_crumb_is_no_break_up() -> None:
+    """Bug: an element that broke off counted as a break-up in `first_breakup` and `p_broken`, and in no scenario."""
+    crumb = [outcome(k, [-37.0] * 3, [-56.0] * 3, broken=1, piece=0.9e6) for k in range(2)]
+    ds = forecast_of([*crumb, still(2, broken=1)], 4)
+    assert ds["p_broken"].values[-1] == pytest.approx(1 / 3)
+    assert np.isnat(ds["first_breakup"].values).tolist() == [True, True, False]
+    assert ds["scenario"].values.tolist() == [0, 0, 1]
+    assert "1 % of its berg" in ds["first_breakup"].attrs["long_name"]
+    assert "1 % of its berg" in ds["p_broken"].attrs["long_name"]
+
+
+def test_pieces_of_pieces_are_measured_by_their_berg() -> None:
+    rows = [
+        (1, 0, 100.0, 0.0),
+        (2, 1, 20.0, 5.0),
+        (3, 2, 1.0, 4.0),
+        (4, 2, 0.9, 3.0),
+        (5, 0, 2.0, 0.0),
+        (6, 5, 0.1, 1.0),
+    ]
+    assert breakup_times(rows) == [1.0, 4.0, 5.0]
 
 
 def test_a_failed_member_counts_in_nothing() -> None:

@@ -18,6 +18,7 @@ from riftberg.config.units import count_text, duration_text, minute_text, place_
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.result import MEANS, MOST_LISTED, STATUS
 from riftberg.plane import near
+from riftberg.runs.scene import SMALL
 from riftberg.state import Floats
 
 LEVEL: Final = 0.9
@@ -33,7 +34,7 @@ MOST_CELLS: Final = 120
 """Cells of the map of presence along its longer side."""
 
 _ABOUT: Final = {
-    "p_broken": "probability that the berg has broken up until then",
+    "p_broken": f"probability that a piece of {100.0 * SMALL:g} % of its berg or more has broken off until then",
     "p_aground": "probability that the sea floor has acted until then",
     "p_area": "probability that a fragment of the class exists then",
 }
@@ -349,9 +350,9 @@ class Breaks:
             self.total += weight
             born = np.flatnonzero(parent[k] > 0)
             born = born[np.argsort(births[k, born], kind="stable")]
-            # Crumbs are left out: less than a hundredth of the berg.
+            # Crumbs are left out, as in `first_breakup`.
             whole = float(wholes[k])
-            large = born[areas[k, born] >= 0.01 * whole][:3]
+            large = born[areas[k, born] >= SMALL * whole][:3]
             numbers[k] = self._scenario([_sign(rows, float(births[k, p]), float(areas[k, p]), whole) for p in large])
         self.numbers.append(numbers)
 
@@ -447,7 +448,7 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
         )
         born = parent > 0
         sizes = sizes[born][np.argsort(birth[born], kind="stable")]
-        sizes = sizes[sizes >= 0.01 * np.nansum(done["area"].isel(member=member, time=0).values)][:3]
+        sizes = sizes[sizes >= SMALL * np.nansum(done["area"].isel(member=member, time=0).values)][:3]
         apart = _apart(inputs, rows)
         found.append(Scenario(
             int(number), float(weight[rows].sum()), int(done["member"].values[member]), tuple(map(float, sizes)), apart
