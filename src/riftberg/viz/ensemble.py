@@ -178,7 +178,8 @@ def tracks_shown(result: xr.Dataset) -> Array:
     """Return the members of a forecast whose tracks are drawn."""
     weight = np.where(result["status"].values == 0, result["weight"].values, 0.0)
     count = np.flatnonzero(weight > LEAST_WEIGHT * weight.max())
-    return count[np.unique(np.linspace(0, count.size - 1, min(count.size, MOST_TRACKS)).astype(int))]
+    shown: Array = count[np.unique(np.linspace(0, count.size - 1, min(count.size, MOST_TRACKS)).astype(int))]
+    return shown
 
 
 def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] = (), dpi: int = 150) -> Path:
