@@ -19,7 +19,7 @@ from fakes import FakeModel
 from riftberg.cli.main import app
 from riftberg.errors import ForcingError
 from riftberg.experiments import BuiltIn, Info, Options
-from riftberg.runs.run_file import RunWriter
+from riftberg.runs.run_file import RunWriter, open_run
 
 RING = [[-39.1, -55.05], [-38.6, -55.05], [-38.6, -54.95], [-39.1, -54.95], [-39.1, -55.05]]
 
@@ -205,7 +205,12 @@ def test_doctor_takes_the_path_of_a_run(folder: Path, monkeypatch: pytest.Monkey
     assert (result.exit_code, result.output) == (0, "all is well\n")
     assert asked["files"] == ["a.nc", "b.nc"]
     assert "depth_below_surface" in asked["needed"]
-    assert asked["path"][0] == pytest.approx((-39.0, -55.0), abs=0.01)
+    # The ends of the berg, where it looked at its middle alone.
+    with open_run(folder / "run.nc") as run:
+        for axis, name in enumerate(("lon", "lat")):
+            first, all_ = run[name].isel(time=0), [place[axis] for place in asked["path"]]
+            assert [f(all_[:4]) for f in (min, max)] == [float(first.min()), float(first.max())]
+            assert max(all_) == float(run[name].max())
     assert call("doctor", "a.nc", "--lon", "west,east").exit_code == 2
     assert call("doctor", "a.nc", "--time", "2020-12-09").exit_code == 2
 

@@ -40,9 +40,8 @@ def outcome(
             if len(table[name]) < 2:
                 table[name].append(0.0)
         cracks = [[broken * DAY - 60.0, 3000.0, 500.0 * j, 500.0] for j in range(-3, 4)]
-    totals = {"pieces": 1.0 + (broken is not None), "first_breakup": np.nan if broken is None else broken * DAY,
-              "first_aground": aground * DAY, "largest_area": area, **(means or {})}  # fmt: skip
-    return Outcome(number, "done", "", 0.0, 1.0, totals, table, track, cracks)
+    totals = {"pieces": 1.0 + (broken is not None), "first_aground": aground * DAY, "largest_area": area}
+    return Outcome(number, "done", "", 0.0, 1.0, totals | (means or {}), table, track, cracks)
 
 
 def forecast_of(

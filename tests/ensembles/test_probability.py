@@ -17,7 +17,7 @@ from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.hazard import approach, ice_limits
-from riftberg.ensembles.member import Outcome
+from riftberg.ensembles.member import Outcome, breakup_times
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
 from riftberg.ensembles.result import MOST_LISTED
 from riftberg.ensembles.vary import varied_of
@@ -49,10 +49,42 @@ def test_members_that_never_break_stay_in_the_denominator() -> None:
     assert ds["p_broken_high"].values[-1] == pytest.approx(0.5398, abs=1e-4)
 
 
+def test_a_crumb_is_no_break_up() -> None:
+    """Bug: an element that broke off counted as a break-up in `first_breakup` and `p_broken`, and in no scenario."""
+    crumb = [outcome(k, [-37.0] * 3, [-56.0] * 3, broken=1, piece=0.9e6) for k in range(2)]
+    ds = forecast_of([*crumb, still(2, broken=1)], 4)
+    assert ds["p_broken"].values[-1] == pytest.approx(1 / 3)
+    assert np.isnat(ds["first_breakup"].values).tolist() == [True, True, False]
+    assert ds["scenario"].values.tolist() == [0, 0, 1]
+    assert "1 % of its berg" in ds["first_breakup"].attrs["long_name"]
+    assert "1 % of its berg" in ds["p_broken"].attrs["long_name"]
+
+
+def test_pieces_of_pieces_are_measured_by_their_berg() -> None:
+    rows = [
+        (1, 0, 100.0, 0.0),
+        (2, 1, 20.0, 5.0),
+        (3, 2, 1.0, 4.0),
+        (4, 2, 0.9, 3.0),
+        (5, 0, 2.0, 0.0),
+        (6, 5, 0.1, 1.0),
+    ]
+    assert breakup_times(rows) == [1.0, 4.0, 5.0]
+
+
 def test_a_failed_member_counts_in_nothing() -> None:
     ds = forecast_of([still(0, broken=1), Outcome(1, "failed", "no"), still(2)], 4)
     assert ds["p_broken"].values[-1] == pytest.approx(0.5)
     assert ds["scenario"].values.tolist() == [0, -1, 1]
+
+
+def test_why_members_failed_is_said_once_with_its_count() -> None:
+    """A forecast said how many failed; why stood in its file alone."""
+    deep = [Outcome(k, "failed", f"element 1 has a draft of {300 + k}.5 m") for k in (0, 1)]
+    slow = Outcome(3, "unfinished", "unfinished after 10 min")
+    said = ["  2 of 3 failed: element 1 has a draft of 300.5 m", "  1 of 1 unfinished: unfinished after 10 min"]
+    assert told(forecast_of([*deep, Outcome(2, "failed", "no"), slow], 4))[1:] == said
+    assert told(forecast_of([*deep, Outcome(2, "failed", "no"), slow, still(4)], 4))[-2:] == said
 
 
 def test_an_unfinished_member_counts_until_it_took_too_long_and_then_both_ways() -> None:

@@ -356,6 +356,13 @@ def test_real_currents_carry_the_berg_towards_the_shoal(shared: Path) -> None:
     assert abs(model.elements.lat.mean() - north) < 0.3
 
 
+def test_the_density_of_the_ice_is_that_of_the_mass_of_published_bergs_too(shared: Path) -> None:
+    """The draft followed `ice.density`, and the mass stayed that of 850 kg m-3 in the file."""
+    data = Options(data=shared / "data" / "a68a", changes={"ice": {"density": 900.0}})
+    e = build("a68a-oras5", data)[0].elements
+    np.testing.assert_allclose(e.mass / (e.thickness * e.length * e.width), 900.0, rtol=1e-9)
+
+
 def test_missing_files_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("RIFTBERG_DATA", raising=False)
     with pytest.raises(ForcingError, match="--data"):

@@ -253,10 +253,13 @@ def test_copernicus_comes_and_serves_the_doctor(
     (asked,) = client.asked
     assert (asked["minimum_longitude"], asked["maximum_latitude"]) == (-43.0, -53.0)
     assert asked["maximum_depth"] == (200.0 if name == "glorys" else None)
-    assert (asked["start_datetime"], asked["end_datetime"]) == ("2020-12-09T00:00:00", "2020-12-25T00:00:00")
+    assert (asked["start_datetime"], asked["end_datetime"]) == ("2020-12-09T00:00:00", "2020-12-25T23:59:59")
     assert asked["coordinates_selection_method"] == "outside"
     assert fetch_product(name, tmp_path, **PLACE, fields=fields, depth=200.0) == paths  # type: ignore[arg-type]
-    assert len(client.asked) == 1  # what is there is not asked for again
+    # What is there is not asked for again. Files are named by days: other hours of them found a file without these hours.
+    hours = {**PLACE, "time": ("2020-12-09T13:00", "2020-12-25T18:00")}
+    assert fetch_product(name, tmp_path, **hours, fields=fields, depth=200.0) == paths  # type: ignore[arg-type]
+    assert len(client.asked) == 1
     fetch_product(name, tmp_path, **{**PLACE, "lon": (-43.0, -34.0)}, fields=fields)  # type: ignore[arg-type]
     assert len(client.asked) == 2
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from riftberg.kid.restart import write_bonds
 from riftberg.kid.run import load_case, run_kid
 from riftberg.runs.model import Model
 
+from . import scenes
 from .conftest import namelist_text, restart_variables, write_nc
 
 
@@ -68,6 +70,36 @@ def test_a_run_that_fails_leaves_its_last_good_state(
         run_kid(change(case, traj_sample_hrs=-1.0), tmp_path / "t.nc")
     assert len(read(tmp_path / "t.nc")["lon"]) == 4
     np.testing.assert_array_equal(read(tmp_path / "t_restart.nc")["lon"], read(tmp_path / "t.nc")["lon"][2:])
+
+
+def test_what_goes_on_takes_the_steps_and_hours_that_are_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bug: followed to the letter, the advice went on with the first hour of the forcing, for all steps again."""
+    whole = scenes.run("a68", "verlet").state
+    step = Model.step
+
+    def fail(model: Model) -> None:
+        if model.step_number == 2:
+            raise RunError("it blew up")
+        step(model)
+
+    folder = tmp_path / "case"
+    folder.mkdir()
+    (folder / "input.nml").write_text(scenes.text_of("a68", "verlet", {}, {}))
+    write_nc(folder / "INPUT" / "icebergs.res.nc", scenes.bergs("a68"))
+    scenes.write_a68_data(folder / "data")
+    monkeypatch.setattr(Model, "step", fail)
+    with pytest.raises(RunError, match=r"set nmax = 2 and transient_a68_data_start_ind = 2$"):
+        run_kid(folder, tmp_path / "t.nc")
+    monkeypatch.setattr(Model, "step", step)
+
+    def go_on(copy: Path) -> None:
+        shutil.copy(tmp_path / "t_restart.nc", copy / "INPUT" / "icebergs.res.nc")
+        shutil.copy(tmp_path / "t_bonds_restart.nc", copy / "INPUT" / "bonds_iceberg.res.nc")
+
+    rest = {"nmax": 2, "transient_a68_data_start_ind": 2}
+    found = scenes.run("a68", "verlet", rest, {"manually_initialize_bonds": False}, prepare=go_on).state
+    for name in ("uvel", "vvel", "lon", "lat"):
+        np.testing.assert_allclose(found[name], whole[name], rtol=1e-9)
 
 
 def test_output_folder_takes_the_names_of_the_namelist(case: Path, tmp_path: Path) -> None:

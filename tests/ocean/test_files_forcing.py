@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from riftberg.cli.main import app
 from riftberg.cli.options import named_files
+from riftberg.ensembles.uncertain import with_errors
 from riftberg.errors import ForcingError, InputError
 from riftberg.experiments import Options, build
 from riftberg.ocean.files_forcing import ModelGrid, Run
@@ -142,6 +143,27 @@ def test_currents_on_levels_are_averaged_over_the_draft_of_each_element(folder: 
     u, _ = model.forcing.currents(np.array([-39.0]), np.array([-55.5]), 0.0)
     assert u[0] == pytest.approx(mean_to(200.0 * share), rel=1e-6)  # maps: the mean draft of the berg at the start
     _run(folder / "files.yaml")
+
+
+@pytest.mark.parametrize("more", ["", "  spacing: 0.25\n", "  sea_level: geostrophic\n"])
+def test_thicker_members_get_the_current_over_their_draft(folder: Path, more: str) -> None:
+    """Levels were cut at the keel of the berg as the file has it: members much thicker than that failed."""
+    with_levels(folder)
+    (folder / "files.yaml").write_text(EXPERIMENT.replace("  spacing: 0.25\n", more))
+    model, _ = build(str(folder / "files.yaml"))
+    model.forcing.sample(model.elements, 0.0)
+    own, slope = model.elements.uo.copy(), model.elements.slope_y.copy()
+    thick = with_errors(model, {"start.thickness": 1.75})
+    thick.check(0.1)
+    thick.forcing.sample(thick.elements, 0.0)
+    draft = 200.0 * model.parameters.ice.density / 1025.0
+    np.testing.assert_allclose(thick.elements.uo, mean_to(1.75 * draft), rtol=1e-6)
+    if "geostrophic" in more:
+        np.testing.assert_allclose(thick.elements.slope_y / slope, mean_to(1.75 * draft) / mean_to(draft), rtol=1e-6)
+    model.forcing.sample(model.elements, 0.0)  # the same forcing: what others get stays as it was
+    np.testing.assert_array_equal(model.elements.uo, own)
+    with pytest.raises(ForcingError, match="a draft of 663 m, the levels of the currents end at 525 m"):
+        with_errors(model, {"start.thickness": 4.0}).check(0.1)
 
 
 def test_the_mean_ends_at_the_sea_floor(folder: Path) -> None:

@@ -68,6 +68,33 @@ def test_which_starts_count(tmp_path: Path, places, flags, starts: int) -> None:
     assert [case.start.berg for case in tracks.read_cases(tmp_path)] == ["X01"] * starts + ["Y01"]
 
 
+FAR = (-20.0, -56.0)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ([FAR], straight(8)),  # it took 20 days until a berg of 60 km a day could have come back
+        ([FAR, None], straight(8)),
+        ([*straight(3), *[None] * 30, FAR], straight(8)),  # after a gap in which it might have gone there
+    ],
+)
+def test_a_position_that_all_later_ones_contradict_is_the_wrong_one(tmp_path: Path, before, after) -> None:
+    """A wrong first position stayed, and right ones were dropped until they could be reached from it."""
+    write_track(tmp_path, "x01", [*before, *after])
+    first = FIRST + timedelta(days=len(before))
+    starts = [case.start.date for case in tracks.read_cases(tmp_path) if case.start.date >= first]
+    assert starts == [first + timedelta(days=k) for k in range(3, 7)]
+
+
+def test_two_wrong_positions_in_a_row_do_not_undo_the_track_before(tmp_path: Path) -> None:
+    track = straight(12)
+    write_track(tmp_path, "x01", [*track[:5], FAR, FAR, *track[7:]])
+    cases = tracks.read_cases(tmp_path)
+    assert FAR not in {place for case in cases for place in (*case.seen.values(), (case.start.lon, case.start.lat))}
+    assert cases[0].start.date == FIRST + timedelta(days=3)
+
+
 def test_across_the_date_line_nothing_changes(tmp_path: Path) -> None:
     write_track(tmp_path, "x01", [((179.6 + 0.16 * k + 180.0) % 360.0 - 180.0, -56.0) for k in range(11)])
     (case, *_) = tracks.read_cases(tmp_path)

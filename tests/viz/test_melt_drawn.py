@@ -13,9 +13,13 @@ from typer.testing import CliRunner
 from riftberg import Forcing, Iceberg, Model, Parameters, draw_map
 from riftberg.cli.main import app
 from riftberg.cli.pictures import usual_kinds
+from riftberg.diagnostics.observed import read_observed
+from riftberg.diagnostics.score import score_run
 from riftberg.errors import InputError
 from riftberg.runs.run_file import open_run
-from riftberg.viz.plots import draw_melt
+from riftberg.viz.plots import draw_fragments, draw_melt
+from riftberg.viz.replay import ReplayContent
+from viz.browser import unpack
 
 
 def melting(path: Path, enabled: bool = True) -> xr.Dataset:
@@ -61,6 +65,21 @@ def test_curves_stand_on_each_other(run: xr.Dataset) -> None:
     top = max(path.vertices[:, 1].max() for area in curves.collections for path in area.get_paths())
     assert top == pytest.approx(float(run["melt_water"].isel(time=-1).sum()) / 1e12)
     assert {t.get_text().split(":")[0] for t in curves.get_legend().get_texts()} == {"base", "sides", "waves"}
+
+
+def test_areas_are_those_of_the_record(run: xr.Dataset, tmp_path: Path) -> None:
+    """Bug: the curves, the replay page and the score of a berg that melts had its area of the first record."""
+    areas = (run["length"] * run["width"]).transpose("time", "trajectory").values
+    assert areas[-1].sum() < 0.999 * areas[0].sum()
+    (line, *_) = draw_fragments(run).axes[0].lines
+    np.testing.assert_allclose(line.get_ydata(), areas.sum(axis=1) / 1e6)
+    content = ReplayContent(run, "", {}).data()["elements"]
+    np.testing.assert_allclose(unpack(content["side"]) ** 2, areas, rtol=1e-6)
+    lon, lat = (float(run[name].isel(time=-1).mean()) for name in ("lon", "lat"))
+    table = tmp_path / "seen.csv"
+    table.write_text(f"date,lon,lat,name,area_km2\n{str(run['time'].values[-1])[:16]},{lon},{lat},A1,20\n")
+    match = score_run(run, read_observed(table)).days[0].matches[0]
+    assert match.area_km2 == pytest.approx(areas[-1].sum() / 1e6)
 
 
 def test_kind_of_the_command_line(run: xr.Dataset, tmp_path: Path) -> None:

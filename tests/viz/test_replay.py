@@ -18,6 +18,7 @@ from riftberg.experiments import build
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
 from riftberg.viz import colours
+from riftberg.viz.ensemble import tracks_shown
 from riftberg.viz.replay import ForecastMembers, ReplayContent, chosen_records, quantised, write_replay
 from viz.browser import drawn, opened, unpack, until
 
@@ -278,6 +279,15 @@ def test_members_and_probabilities_are_where_the_forecast_has_them(run: xr.Datas
     assert np.abs(line[:, 1] - y[:, 2].mean()).max() == pytest.approx(
         np.sqrt(-2 * np.log(0.1)) * y[:, 2].std(), rel=0.01
     )
+
+
+def test_members_that_sightings_rule_out_are_not_drawn(run: xr.Dataset, forecast: xr.Dataset) -> None:
+    """Bug: after `riftberg update` members of no weight were drawn like the others."""
+    weighted = forecast.assign_coords(weight=("member", [0.0, 2.0, 1e-9, 2.0]))
+    content = ReplayContent(run, title="", observed={}, members=ForecastMembers(weighted, [], ""))
+    assert content.data()["members"]["scenario"] == forecast["scenario"].values[[1, 3]].tolist()
+    assert tracks_shown(weighted).tolist() == [1, 3]
+    assert tracks_shown(forecast).tolist() == [0, 1, 2, 3]
 
 
 def test_a_page_with_members_works_in_a_browser(run: xr.Dataset, forecast: xr.Dataset, tmp_path: Path) -> None:

@@ -242,7 +242,7 @@ def run_members(store: Store, command: str, shared: EnsembleOptions) -> xr.Datas
 
 def summary_lines(result: xr.Dataset) -> list[str]:
     """Return a sweep in a few lines: what came of each member, and what failed."""
-    from riftberg.ensembles.probability import fates
+    from riftberg.ensembles.probability import fates, reasons
 
     names = [str(name) for name in result.coords if "parameter" in result[name].attrs]
     lines = []
@@ -262,7 +262,7 @@ def summary_lines(result: xr.Dataset) -> list[str]:
             how = {1: f"failed: {member['message'].item()}", 3: member["message"].item()}
             lines.append(f"  {said}: {how.get(int(member['status']), 'waits')}")
     if result.sizes["member"] > 20:
-        lines.append(f"  and {result.sizes['member'] - 20} more, see sweep.nc")
+        lines += [f"  and {result.sizes['member'] - 20} more, see sweep.nc", *reasons(result)]
     return [f"{result.attrs['title']}, {fates(result)}", *lines]
 
 

@@ -201,18 +201,25 @@ _ALL = frozenset(("uo", "vo", "ssh", "ua", "va"))
 
 
 def _path_of_run(run: Path | None) -> list[tuple[float, float]] | None:
-    """Return the daily positions of a run."""
+    """Return where the ice of a run reaches farthest west, east, south and north, at fifty records or so."""
     if run is None:
         return None
+    from riftberg.plane import near
     from riftberg.runs.run_file import open_run
 
     with open_run(run) as dataset:
         if "lon" not in dataset:
             raise InputError("this run is in metres", where=f"--along {run}", remedy="Name a run in degrees")
         every = max(1, dataset.sizes["time"] // 50)
-        lon = dataset["lon"].mean("trajectory").values[::every]
-        lat = dataset["lat"].mean("trajectory").values[::every]
-    return list(zip(lon.tolist(), lat.tolist(), strict=True))
+        records = dataset[["lon", "lat"]].isel(time=slice(None, None, every)).transpose("time", "trajectory")
+        lon, lat = (records[name].values for name in ("lon", "lat"))
+    found = []
+    for x, y in zip(lon, lat, strict=True):
+        there = np.flatnonzero(np.isfinite(y))
+        turned = near(x[there], float(x[there][0])) if there.size else x[there]
+        ends = {int(there[f(axis)]) for f in (np.argmin, np.argmax) for axis in (turned, y[there]) if there.size}
+        found += [(float(x[k]), float(y[k])) for k in sorted(ends)]
+    return found
 
 
 PRODUCTS = ("oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco")

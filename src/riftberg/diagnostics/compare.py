@@ -274,7 +274,7 @@ def observed_part(scene: Scene, record: int, area: float) -> Position:
 
     ``area``: observed area, m2.
     """
-    berg, sizes, areas = scene.berg[record], scene.fragment_areas(record), scene.area_at(record)
+    berg, sizes, areas = scene.berg[record], scene.fragment_areas(record), scene.areas[record]
 
     def place(rows: NDArray[np.bool_]) -> Position:
         return berg_position(scene.x[record][rows], scene.y[record][rows], areas[rows], radius=scene.radius)

@@ -532,7 +532,7 @@ class _Geometry:
         self.x, self.y = x - np.average(x[body], weights=weight), y - np.average(y[body], weights=weight)
         self.angle = plane.eastward(lon, lat)
         # Each element turns with the body, as a disc of its area.
-        area = scene.area_at(record)
+        area = scene.areas[record]
         disc = area[body] / (2.0 * np.pi)
         self.inertia = float((weight * (self.x[body] ** 2 + self.y[body] ** 2 + disc)).sum())
         # The cut is the line through the middles of its bonds; its normal points to the fragment.

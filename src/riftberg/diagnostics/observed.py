@@ -203,7 +203,7 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
         (pair for pair in _SIZES if set(pair) <= rows[0].keys()), ("", "")
     )  # a column of no name reads as NaN
     name = next((n for n in NAMES if n in rows[0]), "")
-    azimuth = next((c for c in rows[0] if "azimuth" in c), "")
+    azimuth = min((c for c in rows[0] if "azimuth" in c), key=len, default="")  # not that of its error
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
         when, day_only = _date_of_text(row.get(date, ""), date, where)

@@ -230,7 +230,9 @@ class _Judge:
         s, key = self.scene, (record, tuple(numbers))
         if key not in self._positions:
             rows = np.isin(s.berg[record], key[1])
-            self._positions[key] = berg_position(s.x[record][rows], s.y[record][rows], s.area[rows], radius=s.radius)
+            self._positions[key] = berg_position(
+                s.x[record][rows], s.y[record][rows], s.areas[record][rows], radius=s.radius
+            )
         return self._positions[key]
 
     def fragments(self, record: int) -> list[int]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -28,6 +28,7 @@ from riftberg.ocean.errors import UncertainForcing
 from riftberg.ocean.files_forcing import sharing_forcings
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.run_file import RunWriter
+from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import Shapes
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import on_the_floor
@@ -285,7 +286,10 @@ class MemberTracks:
         touching = _aground(model)
         if np.isnan(self.first_aground) and touching.any():
             self.first_aground = model.time
-        over = len(model.fragments.breakups)
+        broke = model.fragments.breakups
+        over = (
+            len(breakup_times((r.number, r.parent, r.area, r.birth_time) for r in model.fragments.rows)) if broke else 0
+        )
         # The step of a break-up ends with the stress of what is left; the ice that broke had reached its strength.
         now = [1.0] * min(over, 2) + ([_stress_ratio(model)] if over < 2 else [])
         self.stress_ratios[: len(now)] = map(max, self.stress_ratios, now)
@@ -313,6 +317,20 @@ class MemberTracks:
 
     def finish(self, model: BareModel) -> None:
         """Leave the rows as they are."""
+
+
+def breakup_times(rows: Iterable[Sequence[float]]) -> list[float]:
+    """Return the times, in order, at which pieces broke off that are no crumbs: `SMALL` of the berg they come from, or more.
+
+    ``rows``: number, parent (0 for a berg), area at birth and time of birth of each berg and fragment, parents first.
+    """
+    berg: dict[float, float] = {}  # Area of the berg that each comes from
+    times = []
+    for number, parent, area, time in rows:
+        berg[number] = berg.get(parent, area)
+        if parent > 0 and area >= SMALL * berg[number]:
+            times.append(time)
+    return sorted(times)
 
 
 def _aground(model: BareModel) -> Any:
@@ -372,7 +390,7 @@ def _shapes(model: BareModel, start: tuple[Any, Any, Any]) -> list[list[Any]]:
     found = []
     for number in np.unique(e.berg[known]).tolist():
         own = (e.berg == number) & known
-        if area[own].sum() < 0.01 * area.sum():  # crumbs, as for scenarios
+        if area[own].sum() < SMALL * area.sum():  # crumbs, as for scenarios
             continue
         # Discs that overlap, and what they reach too far taken off again: as good for squares as for hexagons, however turned.
         # The edge of such discs side by side lies 0.74 of their distance from their middles, on average.
@@ -440,12 +458,10 @@ def outcome_of(number: int, model: BareModel, track: MemberTracks) -> Outcome:
     e = model.elements
     numbers = np.unique(e.berg)
     area = np.array([(e.length * e.width)[e.berg == k].sum() for k in numbers])
-    born = [row.birth_time for row in rows if row.parent > 0]
     totals = {
         "pieces": float(len(numbers)),
         "bonds_broken": float(model.bonds_broken),
-        "breakups": float(len(born)),
-        "first_breakup": min(born, default=np.nan),
+        "breakups": float(len(model.fragments.breakups)),
         "largest_area": float(area.max()) if area.size else 0.0,
         "first_aground": track.first_aground,
         "stress_ratio": track.stress_ratios[0],

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,6 +18,7 @@ from riftberg.config.units import count_text, duration_text, minute_text, place_
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.result import MEANS, MOST_LISTED, STATUS
 from riftberg.plane import near
+from riftberg.runs.scene import SMALL
 from riftberg.state import Floats
 
 LEVEL: Final = 0.9
@@ -31,7 +34,7 @@ MOST_CELLS: Final = 120
 """Cells of the map of presence along its longer side."""
 
 _ABOUT: Final = {
-    "p_broken": "probability that the berg has broken up until then",
+    "p_broken": f"probability that a piece of {100.0 * SMALL:g} % of its berg or more has broken off until then",
     "p_aground": "probability that the sea floor has acted until then",
     "p_area": "probability that a fragment of the class exists then",
 }
@@ -347,9 +350,9 @@ class Breaks:
             self.total += weight
             born = np.flatnonzero(parent[k] > 0)
             born = born[np.argsort(births[k, born], kind="stable")]
-            # Crumbs are left out: less than a hundredth of the berg.
+            # Crumbs are left out, as in `first_breakup`.
             whole = float(wholes[k])
-            large = born[areas[k, born] >= 0.01 * whole][:3]
+            large = born[areas[k, born] >= SMALL * whole][:3]
             numbers[k] = self._scenario([_sign(rows, float(births[k, p]), float(areas[k, p]), whole) for p in large])
         self.numbers.append(numbers)
 
@@ -445,7 +448,7 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
         )
         born = parent > 0
         sizes = sizes[born][np.argsort(birth[born], kind="stable")]
-        sizes = sizes[sizes >= 0.01 * np.nansum(done["area"].isel(member=member, time=0).values)][:3]
+        sizes = sizes[sizes >= SMALL * np.nansum(done["area"].isel(member=member, time=0).values)][:3]
         apart = _apart(inputs, rows)
         found.append(Scenario(
             int(number), float(weight[rows].sum()), int(done["member"].values[member]), tuple(map(float, sizes)), apart
@@ -552,12 +555,24 @@ def fates(ds: xr.Dataset) -> str:
     return f"{failed} failed" + (f", {unfinished} unfinished" if unfinished else "")
 
 
+def reasons(ds: xr.Dataset) -> list[str]:
+    """Return why members failed or are unfinished: the commonest reason of each in a line, whatever numbers it holds."""
+    lines = []
+    for status in ("failed", "unfinished"):
+        said = [str(text) for text in ds["message"].values[ds["status"].values == STATUS[status]]]
+        kinds = [re.sub(r"[\d.]+", "#", text) for text in said]
+        if said:
+            kind, number = Counter(kinds).most_common(1)[0]
+            lines.append(f"  {number} of {len(said)} {status}: {said[kinds.index(kind)]}")
+    return lines
+
+
 def told(ds: xr.Dataset) -> list[str]:
     """Return a forecast in a few lines."""
     done, weight = counted(ds)
     number = done.sizes["member"]
     if not number:
-        return ["no member came to its end"]
+        return ["no member came to its end", *reasons(ds)]
     last = {
         name: [100.0 * float(ds[f"{name}{end}"].values[-1]) for end in ("", "_low", "_high")]
         for name in ("p_broken", "p_aground")
@@ -606,4 +621,4 @@ def told(ds: xr.Dataset) -> list[str]:
         rest = ", ".join(f"{other} {100 * part:.0f} %" for other, part in list(parts.items())[1:4])
         said = f"{100 * share:.0f} %" + (f"; {rest}" if rest else "")
         lines.append(f"  most of the spread of the position comes from the {name} ({said})")
-    return lines
+    return lines + reasons(ds)

@@ -14,11 +14,12 @@ import numpy as np
 import xarray as xr
 
 from riftberg.config.values import required
-from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome
+from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome, breakup_times
 from riftberg.ensembles.uncertain import SEED
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.runs.layout import counted_from
+from riftberg.runs.scene import SMALL
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, is_folder, reading
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf, write_dataset
@@ -33,7 +34,7 @@ MOST_LISTED: Final = 64
 TOTALS: Final = {
     "pieces": ("1", "number of bergs and fragments at the end"),
     "bonds_broken": ("1", "number of bonds that broke"),
-    "breakups": ("1", "number of fragments that broke off"),
+    "breakups": ("1", "number of fragments that broke off, crumbs too"),
     "largest_area": ("m2", "plan area of the largest piece at the end"),
     "stress_ratio": ("1", "largest stress over strength of a bond until the first break-up"),
     "fresh_water": ("kg", "ice that melted"),
@@ -160,10 +161,13 @@ def _add_ends(
         for name, column in values.items():
             column[number] = outcome.totals.get(name, np.nan)
         values["wall_time"][number] = outcome.wall_seconds
-        rows = zip(outcome.fragments.get("birth_time", ()), outcome.fragments.get("parent", ()), strict=True)
-        born = sorted(time for time, parent in rows if parent > 0)[:2]
+        rows = zip(
+            *(outcome.fragments.get(name, ()) for name in ("number", "parent", "area", "birth_time")), strict=True
+        )
+        born = breakup_times(rows)[:2]
         births[: len(born), number] = born
     births += later
+    large = f" of a piece of {100.0 * SMALL:g} % of its berg or more"
     values["first_aground"] += later
     flags = {"flag_values": np.array(list(STATUS.values()), dtype="i4"), "flag_meanings": " ".join(STATUS)}
     ds["status"] = ("member", status, {"long_name": "how the member ended", **flags})
@@ -171,8 +175,8 @@ def _add_ends(
     for name, (unit, meaning) in {**TOTALS, **{name: MEANS[name] for name in means}}.items():
         ds[name] = ("member", values[name], {"units": unit, "long_name": meaning})
     for name, seconds, what in (
-        ("first_breakup", births[0], "time of the first break-up, missing where none"),
-        ("second_breakup", births[1], "time of the second break-up, missing where none"),
+        ("first_breakup", births[0], f"time of the first break-up{large}, missing where none"),
+        ("second_breakup", births[1], f"time of the second break-up{large}, missing where none"),
         ("first_aground", values["first_aground"], "time at which the sea floor first acted, missing where never"),
     ):
         ds[name] = ("member", _dates(seconds, start), {"long_name": what})

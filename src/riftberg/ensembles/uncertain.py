@@ -167,8 +167,8 @@ COLUMNS: Final = ("date", "lon", "lat", "error_km", "age_hours", "outline")
 SPEED_OF_AGE: Final = 0.12
 """Speed (m s-1, along each axis) by which the error of a position grows with its age.
 
-Half of the giant bergs north of 60 S are 12.4 km away after a day (`riftberg verify-tracks`, staying put): the median of a
-normal distribution in two dimensions with a standard deviation of 10.5 km along each axis.
+Half of the giant bergs north of 60 S are 12.5 km away after a day (`riftberg verify-tracks`, staying put): the median of a
+normal distribution in two dimensions with a standard deviation of 10.6 km along each axis.
 """
 
 

@@ -447,6 +447,8 @@ def _fault_of_file(path: Path) -> str:
 def published_berg(folder: Path, grid: Grid, parameters: Parameters) -> Iceberg:
     """Return the berg of the published initial state."""
     elements, earth = read_restart(folder / BERG, grid), parameters.earth
+    # The masses of the file are those of the publication's density; the draft goes with the density that was asked for.
+    elements.mass[:] *= parameters.ice.density / A68A_2022_KID.ice.density
     bonds = form_bonds(elements, BondRule(packing="square"), Metric(True, earth.radius, earth.period))
     return Iceberg(elements, bonds, packing="square", radius=1500.0, report={"source": BERG})
 

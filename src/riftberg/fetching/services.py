@@ -88,7 +88,7 @@ class Wanted(NamedTuple):
 
     @property
     def days(self) -> tuple[str, str]:
-        """First and last day, as text."""
+        """First and last day, as text: whole days are asked for, whatever the hours, since files are known by their days."""
         return str(self.first)[:10], str(self.last)[:10]
 
     def file(self, *fields: str) -> Path:
@@ -213,8 +213,8 @@ def _fetch_copernicus(wanted: Wanted) -> list[Path]:
             maximum_longitude=wanted.lon[1],
             minimum_latitude=wanted.lat[0],
             maximum_latitude=wanted.lat[1],
-            start_datetime=str(wanted.first)[:19],
-            end_datetime=str(wanted.last)[:19],
+            start_datetime=f"{wanted.days[0]}T00:00:00",
+            end_datetime=f"{wanted.days[1]}T23:59:59",
             coordinates_selection_method="outside",  # else the box, the days and the depth would not be covered
             output_filename=target.name,
             output_directory=str(wanted.folder),

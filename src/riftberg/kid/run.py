@@ -241,19 +241,23 @@ def _rescued(case: KidCase, paths: dict[str, Path], which: str = "") -> str:
         saved = _write_restarts(case, paths)
     except (OSError, RiftbergError) as error:  # it must not hide why the run ended
         return f"the {which}state cannot be saved ({refusal(error)})"
-    return f"the {which}state is in {', '.join(map(str, saved))}. {_how_to_go_on(saved)}"
+    return f"the {which}state is in {', '.join(map(str, saved))}. {_how_to_go_on(case, saved)}"
 
 
-def _how_to_go_on(saved: list[Path]) -> str:
-    """Say how KID's own restart files start another run."""
-    folder = "a copy of the run folder"
+def _how_to_go_on(case: KidCase, saved: list[Path]) -> str:
+    """Say how KID's own restart files start another run, which takes the steps and the hours of the forcing that are left."""
+    folder, done, driver = "a copy of the run folder", case.model.step_number, case.namelist.driver
+    rest = f"set nmax = {case.clock.steps - done}"
+    if driver.flag("a68_test"):
+        rest += f" and transient_a68_data_start_ind = {driver.whole('transient_a68_data_start_ind') + done // 2}"
+        rest += done % 2 * ", whose hour begins half an hour before this state"
     if any(path.name == "ocean.nc" for path in saved):
         return f"To go on, put the first two into {folder} as INPUT/{RESTART} and INPUT/{CALVING_FILE}"
     if len(saved) == 1:
-        return f"To go on, put it into {folder} as INPUT/{RESTART}"
+        return f"To go on, put it into {folder} as INPUT/{RESTART}, and {rest}"
     return (
-        f"To go on, put them into {folder} as INPUT/{RESTART} and INPUT/{BOND_RESTART} "
-        "and set manually_initialize_bonds = .false."
+        f"To go on, put them into {folder} as INPUT/{RESTART} and INPUT/{BOND_RESTART}, set "
+        f"manually_initialize_bonds = .false., and {rest}"
     )
 
 

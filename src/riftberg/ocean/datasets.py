@@ -401,6 +401,10 @@ class DatasetForcing(DescribedForcing):
 
     def check_fields(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless every part covers these elements; currents may come from elsewhere."""
+        row = int(elements.thickness.argmax())
+        draft = draft_of(float(elements.thickness[row]), self._density)
+        for part in (*self.parts, *([self._balance] if self._balance else [])):
+            part.records.reach(draft)
         for part, places in self._placed(elements):
             part.records.check(start, end)
             for name in part.gives:
@@ -408,7 +412,7 @@ class DatasetForcing(DescribedForcing):
                     if component in (*MUST_BE_KNOWN, "depth_below_surface"):
                         self._check_known(part, component, places, elements, start)
             if "uo" in part.gives and part.records.has_levels:
-                self._check_keels(part, elements)
+                _check_keel(part, draft, f"element {elements.id[row]}")
 
     def _check_known(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
         """Refuse elements where a field is unknown, or the sea floor above the water."""
@@ -424,19 +428,6 @@ class DatasetForcing(DescribedForcing):
                 remedy = f"Move the berg; of heights change the sign, or write positive: up on {part.original(name)}"
             raise ForcingError(
                 f"{_named(elements, row)} {what}", where=named(part.records.ds) or part.source, remedy=remedy
-            )
-
-    def _check_keels(self, part: Part, elements: Elements) -> None:
-        row = int(elements.thickness.argmax())
-        draft, deepest = draft_of(float(elements.thickness[row]), self._density), float(part.records.limits[-1])
-        if draft > deepest * (1.0 + 1e-9):
-            raise ForcingError(
-                f"element {elements.id[row]} has a draft of {draft:.0f} m, the levels of the currents end at "
-                f"{deepest:.0f} m",
-                where=part.source,
-                remedy="Give deeper levels, or the currents of the surface alone: ds.isel(depth=0)"
-                if in_python(part.records.ds)
-                else "Fetch deeper levels (--depth), or take the currents of the surface (forcing.currents: surface)",
             )
 
     def _part_with(self, name: str) -> Part | None:
@@ -497,6 +488,19 @@ def _values(part: Part, name: str, places: Places, time: float, draft: Floats | 
     over = np.ones(out.size) if draft is None else draft
     fill_values(part.records.moment(name, time), places, over, part.mesh.points.columns, near, out)
     return out
+
+
+def _check_keel(part: Part, draft: float, element: str) -> None:
+    """Refuse a draft (m) below the levels of the currents."""
+    deepest = float(part.records.limits[-1])
+    if draft > deepest * (1.0 + 1e-9):
+        raise ForcingError(
+            f"{element} has a draft of {draft:.0f} m, the levels of the currents end at {deepest:.0f} m",
+            where=part.source,
+            remedy="Give deeper levels, or the currents of the surface alone: ds.isel(depth=0)"
+            if in_python(part.records.ds)
+            else "Fetch deeper levels (--depth), or take the currents of the surface (forcing.currents: surface)",
+        )
 
 
 def _nodes(part: Part, name: str, time: float) -> Floats:

@@ -304,14 +304,19 @@ class _GridRecords(ProductRecords):
 
     def __init__(self, ds: xr.Dataset, run: Run, grid: ModelGrid) -> None:
         keel = float(run.drafts.max())
-        super().__init__(ds, run.start, keel=keel)
         self._product = product_part(_averaged(ds, grid.lat[1] - grid.lat[0]), run.start, keel=keel)
+        super().__init__(ds, run.start, keel=keel)
         self._corners = np.meshgrid(grid.lon, grid.lat)
         self._at = place_points(self._product, *self._corners)
         if self.times:
             self.dates = np.array([utc(moment) for moment in grid.moments])
             self.times = run.seconds(grid.moments)
         self._length = records_at_once(self._corners[0].size * (self.limits.size - 1) * len(self.names))
+
+    def reach(self, keel: float) -> None:
+        with self._lock:
+            self._product.records.reach(keel)
+            super().reach(keel)
 
     def _read(self, records: slice) -> Block:
         times = self.times[records] if self.times else [0.0]

@@ -363,11 +363,10 @@ class ProductRecords:
                     where=named(ds) or "forcing",
                     remedy="Give fields on (time, depth, lat, lon); choose one entry of any other dimension",
                 )
-        self.ds, self._limits = ds, SURFACE
-        if "depth" in ds.dims:  # down to the keel
-            limits = layer_limits(ds["depth"].values)
-            layers = int(np.clip(np.searchsorted(limits, keel, side="left"), 1, limits.size - 1))
-            self.ds, self._limits = ds.isel(depth=slice(0, layers)), limits[: layers + 1]
+        self.ds, self._whole, self._limits = ds, ds, SURFACE[:1]
+        self._blocks: dict[int, Block] = {}
+        self._lock = SharedLock()
+        self.reach(keel)
         self.start = start
         self.dates: NDArray[np.datetime64] = (
             ds["time"].values.astype("datetime64[ns]") if "time" in ds.dims else np.empty(0, "datetime64[ns]")
@@ -377,8 +376,17 @@ class ProductRecords:
         self._length = records_at_once(
             sum(field.size for field in ds.data_vars.values()) / max(1, ds.sizes.get("time", 1))
         )
-        self._blocks: dict[int, Block] = {}
-        self._lock = SharedLock()
+
+    def reach(self, keel: float) -> None:
+        """Read levels down to a draft (m) from now on; a member of an ensemble may be thicker than the berg of the others."""
+        if "depth" not in self._whole.dims:
+            self._limits = SURFACE
+            return
+        limits = layer_limits(self._whole["depth"].values)
+        layers = int(np.clip(np.searchsorted(limits, keel, side="left"), 1, limits.size - 1))
+        with self._lock:
+            if layers >= self._limits.size:
+                self.ds, self._limits, self._blocks = self._whole.isel(depth=slice(0, layers)), limits[: layers + 1], {}
 
     @property
     def cover(self) -> tuple[float, float]:
@@ -408,8 +416,9 @@ class ProductRecords:
         around = self._between(time)
         before = self._record(around.before)[name]
         after = self._record(around.after)[name] if around.weight > 0.0 else before
-        limits = self._limits if before.shape[0] > 1 else SURFACE
-        return Blend(before, after, around.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
+        layers = min(len(before), len(after))  # another thread may have gone deeper between the two
+        limits = self._limits[: layers + 1] if layers > 1 else SURFACE
+        return Blend(before[:layers], after[:layers], around.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
 
     def check(self, start: float, end: float) -> None:
         """Read all records from ``start`` to ``end`` (s)."""
@@ -487,8 +496,15 @@ class DayMeans(ProductRecords):
     """
 
     def __init__(self, of: ProductRecords) -> None:
-        super().__init__(of.ds[["uo", "vo"]], of.start)
-        self._of, self._limits, self.dates, self.times, self._length = of, of.limits, of.dates, of.times, of._length
+        self._of = of
+        super().__init__(of.ds[["uo", "vo"]], of.start, keel=float(of.limits[-1]))
+        self.dates, self.times, self._length = of.dates, of.times, of._length
+
+    def reach(self, keel: float) -> None:
+        """Average levels down to a draft (m) from now on."""
+        with self._lock:
+            self._of.reach(keel)
+            self.ds, self._limits, self._blocks = self._of.ds[["uo", "vo"]], self._of.limits, {}
 
     def _read(self, records: slice) -> Block:
         numbers = range(*records.indices(len(self.times))) if self.times else range(1)

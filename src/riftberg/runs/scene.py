@@ -135,9 +135,8 @@ def on_one_branch(x: Floats, there: NDArray[np.bool_], period: float) -> Floats:
 class Scene:
     """Geometry of a run for drawing.
 
-    ``x``, ``y``: positions (shape (time, trajectory)); ``berg``: number of the fragment (shape (time, trajectory));
-    ``there``: whether the element is there (shape (time, trajectory)); ``area``: plan area, m2, as first known (shape
-    (trajectory,)).
+    Shape (time, trajectory): positions ``x``, ``y``; ``berg``, the number of the fragment; ``there``, whether the element is
+    there; ``areas``, plan areas in m2. ``area``: the first of them.
     """
 
     def __init__(self, run: xr.Dataset) -> None:
@@ -158,11 +157,9 @@ class Scene:
         self.y: Floats = filled_forward(north)
         berg = run["berg"].transpose("time", "trajectory").values
         self.berg: Ints = berg if self.there.all() else np.where(self.there, berg, 0).astype(np.int64)
-        area = run["length"] * run["width"]
-        self._areas_in_time = (
-            filled_forward(area.transpose("time", "trajectory").values) if "time" in area.dims else None
-        )
-        self.area: Floats = area.values if self._areas_in_time is None else self._areas_in_time[0]
+        area = (run["length"] * run["width"]).transpose(..., "trajectory").values
+        self.areas: Floats = np.broadcast_to(filled_forward(area) if area.ndim > 1 else area, self.x.shape)
+        self.area = self.areas[0]
         self.times: NDArray[np.datetime64] = run["time"].values
         self.plane: ConformalPlane | None = None  # Of a polar map, on which x and y are metres
 
@@ -295,7 +292,7 @@ class Scene:
         Where bergs of both packings are in a run, squares repeat corners to have as many as hexagons.
         """
         x, y = np.where(self.there[record], self.x[record], np.nan), self.y[record]
-        turned, area = self.rotation(record) + self.lattice_angle, self.area_at(record)
+        turned, area = self.rotation(record) + self.lattice_angle, self.areas[record]
         most = int(self.sides.max(initial=4))
         corners = np.empty((x.size, most, 2))
         kinds: tuple[tuple[int, Packing], ...] = ((4, "square"), (6, "hexagonal"))
@@ -307,10 +304,6 @@ class Scene:
                 )
                 corners[rows] = polygons[:, np.minimum(np.arange(most), sides - 1)]
         return corners
-
-    def area_at(self, record: int) -> Floats:
-        """Return the plan areas of the elements (m2) at a record."""
-        return self.area if self._areas_in_time is None else self._areas_in_time[record]
 
     @cached_property
     def numbers(self) -> list[int]:
@@ -363,15 +356,15 @@ class Scene:
     def fragment_areas(self, record: int) -> dict[int, float]:
         """Return the plan area (m2) of each fragment at a record by its number, the largest first."""
         there = self.there[record]
-        return by_area(self.berg[record][there], self.area_at(record)[there])
+        return by_area(self.berg[record][there], self.areas[record][there])
 
     def area_of(self, number: int) -> float:
         """Return the area (m2) of a fragment at the last record."""
-        return float(self.area_at(-1)[self.berg[-1] == number].sum())
+        return float(self.areas[-1][self.berg[-1] == number].sum())
 
     def track(self, number: int) -> tuple[Floats, Floats, Ints]:
         """Return the centroid of a fragment at all records at which it exists, and the numbers of these records."""
-        weight = np.where(self.berg == number, self.area, 0.0)
+        weight = np.where(self.berg == number, self.areas, 0.0)
         total = weight.sum(axis=1)
         there = np.flatnonzero(total > 0.0)
         x = (weight * self.x).sum(axis=1)[there] / total[there]

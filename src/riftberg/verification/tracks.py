@@ -201,13 +201,26 @@ def _seen(path: Path) -> dict[datetime, tuple[float, float]]:
 
 
 def _without_jumps(seen: Mapping[datetime, tuple[float, float]]) -> dict[datetime, tuple[float, float]]:
-    """Drop positions that need more than `FASTEST` from the last one kept."""
-    kept: dict[datetime, tuple[float, float]] = {}
-    last: datetime | None = None
-    for when, place in seen.items():
-        if last is None or distance(*kept[last], *place) <= FASTEST * (when - last).days:
-            kept[when], last = place, when
-    return kept
+    """Drop positions that need more than `FASTEST` from the last one kept.
+
+    If the next two fit each other and what was kept before, it is the last one that was wrong: a first position, or one
+    after a gap, has nothing near by to be judged by.
+    """
+
+    def fit(*one_and_later: tuple[datetime, tuple[float, float]]) -> bool:
+        (when, place), (later, there) = one_and_later
+        return bool(distance(*place, *there) <= FASTEST * (later - when).days)
+
+    positions = list(seen.items())
+    kept: list[tuple[datetime, tuple[float, float]]] = []
+    for here, after in zip(positions, [*positions[1:], None], strict=True):
+        if kept and not fit(kept[-1], here):
+            two = after is not None and fit(here, after) and not fit(kept[-1], after)
+            if not two or not all(fit(one, here) for one in kept[-2:-1]):
+                continue
+            kept.pop()
+        kept.append(here)
+    return dict(kept)
 
 
 def _cases(berg: str, seen: Mapping[datetime, tuple[float, float]], leads: Sequence[int]) -> Iterator[Case]:

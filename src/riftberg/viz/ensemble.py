@@ -167,6 +167,21 @@ BROKEN, GROUND = colours.STRESS_LINE, colours.FRAGMENTS[5]
 """Colours of the probabilities of a break-up and of the ground."""
 
 
+MOST_TRACKS: Final = 200
+"""Members of a forecast whose tracks are shown, evenly over all; probabilities are of all."""
+
+LEAST_WEIGHT: Final = 0.01
+"""Members with less than this part of the largest weight are not drawn: sightings speak against them."""
+
+
+def tracks_shown(result: xr.Dataset) -> Array:
+    """Return the members of a forecast whose tracks are drawn."""
+    weight = np.where(result["status"].values == 0, result["weight"].values, 0.0)
+    count = np.flatnonzero(weight > LEAST_WEIGHT * weight.max())
+    shown: Array = count[np.unique(np.linspace(0, count.size - 1, min(count.size, MOST_TRACKS)).astype(int))]
+    return shown
+
+
 def draw_forecast(result: xr.Dataset, path: str | Path, *, notes: Sequence[str] = (), dpi: int = 150) -> Path:
     """Draw a forecast: presence and tracks with the control, probabilities by date, cracks in the berg.
 
@@ -206,8 +221,7 @@ def _draw_presence(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None
         *chart.placed(*cells), np.ma.masked_less(result["passes"].values, 0.005), cmap=shades, vmin=0.0, vmax=1.0,
         zorder=1.5,
     )  # fmt: skip
-    shown = np.flatnonzero(result["status"].values == 0)[:200]
-    tracks = [result[name].isel(fragment=0, member=shown).values for name in ("lon", "lat")]
+    tracks = [result[name].isel(fragment=0, member=tracks_shown(result)).values for name in ("lon", "lat")]
     for n, track in enumerate(zip(*tracks, strict=True)):
         label = "members" if n == 0 else None
         ax.plot(*chart.placed(*track), color=colours.STRENGTH, lw=0.4, alpha=0.5, zorder=4, label=label)

@@ -397,7 +397,7 @@ class Panel(Map):
             )
         )  # fmt: skip
         # Fragments smaller than a dot get one: bergs of a field would not be seen otherwise.
-        size = np.sqrt(scene.area_at(record)) * self.points_per_metre()
+        size = np.sqrt(scene.areas[record]) * self.points_per_metre()
         for number in np.unique(numbers[(numbers > 0) & (size < DOT)]):
             own = numbers == number
             if math.sqrt(float((size[own] ** 2).sum())) < DOT:
@@ -426,7 +426,7 @@ class Panel(Map):
         first, second = run["bond_first"].values, run["bond_second"].values
         ends = np.stack([np.stack([scene.x[record][k], scene.y[record][k]], axis=-1) for k in (first, second)], axis=1)
         # Bonds of hexagons cross at 60 degrees and are drawn slimmer.
-        width = np.sqrt(scene.area[first]) * np.where(scene.sides[first] == 6, 0.34, 0.62)
+        width = np.sqrt(scene.areas[record][first]) * np.where(scene.sides[first] == 6, 0.34, 0.62)
         points = np.maximum(0.6, self.points_per_metre() * width)
         ice = PolyCollection(
             list(scene.polygons(record)), facecolors=colours.ICE, edgecolors=colours.ICE_EDGE, linewidths=0.2, zorder=4

@@ -421,7 +421,7 @@ def _areas(ax: Axes, scene: Scene, times: Any) -> None:
     """Draw the area of each named fragment; a break-up is a step of the parent and a dot where the fragment begins."""
     unit = 1e6 if float(scene.area.sum()) >= 1e4 else 1.0
     for rank, (number, colour) in enumerate(fragment_colours(scene).items()):
-        area = np.where(scene.berg == number, scene.area, 0.0).sum(axis=1) / unit
+        area = np.where(scene.berg == number, scene.areas, 0.0).sum(axis=1) / unit
         there = area > 0.0
         # Lower ranks are thinner by more than a point: else the second of two equal bergs would hide the first.
         ax.step(times[there], area[there], where="post", color=colour, lw=max(1.4, 4.8 - 1.2 * rank),

@@ -29,6 +29,7 @@ from riftberg.system.atomic_files import write_text
 from riftberg.version import __version__
 from riftberg.viz.coast import coast_in
 from riftberg.viz.colours import FRAGMENTS, SMALL
+from riftberg.viz.ensemble import tracks_shown
 from riftberg.viz.style import degree_label
 
 _MISSING: Final = {"int16": -32768, "uint16": 65535, "uint8": 255}
@@ -65,9 +66,6 @@ LARGEST: Final = 10e6
 _ELEMENT_BYTES = 2 * 6 * 4 / 3  # six integers of two bytes for an element at a record, in base64
 _ISOBATHS = (50, 100, 150, 200, 300, 400, 500, 1000, 2000, 3000, 4000, 5000)
 _THIN = 300.0  # m between the points of an observed outline
-
-MOST_MEMBERS: Final = 200
-"""Members of a forecast whose tracks are shown, evenly over all; probabilities are of all."""
 
 MOST_VALUES: Final = 1_500_000
 """Values of the probability of ice on cells in the page; times are left out evenly above it."""
@@ -166,7 +164,6 @@ class ReplayContent:
             "skipped": int(run.sizes["time"] - len(self.records)),
             "packing": scene.parameters.bonds.packing,
             "sides": scene.sides.tolist(),
-            "side": np.round(np.sqrt(scene.area), 1).tolist(),
             "draft": scene.draft(),
             "strength": fracture.normal_strength if fracture.enabled else None,
             "lowest": None if lowest is None else quantised(lowest[self.records], "uint16"),
@@ -193,8 +190,10 @@ class ReplayContent:
         x, y = self.plane.forward(lon, lat)
         rotation = np.stack([scene.rotation(int(k)) for k in chosen])
         angle = rotation + scene.lattice_angle + self.plane.eastward(lon, lat)
-        thickness = self._table("thickness")
-        constant = bool((thickness == thickness[:1]).all())
+        side, thickness = (
+            table[:1] if (table == table[:1]).all() else table
+            for table in (np.sqrt(scene.areas[chosen]), self._table("thickness"))
+        )
         damage = scene.bond_damage()
         return {
             "count": lon.shape[1],
@@ -206,7 +205,8 @@ class ReplayContent:
             "stress": quantised(self._largest_of_bonds(tension), "uint16"),
             "damage": None if damage is None else quantised(self._largest_of_bonds(damage[chosen]), "uint8"),
             "berg": quantised(scene.berg[chosen], "uint16", step=1.0),
-            "thickness": quantised(thickness[0] if constant else thickness, "uint16"),
+            "thickness": quantised(thickness, "uint16"),
+            "side": quantised(side, "uint16"),
             "aground": quantised(scene.aground(chosen.tolist()).sum(axis=1), "uint16", step=1.0),
         }
 
@@ -264,8 +264,7 @@ class ReplayContent:
     def _members(self, members: ForecastMembers) -> dict[str, Any]:
         """Return tracks, probabilities and ellipses of a forecast; times are seconds since the first record shown."""
         ds = members.result
-        done = np.flatnonzero(ds["status"].values == 0)
-        shown = done[np.unique(np.linspace(0, done.size - 1, min(done.size, MOST_MEMBERS)).astype(int))]
+        shown = tracks_shown(ds)
         tracks = ds[["lon", "lat"]].isel(member=shown, fragment=0).transpose("member", "time")
         x, y = self.plane.forward(tracks["lon"].values, tracks["lat"].values)
         share = {name: ds[name].values.round(4).tolist()
@@ -277,7 +276,7 @@ class ReplayContent:
             "x": quantised(x),
             "y": quantised(y),
             "scenario": ds["scenario"].values[shown].tolist(),
-            "all": int(done.size),
+            "all": int((ds["status"].values == 0).sum()),
             **share,
             "presence": self._presence(ds),
             "ellipses": [[_flat_list(*self.plane.forward(*line.T)) if np.isfinite(line).all() else []
