@@ -426,6 +426,7 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
 
 
 def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) -> Iceberg:
+    from riftberg.bergs.bonding import Metric, turn_rigidly
     from riftberg.coupling.shelf import IceShelf
 
     path = folder / shelf.file
@@ -434,7 +435,7 @@ def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) 
         crs=shelf.crs, density=parameters.ice.density, earth_radius=parameters.earth.radius,
     )  # fmt: skip
     made = ice.berg(radius=berg.radius, packing=berg.packing, velocity=berg.velocity)
-    made.elements.motion.spin[:] = berg.spin
+    turn_rigidly(made.elements, berg.spin, Metric(True, made.earth_radius))
     return made
 
 
