@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from riftberg.errors import InputError
 from riftberg.experiments import build
 from riftberg.experiments.registry import Options
 from riftberg.experiments.yaml_file import read_file
+from riftberg.ocean.story import StoryOcean
 from riftberg.plane import EqualAreaPlane
 
 FILE = """start: 2020-12-09 13:00
@@ -108,3 +110,38 @@ def test_a_grid_is_refused_where_no_file_needs_one(tmp_path: Path) -> None:
     file_model(tmp_path)
     with pytest.raises(InputError, match="needs no grid"):
         build(str(tmp_path / "x.yaml"), Options(grid=0.1))
+
+
+STORY = """start: {start}
+days: 1
+berg: {{rectangle: {{length: 24 km, width: 12 km}}, placement: [-38.5, -55.1]}}
+forcing: {{kind: analytic}}
+"""
+
+
+def test_the_ocean_of_a_file_is_that_of_its_dates(tmp_path: Path) -> None:
+    """A run that started on 15 December met the ocean of the 9th."""
+    lon, lat = np.array([-38.5, -37.5]), np.array([-55.1, -56.0])
+    (tmp_path / "x.yaml").write_text(STORY.format(start="2020-12-15 01:00"))
+    model = build(str(tmp_path / "x.yaml"), Options())[0]
+    assert model.forcing.currents(lon, lat, 3600.0) == pytest.approx(
+        np.array(StoryOcean().currents(lon, lat, 3600.0 + 5.5 * 86400.0))
+    )
+    assert model.forcing.instant(0.0) == StoryOcean().instant(5.5 * 86400.0)
+    assert "from 2020-12-15 01:00" in model.forcing.describe()
+    (tmp_path / "x.yaml").write_text(STORY.format(start="2020-12-01"))
+    with pytest.raises(InputError, match="begins on 2020-12-09 13:00, the run on 2020-12-01"):
+        build(str(tmp_path / "x.yaml"), Options())
+    with pytest.raises(InputError, match="counts its time from"):
+        Model(
+            Iceberg.rectangle(6e3, 6e3, thickness=200.0, placement=(-38.5, -55.1)),
+            StoryOcean(),
+            start=datetime(2020, 12, 15),
+        )
+
+
+def test_an_unknown_part_of_that_ocean_is_refused(tmp_path: Path) -> None:
+    """A misspelt part of `forcing.without` was left in without a word."""
+    (tmp_path / "x.yaml").write_text(STORY.format(start="2020-12-10").replace("analytic", "analytic, without: [shole]"))
+    with pytest.raises(InputError, match="shole"):
+        build(str(tmp_path / "x.yaml"), Options())

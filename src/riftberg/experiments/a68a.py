@@ -281,6 +281,7 @@ class TrackSea(Steady):
     ``warmest``: temperature of the surface in the middle of February at 55 degrees south, degrees Celsius.
     """
 
+    start = MELT_START  # a run of another date is refused
     SWING: Final = 1.8  # Half the range of the year, degrees
     POLEWARD: Final = 0.6  # How much colder a degree further south is, degrees
     DEEP: Final = 1.0  # How much colder the mean over the draft is than the surface, degrees

@@ -177,7 +177,7 @@ class ExperimentForcing(Section):
 
     kind: Literal["analytic"]
     name: Literal["a68a"] = key("a68a", "", "built-in experiment whose ocean is used")
-    without: list[str] = key([], "", "parts of that ocean to leave out")
+    without: list[Literal["shoal", "shear"]] = key([], "", "parts of that ocean to leave out")
 
 
 class FormulaForcing(Section):

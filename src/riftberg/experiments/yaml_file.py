@@ -482,9 +482,11 @@ def build_forcing(
         return shared_forcing(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
         return Sum(forcing.parts)
-    without = frozenset(forcing.without) | options.without
-    model, _ = find(forcing.name).load()(Options(without=without, data=options.data))
-    return model.forcing
+    from riftberg.ocean.story import StoryOcean
+
+    find(forcing.name).check_parts(options.without)
+    without = options.without | set(forcing.without)
+    return StoryOcean(shoal="shoal" not in without, shear="shear" not in without, start=experiment.start)
 
 
 def sections() -> Iterator[tuple[str, Mapping[str, FieldInfo]]]:
