@@ -145,3 +145,20 @@ def test_an_unknown_part_of_that_ocean_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.yaml").write_text(STORY.format(start="2020-12-10").replace("analytic", "analytic, without: [shole]"))
     with pytest.raises(InputError, match="shole"):
         build(str(tmp_path / "x.yaml"), Options())
+
+
+def test_each_berg_of_a_file_draws_strengths_of_its_own(tmp_path: Path) -> None:
+    """Bergs with the same seed, that of the default too, had the same strengths bond by bond."""
+    one = "{{rectangle: {{length: 12 km, width: 6 km}}, placement: [{}, -55], strength: {{weibull: 5{}}}}}"
+
+    def strengths(*bergs: str) -> np.ndarray:
+        (tmp_path / "x.yaml").write_text(
+            "start: 2020-12-09\ndays: 1\nforcing: {kind: constant}\nbergs:\n" + "".join(f"  - {b}\n" for b in bergs)
+        )
+        return build(str(tmp_path / "x.yaml"), Options())[0].bonds.strength.reshape(len(bergs), -1)
+
+    alone, both = strengths(one.format(-38, ""))[0], strengths(one.format(-38, ""), one.format(-37, ""))
+    assert (both[0] == alone).all()
+    assert not (both[0] == both[1]).any()
+    assert (strengths(one.format(-38, ""), one.format(-37, "")) == both).all()
+    assert (strengths(one.format(-38, ", seed: 4"), one.format(-37, ""))[1] == alone).all()
