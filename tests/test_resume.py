@@ -21,7 +21,7 @@ from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 STEPS = 7
 SPRING = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 WEAK = {"normal_strength": 10e3, "shear_strength": 10e3}
-WEAKER = {"normal_strength": 3e3, "shear_strength": 3e3}
+WEAKER = {"normal_strength": 2e3, "shear_strength": 2e3}
 STRONG = {"normal_strength": 12e3, "shear_strength": 12e3}
 # Faces that crush each other break more than springs, and pieces that grind on each other take short sub-steps.
 STRONGER = {"normal_strength": 20e3, "shear_strength": 20e3}
@@ -34,7 +34,8 @@ PHYSICS: dict[str, Parameters] = {
     "dem": EXPLICIT.changed(fracture=WEAK, stepping={"substeps": None}),
     "dem, fracture after the step": EXPLICIT.changed(fracture={**WEAKER, "on_substeps": False}),
     "dem, broken bonds dropped": EXPLICIT.changed(fracture={**WEAK, "broken_as_contact": False}),
-    "dem as the reference": A68A_2022_KID.changed(fracture=WEAK),
+    # The reference's explicit drag of the floor flings a lone element that touches down: 30 m/s, and 0.4 m/s by the implicit one.
+    "dem as the reference": A68A_2022_KID.changed(fracture=WEAK, stepping={"speed_limit": 100.0}),
     "dem, damage": EXPLICIT.changed(fracture=STRONG, damage=WEAR, stepping={"substeps": None}),
     "dem, damage, fracture after the step": EXPLICIT.changed(
         fracture={**WEAK_AFTER, "on_substeps": False}, damage=WEAR

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -165,6 +166,35 @@ def test_loads_and_supports_are_in_the_ledger() -> None:
     held = b.kinetic_now + b.elastic_now + b.dissipated
     assert held == pytest.approx(b.work["loads"], rel=1e-9)
     assert any("loads" in line for line in b.lines())
+
+
+def test_supports_take_nothing_of_bergs_that_they_do_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one element held anywhere the ledger closed whatever free bergs lost: their left-over counted as the supports'."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(3) * 2e3, np.arange(2) * 2e3))
+    far, near = 60e3, 6.6e3  # a free berg far off, one that presses on the held one
+    berg = Iceberg.from_points(
+        np.concatenate([x, x + far, x + near]), np.tile(y, 3), thickness=200.0, radius=1e3, latlon=False,
+        static=np.arange(18) < 6, velocity=(np.repeat([0.0, 0.3, -0.3], 6), 0.0),
+    )  # fmt: skip
+    p = Parameters(earth={"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period": 0.0})
+    model = Model(berg, Steady(current=(0.2, 0.1)), p.changed(stepping={"time_step": 1800.0}))
+    model.advance(steps=4)
+    b = balance(model)
+    given = np.hypot(*b.momentum_start)
+    assert b.momentum_error < CLOSES
+    assert b.impulse["supports"][0] > 0.01 * given  # they stop the berg that comes
+    # A law that is broken: the free berg far off loses a tenth of its momentum, which nothing that is told has taken.
+    enter, lost = model.motion.moved, []
+
+    def broken(*told: Any) -> None:
+        model.elements.u[6:12] *= 0.9
+        lost.append(float((model.elements.mass * model.elements.u)[6:12].sum()) / 9.0)
+        enter(*told)
+
+    monkeypatch.setattr(model.motion, "moved", broken)
+    model.step()
+    assert balance(model).impulse["elements"][0] == pytest.approx(-lost[0], rel=1e-6)
+    assert balance(model).momentum_error > 1e-3
 
 
 def melting(**changes) -> Model:

@@ -210,6 +210,31 @@ def test_a_child_tries_the_place_that_was_drawn_and_then_the_corners_of_its_pare
     assert (child.lon[0], child.lat[0]) == (1000.0, 2000.0)  # no sea anywhere: where the parent is
 
 
+def test_the_rim_turns_with_the_berg() -> None:
+    """The length of a berg counted as east, however it had turned."""
+    model = Model(parent(1), sea(), parameters("verlet", "bergs"))
+    body, unused = model.elements.body, SimpleNamespace()
+    body.length[:], body.width[:] = 4000.0, 1000.0
+    for turn in (0.0, 0.5 * np.pi, 2.0):
+        model.elements.motion.rotation[:] = turn
+        for draw in np.linspace(0.0, 0.99, 12):
+            when = SimpleNamespace(draws=SimpleNamespace(draw=lambda *_, d=draw: d), grid=None, ranks=(1, 1), step=1)
+            x, y = _Calving(model, model.parameters, unused, when)._rim(0, 1000.0, 4000.0)  # type: ignore[arg-type]
+            along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+            assert max(abs(along) / 2000.0, abs(across) / 500.0) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("style", ["bergs", "bits"])
+def test_children_of_several_elements_bring_the_heat_of_all_their_ice(style: str) -> None:
+    """They brought the heat of one element for the ice of all."""
+    model = Model(parent(3), sea(), parameters("verlet", style))
+    model.elements.life.heat_density[:] = -1e4 * np.arange(1.0, 7.0)
+    before = model.elements.size
+    model.advance(steps=2)
+    assert model.elements.size > before
+    closes(model)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_free_place_is_the_nearest_and_free(seed: int) -> None:
     """Against a search over all places of a raster."""

@@ -378,6 +378,21 @@ def test_a_forcing_says_all_that_it_is_and_nothing_that_it_is_not(forcing: Forci
     assert forcing.describe() == words
 
 
+def test_one_part_alone_gives_the_temperature() -> None:
+    """The last of two temperatures counted, in silence."""
+    front = Forcing.front(CENTRE, 90.0, 0.3, 10e3, temperature=(-1.0, 3.0))
+    for one, other in (
+        (front, front),
+        (front, Steady(temperature=2.0)),
+        (Steady(temperature=2.0), Steady(temperature=2.0)),
+    ):
+        with pytest.raises(ForcingError, match=r"two parts give the temperature of the water: .*; and "):
+            one + other
+    with pytest.raises(ForcingError, match="give the salinity"):
+        Steady(salinity=34.0) + front + Steady(salinity=34.0)
+    assert (Steady(salinity=34.0) + front).provides == {"sst", "sss"}
+
+
 def test_a_temperature_by_formula_counts_at_the_keel_too() -> None:
     """Melt of base and sides went by the water at the keel that another part had said, and not by what was set over it."""
     elements = new_elements(1)

@@ -21,6 +21,7 @@ from riftberg.bergs.raster import Raster, is_gridded, read_raster
 from riftberg.constants import DEGREE, RHO_SEAWATER
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
+from riftberg.plane import near
 from riftberg.state import Bonds, Elements, Floats, Ints, new_bonds, new_elements
 from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.state.variables import GONE, THICKEST
@@ -130,6 +131,30 @@ def give_velocity(elements: Elements, east: Any, north: Any) -> None:
         getattr(elements, f"v{when}")[:] += north
 
 
+def turn_rigidly(elements: Elements, rate: Any, metric: Metric) -> None:
+    """Add a rotation of each piece about its centre of mass to the spins and velocities that elements have.
+
+    ``rate``: rad s-1, counter-clockwise; one number, or one for each element, the same all over a piece.
+    """
+    rates = np.broadcast_to(np.asarray(rate, np.float64), elements.berg.shape)
+    elements.spin[:] += rates
+    east, north = np.zeros((2, elements.size))
+    whole, size = np.unique(elements.berg, return_counts=True)
+    for piece in whole[size > 1]:  # a lone element turns about its own centre
+        some = elements.berg == piece
+        lon, lat, share = elements.lon[some], elements.lat[some], elements.mass[some] / elements.mass[some].sum()
+        if metric.latlon or metric.period > 0.0:
+            lon = near(lon, lon[0], metric.period if metric.period > 0.0 else 360.0)
+        lon0, lat0 = (float(a.mean() + share @ (a - a.mean())) for a in (lon, lat))
+        if metric.latlon:  # exact on the sphere, in the local axes of each element
+            x, y, y0 = (lon - lon0) * DEGREE, lat * DEGREE, lat0 * DEGREE
+            south = np.cos(y0) * np.sin(y) * np.cos(x) - np.sin(y0) * np.cos(y)
+            east[some], north[some] = -metric.radius * south, metric.radius * np.cos(y0) * np.sin(x)
+        else:
+            east[some], north[some] = lat0 - lat, lon - lon0
+    give_velocity(elements, rates * east, rates * north)
+
+
 OVERLAP_ALLOWED = 0.01
 """Part of R1 + R2 by which two elements may overlap before the berg is refused."""
 
@@ -147,7 +172,6 @@ def make_elements(lon: Floats, lat: Floats, settings: BergOptions, *, static: An
     elements.lon[:] = elements.lon_pair[:] = lon
     elements.lat[:] = elements.lat_pair[:] = lat
     give_velocity(elements, *velocity)
-    elements.spin[:] = settings.spin
     elements.static[:] = np.asarray(static, dtype=np.float64)
     elements.thickness[:] = thickness
     area = np.asarray([element_area(float(r), settings.packing) for r in np.atleast_1d(radius)])

@@ -21,6 +21,7 @@ from riftberg.bergs.bonding import (
     refuse_overlap,
     separations,
     thickness_at,
+    turn_rigidly,
     within_pieces,
 )
 from riftberg.bergs.keys import (
@@ -436,6 +437,10 @@ class Iceberg(BondedBerg):
         if settings.pieces is not None:
             bonds = within_pieces(bonds, np.broadcast_to(np.asarray(settings.pieces, dtype=np.int64), lon.shape))
         number_pieces(elements, bonds)
+        if np.ndim(settings.spin):
+            elements.spin[:] = settings.spin  # each element about itself
+        elif settings.spin:
+            turn_rigidly(elements, settings.spin, metric)
         return cls(
             elements, bonds, settings.packing, float(np.mean(settings.radius)), {"source": "points"}, settings.latlon,
             settings.earth_radius, settings.density,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from riftberg.errors import InputError, nearest
+from riftberg.errors import InputError
 from riftberg.experiments.registry import EXPERIMENTS, BuiltIn, Info, Numerics, Options, find, names
 
 if TYPE_CHECKING:
@@ -29,14 +29,7 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
     entry = find(name)
     if options.grid is not None:
         raise InputError(f"{name} has its own ocean", where="--grid", remedy="It is for experiments of YAML files")
-    unknown = sorted(options.without - set(entry.parts))
-    if unknown:
-        parts = ", ".join(entry.parts) or "nothing"
-        raise InputError(
-            f"cannot leave out {unknown[0]!r} of {name}",
-            where="--without",
-            remedy=f"{nearest(unknown[0], entry.parts)}{name} can go without {parts}",
-        )
+    entry.check_parts(options.without)
     if options.lattice and not entry.lattice:
         named = next(iter(options.lattice))
         others = ", ".join(other.name for other in EXPERIMENTS if other.lattice)

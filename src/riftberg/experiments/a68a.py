@@ -41,7 +41,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import shapely
 
-from riftberg.bergs.bonding import BondRule, Metric, form_bonds, give_velocity
+from riftberg.bergs.bonding import BondRule, Metric, form_bonds, turn_rigidly
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.lattice import cells_of_rows, cells_region
 from riftberg.bergs.regions import ReferencePlane
@@ -66,7 +66,6 @@ from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Packing, Parameters
-from riftberg.physics.geometry import meridian_convergence
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, Ints
@@ -211,19 +210,6 @@ TURN = -10.0
 """Rotation at the start, degrees a day; the observed berg turned by 14 degrees on the first day, clockwise."""
 
 
-def start_turning(berg: Iceberg, degrees_a_day: float) -> None:
-    """Give a berg a rigid rotation about its centre, in addition to its velocity."""
-    e, rate = berg.elements, math.radians(degrees_a_day) / SECONDS_PER_DAY
-    lat0, lon0 = float(e.lat.mean()), float(e.lon.mean())
-    x = berg.earth_radius * DEGREE * np.cos(0.5 * DEGREE * (e.lat + lat0)) * (e.lon - lon0)
-    y = berg.earth_radius * DEGREE * (e.lat - lat0)
-    # The local axes of an element are turned against those of the centre by the convergence of the meridians.
-    angle = meridian_convergence(lat0, berg.earth_radius) * x
-    cosine, sine = np.cos(angle), np.sin(angle)
-    give_velocity(e, rate * (-y * cosine + x * sine), rate * (x * cosine + y * sine))
-    e.spin[:] += rate
-
-
 def story_model(
     options: Options, *, radius: float = 1500.0, packing: Packing = "square", ocean: StoryOcean | None = None
 ) -> Model:
@@ -238,7 +224,7 @@ def story_model(
     parameters = A68A_2022 if own else A68A_2022_KID
     berg = a68a_berg(**lattice, density=options.apply(parameters).ice.density)
     if own:
-        start_turning(berg, TURN)
+        turn_rigidly(berg.elements, math.radians(TURN) / SECONDS_PER_DAY, Metric(True, berg.earth_radius))
     if lattice != {"radius": 1500.0, "packing": "square"}:
         # The number of sub-steps of the publication belongs to its lattice.
         parameters = parameters.changed(stepping={"substeps": None})
@@ -295,6 +281,7 @@ class TrackSea(Steady):
     ``warmest``: temperature of the surface in the middle of February at 55 degrees south, degrees Celsius.
     """
 
+    start = MELT_START  # a run of another date is refused
     SWING: Final = 1.8  # Half the range of the year, degrees
     POLEWARD: Final = 0.6  # How much colder a degree further south is, degrees
     DEEP: Final = 1.0  # How much colder the mean over the draft is than the surface, degrees

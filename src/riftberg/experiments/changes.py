@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 from pydantic.fields import FieldInfo
 
-from riftberg.bergs.bonding import Metric, give_velocity, separations
+from riftberg.bergs.bonding import Metric, give_velocity, separations, turn_rigidly
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
@@ -308,9 +308,6 @@ def with_berg(model: Model, keys: Mapping[str, Any]) -> Model:
         east, north = keys["velocity"]
         give_velocity(e, east - float(share @ e.u), north - float(share @ e.v))
     if "spin" in keys:
-        plane = EqualAreaPlane(float(share @ e.lon), float(share @ e.lat), p.earth.radius, p.earth.latlon)
-        x, y = plane.forward(e.lon, e.lat)
-        rate = keys["spin"] - e.spin
-        give_velocity(e, -rate * y, rate * x)
-        e.spin[:] = keys["spin"]
+        turn_rigidly(e, keys["spin"] - e.spin, Metric(p.earth.latlon, p.earth.radius, p.earth.period))
+        e.spin[:] = keys["spin"]  # to the last digit
     return _again(changed, e, bonds, lambda x, y: (x, y))

@@ -6,7 +6,7 @@ An experiment is imported when it is built, so that asking for the list costs no
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -96,6 +96,15 @@ class BuiltIn:
         module, function = self.place.split(":")
         builder: Builder = getattr(importlib.import_module(f"riftberg.experiments.{module}"), function)
         return builder
+
+    def check_parts(self, without: Iterable[str]) -> None:
+        """Refuse to leave out what is no part of it."""
+        unknown = sorted(set(without) - set(self.parts))
+        if unknown:
+            raise InputError(
+                f"cannot leave out {unknown[0]!r} of {self.name}", where="--without",
+                remedy=f"{nearest(unknown[0], self.parts)}{self.name} can go without {', '.join(self.parts) or 'nothing'}",
+            )  # fmt: skip
 
 
 EXPERIMENTS: Final[tuple[BuiltIn, ...]] = (

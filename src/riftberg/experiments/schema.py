@@ -114,7 +114,12 @@ class Strength(Section):
     uniform: float | None = key(None, "1", "half width of a uniform distribution", ge=0, lt=1)
     file: str | None = key(None, "", "map of relative strength (NetCDF, GeoTIFF), read at the middles of the bonds")
     variable: str | None = key(None, "", "variable of the map")
-    seed: int = key(1, "", "seed of the distribution: the same seed gives the same strengths", ge=0)
+    seed: int = key(
+        1,
+        "",
+        "seed of the distribution: the same seed gives the same strengths, each of several bergs its own",
+        ge=0,
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Strength:
@@ -177,7 +182,7 @@ class ExperimentForcing(Section):
 
     kind: Literal["analytic"]
     name: Literal["a68a"] = key("a68a", "", "built-in experiment whose ocean is used")
-    without: list[str] = key([], "", "parts of that ocean to leave out")
+    without: list[Literal["shoal", "shear"]] = key([], "", "parts of that ocean to leave out")
 
 
 class FormulaForcing(Section):

@@ -8,11 +8,13 @@ is reported with its line.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, get_args
 
+import numpy as np
 import yaml
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
@@ -341,15 +343,23 @@ def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> 
     """Build the berg or bergs of an experiment, with their rifts and the strengths of their bonds."""
     from riftberg.bergs.iceberg import Iceberg
 
-    built = [_one_berg(place, berg, parameters, folder) for place, berg in experiment.all_bergs]
+    drawn: Counter[int] = Counter()
+    built = [_one_berg(place, berg, parameters, folder, drawn) for place, berg in experiment.all_bergs]
     if experiment.berg is not None:
         return built[0]
     with _key_named("bergs"):
         return Iceberg.join(built)
 
 
-def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
-    """Build one berg of an experiment; ``place`` is the name of its section."""
+def _own_seed(seed: int, drawn: Counter[int]) -> int:
+    """Return the seed of one of several bergs: as it is said for the first, and one of its own for each that shares it."""
+    number = drawn[seed]
+    drawn[seed] += 1
+    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0]) if number else seed
+
+
+def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path, drawn: Counter[int]) -> Iceberg:
+    """Build one berg of an experiment; ``place`` is the name of its section, ``drawn`` counts the seeds that are used."""
     if berg.field is not None:
         with _key_named(f"{place}.field"):
             return _field_of_bergs(berg, berg.field, parameters)
@@ -367,7 +377,7 @@ def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path) -> I
             )
     if berg.strength is not None:
         with _key_named(f"{place}.strength"):
-            made = _with_strength(made, berg.strength, folder)
+            made = _with_strength(made, berg.strength, folder, drawn)
     return made if berg.name is None else made.named(berg.name)
 
 
@@ -381,16 +391,17 @@ def _key_named(key: str) -> Iterator[None]:
         raise BergError(error.what, where=where, remedy=error.remedy) from error
 
 
-def _with_strength(berg: Iceberg, strength: Strength, folder: Path) -> Iceberg:
+def _with_strength(berg: Iceberg, strength: Strength, folder: Path, drawn: Counter[int]) -> Iceberg:
     from riftberg.bergs.raster import read_raster
 
     if strength.file is not None:
         return berg.with_strength(read_raster(folder / strength.file, strength.variable))
+    seed = _own_seed(strength.seed, drawn)
     if strength.weibull is not None:
-        return berg.with_strength("weibull", shape=strength.weibull, seed=strength.seed)
+        return berg.with_strength("weibull", shape=strength.weibull, seed=seed)
     if strength.normal is not None:
-        return berg.with_strength("normal", spread=strength.normal, seed=strength.seed)
-    return berg.with_strength("uniform", spread=strength.uniform, seed=strength.seed)
+        return berg.with_strength("normal", spread=strength.normal, seed=seed)
+    return berg.with_strength("uniform", spread=strength.uniform, seed=seed)
 
 
 def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
@@ -426,6 +437,7 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
 
 
 def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) -> Iceberg:
+    from riftberg.bergs.bonding import Metric, turn_rigidly
     from riftberg.coupling.shelf import IceShelf
 
     path = folder / shelf.file
@@ -434,7 +446,7 @@ def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) 
         crs=shelf.crs, density=parameters.ice.density, earth_radius=parameters.earth.radius,
     )  # fmt: skip
     made = ice.berg(radius=berg.radius, packing=berg.packing, velocity=berg.velocity)
-    made.elements.motion.spin[:] = berg.spin
+    turn_rigidly(made.elements, berg.spin, Metric(True, made.earth_radius))
     return made
 
 
@@ -481,9 +493,11 @@ def build_forcing(
         return shared_forcing(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
         return Sum(forcing.parts)
-    without = frozenset(forcing.without) | options.without
-    model, _ = find(forcing.name).load()(Options(without=without, data=options.data))
-    return model.forcing
+    from riftberg.ocean.story import StoryOcean
+
+    find(forcing.name).check_parts(options.without)
+    without = options.without | set(forcing.without)
+    return StoryOcean(shoal="shoal" not in without, shear="shear" not in without, start=experiment.start)
 
 
 def sections() -> Iterator[tuple[str, Mapping[str, FieldInfo]]]:

@@ -8,6 +8,7 @@ as in the reference, or from draws that depend on berg and step alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple, Protocol
 
@@ -309,8 +310,9 @@ class _Calving:
             e = int(rows[np.argmax(share)])
             density = body.mass[e] / (body.thickness[e] * body.width[e] * body.length[e])
             shape = _piece(float(body.thickness[e]), wide, density)
-            if not self._bear(e, self._rim(e, body.width[e], body.length[e]), shape, total / shape[0]):
-                life.mass_of_fl_bits[e] += total / float(life.mass_scaling[e])
+            place = self._rim(e, body.width[e], body.length[e])
+            if not self._bear(e, place, shape, total / shape[0], self._heat(rows, mass)):
+                life.mass_of_fl_bits[rows] += mass
 
     def _spawn_together(self, rows: Ints) -> None:
         """Make a berg of the footloose bits that all elements of a berg hold, at the one that holds most."""
@@ -325,10 +327,16 @@ class _Calving:
         scaling, part = count * least / mass, count * least / held.sum()
         bergy = part * float((life.mass_of_fl_bergy_bits[rows] * life.mass_scaling[rows]).sum())
         place = self._rim(e, body.width[e], body.length[e])
-        if not self._bear(e, place, (mass, *shape, bergy / scaling), scaling):
+        heat = self._heat(rows, life.mass_of_fl_bits[rows] + life.mass_of_fl_bergy_bits[rows])
+        if not self._bear(e, place, (mass, *shape, bergy / scaling), scaling, heat):
             return
         for bits in (life.mass_of_fl_bits, life.mass_of_fl_bergy_bits):
             bits[rows] *= 1.0 - part
+
+    def _heat(self, rows: Ints, mass: Floats) -> float:
+        """Heat (J kg-1) of ice (kg of one berg) that several elements give."""
+        life = self.el.life
+        return float(np.average(life.heat_density[rows], weights=mass * life.mass_scaling[rows]))
 
     # ------------------------------------------------------------------------------------------------------ births
 
@@ -338,12 +346,22 @@ class _Calving:
             return 0.0, 0.0
         rank = self._rank(int(self.el.cell_i[e]), int(self.el.cell_j[e]))
         draw = self.when.draws.draw(rank, int(self.el.body.id[e]), self.when.step)
-        return rim_place(draw, float(width), float(length), self.p.compatibility.half_west_rim)
+        x, y = rim_place(draw, float(width), float(length), self.p.compatibility.half_west_rim)
+        return (x, y) if self.reference else self._as_turned(e, x, y)
+
+    def _as_turned(self, e: int, x: float, y: float) -> tuple[float, float]:
+        """Metres east and north of metres along the length and the width of an element that has turned."""
+        angle = float(self.el.motion.rotation[e])
+        cosine, sine = math.cos(angle), math.sin(angle)
+        return x * cosine - y * sine, x * sine + y * cosine
 
     def _bear(
-        self, e: int, place: tuple[float, float], piece: tuple[float, float, float, float, float], scaling: float
-    ) -> bool:
+        self, e: int, place: tuple[float, float], piece: tuple[float, float, float, float, float], scaling: float,
+        heat: float | None = None,
+    ) -> bool:  # fmt: skip
         """Make a child of an element: mass (kg), thickness, width, length (m), bits (kg) of one berg; how many (files, 2.6).
+
+        ``heat``: of the ice (J kg-1), by default that of the element.
 
         Returns whether there is room for it: where other ice lies, it is for the caller to keep the ice.
         """
@@ -351,6 +369,8 @@ class _Calving:
         body, life = child.body, child.life
         body.mass[0], body.thickness[0], body.width[0], body.length[0], life.mass_of_bits[0] = piece
         life.mass_scaling[0], life.fl_k[0] = scaling, CHILD
+        if heat is not None:
+            life.heat_density[0] = heat
         life.mass_of_fl_bits[0] = life.mass_of_fl_bergy_bits[0] = 0.0
         # A child is a copy of its parent's row; what belongs to the lattice of the parent does not go with it.
         for array in (body.bond_count, body.bond_area, body.substeps, body.load_x, body.load_y, body.in_contact):

@@ -20,13 +20,14 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.bergs.bonding import Metric, separations
+from riftberg.bergs.bonding import Metric, pieces, separations
 from riftberg.bergs.lattice import Booleans
 from riftberg.compiled.kernels import borrower, kernel, plain
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.stepping.explicit.stability import stiffness_parts
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, OWN, SEA_FLOOR
 from riftberg.stepping.forces.sizes import interaction_sizes
@@ -292,26 +293,36 @@ class MotionLedger:
         if own is not None:
             applied = np.concatenate([applied, own], axis=1)
             applied[:, OWN] = 0.0
-        p, now = self.parameters, run.elements
-        entries = _entries_in_substeps if p.stepping.scheme == "mts" else _entries_in_steps
-        was, stands, forces = entries(before, now, applied, run)
-        given = np.zeros((ELEMENTS, 3))
-        given[: len(FORCES)] = forces[: len(FORCES)]
-        given[OWN] += forces[len(FORCES) :].sum(axis=0)
-        # The Coriolis force stands across the velocity; what it does along the mean of two velocities is the step's error.
-        given[TIME_STEP, 2], given[CORIOLIS, 2] = given[CORIOLIS, 2], 0.0
-        body = now.body
+        now, body = run.elements, run.elements.body
         held, pushed = _held_or_pushed(body.static, body.free_y, body.load_x, body.load_y)
-        if pushed:
-            _add_loads(given, before, now, run)
+        was, stands, forces, given = self._given(before, now, applied, run, pushed)
         if held:
-            given[SUPPORTS, :2] = stands[:2] - was[:2] - given[:, :2].sum(axis=0)
+            # Of bergs with supports and of what may touch them alone: what is left over elsewhere no support has taken.
+            tied = _tied(before, now, run)
+            some = (before.taken(tied), now.taken(tied), applied[tied])
+            w, s, _, g = (was, stands, forces, given) if tied.size == now.size else self._given(*some, run, pushed)
+            given[SUPPORTS, :2] = s[:2] - w[:2] - g[:, :2].sum(axis=0)
         kept = self._begun(remembered, before, bonds_before, run, was)
         _enter_step(kept, was, stands, given)
         self._cracks(kept, before, bonds_before, run)
         kept[BONDS, 2] = plastic[0]
         kept[BONDS + 1 :] += forces[len(FORCES) :]
         remembered[KEPT], remembered[KEPT_ON_BED] = kept, plastic[1:].copy()
+
+    def _given(
+        self, before: Elements, now: Elements, applied: Floats, run: RunState, pushed: bool
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return stock before and after a step, what each force gave, and the rows of `GIVERS` before the elements' own."""
+        entries = _entries_in_substeps if self.parameters.stepping.scheme == "mts" else _entries_in_steps
+        was, stands, forces = entries(before, now, applied, run)
+        given = np.zeros((ELEMENTS, 3))
+        given[: len(FORCES)] = forces[: len(FORCES)]
+        given[OWN] += forces[len(FORCES) :].sum(axis=0)
+        # The Coriolis force stands across the velocity; what it does along the mean of two velocities is the step's error.
+        given[TIME_STEP, 2], given[CORIOLIS, 2] = given[CORIOLIS, 2], 0.0
+        if pushed:
+            _add_loads(given, before, now, run)
+        return was, stands, forces, given
 
     def changed(self, run: RunState, who: str, remembered: MutableMapping[str, Floats]) -> None:
         """Enter what another process has done, under one of `GIVERS`."""
@@ -399,6 +410,23 @@ def _held_or_pushed(static: Floats, free_y: Floats, load_x: Floats, load_y: Floa
         held = held or static[e] >= 0.5 or free_y[e] < 0.5
         pushed = pushed or load_x[e] != 0.0 or load_y[e] != 0.0
     return held, pushed
+
+
+def _tied(before: Elements, now: Elements, run: RunState) -> Ints:
+    """Rows of bergs that have supports, and of those that may touch one in the step, by way of others too."""
+    place, berg, motion, p = before.place, before.body.berg, before.motion, run.parameters
+    if (berg == berg[0]).all():
+        return np.arange(berg.size)
+    speed = max(np.hypot(a.u, a.v).max() for a in (motion, now.motion))
+    sizes = np.sqrt(2.0 * before.body.length * before.body.width)
+    reach = max(float(sizes.max()), p.contact_distance) + 2.0 * float(speed) * p.stepping.time_step
+    earth = p.earth
+    near = find_pairs(place.lon, place.lat, berg, reach, ANY, earth.latlon, earth.radius, earth.period)
+    row = np.arange(berg.size)
+    _, one, number = np.unique(berg, return_index=True, return_inverse=True)
+    first, second = np.repeat(row, np.diff(near.start)), near.partner
+    group = pieces(berg.size, np.append(first, row), np.append(second, one[number]))
+    return np.flatnonzero(np.isin(group, group[(now.body.static >= 0.5) | (now.body.free_y < 0.5)]))
 
 
 @borrower

@@ -190,6 +190,14 @@ class Sum(Formula):
                 where="forcing",
                 remedy="Add formulas to one forcing from files; several files are one forcing already",
             )
+        for name, what in (("sst", "temperature"), ("sss", "salinity")):
+            givers = [part for part in self.parts if name in getattr(part, "provides", ())]
+            if len(givers) > 1:
+                one, other = (str(part.describe()).splitlines()[0] for part in givers[:2])
+                raise ForcingError(
+                    f"two parts give the {what} of the water: {one}; and {other}", where="forcing",
+                    remedy=f"Leave the {what} to one of them",
+                )  # fmt: skip
         self.grid = others[0].grid if others else None
         self.provides = frozenset(name for part in parts for name in getattr(part, "provides", ()))
         for name in ("latlon", "latitude"):

@@ -22,13 +22,15 @@ story, whose own numbers (`REFERENCE`) belong to the numerics of the reference.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from datetime import datetime
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel, plain
 from riftberg.config.units import place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
+from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.formulas import MATERIAL_STEP
 from riftberg.ocean.grid import Grid
@@ -36,6 +38,9 @@ from riftberg.state import Elements, Floats
 
 LATITUDE, LONGITUDE = -55.8, -37.4
 """Origin of the local coordinates, degrees."""
+
+BEGINS: Final = datetime(2020, 12, 9, 13)
+"""Date (UTC) from which the numbers count their days."""
 
 
 class StoryNumbers(NamedTuple):
@@ -265,12 +270,23 @@ def _fill_exponent(lon, lat, along, metre, shoal_lon, shoal_lat, length, out):
 
 
 class StoryOcean(DescribedForcing):
-    """The fitted ocean as forcing, evaluated at the elements themselves."""
+    """The fitted ocean as forcing, evaluated at the elements themselves.
+
+    ``shoal``, ``shear``: with these parts; ``start``: date (UTC) at which the run starts, which has the ocean of that date.
+    """
 
     grid: Grid | None = None
     citations = ("Huth, A., Adcroft, A., Sergienko, O., Khan, N. (2022), doi:10.1126/sciadv.abq6974",)
 
-    def __init__(self, numbers: StoryNumbers = OWN, *, shoal: bool = True, shear: bool = True) -> None:
+    def __init__(
+        self, numbers: StoryNumbers = OWN, *, shoal: bool = True, shear: bool = True, start: datetime = BEGINS
+    ) -> None:
+        if start < BEGINS:
+            raise ForcingError(
+                f"the ocean of A68a begins on {BEGINS:%Y-%m-%d %H:%M}, the run on {start:%Y-%m-%d %H:%M}",
+                where="start", remedy="Start the run then or later; the currents were fitted to the drift until 26 December",
+            )  # fmt: skip
+        self.start, self._late = start, (start - BEGINS).total_seconds()
         self.numbers = numbers if shear else numbers._replace(jet_speed=0.0, counter_speed=0.0, shear_flow=0.0)
         self.has_shoal = shoal
         fitted_with = " with the reference's numerics" if numbers.reference else ""
@@ -284,12 +300,13 @@ class StoryOcean(DescribedForcing):
         self._fill_depth(place.lon, place.lat, e.depth)
 
     def instant(self, time: float) -> _Instant:
-        """Return the ocean at a time (s)."""
+        """Return the ocean at a time (s) of the run."""
+        time += self._late
         return plain(ocean_at)(self.numbers, time, spin_at(self.numbers, time))
 
     def _fill(self, lon: Floats, lat: Floats, time: float, *fields: Floats) -> None:
         """Fill current, slopes and vorticity at a list of points."""
-        n, step = self.numbers, MATERIAL_STEP
+        n, step, time = self.numbers, MATERIAL_STEP, time + self._late
         _fill(lon, lat, *fields, n, time, spin_at(n, time), spin_at(n, time - step), spin_at(n, time + step))
 
     def check(self, elements: Elements, start: float, end: float) -> None:
@@ -328,4 +345,4 @@ class StoryOcean(DescribedForcing):
         parts.append(
             f"a shoal at {place_text(*self.numbers.shoal[:2], latlon=True, digits=2)}" if self.has_shoal else "no shoal"
         )
-        return f"closed-form ocean for A68a ({', '.join(parts)}); {self.title}"
+        return f"closed-form ocean for A68a ({', '.join(parts)}) from {self.start:%Y-%m-%d %H:%M}; {self.title}"
