@@ -143,7 +143,7 @@ def step_lone_bergs(
             np.arange(rows.size), bodies.reference[rows], bodies.pose[numbers], twist[mine], bodies.displacement[rows]
         )
         blocks.append(_Block(model, slice(first, first + BLOCK), rows - first, of_block, sizes, applied))
-    with ThreadPoolExecutor(config.NUMBA_NUM_THREADS) as pool:
+    with ThreadPoolExecutor(config.NUMBA_NUM_THREADS) as pool:  # type: ignore[attr-defined]
         parts = math.ceil(dt / min(pool.map(_Block.longest_step, blocks)) - 1e-9)
         for n in range(parts):
             list(pool.map(lambda block: block.depart(parts), blocks))
