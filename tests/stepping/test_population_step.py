@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,36 @@ def test_a_meeting_does_not_divide_the_step_of_bergs_elsewhere() -> None:
         np.testing.assert_array_equal(
             getattr(together.elements, name)[:8], getattr(apart.elements, name)[:8], err_msg=name
         )
+
+
+def test_neither_blocks_nor_threads_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the last bit. In steps of three hours the bergs south of 42 degrees ask for two parts, for all of them."""
+    north = [berg(30.0 * k, 2400.0 - 45.0 * k, True) for k in range(8)]
+    bergs = Iceberg.join([*north, population()], names=[f"north {k}" for k in range(8)] + ["south"])
+    states = []
+    for block, threads in ((8192, 1), (8192, 3), (3, 1), (3, 3)):
+        monkeypatch.setattr(lone_bergs, "BLOCK", block)
+        monkeypatch.setattr(lone_bergs.config, "NUMBA_NUM_THREADS", threads)
+        model = model_of(bergs, Turned(**OCEAN), dt=10800.0, **MELT)
+        model.advance(steps=3)
+        states.append(state_of(model))
+    for other in states[1:]:
+        for name, values in states[0].items():
+            np.testing.assert_array_equal(other[name], values, err_msg=name)
+
+
+class Turned(Steady):
+    """A forcing that may not be asked by two threads at once, and must see all lone bergs together."""
+
+    busy = False
+
+    def sample(self, elements: Any, time: float) -> None:
+        assert not Turned.busy
+        Turned.busy = True
+        super().sample(elements, time)
+        elements.environment.uo[:] += 1e-4 * np.arange(elements.size)
+        sleep(1e-3)
+        Turned.busy = False
 
 
 class Shoal(Steady):

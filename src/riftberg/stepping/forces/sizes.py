@@ -22,6 +22,11 @@ class Sizes(NamedTuple):
     bond_area: Floats
 
 
+def sizes_in(sizes: Sizes, rows: slice) -> Sizes:
+    """Return those of some rows that follow one another, in the same memory."""
+    return Sizes(*(array[rows] for array in sizes))
+
+
 @kernel
 def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
     """Radius (m) of an element: inscribed circle of a hexagon or square, or the disc of an unbonded one."""

@@ -12,13 +12,17 @@ it, land or a change between afloat and aground, it is put back to the start and
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import config
 
 from riftberg.compiled.kernels import kernel
 from riftberg.ocean.cells import settle_elements
-from riftberg.state import Floats, Ints
+from riftberg.ocean.forcing import Forcing
+from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import Population, cut_out
 from riftberg.stepping.bodies.dynamics import (
     MAX_ITERATIONS,
@@ -38,11 +42,14 @@ from riftberg.stepping.contact.broad_phase import candidate_pairs
 from riftberg.stepping.contact.faces import FaceContact
 from riftberg.stepping.contact.land import land_corrections
 from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR, ForcedElements
-from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.forces.sizes import Sizes, sizes_in
 from riftberg.stepping.run_state import RunState
 
 MIN_LONE_BERGS = 2000
 """Lone bergs from which on they go by themselves: with fewer it costs as much to copy the others out and back."""
+
+BLOCK = 8192
+"""Elements of a block: so few that threads end together, so many that what Python does for each of them does not show."""
 
 
 def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceContact) -> tuple[Ints, Booleans] | None:
@@ -65,11 +72,11 @@ def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceCo
     return (lone, unreachable & ~alone) if lone.size >= least else None
 
 
-def run_of(model: RunState, rows: Ints) -> tuple[RunState, Ints]:
+def run_of(model: RunState, rows: Ints, forcing: Any) -> tuple[RunState, Ints]:
     """Return a run of some of the elements, as copies, and the rows of their bonds."""
     elements, bonds, bond_rows = cut_out(model.elements, model.bonds, rows)
     some = RunState(
-        Population(elements, bonds), model.forcing, model.parameters, model.constants, model.fragments, model.start, model.time,
+        Population(elements, bonds), forcing, model.parameters, model.constants, model.fragments, model.start, model.time,
         model.step_number, model.contacts, model.outlines, model.laws,
     )  # fmt: skip
     return some, bond_rows
@@ -98,83 +105,130 @@ class LoneStep(NamedTuple):
 
     rows: Ints  # Those to which nothing happened
     bodies: Bodies
+    happened: Ints  # The others, which are as they were at the start
+
+
+class OneAtATime:
+    """A forcing that the threads of a step share: it samples for one of them at a time, so that it may keep what it likes."""
+
+    def __init__(self, forcing: Forcing) -> None:
+        self._forcing, self._lock, self.grid = forcing, threading.Lock(), forcing.grid
+
+    def sample(self, elements: Elements, time: float) -> None:
+        """Fill the environment of the elements."""
+        with self._lock:
+            self._forcing.sample(elements, time)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._forcing, name)
 
 
 def step_lone_bergs(
-    model: RunState, bodies: Bodies, unknown: Booleans | None, lone: Ints, sizes: Sizes, applied: Floats
-) -> LoneStep:
-    """Take lone bergs through a time step; all other elements stay as they are.
+    model: RunState, forcing: Any, bodies: Bodies, unknown: Booleans | None, lone: Ints, sizes: Sizes, applied: Floats
+) -> list[LoneStep]:
+    """Take lone bergs through a time step, in blocks that threads share; all other elements stay as they are.
 
     ``unknown``: bodies that take the velocities of their elements; None where all are as the last step has left them.
     ``applied`` takes the mean accelerations of lone bergs to which nothing happens, shape (elements, forces, 2).
     """
-    el, c, grid, stepping = model.elements, model.constants, model.forcing.grid, model.parameters.stepping
-    start = [array.copy() for group in (el.place, el.shown, el.environment) for array in group]
-    own = bodies.body[lone]
-    mine = Bodies(
-        np.arange(lone.size), bodies.reference[lone], bodies.pose[own], bodies.twist[own], bodies.displacement[lone]
-    )
+    el, dt, own = model.elements, model.parameters.stepping.time_step, bodies.body[lone]
+    twist = bodies.twist[own]
     if unknown is not None:
-        mine.twist[unknown[own]] = np.column_stack([el.u, el.v, el.spin])[lone[unknown[own]]]
-    twist, pose, turned = mine.twist, mine.pose, np.zeros(lone.size)
-    static, lon, lat = np.zeros(lone.size), el.lon[lone], el.lat[lone]
-    middle, scratch, spin_rate = np.empty_like(twist), np.empty((3, 3)), np.zeros(lone.size)
-    forcing, after = allocate_forcing(el, c), allocate_forcing(el, c)
-    _evaluate(model, sizes, forcing)
-    aground = forcing.aground > 0.0
-    happened = np.zeros(el.size, np.bool_)
-    dt = stepping.time_step
-    parts = math.ceil(dt / longest_trial_step(forcing, dt) - 1e-9)
-    h = dt / parts
-    for n in range(parts):
-        _kick(lone, twist, forcing, 0.5 * h, 0.5 / parts, middle, applied)
-        new = np.empty_like(pose)
-        move_poses(pose, middle, h, c.latlon, c.earth_radius, new, scratch)
-        pose = new
-        moved = Bodies(mine.body, mine.reference, pose, middle, mine.displacement)
-        place_elements(moved, lon, lat, static, c.latlon, c.earth_radius, c.period)
-        el.place.lon[lone], el.place.lat[lone] = lon, lat
-        turned += h * middle[:, 2]
+        twist[unknown[own]] = np.column_stack([el.u, el.v, el.spin])[lone[unknown[own]]]
+    blocks = []
+    for first in range(0, el.size, BLOCK):
+        mine = slice(*np.searchsorted(lone, (first, first + BLOCK)))
+        rows, numbers = lone[mine], own[mine]
+        of_block = Bodies(
+            np.arange(rows.size), bodies.reference[rows], bodies.pose[numbers], twist[mine], bodies.displacement[rows]
+        )
+        blocks.append(_Block(model, slice(first, first + BLOCK), rows - first, of_block, sizes, applied))
+    with ThreadPoolExecutor(config.NUMBA_NUM_THREADS) as pool:  # type: ignore[attr-defined]
+        parts = math.ceil(dt / min(pool.map(_Block.longest_step, blocks)) - 1e-9)
+        for n in range(parts):
+            list(pool.map(lambda block: block.depart(parts), blocks))
+            # A forcing may draw numbers for all elements of a cell, in whatever block they are.
+            forcing.sample(el, model.time + (n + 1) * dt / parts)
+            list(pool.map(lambda block: block.arrive(parts), blocks))
+        return list(pool.map(_Block.finish, blocks))
+
+
+class _Block:
+    """Elements that follow one another, with the lone bergs among them, ``lone``, on their way through a time step."""
+
+    def __init__(
+        self, model: RunState, block: slice, lone: Ints, bodies: Bodies, sizes: Sizes, applied: Floats
+    ) -> None:  # fmt: skip
+        self.el, self.sizes, self.first = model.elements.shown_in(block), sizes_in(sizes, block), block.start
+        self.model, self.c, self.stepping = model, model.constants, model.parameters.stepping
+        self.lone, self.bodies, self.applied = lone, bodies, applied[block]
+        # What is found for all elements of the block, lone or not.
+        self.found = [array for group in (self.el.place, self.el.shown, self.el.environment) for array in group]
+        self.start = [array.copy() for array in self.found]
+        self.lon, self.lat = self.el.lon[lone], self.el.lat[lone]
+        self.middle, self.turned, self.spin_rate = np.empty_like(bodies.twist), np.zeros(lone.size), np.zeros(lone.size)
+        self.happened = np.zeros(self.el.size, np.bool_)
+
+    def longest_step(self) -> float:
+        """Evaluate the forces at the start; returns the longest trial step that they allow, s."""
+        self.forcing = allocate_forcing(self.el, self.c)
+        self._evaluate()
+        self.aground = self.forcing.aground > 0.0
+        return longest_trial_step(self.forcing, self.stepping.time_step)
+
+    def depart(self, parts: int) -> None:
+        """Take the first half kick of one of some parts of the step, and drift to its end."""
+        el, c, lone, (body, reference, pose, twist, displacement) = self.el, self.c, self.lone, self.bodies
+        h, new, grid = self.stepping.time_step / parts, np.empty_like(pose), self.model.forcing.grid
+        _kick(lone, twist, self.forcing, 0.5 * h, 0.5 / parts, self.middle, self.applied)
+        move_poses(pose, self.middle, h, c.latlon, c.earth_radius, new, np.empty((3, 3)))
+        self.bodies = moved = Bodies(body, reference, new, twist, displacement)
+        place_elements(moved, self.lon, self.lat, np.zeros(lone.size), c.latlon, c.earth_radius, c.period)
+        el.place.lon[lone], el.place.lat[lone] = self.lon, self.lat
+        self.turned += h * self.middle[:, 2]
         if grid is not None:
             far_lon, far_lat = el.lon.copy(), el.lat.copy()
             settle_elements(el, grid.arrays, c)
-            happened |= land_corrections(el, far_lon, far_lat, c).any(axis=1)
-            lon, lat = el.lon[lone], el.lat[lone]
-        model.forcing.sample(el, model.time + (n + 1) * h)
-        _evaluate(model, sizes, after)
-        if stepping.landing_steps > 1:  # else touch-down is no event
-            happened |= (after.aground > 0.0) != aground
-        twist = 2.0 * middle - twist  # first guess: the second half changes it as the first has done
-        check_converged(_solve(lone, middle, twist, after, 0.5 * h, 0.5 / parts, spin_rate, applied))
-        forcing, after = after, forcing
-    quiet = ~happened[lone]
-    rows, twist = lone[quiet], twist[quiet]
-    stays = np.ones(el.size, np.bool_)
-    stays[rows] = False
-    others = np.flatnonzero(stays)  # a few: found once, not for each array
-    for array, before in zip((a for group in (el.place, el.shown, el.environment) for a in group), start, strict=True):
-        array[others] = before[others]
-    u, v, spin = twist.T
-    motion, shown = el.motion, el.shown
-    for array, values in (
-        (motion.u, u), (motion.v, v), (motion.u_sync, u), (motion.v_sync, v), (motion.spin, spin), (shown.u_pair, u),
-        (shown.v_pair, v), (shown.lon_pair, lon[quiet]), (shown.lat_pair, lat[quiet]), (el.kicks.spin_rate, spin_rate[quiet]),
-    ):  # fmt: skip
-        array[rows] = values
-    motion.rotation[rows] += turned[quiet]
-    if not quiet.all():
-        applied[lone[~quiet]] = 0.0
-    return LoneStep(
-        rows,
-        Bodies(np.arange(rows.size), mine.reference[quiet], pose[quiet], twist, mine.displacement[quiet]),
-    )
+            self.happened |= land_corrections(el, far_lon, far_lat, c).any(axis=1)
+            self.lon, self.lat = el.lon[lone], el.lat[lone]
 
+    def arrive(self, parts: int) -> None:
+        """Take the second half kick, with the forces at the new place and time."""
+        self._evaluate()
+        if self.stepping.landing_steps > 1:  # else touch-down is no event
+            self.happened |= (self.forcing.aground > 0.0) != self.aground
+        half_dt, twist = 0.5 * self.stepping.time_step / parts, self.bodies.twist
+        twist[:] = 2.0 * self.middle - twist  # first guess: the second half changes it as the first has done
+        check_converged(
+            _solve(self.lone, self.middle, twist, self.forcing, half_dt, 0.5 / parts, self.spin_rate, self.applied)
+        )
 
-def _evaluate(model: RunState, sizes: Sizes, forcing: ElementForcing) -> None:
-    """Take the coefficients of all forces from the environment that the elements carry."""
-    el = model.elements
-    seen = ForcedElements(el.place, el.body, el.environment)
-    evaluate_forcing(seen, sizes, model.constants, np.ones(len(MEDIA), np.bool_), np.empty((1, 0, 0)), forcing)
+    def finish(self) -> LoneStep:
+        """Leave the lone bergs at the end of the step, all others as they were at its start."""
+        el, lone, (_, reference, pose, twist, displacement) = self.el, self.lone, self.bodies
+        quiet = ~self.happened[lone]
+        rows, (u, v, spin) = lone[quiet], twist[quiet].T
+        stays = np.ones(el.size, np.bool_)
+        stays[rows] = False
+        others = np.flatnonzero(stays)  # a few: found once, not for each array
+        for array, before in zip(self.found, self.start, strict=True):
+            array[others] = before[others]
+        self.applied[lone[~quiet]] = 0.0
+        motion, shown = el.motion, el.shown
+        for array, values in (
+            (motion.u, u), (motion.v, v), (motion.u_sync, u), (motion.v_sync, v), (motion.spin, spin), (shown.u_pair, u),
+            (shown.v_pair, v), (shown.lon_pair, self.lon[quiet]), (shown.lat_pair, self.lat[quiet]),
+            (el.kicks.spin_rate, self.spin_rate[quiet]),
+        ):  # fmt: skip
+            array[rows] = values
+        motion.rotation[rows] += self.turned[quiet]
+        bodies = Bodies(np.arange(rows.size), reference[quiet], pose[quiet], twist[quiet], displacement[quiet])
+        return LoneStep(self.first + rows, bodies, self.first + lone[~quiet])
+
+    def _evaluate(self) -> None:
+        """Take the coefficients of all forces from the environment that the elements carry."""
+        seen = ForcedElements(self.el.place, self.el.body, self.el.environment)
+        evaluate_forcing(seen, self.sizes, self.c, np.ones(len(MEDIA), np.bool_), np.empty((1, 0, 0)), self.forcing)
 
 
 @kernel

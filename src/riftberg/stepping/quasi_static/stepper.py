@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from riftberg.state import Floats
+from riftberg.state import Floats, Ints
 from riftberg.state.population import put_back
 from riftberg.stepping.bodies.pose import Bodies
 from riftberg.stepping.contact.broad_phase import NO_PAIRS, concatenate_pairs
@@ -30,6 +31,7 @@ from riftberg.stepping.lattice.cells import (
 )
 from riftberg.stepping.lattice.footprints import FootprintBook
 from riftberg.stepping.quasi_static.lone_bergs import (
+    OneAtATime,
     bodies_of,
     find_lone_bergs,
     joined_bodies,
@@ -163,33 +165,49 @@ class QuasiStaticStepper:
         lone, unreachable = found
         self._lattice = self._state = None
         applied = np.zeros((model.elements.size, len(FORCES), 2))
-        done = step_lone_bergs(model, bodies, unknown, lone, sizes, applied)
-        # Fragments of several elements that nobody may touch, then all that may meet: events cut the
-        # step of each group alone.
-        reachable = ~unreachable
-        reachable[done.rows] = False
-        parts, touched, cracked = [(done.rows, done.bodies)], [], False
-        if not reachable.any():
-            self._faces.forget_pairs()
-        for among in (unreachable, reachable):
-            if not among.any():
-                continue
-            rows = np.flatnonzero(among)
-            (group, bond_rows), (theirs, numbers) = run_of(model, rows), bodies_of(bodies, rows)
-            topology = self._cell_topology if among is unreachable else None
-            step = TimeStep(
-                group, theirs, unknown=None if unknown is None else unknown[numbers], cells=(self._cells, topology),
-                cracks=(self._tips, int(bonds.crack.max(initial=0))),
-                laws=LawsWithMemory(None, self._faces) if among is reachable else None,  # only there do faces meet
-            )  # fmt: skip
+        parts: list[tuple[Ints, Bodies]] = []
+        touched: list[tuple[Ints, Ints]] = []
+        highest_crack, cracked = int(bonds.crack.max(initial=0)), False
+
+        def step_group(rows: Ints, group: RunState, **options: Any) -> TimeStep:
+            """Take a group, the copy of its rows, through the time step."""
+            nonlocal highest_crack, cracked
+            theirs, numbers = bodies_of(bodies, rows)
+            new = None if unknown is None else unknown[numbers]
+            step = TimeStep(group, theirs, unknown=new, cracks=(self._tips, highest_crack), **options)
             step.run()
-            put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
             applied[rows] = step.applied
-            touched += [(rows[first], rows[second]) for first, second in step.touched]
-            self._cells, self._tips, cracked = step.lattice.elastic_cells, step.lattice.tips, cracked or step.cracked
-            if among is unreachable:
-                self._cell_topology = step.lattice.topology
+            touched.extend((rows[first], rows[second]) for first, second in step.touched)
             parts.append((rows, step.state.bodies))
+            self._cells, self._tips, cracked = step.lattice.elastic_cells, step.lattice.tips, cracked or step.cracked
+            highest_crack = max(highest_crack, int(group.bonds.crack.max(initial=0)))
+            return step
+
+        # Events cut the step of each group alone: fragments of several elements that nobody may touch, and all that may meet.
+        # They are copies, so that other threads may step the lone bergs meanwhile.
+        reachable = ~unreachable
+        reachable[lone] = False
+        forcing = OneAtATime(model.forcing)
+        apart, meeting = (
+            (rows, *run_of(model, rows, forcing)) for rows in map(np.flatnonzero, (unreachable, reachable))
+        )
+        with ThreadPoolExecutor(1) as beside:
+            begun = beside.submit(step_lone_bergs, model, forcing, bodies, unknown, lone, sizes, applied)
+            if apart[0].size:
+                step = step_group(*apart[:2], cells=(self._cells, self._cell_topology))
+                self._cell_topology = step.lattice.topology
+            if meeting[0].size:
+                step_group(*meeting[:2], cells=(self._cells, None), laws=LawsWithMemory(None, self._faces))
+            else:
+                self._faces.forget_pairs()
+            done = begun.result()
+        happened = np.concatenate([block.happened for block in done])
+        alone = (happened, *run_of(model, happened, forcing))
+        if happened.size:
+            step_group(*alone[:2], cells=(self._cells, None))
+        for rows, group, bond_rows in (apart, meeting, alone):
+            put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
+        parts += [(block.rows, block.bodies) for block in done]
         body = connected_parts(model.elements.size, bonds.first, bonds.second, bonds.status)
         self._bodies = joined_bodies(body, tuple(parts))
         self.applied, self.touched, self._sizes = applied, concatenate_pairs(touched), sizes
