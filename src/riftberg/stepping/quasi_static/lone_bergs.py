@@ -5,8 +5,9 @@ A lone berg has no lattice, and its matrices are numbers: the two half kicks of 
 
     W = 1 + z + z^2 / 2,   P = 1 + z / 2,   z = h c / 2
 
-where c is the linear drag of the sea floor (s-1). Its results are those of `TimeStep` to round-off. Where something happens to
-it, land or a change between afloat and aground, it is put back to the start and goes with the others.
+where c is the linear drag of the sea floor (s-1), and with the drag of the other media that a first half kick takes
+implicitly. Its results are those of `TimeStep` to round-off. Where something happens to it, land or a change between afloat
+and aground, it is put back to the start and goes with the others.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from riftberg.stepping.bodies.dynamics import (
     check_converged,
     drag_and_jacobian,
     evaluate_forcing,
+    excess_rate,
     has_converged,
     longest_trial_step,
     relative_change,
@@ -234,15 +236,16 @@ class _Block:
 @kernel
 def _acceleration(
     forcing: ElementForcing, e: int, u: float, v: float, part: float, applied: Floats
-) -> tuple[float, float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float]:
     """Acceleration (m s-2) of an element by all forces but the linear drag of the sea floor, with what follows from it.
 
-    Then come minus its derivatives xx, xy and yy (s-1), and the Coriolis parameter, which enters beside xy with both signs.
+    Then come minus its derivatives xx, xy and yy (s-1), the Coriolis parameter, which enters beside xy with both signs, and the
+    drag per velocity through the media (s-1).
     ``part`` of each acceleration goes into ``applied``, if it is not 0. Forces are summed in the order of
     `riftberg.stepping.bodies.dynamics.add_forces`.
     """
     media, mass = forcing.media, forcing.mass
-    ax = ay = jxx = jxy = jyy = f = 0.0
+    ax = ay = jxx = jxy = jyy = f = rate = 0.0
     if forcing.media_act:
         f = forcing.coriolis[e]
         ax, ay = f * v, -f * u
@@ -251,16 +254,17 @@ def _acceleration(
             applied[e, CORIOLIS, 1] += part * ay
     for k in range(len(MEDIA)):
         if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-            dx, dy, dxx, dxy, dyy, _ = drag_and_jacobian(media[e, k], u, v)
+            dx, dy, dxx, dxy, dyy, of_medium = drag_and_jacobian(media[e, k], u, v)
             ax += dx
             ay += dy
             jxx += dxx
             jxy += dxy
             jyy += dyy
+            rate += of_medium
             if part != 0.0:
                 applied[e, k, 0] += part * dx
                 applied[e, k, 1] += part * dy
-    return ax + forcing.push_x[e] / mass[e], ay + forcing.push_y[e] / mass[e], jxx, jxy, jyy, f
+    return ax + forcing.push_x[e] / mass[e], ay + forcing.push_y[e] / mass[e], jxx, jxy, jyy, f, rate
 
 
 @kernel
@@ -278,6 +282,22 @@ def _apply_floor(
 
 
 @kernel
+def _apply_excess(
+    forcing: ElementForcing, e: int, u: float, v: float, du: float, dv: float, excess: float, rate: float, part: float,
+    applied: Floats,
+) -> None:  # fmt: skip
+    """Add what drag beyond `EXPLICIT_PART` has lost by the change (du, dv) of the velocity (u, v) in a first half kick.
+
+    As `riftberg.stepping.bodies.dynamics.accumulate_excess_drag`; ``rate`` is that of all media together.
+    """
+    for k in range(len(MEDIA)):
+        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            of_medium = part * excess * drag_and_jacobian(forcing.media[e, k], u, v)[5] / rate
+            applied[e, k, 0] -= of_medium * du
+            applied[e, k, 1] -= of_medium * dv
+
+
+@kernel
 def _kick(
     rows: Ints, twist: Floats, forcing: ElementForcing, half_dt: float, part: float, new: Floats, applied: Floats
 ) -> None:
@@ -285,13 +305,20 @@ def _kick(
     for n in range(rows.size):
         e = rows[n]
         u, v, w = twist[n, 0], twist[n, 1], twist[n, 2]
-        ax, ay, _, _, _, _ = _acceleration(forcing, e, u, v, part, applied)
-        torque, _ = spin_torque(forcing, e, w)
+        ax, ay, _, _, _, _, rate = _acceleration(forcing, e, u, v, part, applied)
+        torque, turning = spin_torque(forcing, e, w)
+        inertia = forcing.inertia[e]
+        excess, excess_spin = excess_rate(rate, half_dt), excess_rate(0.5 * turning / inertia, half_dt)
         z, zs = half_dt * forcing.floor_rate[e], half_dt * forcing.floor_spin_rate[e]
         decay, kick = 1.0 + z + 0.5 * z * z, half_dt * (1.0 + 0.5 * z)
-        new[n, 0], new[n, 1] = (u + kick * ax) / decay, (v + kick * ay) / decay
-        new[n, 2] = (w + half_dt * (1.0 + 0.5 * zs) * torque / forcing.inertia[e]) / (1.0 + zs + 0.5 * zs * zs)
-        _apply_floor(forcing, e, new[n, 0], new[n, 1], ax, ay, half_dt, part, applied)
+        decay_spin, kick_spin = 1.0 + zs + 0.5 * zs * zs, half_dt * (1.0 + 0.5 * zs)
+        new[n, 0] = (u + kick * (ax + excess * u)) / (decay + kick * excess)
+        new[n, 1] = (v + kick * (ay + excess * v)) / (decay + kick * excess)
+        new[n, 2] = (w + kick_spin * (torque / inertia + excess_spin * w)) / (decay_spin + kick_spin * excess_spin)
+        du, dv = new[n, 0] - u, new[n, 1] - v
+        if excess > 0.0:
+            _apply_excess(forcing, e, u, v, du, dv, excess, rate, part, applied)
+        _apply_floor(forcing, e, new[n, 0], new[n, 1], ax - excess * du, ay - excess * dv, half_dt, part, applied)
 
 
 @kernel
@@ -315,7 +342,7 @@ def _solve(
         while True:
             if iterations == MAX_ITERATIONS:
                 return -1
-            ax, ay, jxx, jxy, jyy, f = _acceleration(forcing, e, u, v, 0.0, applied)
+            ax, ay, jxx, jxy, jyy, f, _ = _acceleration(forcing, e, u, v, 0.0, applied)
             torque, turning = spin_torque(forcing, e, w)
             rx, ry = middle[n, 0] + kick * ax - decay * u, middle[n, 1] + kick * ay - decay * v
             xx, xy, yx, yy = decay + kick * jxx, kick * (jxy - f), kick * (jxy + f), decay + kick * jyy
@@ -331,7 +358,7 @@ def _solve(
             before = change
         most = max(most, iterations)
         twist[n, 0], twist[n, 1], twist[n, 2] = u, v, w
-        ax, ay, _, _, _, _ = _acceleration(forcing, e, u, v, part, applied)
+        ax, ay, _, _, _, _, _ = _acceleration(forcing, e, u, v, part, applied)
         _apply_floor(forcing, e, u, v, ax, ay, half_dt, part, applied)
         spin_rate[n] = spin_torque(forcing, e, w)[0] / inertia - forcing.floor_spin_rate[e] * w
     return most
