@@ -60,7 +60,7 @@ def state_of(model: Model) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize(
     "options",
     [{}, MELT, {"grounding": {"coefficient": 1e3, "torque": True}},
-     {"grounding": {"law": "quadratic", "quadratic_coefficient": 5.0}}, {"dt": 3600.0}],
+     {"grounding": {"law": "quadratic", "quadratic_coefficient": 5.0}}, {"dt": 1800.0}],
     ids=["afloat", "melting", "aground", "ploughing", "drag that the step does not resolve"],
 )  # fmt: skip
 def test_lone_bergs_go_as_in_the_general_step(
