@@ -52,6 +52,7 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
         return {
             "rectangle": sides, "radius": radius, "thickness": round(r.uniform(80, 400), 1),
             "placement": point(11e3 * n, r.uniform(-300, 300)), "rotation": r.uniform(-180, 180), "velocity": some(0.4),
+            "spin": perhaps(0.3, r.uniform(-3e-5, 3e-5)),
             "strength": perhaps(0.3, {"normal": 0.3, "seed": r.randint(1, 9)}),
             "rifts": perhaps(0.3, {"points": [point(11e3 * n - 1e4, -3e3), point(11e3 * n + 1e4, 2e3)], "strength": 0.2}),
         }  # fmt: skip
@@ -103,6 +104,7 @@ def changed(
     for berg in new["bergs"]:
         berg["placement"], berg["velocity"] = place(berg["placement"]), vector(berg["velocity"])
         berg["rotation"] = sign * berg["rotation"] + turned
+        berg["spin"] = berg["spin"] and sign * berg["spin"]
         if berg["rifts"]:
             berg["rifts"]["points"] = [place(point) for point in berg["rifts"]["points"]]
     done = []  # YAML may hold one list of numbers in two places
