@@ -9,19 +9,26 @@ import pytest
 
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.compiled.kernels import plain
-from riftberg.stepping.bodies.dynamics import EXPLICIT_PART, accumulate_excess_drag, add_excess_drag, excess_rate
-from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.bodies.dynamics import EXPLICIT_PART, accumulate_excess, add_excess_drag, excess_rate
+from riftberg.stepping.forces.media import FORCES, LINEAR, QUADRATIC, U, V
 
 WATER, AIR = (0.8, 0.0), (15.0, 0.0)
-QUADRATIC = {"law": "quadratic", "coefficient": 0.0, "quadratic_coefficient": 1e4}
+FLOOR = {"law": "quadratic", "coefficient": 0.0, "quadratic_coefficient": 1e4}
 
 
 def made(
-    length: float, thickness: float, time_step: float, *, turned: float = 0.0, depth: float = 1e4, **changes: Any
+    length: float,
+    thickness: float,
+    time_step: float,
+    *,
+    turned: float = 0.0,
+    depth: float = 1e4,
+    water: tuple[float, float] = WATER,
+    **changes: Any,
 ) -> Model:
     """Return a berg of one element in current and wind, at rest."""
     c, s = np.cos(turned), np.sin(turned)
-    ocean = Steady(current=(c * WATER[0], s * WATER[0]), wind=(c * AIR[0], s * AIR[0]), depth=depth)
+    ocean = Steady(current=(c * water[0], s * water[0]), wind=(c * AIR[0], s * AIR[0]), depth=depth)
     berg = Iceberg.rectangle(
         length,
         length,
@@ -51,12 +58,12 @@ def test_a_small_berg_is_not_flung_past_the_water(length: float, thickness: floa
     coarse, every = way(made(length, thickness, time_step), 4.0), round(time_step / 20.0)
     fine = way(made(length, thickness, 20.0), 4.0)
     in_a_step = every * np.hypot(*(fine[-1] - fine[-2]))
-    assert np.hypot(*(coarse - fine[every - 1 :: every]).T).max() < 0.2 * in_a_step
+    assert np.hypot(*(coarse - fine[every - 1 :: every]).T).max() < 0.3 * in_a_step
 
 
 def test_a_keel_on_a_floor_of_quadratic_drag_stays_where_it_is() -> None:
     """Its own speed flung it 600 km in the first half hour."""
-    model = made(2000.0, 250.0, 1800.0, depth=200.0, grounding=QUADRATIC, berg={"velocity": (0.3, 0.1)})
+    model = made(2000.0, 250.0, 1800.0, depth=200.0, grounding=FLOOR, berg={"velocity": (0.3, 0.1)})
     assert np.hypot(*way(model, 0.5)[0]) < 0.3 * 1800.0
     assert 0.0 < model.elements.u[0] < 0.1
 
@@ -70,23 +77,41 @@ def test_it_goes_the_same_way_in_all_directions() -> None:
 @pytest.mark.parametrize("depth", [1e4, 40.0])
 def test_the_ledger_of_momentum_closes(depth: float) -> None:
     """Each medium has its part of what it gives implicitly."""
-    model = made(60.0, 50.0, 1800.0, depth=depth, grounding=QUADRATIC)
+    model = made(60.0, 50.0, 1800.0, depth=depth, grounding=FLOOR)
     model.advance(steps=4)
     assert model.motion.balance(model, model.remembered).momentum_error < 1e-10
 
 
-def test_excess_drag_is_the_plain_sum_over_the_elements() -> None:
+def test_excess_drag_is_the_plain_sum_over_the_media() -> None:
     """And what the ledger takes from it is what it takes from the berg."""
     model = made(60.0, 50.0, 1800.0)
     model.step()
     state = model._stepper._state
-    op, rate, half_dt, before = state.operators, state.terms.drag_rate, 900.0, state.bodies.twist
-    slow = np.zeros((1, 3, 3))
-    plain(add_excess_drag)(op, rate, half_dt, slow)
-    r = max(rate[0, 0] - EXPLICIT_PART / half_dt, 0.0)
-    assert 0.0 < r == plain(excess_rate)(rate[0, 0], half_dt)
-    np.testing.assert_allclose(slow[0, :2, :2], r * model.elements.mass[0] * np.eye(2), rtol=1e-12)
-    applied, after = np.zeros((1, len(FORCES), 2)), before + np.array([0.3, -0.5, 0.0])
-    plain(accumulate_excess_drag)(op, rate, before, after, half_dt, 1.0, applied)
-    np.testing.assert_allclose(applied.sum(axis=1)[0], [-0.3 * r, 0.5 * r], rtol=1e-9)
+    op, terms, half_dt, before, media = (
+        state.operators,
+        state.terms,
+        900.0,
+        state.bodies.twist,
+        state.operators.forcing.media[0],
+    )
+    slow, acceleration = np.zeros((1, 3, 3)), np.empty((1, 3))
+    plain(add_excess_drag)(op, before, terms, half_dt, acceleration, slow)
+    pushed = np.hypot(*terms.net_force[0, :2]) / model.elements.mass[0]
+    np.testing.assert_allclose(np.hypot(*acceleration[0, :2]), pushed, rtol=1e-12)
+    least = np.sqrt(pushed / media[:, QUADRATIC].sum())
+    speed = np.hypot(before[0, 0] - media[:, U], before[0, 1] - media[:, V])
+    rate = (media[:, LINEAR] + media[:, QUADRATIC] * np.maximum(speed, least)).sum()
+    excess = rate - EXPLICIT_PART / half_dt
+    assert excess > 0.0
+    np.testing.assert_allclose(slow[0, :2, :2], excess * model.elements.mass[0] * np.eye(2), rtol=1e-12)
+    applied = np.zeros((1, len(FORCES), 2))
+    plain(accumulate_excess)(op.forcing, 0, tuple(before[0, :2]), (0.3, -0.5), (rate, least), half_dt, 1.0, applied)
+    np.testing.assert_allclose(applied.sum(axis=1)[0], [-0.3 * excess, 0.5 * excess], rtol=1e-9)
     assert plain(excess_rate)(EXPLICIT_PART / half_dt, half_dt) == 0.0
+
+
+def test_a_berg_at_rest_in_still_water_is_not_blown_past_its_speed() -> None:
+    """At the start water holds nothing back: by its drag at rest a berg of 60 m went 17 km in two hours, not 2 km."""
+    coarse, fine = (made(60.0, 40.0, dt, water=(0.0, 0.0)) for dt in (7200.0, 20.0))
+    one, other = way(coarse, 2.0)[-1], way(fine, 2.0)[-1]
+    assert np.hypot(*(one - other)) < 0.5 * np.hypot(*other)

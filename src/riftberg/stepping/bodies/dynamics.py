@@ -21,6 +21,9 @@ medium beyond `EXPLICIT_PART` in the half step is taken implicitly, with the dra
 
     (W + (h/2) P M^-1 D) q(1/2) = q(0) + (h/2) P M^-1 (G(x0, q0) + D q0)
 
+Drag c |v| v per mass has the rate c |v|: at the speed v of the start through the medium, or, where that is less, at
+sqrt(a / c), to which the acceleration a of the start can bring it (`drag_rates`). So v(1/2) is v0 / (1 + h c v0 / 2) of a berg
+that drag alone stops, as it should be, and sqrt(a / c) in a long step of one that is pushed.
 The second half takes all of it implicitly as it is. Where the step resolves drag, D is 0.
 """
 
@@ -262,27 +265,6 @@ def accumulate_forces(
 
 
 @kernel
-def accumulate_excess_drag(
-    op: BodyOperators, drag_rate: Floats, twist: Floats, new: Floats, half_dt: float, part: float, applied: Floats
-) -> None:
-    """Add to ``applied`` what drag beyond `EXPLICIT_PART` has lost by the change of the velocities in a first half kick.
-
-    Each medium has its part of it, as of the drag itself, by its rate at the velocities ``twist`` of the start.
-    """
-    forcing = op.forcing
-    for e in range(op.body.size):
-        excess = excess_rate(drag_rate[e, 0], half_dt)
-        if excess > 0.0:
-            b, m = op.body[e], op.levers[e]
-            (u, v, _), (u_new, v_new, _) = element_velocity(m, twist[b]), element_velocity(m, new[b])
-            for k in range(len(MEDIA)):
-                if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-                    rate = part * excess * drag_and_jacobian(forcing.media[e, k], u, v)[5] / drag_rate[e, 0]
-                    applied[e, k, 0] -= rate * (u_new - u)
-                    applied[e, k, 1] -= rate * (v_new - v)
-
-
-@kernel
 def spin_torque(forcing: ElementForcing, e: int, w: float) -> tuple[float, float]:
     """Torque (N m) of the water on an element that spins, and minus its derivative."""
     spin = w - forcing.water_spin[e]
@@ -468,16 +450,90 @@ def excess_rate(rate: float, half_dt: float) -> float:
 
 
 @kernel
-def add_excess_drag(op: BodyOperators, drag_rate: Floats, half_dt: float, excess_drag: Floats) -> None:
-    """Add D of the text above to the matrices of the fragments, shape (fragments, 3, 3)."""
-    mass, inertia = op.forcing.mass, op.forcing.inertia
+def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
+    """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more."""
+    return row[LINEAR] + row[QUADRATIC] * max(math.hypot(u - row[U], v - row[V]), least)
+
+
+@kernel
+def drag_rates(
+    forcing: ElementForcing, e: int, u: float, v: float, acceleration: float, now: float, half_dt: float
+) -> tuple[float, float]:
+    """Drag (s-1) of all media per velocity through them in a half step from (u, v), and the least speed (m s-1) that it is for.
+
+    ``acceleration``: by all forces, m s-2; ``now``: the drag at (u, v), which is returned where the step resolves it.
+    """
+    quadratic = 0.0
+    for k in range(len(MEDIA)):
+        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            quadratic += forcing.media[e, k, QUADRATIC]
+    least = math.sqrt(acceleration / quadratic) if quadratic > 0.0 else 0.0
+    if now + quadratic * least <= EXPLICIT_PART / half_dt:
+        return now, least
+    rate = 0.0
+    for k in range(len(MEDIA)):
+        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            rate += rate_of_medium(forcing.media[e, k], u, v, least)
+    return rate, least
+
+
+@kernel
+def accumulate_excess(
+    forcing: ElementForcing, e: int, velocity: tuple[float, float], change: tuple[float, float], rates: tuple[float, float],
+    half_dt: float, part: float, applied: Floats,
+) -> None:  # fmt: skip
+    """Add to ``applied`` what excess drag of an element has lost by the ``change`` of its velocity in a first half kick.
+
+    Each medium has its part of it, as of ``rates`` (those of `drag_rates`).
+    """
+    (rate, least), (u, v) = rates, velocity
+    excess = excess_rate(rate, half_dt)
+    if excess == 0.0:
+        return
+    for k in range(len(MEDIA)):
+        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
+            of_medium = part * excess * rate_of_medium(forcing.media[e, k], u, v, least) / rate
+            applied[e, k, 0] -= of_medium * change[0]
+            applied[e, k, 1] -= of_medium * change[1]
+
+
+@kernel
+def add_excess_drag(
+    op: BodyOperators, twist: Floats, terms: ForceTerms, half_dt: float, acceleration: Floats, excess_drag: Floats
+) -> None:
+    """Add D of the text above to the matrices of the fragments, shape (fragments, 3, 3); fill their ``acceleration``."""
+    forcing, limit = op.forcing, EXPLICIT_PART / half_dt
+    for b in range(twist.shape[0]):
+        acceleration[b, 0], acceleration[b, 1], acceleration[b, 2] = times(op.matrices.mobility[b], terms.net_force[b])
     for e in range(op.body.size):
-        rate, spin_rate = excess_rate(drag_rate[e, 0], half_dt), excess_rate(drag_rate[e, 1], half_dt)
-        if rate > 0.0 or spin_rate > 0.0:
-            drag, m = excess_drag[op.body[e]], op.levers[e]
-            _add_outer(drag, mass[e] * rate, m[0:3], m[0:3])
-            _add_outer(drag, mass[e] * rate, m[3:6], m[3:6])
-            _add_outer(drag, inertia[e] * spin_rate, m[6:9], m[6:9])
+        b, m, mass, inertia = op.body[e], op.levers[e], forcing.mass[e], forcing.inertia[e]
+        (u, v, _), (au, av, aw) = element_velocity(m, twist[b]), element_velocity(m, acceleration[b])
+        rate, _ = drag_rates(forcing, e, u, v, math.hypot(au, av), terms.drag_rate[e, 0], half_dt)
+        spin_rate = max(terms.drag_rate[e, 1], math.sqrt(forcing.spin_drag[e] * abs(aw)))
+        if rate > limit:
+            _add_outer(excess_drag[b], mass * (rate - limit), m[0:3], m[0:3])
+            _add_outer(excess_drag[b], mass * (rate - limit), m[3:6], m[3:6])
+        if spin_rate > limit:
+            _add_outer(excess_drag[b], inertia * (spin_rate - limit), m[6:9], m[6:9])
+
+
+@kernel
+def accumulate_excess_drag(
+    op: BodyOperators, twist: Floats, terms: ForceTerms, new: Floats, half_dt: float, part: float, applied: Floats,
+    work: BodyWorkspace,
+) -> None:  # fmt: skip
+    """Add `accumulate_excess` of all elements, right after `first_half_kick` from ``twist`` to ``new``."""
+    for b in range(twist.shape[0]):
+        if not _is_zero(work.jacobian[b]):
+            break
+    else:
+        return
+    for e in range(op.body.size):
+        b, m = op.body[e], op.levers[e]
+        (u, v, _), (u_new, v_new, _) = element_velocity(m, twist[b]), element_velocity(m, new[b])
+        au, av, _ = element_velocity(m, work.increment[b])
+        rates = drag_rates(op.forcing, e, u, v, math.hypot(au, av), terms.drag_rate[e, 0], half_dt)
+        accumulate_excess(op.forcing, e, (u, v), (u_new - u, v_new - v), rates, half_dt, part, applied)
 
 
 @kernel
@@ -487,12 +543,12 @@ def first_half_kick(
     """Find the velocities ``new`` at mid-step from those at the start, at which the forces are ``terms``.
 
     Leaves in ``work.net_force`` the mean force of the half step: that at the start, less what its excess drag D (which
-    stays in ``work.jacobian``) loses with the speed.
+    stays in ``work.jacobian``) loses with the speed; in ``work.increment`` the acceleration at the start.
     """
     matrices, net_force, excess_drag = op.matrices, work.net_force, work.jacobian
     pade_factors(matrices, half_dt, work)
     excess_drag[:, :, :] = 0.0
-    add_excess_drag(op, terms.drag_rate, half_dt, excess_drag)
+    add_excess_drag(op, twist, terms, half_dt, work.increment, excess_drag)
     matrix, right = work.scratch[0], work.scratch[1, 0]
     for b in range(twist.shape[0]):
         resolved = _is_zero(excess_drag[b])

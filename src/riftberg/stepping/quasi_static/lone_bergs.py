@@ -29,9 +29,11 @@ from riftberg.stepping.bodies.dynamics import (
     MAX_ITERATIONS,
     Booleans,
     ElementForcing,
+    accumulate_excess,
     allocate_forcing,
     check_converged,
     drag_and_jacobian,
+    drag_rates,
     evaluate_forcing,
     excess_rate,
     has_converged,
@@ -282,22 +284,6 @@ def _apply_floor(
 
 
 @kernel
-def _apply_excess(
-    forcing: ElementForcing, e: int, u: float, v: float, du: float, dv: float, excess: float, rate: float, part: float,
-    applied: Floats,
-) -> None:  # fmt: skip
-    """Add what drag beyond `EXPLICIT_PART` has lost by the change (du, dv) of the velocity (u, v) in a first half kick.
-
-    As `riftberg.stepping.bodies.dynamics.accumulate_excess_drag`; ``rate`` is that of all media together.
-    """
-    for k in range(len(MEDIA)):
-        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-            of_medium = part * excess * drag_and_jacobian(forcing.media[e, k], u, v)[5] / rate
-            applied[e, k, 0] -= of_medium * du
-            applied[e, k, 1] -= of_medium * dv
-
-
-@kernel
 def _kick(
     rows: Ints, twist: Floats, forcing: ElementForcing, half_dt: float, part: float, new: Floats, applied: Floats
 ) -> None:
@@ -308,7 +294,9 @@ def _kick(
         ax, ay, _, _, _, _, rate = _acceleration(forcing, e, u, v, part, applied)
         torque, turning = spin_torque(forcing, e, w)
         inertia = forcing.inertia[e]
-        excess, excess_spin = excess_rate(rate, half_dt), excess_rate(0.5 * turning / inertia, half_dt)
+        rates = drag_rates(forcing, e, u, v, math.hypot(ax, ay), rate, half_dt)
+        spin_rate = max(0.5 * turning / inertia, math.sqrt(forcing.spin_drag[e] * abs(torque / inertia)))
+        excess, excess_spin = excess_rate(rates[0], half_dt), excess_rate(spin_rate, half_dt)
         z, zs = half_dt * forcing.floor_rate[e], half_dt * forcing.floor_spin_rate[e]
         decay, kick = 1.0 + z + 0.5 * z * z, half_dt * (1.0 + 0.5 * z)
         decay_spin, kick_spin = 1.0 + zs + 0.5 * zs * zs, half_dt * (1.0 + 0.5 * zs)
@@ -316,8 +304,7 @@ def _kick(
         new[n, 1] = (v + kick * (ay + excess * v)) / (decay + kick * excess)
         new[n, 2] = (w + kick_spin * (torque / inertia + excess_spin * w)) / (decay_spin + kick_spin * excess_spin)
         du, dv = new[n, 0] - u, new[n, 1] - v
-        if excess > 0.0:
-            _apply_excess(forcing, e, u, v, du, dv, excess, rate, part, applied)
+        accumulate_excess(forcing, e, (u, v), (du, dv), rates, half_dt, part, applied)
         _apply_floor(forcing, e, new[n, 0], new[n, 1], ax - excess * du, ay - excess * dv, half_dt, part, applied)
 
 

@@ -181,7 +181,7 @@ def accumulate_step_forces(
     first_half_kick(op, twist, terms, half_dt, middle, work)
     mean_drag_velocity(matrices, work.net_force, middle, half_dt, drag_twist, work.scratch)
     accumulate_forces(body, levers, rate, terms.accelerations, drag_twist, part, applied)
-    accumulate_excess_drag(op, terms.drag_rate, twist, middle, half_dt, part, applied)
+    accumulate_excess_drag(op, twist, terms, middle, half_dt, part, applied, work)
     levers, rate, matrices = end_op.levers, end_op.forcing.floor_rate, end_op.matrices
     mean_drag_velocity(matrices, end_terms.net_force, end_twist, half_dt, drag_twist, work.scratch)
     accumulate_forces(body, levers, rate, end_terms.accelerations, drag_twist, part, applied)
