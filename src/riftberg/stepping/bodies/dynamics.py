@@ -452,7 +452,8 @@ def excess_rate(rate: float, half_dt: float) -> float:
 @kernel
 def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
     """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more."""
-    return row[LINEAR] + row[QUADRATIC] * max(math.hypot(u - row[U], v - row[V]), least)
+    speed: float = max(math.hypot(u - row[U], v - row[V]), least)
+    return float(row[LINEAR] + row[QUADRATIC] * speed)
 
 
 @kernel
