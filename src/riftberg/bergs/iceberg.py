@@ -308,8 +308,9 @@ class Iceberg(BondedBerg):
         outline : geometry, dict or array_like, optional
             Outline of the ice (polygon) in the coordinates of the elements, which elastic cells fill.
         **options
-            Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius
-            and velocity may be arrays, and elements of different pieces are not bonded, however close they are.
+            Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius,
+            velocity and spin may be arrays (spins are then those of elements about themselves, and not of their berg), and
+            elements of different pieces are not bonded, however close they are.
         """
         settings = berg_options(options, PointOptions, thickness)
         unit = "degree" if settings.latlon else "m"
