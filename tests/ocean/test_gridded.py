@@ -280,8 +280,11 @@ def test_maps_agree_with_sampling(scene):
     assert u.shape == (8, 5)
     np.testing.assert_allclose(u.ravel(), e.uo, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(v.ravel(), e.vo, rtol=1e-9, atol=1e-9)
+    # The sea level of the first record stood in the depth, and a bed of sediment took it for the whole run.
     forcing.sample(e, 0.0)
-    np.testing.assert_allclose(forcing.depth(e.lon, e.lat), e.depth, rtol=1e-9, atol=1e-9)
+    level = forcing.sea_level(e.lon, e.lat, 0.0)
+    assert (level != forcing.sea_level(e.lon, e.lat, 1234.0)).all()
+    np.testing.assert_allclose(forcing.depth(e.lon, e.lat) + level, e.depth, rtol=1e-9, atol=1e-9)
     rows, columns = np.nonzero(grid.arrays.mask[grid.domain] < 0.5)
     x, y = grid.arrays.lon_centre[grid.domain][rows, columns], grid.arrays.lat_centre[grid.domain][rows, columns]
     u, v = forcing.currents(np.append(x, [300.0, 323.0]), np.append(y, [-55.5, -70.0]), 0.0)

@@ -16,7 +16,7 @@ from riftberg.constants import GRAVITY, RHO_SEAWATER
 from riftberg.physics.seabed import bending_length
 from riftberg.stepping.ground.balance import Bed, Bending, column_stiffness, hull_of, press, share_of_ice
 from riftberg.stepping.ground.floor import Floor, Patches
-from riftberg.stepping.ground.landing import _impulse_of, bed_of, bent_bonds
+from riftberg.stepping.ground.landing import _impulse_of, bed_of, bent_bonds, depth_of_bed
 from riftberg.stepping.lattice.footprints import BodyFootprint
 
 RADIUS = 6_371_229.0
@@ -367,3 +367,35 @@ def test_the_impulse_of_contact_is_that_of_the_fragment_itself() -> None:
     contact: Any = SimpleNamespace(bodies=np.array([3, 5]), impulse=np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
     found = [_impulse_of(contact, 5), _impulse_of(contact, 3), _impulse_of(contact, 1), _impulse_of(None, 3)]
     assert np.array(found).tolist() == [[4.0, 5.0, 6.0], [1.0, 2.0, 3.0], [0.0] * 3, [0.0] * 3]
+
+
+def test_cells_repeat_with_the_period_of_a_plane() -> None:
+    """A gouge was not there for a keel one period on; a bank was asked for at places beyond the channel."""
+    body, period, asked = footprint(), 40.3e3, []
+
+    def depth(x: Any, y: Any) -> Any:
+        asked.extend(np.atleast_1d(x).tolist())
+        return 205.0 + 1e-6 * x * x  # curved, so that cells count
+
+    floor = Floor(100.0, depth, False, RADIUS, middle=0.0, period=period)
+
+    def cut_at(x0: float) -> Patches:
+        return floor.patches(body, x0 + body.corner[:, 0], body.corner[:, 1], DRAFT, np.ones(2, bool), 0.0)
+
+    here = cut_at(500.0)
+    assert floor.plough(here, np.ones(here.owner.size))
+    here, there = cut_at(500.0), cut_at(500.0 + period)
+    assert set(map(tuple, there.cell.tolist())) == set(map(tuple, here.cell.tolist()))
+    for many in (np.max, np.min):
+        assert many(there.corner, axis=0) == pytest.approx(many(here.corner, axis=0), abs=1e-6)
+    middle = [np.mean([c.corner[a:b, 2].mean() for a, b in pairwise(c.start.tolist())]) for c in (here, there)]
+    assert middle[0] == pytest.approx(middle[1], abs=1e-5)
+    assert np.abs(asked).max() <= 0.51 * period
+
+
+def test_land_of_no_known_depth_is_dry_for_the_bed() -> None:
+    """It was 10 km deep, as what lies beyond all data: a keel went over the coast as if nothing were there."""
+    sea = SimpleNamespace(
+        depth=lambda x, y: np.where(x < 0.0, 300.0, np.nan), land=lambda x, y: (x >= 0.0) & (x < 10.0)
+    )
+    assert depth_of_bed(sea)(np.array([-1.0, 5.0, 20.0]), np.zeros(3)).tolist() == [300.0, 0.0, 1e4]  # type: ignore[arg-type]

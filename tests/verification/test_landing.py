@@ -345,3 +345,22 @@ def test_trials_that_are_rolled_back_leave_the_depth_as_it_was(monkeypatch) -> N
     assert (berg.bonds.status != 0).any()
     assert len(off) > 5
     assert max(off) < 1e-6
+
+
+@pytest.mark.parametrize("start", ["refuse", "settle"])
+def test_ice_that_comes_later_is_refused_or_settled_as_at_the_start(start: str) -> None:
+    """Only the first step looked whether a keel lies deep below the floor: ice added later was thrown up without a word."""
+    model = berg_model(floor=flat(DRAFT + 100.0), speed=0.0, start=start)
+    model.step()
+    deep = Iceberg.from_points([60e3], [0.0], thickness=250.0 * 1.5, radius=1500.0, density=850.0, latlon=False)
+    model.append(deep.elements)
+    if start == "refuse":
+        with pytest.raises(InputError, match="m below the sea floor"):
+            model.step()
+        return
+    model.step()
+    assert model.elements.floor_load[-1] < 0.02 * model.elements.mass[-1] * 9.8
+    assert model._stepper._seabed.floor.gouges  # type: ignore[attr-defined]
+    again = len(model._stepper._seabed.floor.gouges)  # type: ignore[attr-defined]
+    model.step()
+    assert len(model._stepper._seabed.floor.gouges) == again  # type: ignore[attr-defined]

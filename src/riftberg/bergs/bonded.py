@@ -153,8 +153,9 @@ class BondedBerg:
     @property
     def centroid(self) -> tuple[float, float]:
         """Mass-weighted mean longitude and latitude (degrees; m if not ``latlon``)."""
-        share = self.elements.mass / self.elements.mass.sum()
-        return float(share @ self.elements.lon), float(share @ self.elements.lat)
+        e, share = self.elements, self.elements.mass / self.elements.mass.sum()
+        lon = near(e.lon, e.lon[0]) if self.latlon else e.lon  # pieces may lie on both sides of the date line
+        return float(share @ lon), float(share @ e.lat)
 
     @property
     def initial_strain(self) -> float:
@@ -410,7 +411,8 @@ def principal_axes(berg: BondedBerg) -> tuple[float, float, float]:
     e = berg.elements
     lon, lat = berg.centroid
     centre = np.full_like(e.lon, lon), np.full_like(e.lat, lat)
-    x, y = separations(Metric(berg.latlon, berg.earth_radius), e.lon, e.lat, *centre)
+    metric = Metric(berg.latlon, berg.earth_radius, 360.0 if berg.latlon else 0.0)
+    x, y = separations(metric, e.lon, e.lat, *centre)
     # The angle that makes the mixed second moment 0.
     angle = 0.5 * np.arctan2(2.0 * np.mean(x * y), np.mean(x * x) - np.mean(y * y))
     along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)

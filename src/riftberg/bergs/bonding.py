@@ -143,8 +143,8 @@ def turn_rigidly(elements: Elements, rate: Any, metric: Metric) -> None:
     for piece in whole[size > 1]:  # a lone element turns about its own centre
         some = elements.berg == piece
         lon, lat, share = elements.lon[some], elements.lat[some], elements.mass[some] / elements.mass[some].sum()
-        if metric.latlon or metric.period > 0.0:
-            lon = near(lon, lon[0], metric.period if metric.period > 0.0 else 360.0)
+        if metric.period > 0.0:
+            lon = near(lon, lon[0], metric.period)
         lon0, lat0 = (float(a.mean() + share @ (a - a.mean())) for a in (lon, lat))
         if metric.latlon:  # exact on the sphere, in the local axes of each element
             x, y, y0 = (lon - lon0) * DEGREE, lat * DEGREE, lat0 * DEGREE
@@ -307,7 +307,9 @@ def crossings(elements: Elements, bonds: Bonds, lines: Iterable[Any], latlon: bo
     number, along, part = np.full(len(ax), -1), np.zeros(len(ax)), np.zeros(len(ax))
     for n, line in enumerate(lines):
         east = line[:, 0] - lon0
-        px, py = (np.mod(east + 180, 360) - 180 if latlon else east) * squeeze, line[:, 1] - lat0
+        if latlon:  # on the branch of the berg, and in one piece where the line itself crosses the date line
+            east = np.unwrap(np.mod(east + 180, 360) - 180, period=360.0)
+        px, py = east * squeeze, line[:, 1] - lat0
         for k in range(len(line) - 1):
             c, d = (px[k], py[k]), (px[k + 1], py[k + 1])
             # Two segments cross where each has its ends on different sides of the other.

@@ -53,7 +53,7 @@ from riftberg.bergs.regions import (
 from riftberg.config.values import check_place, flag, given, native, number, numbers
 from riftberg.constants import DEGREE
 from riftberg.errors import BergError, placed_in
-from riftberg.plane import EqualAreaPlane
+from riftberg.plane import EqualAreaPlane, near
 from riftberg.state import Floats
 from riftberg.system.input_files import check_elements, value_shown
 
@@ -308,8 +308,9 @@ class Iceberg(BondedBerg):
         outline : geometry, dict or array_like, optional
             Outline of the ice (polygon) in the coordinates of the elements, which elastic cells fill.
         **options
-            Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius
-            and velocity may be arrays, and elements of different pieces are not bonded, however close they are.
+            Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius,
+            velocity and spin may be arrays (spins are then those of elements about themselves, and not of their berg), and
+            elements of different pieces are not bonded, however close they are.
         """
         settings = berg_options(options, PointOptions, thickness)
         unit = "degree" if settings.latlon else "m"
@@ -437,6 +438,10 @@ class Iceberg(BondedBerg):
         if settings.pieces is not None:
             bonds = within_pieces(bonds, np.broadcast_to(np.asarray(settings.pieces, dtype=np.int64), lon.shape))
         number_pieces(elements, bonds)
+        if settings.latlon:
+            # Across the date line on one branch, as berg by berg their centres, rifts and maps are found.
+            _, first, piece = np.unique(elements.berg, return_index=True, return_inverse=True)
+            elements.lon[:] = elements.lon_pair[:] = near(elements.lon, elements.lon[first][piece])
         if np.ndim(settings.spin):
             elements.spin[:] = settings.spin  # each element about itself
         elif settings.spin:

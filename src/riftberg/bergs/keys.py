@@ -70,7 +70,7 @@ class BergKeys(LatticeKeys):
     velocity: Velocity = key((0.0, 0.0), "m s-1", "eastward and northward velocity at the start")
     # A turn in ten minutes: a slip of units, such as degrees a day taken for rad/s.
     spin: Annotated[float, at_most(0.01, "rad s-1")] = key(
-        0.0, "rad s-1", "angular velocity at the start, counter-clockwise"
+        0.0, "rad s-1", "angular velocity about the centre of mass at the start, counter-clockwise"
     )
 
 

@@ -297,10 +297,21 @@ class GriddedForcing(DescribedForcing):
         return u.reshape(np.shape(lon)), v.reshape(np.shape(lon))
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
-        """Return the depth of water (m) at arrays of points, by the first record; NaN outside and on land."""
-        points, fields = self._located(lon, lat), self._store[0]
-        out = np.full(points.i.size, np.nan)
-        fill_depth(points, self._grid.arrays, fields.depth, fields.ssh, self._depth_rule, out)
+        """Return the depth of water (m) below mean sea level at arrays of points; NaN outside and on land."""
+        depth = self._store[0].depth
+        return self._by_depth_rule(lon, lat, depth, np.zeros_like(depth), np.nan)
+
+    def sea_level(self, lon: Floats, lat: Floats, time: float) -> Floats:
+        """Return the sea level (m) that the depth of water of elements has beside `depth`, at arrays of points."""
+        if self.rules.depth_rule == "zone":  # which knows no sea level
+            return np.zeros(np.shape(lon))
+        level = self.fields_at(time).ssh
+        return np.nan_to_num(self._by_depth_rule(lon, lat, np.zeros_like(level), level, 0.0))
+
+    def _by_depth_rule(self, lon: Floats, lat: Floats, depth: Floats, level: Floats, outside: float) -> Floats:
+        points = self._located(lon, lat)
+        out = np.full(points.i.size, outside)
+        fill_depth(points, self._grid.arrays, depth, level, self._depth_rule, out)
         return out.reshape(np.shape(lon))
 
     def describe(self) -> str:

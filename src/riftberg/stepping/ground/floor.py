@@ -1,8 +1,9 @@
 """The sea floor as a raster of cells, with the gouges in it, and footprints cut by the cells.
 
 Cells lie in blocks of `BLOCK` by `BLOCK`: on a plane in rows and columns of the side ``cell``, on the sphere in rows of latitude
-of that height, with as many columns in all rows of a block as make them that wide. Depth is asked once, at the corners; in a
-cell it is the plane that fits them. A block that is one plane to a millimetre, and that nothing has gouged, counts as one cell.
+of that height, with as many columns in all rows of a block as make them that wide; so also along a plane that is periodic.
+Depth is asked once, at the corners; in a cell it is the plane that fits them. A block that is one plane to a millimetre, and that
+nothing has gouged, counts as one cell.
 """
 
 from __future__ import annotations
@@ -74,6 +75,7 @@ class FloorCells(NamedTuple):
     cell: float  # Side, m
     latlon: bool
     radius: float  # Of the Earth, m
+    period: float  # After which columns repeat, degrees or m; 0 where they do not
 
 
 class Blocks(NamedTuple):
@@ -105,9 +107,11 @@ class Floor:
     """Depths of the blocks that keels have come near to, and gouges by place."""
 
     def __init__(
-        self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float, middle: float = 0.0
-    ) -> None:
+        self, cell: float, depth: Callable[[Floats, Floats], Floats], latlon: bool, radius: float, middle: float = 0.0,
+        period: float = 0.0,
+    ) -> None:  # fmt: skip
         self.cell, self.latlon, self.radius = cell, latlon, radius
+        self._raster = FloorCells(cell, latlon, radius, 360.0 if latlon else max(period, 0.0))
         # Longitude about which depths are asked for: a floor of one's own may know no other branch.
         self.middle = middle
         self._depth = depth
@@ -136,7 +140,7 @@ class Floor:
 
     def _in_reach(self, survey: Survey, keels: Keels, level: float, way: float) -> Booleans:
         """Which elements that are looked at have a square of a survey within `REACH`."""
-        raster = FloorCells(self.cell, self.latlon, self.radius)
+        raster = self._raster
         while True:
             near = np.zeros(keels.draft.size, np.bool_)
             missing = np.empty(self._room * BLOCK**2 // survey.side**2, np.int64)  # as many cells of either
@@ -164,6 +168,8 @@ class Floor:
         corner[:, 4] = (DEGREE * self.radius if self.latlon else 1.0) * lat / self.cell
         if self.latlon:  # in one piece also where longitudes jump by a turn
             corner[:, 3] = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0
+        elif self._raster.period > 0.0:
+            self.middle = float(lon[0])  # a formula knows no period: it is asked where the keel is, as elements ask it
         return corner
 
     def patches(
@@ -174,7 +180,7 @@ class Floor:
         ``draft`` (m) and ``near`` (whether it is looked at) are those of the elements of the fragment.
         """
         keels = Keels(body.start, self._coordinates(body, lon, lat), body.owner, draft, near)
-        raster = FloorCells(self.cell, self.latlon, self.radius)
+        raster = self._raster
         while True:
             room = self._room
             start, out = np.zeros(room + 1, np.int64), np.empty((8 * room, 3))
@@ -196,13 +202,12 @@ class Floor:
         step = np.arange(side + 1)
         y = (rows[:, None, None] * side + step[None, :, None]) * self.cell
         x = columns[:, None, None] * side + step[None, None, :]
-        per_degree = np.array([columns_of(row, side, self.cell, self.latlon, self.radius) for row in rows])
+        per_degree = np.array([columns_of(row, side, self._raster) for row in rows])
         lon = np.broadcast_to(x / per_degree[:, None, None], (keys.size, side + 1, side + 1))
         lat = np.broadcast_to(y / (DEGREE * self.radius if self.latlon else 1.0), lon.shape)
-        if self.latlon:
-            lon = near(lon, self.middle)
-        depth = np.asarray(self._depth(lon.ravel(), lat.ravel()), float).reshape(lon.shape)
-        return np.where(np.isfinite(depth), depth, OPEN_DEPTH)
+        if self._raster.period > 0.0:
+            lon = near(lon, self.middle, self._raster.period)
+        return np.asarray(self._depth(lon.ravel(), lat.ravel()), float).reshape(lon.shape)
 
     def _add_blocks(self, keys: Ints) -> None:
         """Take some blocks into the store."""
@@ -301,13 +306,14 @@ class Floor:
 
 
 @kernel
-def columns_of(row: int, side: int, cell: float, latlon: bool, radius: float) -> float:
+def columns_of(row: int, side: int, raster: FloorCells) -> float:
     """Columns of cells per degree of longitude (per metre on a plane) in a row of blocks, of ``side`` cells each."""
-    if not latlon:
+    cell, latlon, radius, period = raster
+    if period <= 0.0:
         return 1.0 / cell
-    lat = (row + 0.5) * side * cell / radius
-    blocks = max(1.0, math.floor(2.0 * math.pi * radius * max(math.cos(lat), 0.0) / (side * cell) + 0.5))
-    return blocks * side / 360.0
+    around = 2.0 * math.pi * radius * max(math.cos((row + 0.5) * side * cell / radius), 0.0) if latlon else period
+    blocks = max(1.0, math.floor(around / (side * cell) + 0.5))
+    return blocks * side / period
 
 
 @kernel
@@ -333,7 +339,6 @@ def squares_in_reach(
     ``side``: of the squares, cells; ``keys``, ``least``: their numbers, sorted, and least depths (m).
     """
     start, corner, owner, draft, some = keels
-    cell, latlon, radius = raster
     absent = 0
     for k in range(owner.size):
         e = owner[k]
@@ -347,13 +352,13 @@ def squares_in_reach(
         for jb in range(math.floor((south - way) / side), math.floor((north + way) / side) + 1):
             if near[e]:
                 break
-            per_degree = columns_of(jb, side, cell, latlon, radius)
-            around = round(per_degree * 360.0 / side) if latlon else 0
+            per_degree = columns_of(jb, side, raster)
+            around = round(per_degree * raster.period / side)
             first = math.floor((west * per_degree - way) / side)
             last = math.floor((east * per_degree + way) / side)
             at, before = -1, 0
             for ib in range(first, last + 1):
-                # Numbers of columns go round the sphere once.
+                # Numbers of columns go round once.
                 key = jb * SHIFT + (ib % around if around > 0 else ib)
                 at, before = place_of(keys, key, at, before), key
                 if at >= keys.size or keys[at] != key:
@@ -372,7 +377,7 @@ def cut_by_cells(
 ) -> tuple[int, int]:
     """Write the polygons of `Patches`; returns how many there are (-1 where they do not fit) and how many blocks are missing."""
     start, corner, owner, draft, near = keels
-    cell, latlon, radius = raster
+    cell, latlon, radius = raster.cell, raster.latlon, raster.radius
     keys, slots, depths, gouges, planes, flat = blocks
     longest = 0
     for k in range(start.size - 1):
@@ -395,14 +400,14 @@ def cut_by_cells(
             size = cut(room, size, 4, (jb + 1) * BLOCK, -1.0, row)
             if size < 3:
                 continue
-            per_degree = columns_of(jb, BLOCK, cell, latlon, radius)
-            around = round(per_degree * 360.0 / BLOCK) if latlon else 0
+            per_degree = columns_of(jb, BLOCK, raster)
+            around = round(per_degree * raster.period / BLOCK)
             west, east = row[0, 3], row[0, 3]
             for n in range(size):
                 west, east = min(west, row[n, 3]), max(east, row[n, 3])
             at, before = -1, 0
             for ib in range(math.floor(west * per_degree / BLOCK), math.floor(east * per_degree / BLOCK) + 1):
-                # Numbers of columns go round the sphere once.
+                # Numbers of columns go round once.
                 key = jb * SHIFT + (ib % around if around > 0 else ib)
                 at, before = place_of(keys, key, at, before), key
                 if at >= keys.size or keys[at] != key:

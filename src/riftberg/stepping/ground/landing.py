@@ -14,7 +14,7 @@ are met within a minute.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ import shapely
 from numpy.typing import NDArray
 
 from riftberg.errors import InputError, RunError
-from riftberg.ocean.forcing import sea_level
+from riftberg.ocean.forcing import Forcing, land_at, sea_level
 from riftberg.parameters import Grounding, KernelParameters
 from riftberg.physics.floating import draft_of
 from riftberg.state import Floats, Ints, Keel
@@ -38,7 +38,7 @@ from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.islands import PeakContactLoad, SubcycledMotion, forcing_of_rows
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.balance import Bed, Bending, Hull, Pressure, hull_of, press
-from riftberg.stepping.ground.floor import STEEPEST, Floor, Patches
+from riftberg.stepping.ground.floor import OPEN_DEPTH, STEEPEST, Floor, Patches
 from riftberg.stepping.lattice.footprints import BodyFootprint, FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
 
@@ -133,6 +133,21 @@ class _Friction(NamedTuple):
     plastic: float
 
 
+def depth_of_bed(forcing: Forcing) -> Callable[[Floats, Floats], Floats]:
+    """Return the depth of the bed (m) at points: land of no known depth is dry, and what lies beyond all data is deep."""
+
+    def depth(lon: Floats, lat: Floats) -> Floats:
+        found = np.asarray(forcing.depth(lon, lat), float)
+        lost = ~np.isfinite(found)
+        if lost.any():
+            dry = land_at(forcing, lon[lost], lat[lost])
+            found = found.copy()
+            found[lost] = np.where(dry, 0.0, OPEN_DEPTH)
+        return found
+
+    return depth
+
+
 class Seabed:
     """The bed under a run: what lives from one step to the next beside the state."""
 
@@ -140,8 +155,10 @@ class Seabed:
         p, forcing = model.parameters, model.forcing
         self.bed, lon = bed_of(p.grounding), model.elements.lon
         self.floor = Floor(
-            p.grounding.cell, forcing.depth, p.earth.latlon, p.earth.radius, float(lon[0]) if lon.size else 0.0
-        )
+            p.grounding.cell, depth_of_bed(forcing), p.earth.latlon, p.earth.radius, float(lon[0]) if lon.size else 0.0,
+            p.earth.period,
+        )  # fmt: skip
+        self.newcomers = np.zeros(0, np.bool_)  # Elements that came since the last step
         self.plastic = np.zeros(2)  # Work of friction and of gouging since the start, J
         self._footprints = footprints
         self._fragments: dict[int, Fragment] = {}
@@ -266,11 +283,21 @@ class Seabed:
         return self.floor.near(fragment.footprint, lon, lat, draft, some, level, way)
 
     def check_start(self, model: RunState, bodies: Bodies) -> None:
-        """Refuse keels that start deep below the floor, or settle them into gouges; find what the floor carries at the start."""
+        """Refuse keels that start deep below the floor, or settle them into gouges; find what the floor carries at the start.
+
+        Of all fragments in the first step, of those that have come since the last one later.
+        """
+        first = model.step_number == 0
+        if not first:
+            if not self.newcomers.any():
+                return
+            model.forcing.sample(model.elements, model.time)  # the depth under them, by which the near ones are found
         self.prepare(model, bodies)
         el, c, g = model.elements, model.constants, model.parameters.grounding
         for b in range(bodies.pose.shape[0]):
             rows = np.flatnonzero(bodies.body == b)
+            if not first and not self.newcomers[rows].all():
+                continue
             near = self._near(model, bodies, b, rows, model.time, 0.0)
             if not near.any():
                 continue
@@ -279,7 +306,9 @@ class Seabed:
             level = _level(model, bodies.pose[b], model.time)
             patches = self.floor.patches(fragment.footprint, *place, fragment.draft, near, level)
             deepest = patches.corner[:, 2].max(initial=0.0)
-            if deepest > DEEP_KEEL and g.start == "refuse":
+            # Pieces off a berg aground lay there before they broke off: they settle.
+            piece = bool((el.life.fl_k[rows] < 0.0).all())
+            if deepest > DEEP_KEEL and g.start == "refuse" and not piece:
                 at = np.searchsorted(patches.start, patches.corner[:, 2].argmax(), side="right") - 1
                 e = int(rows[patches.owner[at]])
                 raise InputError(

@@ -83,7 +83,7 @@ class TimeStep:
             bodies = bodies._replace(
                 twist=np.where(known[:, None], bodies.twist, self.motion.twists_of_elements(bodies))
             )
-        if self.laws.seabed is not None and model.step_number == 0:
+        if self.laws.seabed is not None:
             self.laws.seabed.check_start(model, bodies)
         self.state = state or self.motion.state_at(bodies, model.time)
         if newly_made:

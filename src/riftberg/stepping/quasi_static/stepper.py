@@ -129,6 +129,8 @@ class QuasiStaticStepper:
         self._last_start = (
             model.time, self._bodies, self._snapshot, self._cells, self._tips, self._laws.checkpoint()
         )  # fmt: skip
+        if self._seabed is not None and self._snapshot is not None:
+            self._seabed.newcomers = ~np.isin(model.elements.body.id, self._snapshot.id)
         unknown = self._sync(model)
         if self._step_population(model, unknown):
             return
