@@ -17,7 +17,7 @@ from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.hazard import approach, ice_limits
-from riftberg.ensembles.member import Outcome, breakup_times
+from riftberg.ensembles.member import Outcome, broken_off
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
 from riftberg.ensembles.result import MOST_LISTED
 from riftberg.ensembles.vary import varied_of
@@ -69,7 +69,7 @@ def test_pieces_of_pieces_are_measured_by_their_berg() -> None:
         (5, 0, 2.0, 0.0),
         (6, 5, 0.1, 1.0),
     ]
-    assert breakup_times(rows) == [1.0, 4.0, 5.0]
+    assert broken_off(rows) == [5, 2, 1]
 
 
 def test_a_failed_member_counts_in_nothing() -> None:

@@ -16,6 +16,7 @@ import xarray as xr
 from riftberg.compiled.kernels import kernel
 from riftberg.config.units import count_text, duration_text, minute_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.ensembles.member import broken_off
 from riftberg.ensembles.result import MEANS, MOST_LISTED, STATUS
 from riftberg.plane import near
 from riftberg.runs.scene import SMALL
@@ -338,7 +339,7 @@ class Breaks:
         """Add a block of members, the first ones first; ``cracks``: broken bonds of each, as `Outcome` has them."""
         numbers = np.full(ds.sizes["member"], -1, dtype="i4")
         wholes = np.nansum(ds["area"].isel(time=0).values, axis=1)
-        parent, areas = ds["fragment_parent"].values, ds["fragment_area"].values
+        number_of, parent, areas = (ds[f"fragment_{name}"].values for name in ("number", "parent", "area"))
         births = (ds["fragment_birth_time"].values - ds["time"].values[0]) / np.timedelta64(1, "s")
         for k in np.flatnonzero(ds["status"].values == 0).tolist():
             number = int(ds["member"].values[k])
@@ -348,12 +349,10 @@ class Breaks:
             self.density += weight * length / self.cell**2
             self.share += weight * (length > 0.0)
             self.total += weight
-            born = np.flatnonzero(parent[k] > 0)
-            born = born[np.argsort(births[k, born], kind="stable")]
-            # Crumbs are left out, as in `first_breakup`.
-            whole = float(wholes[k])
-            large = born[areas[k, born] >= SMALL * whole][:3]
-            numbers[k] = self._scenario([_sign(rows, float(births[k, p]), float(areas[k, p]), whole) for p in large])
+            large = broken_off(zip(number_of[k], parent[k], areas[k], births[k], strict=True))[:3]
+            numbers[k] = self._scenario(
+                [_sign(rows, float(births[k, p]), float(areas[k, p]), float(wholes[k])) for p in large]
+            )
         self.numbers.append(numbers)
 
     def _scenario(self, sign: list[Floats]) -> int:
@@ -443,12 +442,10 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
         end = ends[rows]
         place = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
         member = int(rows[place])
-        parent, birth, sizes = (
-            done[f"fragment_{n}"].isel(member=member).values for n in ("parent", "birth_time", "area")
-        )
-        born = parent > 0
-        sizes = sizes[born][np.argsort(birth[born], kind="stable")]
-        sizes = sizes[sizes >= SMALL * np.nansum(done["area"].isel(member=member, time=0).values)][:3]
+        columns = [
+            done[f"fragment_{name}"].isel(member=member).values for name in ("number", "parent", "area", "birth_time")
+        ]
+        sizes = columns[2][broken_off(zip(*columns, strict=True))[:3]]
         apart = _apart(inputs, rows)
         found.append(Scenario(
             int(number), float(weight[rows].sum()), int(done["member"].values[member]), tuple(map(float, sizes)), apart
