@@ -17,7 +17,7 @@ from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
 from riftberg.cli.main import app
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.hazard import approach, ice_limits
-from riftberg.ensembles.member import Outcome, breakup_times
+from riftberg.ensembles.member import Outcome, broken_off
 from riftberg.ensembles.probability import CONES, scenarios, sources, told, wilson
 from riftberg.ensembles.result import MOST_LISTED
 from riftberg.ensembles.vary import varied_of
@@ -69,7 +69,7 @@ def test_pieces_of_pieces_are_measured_by_their_berg() -> None:
         (5, 0, 2.0, 0.0),
         (6, 5, 0.1, 1.0),
     ]
-    assert breakup_times(rows) == [1.0, 4.0, 5.0]
+    assert broken_off(rows) == [5, 2, 1]
 
 
 def test_a_failed_member_counts_in_nothing() -> None:
@@ -108,6 +108,21 @@ def test_an_unfinished_member_counts_until_it_took_too_long_and_then_both_ways()
     assert any("then both ways" in line for line in lines)
     assert not any("unfinished" in line for line in told(forecast_of([still(0), still(1)], 4)))
     assert any("first break-up by 2020-12-10 00:00" in line for line in told(forecast_of([broke, still(1)], 4)))
+
+
+def test_ice_of_unfinished_members_counts_as_far_as_they_came() -> None:
+    """Presence, and the limits of ice, left them out from the start: most often those that break up most."""
+    members = [outcome(k, [-37.0] * 5, [-56.0] * 5) for k in range(3)] + [outcome(3, [-36.0] * 3, [-56.0] * 3)]
+    members[3].status = "unfinished"
+    ds = forecast_of(members, 4)
+    at = [ds.sel(cell_lon=lon, cell_lat=-56.0, method="nearest") for lon in (-37.0, -36.0)]
+    assert at[0]["presence"].values == pytest.approx([0.75, 0.75, 0.75, 1.0, 1.0])
+    assert at[1]["presence"].values == pytest.approx([0.25, 0.25, 0.25, 0.0, 0.0])
+    # It passed there; whether it came to the others' place later is not known.
+    assert [float(place["passes"]) for place in at] == pytest.approx([1.0, 0.25])
+    limits = {(limit.date, limit.percent): limit for limit in ice_limits(ds)}
+    dates = [ds["time"].values[k] for k in (0, 4)]
+    assert [limits[date, 99].line[:, 0].max() > -36.1 for date in (*dates, None)] == [True, False, False]
 
 
 def test_pieces_beyond_those_that_are_listed_are_said_not_to_be_covered() -> None:

@@ -20,7 +20,15 @@ from shapely.geometry.polygon import orient
 
 from riftberg.config.units import minute_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
-from riftberg.ensembles.probability import axes_of, counted, effective, quantiles, share_until, with_interval
+from riftberg.ensembles.probability import (
+    axes_of,
+    counted,
+    effective,
+    out_of_sight,
+    quantiles,
+    share_until,
+    with_interval,
+)
 from riftberg.errors import InputError
 from riftberg.plane import ellipses, near
 from riftberg.state import Floats
@@ -48,18 +56,20 @@ class IceLimit:
 
 def ice_limits(ds: xr.Dataset) -> list[IceLimit]:
     """Return the limits of ice of each day and of the whole time."""
-    done, weight = counted(ds)
-    time = done["time"].values
+    done, weight = counted(ds, "unfinished")
+    time, beyond = done["time"].values, out_of_sight(done)
     days = [k for k, t in enumerate(time) if (t - time[0]) % np.timedelta64(1, "D") == np.timedelta64(0, "D")]
     if days[-1] != len(time) - 1:
         days.append(len(time) - 1)
     corners, area = _corners(done)
     found = []
     for where in [*([k] for k in days), list(range(len(time)))]:
-        points = [corners[m][:, where][np.isfinite(area[m][:, where])].reshape(-1, 2) for m in range(len(corners))]
+        # Of the members that are known until then.
+        known = np.flatnonzero(~beyond[:, where[-1]])
+        points = [corners[m][:, where][np.isfinite(area[m][:, where])].reshape(-1, 2) for m in known]
         whole = len(where) > 1 or len(time) == 1
         for percent in LIMITS:
-            line, inside = smallest_line(points, weight, percent / 100.0)
+            line, inside = smallest_line(points, weight[known] / weight[known].sum(), percent / 100.0)
             found.append(IceLimit(percent, None if whole else time[where[0]], line, inside))
     return found
 

@@ -286,10 +286,8 @@ class MemberTracks:
         touching = _aground(model)
         if np.isnan(self.first_aground) and touching.any():
             self.first_aground = model.time
-        broke = model.fragments.breakups
-        over = (
-            len(breakup_times((r.number, r.parent, r.area, r.birth_time) for r in model.fragments.rows)) if broke else 0
-        )
+        rows = model.fragments.rows if model.fragments.breakups else []
+        over = len(broken_off((row.number, row.parent, row.area, row.birth_time) for row in rows))
         # The step of a break-up ends with the stress of what is left; the ice that broke had reached its strength.
         now = [1.0] * min(over, 2) + ([_stress_ratio(model)] if over < 2 else [])
         self.stress_ratios[: len(now)] = map(max, self.stress_ratios, now)
@@ -319,18 +317,18 @@ class MemberTracks:
         """Leave the rows as they are."""
 
 
-def breakup_times(rows: Iterable[Sequence[float]]) -> list[float]:
-    """Return the times, in order, at which pieces broke off that are no crumbs: `SMALL` of the berg they come from, or more.
+def broken_off(rows: Iterable[Sequence[float]]) -> list[int]:
+    """Return which rows are pieces that broke off and no crumbs, `SMALL` of the berg they come from or more, by date.
 
     ``rows``: number, parent (0 for a berg), area at birth and time of birth of each berg and fragment, parents first.
     """
     berg: dict[float, float] = {}  # Area of the berg that each comes from
-    times = []
-    for number, parent, area, time in rows:
+    times = {}
+    for k, (number, parent, area, time) in enumerate(rows):
         berg[number] = berg.get(parent, area)
         if parent > 0 and area >= SMALL * berg[number]:
-            times.append(time)
-    return sorted(times)
+            times[k] = time
+    return sorted(times, key=lambda k: times[k])
 
 
 def _aground(model: BareModel) -> Any:

@@ -16,6 +16,7 @@ import xarray as xr
 from riftberg.compiled.kernels import kernel
 from riftberg.config.units import count_text, duration_text, minute_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
+from riftberg.ensembles.member import broken_off
 from riftberg.ensembles.result import MEANS, MOST_LISTED, STATUS
 from riftberg.plane import near
 from riftberg.runs.scene import SMALL
@@ -136,7 +137,7 @@ def with_probabilities(
         share += [w @ ((area >= low) & (area < high)).any(axis=1) for low, high in pairwise(bounds)]
     _add(ds, "p_area", ("area_class", "time"), share, number, _unfinished_share(ds))
     if "lat" in done:
-        _add_presence(ds, done, share_of)
+        _add_presence(ds, *counted(ds, "unfinished"))
         _add_cones(ds, done, share_of)
     return breaks.added_to(ds)
 
@@ -158,12 +159,17 @@ def share_until(of: xr.Dataset, weight: Floats, yes: Any) -> tuple[Floats, Float
     ``yes``: whether it has happened to each member (members, times). Of an unfinished one that it has not happened to, nothing
     is known after its last position.
     """
-    beyond = np.zeros(yes.shape, bool)
+    unknown = weight @ (out_of_sight(of) & ~yes)
+    return weight @ yes / np.maximum(1.0 - unknown, 1e-300), unknown
+
+
+def out_of_sight(of: xr.Dataset) -> Any:
+    """Return which members are unfinished and beyond their last position, by date (members, times)."""
+    beyond = np.zeros((of.sizes["member"], of.sizes["time"]), bool)
     for k in np.flatnonzero(of["status"].values == STATUS["unfinished"]):
         there = np.isfinite(of["area"].isel(member=k).values).any(axis=0)
         beyond[k] = np.cumsum(there[::-1])[::-1] == 0
-    unknown = weight @ (beyond & ~yes)
-    return weight @ yes / np.maximum(1.0 - unknown, 1e-300), unknown
+    return beyond
 
 
 def _unfinished_share(ds: xr.Dataset) -> float:
@@ -234,12 +240,16 @@ def add_ellipses(
                             passes[j, i] += weight[m]
 
 
-def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
-    """Add the probability that any ice lies over a cell: fragments as ellipses."""
+def _add_presence(ds: xr.Dataset, of: xr.Dataset, weight: Floats) -> None:
+    """Add the probability that any ice lies over a cell: fragments as ellipses.
+
+    Unfinished members count as in `share_until`: as far as they came, and where they had ice by then.
+    """
     degree = DEGREE * EARTH_RADIUS_A68
-    first = float(done["lon"].isel(member=0, fragment=0, time=0))
+    done = of["status"].values == STATUS["done"]
+    first = float(of["lon"].isel(member=int(done.argmax()), fragment=0, time=0))
     west, south, east, north, reach = np.inf, np.inf, -np.inf, -np.inf, 0.0
-    for _, part in parts_of(done, weight):
+    for _, part in parts_of(of, weight):
         lon, lat = near(part["lon"].values, first), part["lat"].values
         west, east = min(west, np.nanmin(lon)), max(east, np.nanmax(lon))
         south, north = min(south, np.nanmin(lat)), max(north, np.nanmax(lat))
@@ -250,11 +260,19 @@ def _add_presence(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
     step = max((east - west) * cosine, north - south) / MOST_CELLS
     x = np.arange(west + 0.5 * step / cosine, east, step / cosine)
     y = np.arange(south + 0.5 * step, north, step)
-    presence, passes = np.zeros((done.sizes["time"], y.size, x.size)), np.zeros((y.size, x.size))
-    for w, part in parts_of(done, weight):
-        major, minor, azimuth = axes_of(part)
-        axes = major / degree, minor / degree, np.radians(azimuth)
-        add_ellipses((near(part["lon"].values, first), part["lat"].values), axes, w, (x, y), cosine, presence, passes)
+    presence, passed = np.zeros((of.sizes["time"], y.size, x.size)), np.zeros((2, y.size, x.size))
+    for w, both in parts_of(of, weight):
+        for passes, status in zip(passed, ("done", "unfinished"), strict=True):
+            rows = np.flatnonzero(both["status"].values == STATUS[status])
+            part = both.isel(member=rows)
+            major, minor, azimuth = axes_of(part)
+            axes, place = (
+                (major / degree, minor / degree, np.radians(azimuth)),
+                (near(part["lon"].values, first), part["lat"].values),
+            )
+            add_ellipses(place, axes, w[rows], (x, y), cosine, presence, passes)
+    presence /= np.maximum(1.0 - weight @ out_of_sight(of), 1e-300)[:, None, None]
+    passes = passed.sum(axis=0) / (1.0 - (weight[~done].sum() - passed[1]))
     ds.coords["cell_lon"] = ("cell_lon", x, {"units": "degrees_east", "standard_name": "longitude"})
     ds.coords["cell_lat"] = ("cell_lat", y, {"units": "degrees_north", "standard_name": "latitude"})
     about = {
@@ -338,7 +356,7 @@ class Breaks:
         """Add a block of members, the first ones first; ``cracks``: broken bonds of each, as `Outcome` has them."""
         numbers = np.full(ds.sizes["member"], -1, dtype="i4")
         wholes = np.nansum(ds["area"].isel(time=0).values, axis=1)
-        parent, areas = ds["fragment_parent"].values, ds["fragment_area"].values
+        number_of, parent, areas = (ds[f"fragment_{name}"].values for name in ("number", "parent", "area"))
         births = (ds["fragment_birth_time"].values - ds["time"].values[0]) / np.timedelta64(1, "s")
         for k in np.flatnonzero(ds["status"].values == 0).tolist():
             number = int(ds["member"].values[k])
@@ -348,12 +366,10 @@ class Breaks:
             self.density += weight * length / self.cell**2
             self.share += weight * (length > 0.0)
             self.total += weight
-            born = np.flatnonzero(parent[k] > 0)
-            born = born[np.argsort(births[k, born], kind="stable")]
-            # Crumbs are left out, as in `first_breakup`.
-            whole = float(wholes[k])
-            large = born[areas[k, born] >= SMALL * whole][:3]
-            numbers[k] = self._scenario([_sign(rows, float(births[k, p]), float(areas[k, p]), whole) for p in large])
+            large = broken_off(zip(number_of[k], parent[k], areas[k], births[k], strict=True))[:3]
+            numbers[k] = self._scenario(
+                [_sign(rows, float(births[k, p]), float(areas[k, p]), float(wholes[k])) for p in large]
+            )
         self.numbers.append(numbers)
 
     def _scenario(self, sign: list[Floats]) -> int:
@@ -443,12 +459,10 @@ def scenarios(ds: xr.Dataset) -> list[Scenario]:
         end = ends[rows]
         place = int(np.nanargmin(np.hypot(*(end - np.nanmean(end, axis=0)).T))) if np.isfinite(end).any() else 0
         member = int(rows[place])
-        parent, birth, sizes = (
-            done[f"fragment_{n}"].isel(member=member).values for n in ("parent", "birth_time", "area")
-        )
-        born = parent > 0
-        sizes = sizes[born][np.argsort(birth[born], kind="stable")]
-        sizes = sizes[sizes >= SMALL * np.nansum(done["area"].isel(member=member, time=0).values)][:3]
+        columns = [
+            done[f"fragment_{name}"].isel(member=member).values for name in ("number", "parent", "area", "birth_time")
+        ]
+        sizes = columns[2][broken_off(zip(*columns, strict=True))[:3]]
         apart = _apart(inputs, rows)
         found.append(Scenario(
             int(number), float(weight[rows].sum()), int(done["member"].values[member]), tuple(map(float, sizes)), apart

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.config.values import required
-from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome, breakup_times
+from riftberg.ensembles.member import CELLS, FRAGMENT, Outcome, broken_off
 from riftberg.ensembles.uncertain import SEED
 from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
@@ -161,10 +161,8 @@ def _add_ends(
         for name, column in values.items():
             column[number] = outcome.totals.get(name, np.nan)
         values["wall_time"][number] = outcome.wall_seconds
-        rows = zip(
-            *(outcome.fragments.get(name, ()) for name in ("number", "parent", "area", "birth_time")), strict=True
-        )
-        born = breakup_times(rows)[:2]
+        *rows, time = (outcome.fragments.get(name, ()) for name in ("number", "parent", "area", "birth_time"))
+        born = [time[row] for row in broken_off(zip(*rows, time, strict=True))[:2]]
         births[: len(born), number] = born
     births += later
     large = f" of a piece of {100.0 * SMALL:g} % of its berg or more"
