@@ -166,22 +166,39 @@ def test_sub_steps_at_once_are_those_one_after_the_other(elasticity: str) -> Non
     p = parameters(
         stepping={"scheme": "mts"}, fracture=weak, bonds={"elasticity": elasticity}, damage={"enabled": True}
     )
-    moments = []
-    for seed in range(6):
-        results = []
-        for at_once in (1, 2, tile.AT_ONCE):
-            el, bonds = lattice(seed, p, columns=40, rows=5, touching=False, speed=0.02, strain=1e-4)
-            bonds.strength[:] = np.random.default_rng(seed).uniform(0.05, 1.5, bonds.strength.size)
-            broken = long_step(
-                el, bonds, p, 300.0, 15, starting=seed % 2 == 0, may_break=True, grow_damage=True, at_once=at_once
-            ).broken
-            assert broken == np.isfinite(bonds.break_time).sum() == (bonds.status != 0).sum()
-            results.append({**el.arrays(), **{f"bond {name}": a for name, a in bonds.arrays().items()}})
-        for name, one_by_one in results[0].items():
-            for together in results[1:]:
-                np.testing.assert_array_equal(together[name], one_by_one, err_msg=name)
-        moments.append(np.unique(bonds.break_time[np.isfinite(bonds.break_time)]).size)
-    assert sum(m >= 3 for m in moments) >= 3, moments
+    begin, whole = lattice(3, p, columns=40, rows=5, touching=False, speed=0.02, strain=1e-4)
+    early, late = whole.first < 2 * tile.LANES, whole.first >= 4 * tile.LANES
+
+    def stepped(strength: np.ndarray, at_once: int, starting: bool = False) -> tuple[Any, Any]:
+        el, bonds = begin.copy(), whole.copy()
+        bonds.strength[:] = strength
+        report = long_step(
+            el, bonds, p, 300.0, 15, starting=starting, may_break=True, grow_damage=True, at_once=at_once
+        )
+        assert report.broken == np.isfinite(bonds.break_time).sum() == (bonds.status != 0).sum()
+        return el, bonds
+
+    fails = 4.0 if elasticity == "isotropic" else 1.0
+    probe = stepped(np.where(early, fails, 1000.0), 1)[1].break_time
+    soon = np.flatnonzero((probe > 30.0) & (probe < 130.0))  # from the second sub-step to the sixth
+    many = turned = 0
+    for draw in range(24):
+        r = np.random.default_rng(draw)
+        strength = r.uniform(0.05, 1.5, whole.strength.size)
+        if draw % 4:
+            # A bond in the last tiles fails at once. Sub-steps behind that one have met failing ones in the first tiles by then.
+            strength[:] = 1000.0
+            strength[r.choice(soon, 3)], strength[r.choice(np.flatnonzero(late), 2)] = fails, 1e-3
+        el, bonds = stepped(strength, 1, draw % 2 == 0)
+        for at_once in (3, tile.AT_ONCE):
+            for one_by_one, together in zip((el, bonds), stepped(strength, at_once, draw % 2 == 0), strict=True):
+                for name, values in one_by_one.arrays().items():
+                    np.testing.assert_array_equal(together.arrays()[name], values, err_msg=name)
+        times = bonds.break_time
+        many += np.unique(times[np.isfinite(times)]).size > 2
+        turned += np.nanmin(times[late], initial=np.inf) < np.nanmin(times[early], initial=np.inf) < 150.0
+    assert many > 5
+    assert turned > 5
 
 
 def test_where_no_bond_is_nothing_acts() -> None:
