@@ -31,7 +31,7 @@ from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.stepping.explicit.stability import stiffness_parts
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, OWN, SEA_FLOOR
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
+from riftberg.stepping.lattice.diagonals import with_diagonals
 
 if TYPE_CHECKING:
     from riftberg.stepping.run_state import RunState
@@ -469,12 +469,9 @@ def energy_in_bonds(elements: Elements, bonds: Bonds, run: RunState) -> float | 
     some = bonds.taken(bonds.status == 0) if (bonds.status != 0).any() else bonds
     if some.first.size == 0:
         return 0.0
-    diagonals = find_diagonals(elements, some, c)
-    i, j = np.append(some.first, diagonals.first), np.append(some.second, diagonals.second)
-    rest = np.append(some.rest_length, diagonal_lengths(diagonals, some))
-    slip = np.append(some.shear_x**2 + some.shear_y**2, np.zeros(diagonals.first.size))
-    beyond = some.first.size  # from here on they are diagonals
-    energy = 0.0
+    i, j, rest = with_diagonals(elements, some, c)
+    beyond, energy = some.first.size, 0.0  # behind the bonds stand the diagonals
+    slip = np.append(some.shear_x**2 + some.shear_y**2, np.zeros(i.size - beyond))
     # In blocks: the twenty numbers that each bond needs would be the largest memory of a run of very many.
     for k in range(0, i.size, BLOCK):
         block = slice(k, k + BLOCK)

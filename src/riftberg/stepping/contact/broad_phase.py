@@ -22,7 +22,7 @@ from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency
 from riftberg.state.population import numbered
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
+from riftberg.stepping.lattice.diagonals import with_diagonals
 from riftberg.stepping.run_state import RunState
 
 NEWBORN_CHILD = -1.0
@@ -99,10 +99,8 @@ class NeighbourSearch:
         if not p.isotropic:
             return partners, bonds.rest_length[bond]
         if self._springs is None:
-            diagonals = find_diagonals(el, bonds, p)
-            first, second = np.append(bonds.first, diagonals.first), np.append(bonds.second, diagonals.second)
-            rest = np.append(bonds.rest_length, diagonal_lengths(diagonals, bonds))
-            status = np.append(bonds.status, np.zeros_like(diagonals.first))
+            first, second, rest = with_diagonals(el, bonds, p)
+            status = np.append(bonds.status, np.zeros(first.size - bonds.status.size, np.int64))
             partners, bond = adjacency(first, second, status, el.size)
             self._springs = partners, rest[bond]
         return self._springs

@@ -40,7 +40,8 @@ class ContactPairs(NamedTuple):
 
 def allocate_pairs(size: int) -> ContactPairs:
     """Return rows for ``size`` pairs."""
-    return ContactPairs(*zeros(3 * size, np.int64).reshape(3, size), np.zeros(1, np.int64))
+    first, second, bond = zeros(3 * size, np.int64).reshape(3, size)
+    return ContactPairs(first, second, bond, np.zeros(1, np.int64))
 
 
 @kernel

@@ -37,7 +37,7 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import cut_out, numbered
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.diagonals import diagonal_lengths, find_diagonals
+from riftberg.stepping.lattice.diagonals import with_diagonals
 from riftberg.stepping.run_state import RunState
 
 ACCURACY: Final = 0.01
@@ -177,9 +177,7 @@ class SubstepMatrix:
 
     def __init__(self, p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> None:
         on, kernel = bonds.status == 0, p.kernel_values()
-        diagonals = find_diagonals(elements, bonds, kernel)
-        i, j = np.append(bonds.first[on], diagonals.first), np.append(bonds.second[on], diagonals.second)
-        rest = np.append(bonds.rest_length[on], diagonal_lengths(diagonals, bonds))
+        i, j, rest = with_diagonals(elements, bonds, kernel, on)
         diagonal = np.arange(i.size) >= on.sum()
         nothing = np.zeros(i.size)
         r1, r2 = _radii_when_formed(p, rest, sizes.bond_radius[i], sizes.bond_radius[j])
@@ -321,8 +319,7 @@ def _spring_frequency(run: RunState) -> float:
     held = np.flatnonzero(bonds.status == 0)
     if held.size == 0:
         return 0.0
-    diagonals = find_diagonals(el, bonds, c)
-    i, j = np.append(bonds.first[held], diagonals.first), np.append(bonds.second[held], diagonals.second)
+    i, j, _ = with_diagonals(el, bonds, c, held)
     mass = el.body.mass
     metric = Metric(c.latlon, c.earth_radius, c.period)
     x, y = separations(metric, el.place.lon[i], el.place.lat[i], el.place.lon[j], el.place.lat[j])

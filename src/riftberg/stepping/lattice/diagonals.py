@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,16 @@ def find_diagonals(el: Elements, bonds: Bonds, p: KernelParameters) -> Diagonals
     begins = np.flatnonzero(~again[:-1])
     other = np.where(again[begins + 1][:, None], ways[np.minimum(begins + 1, first.size - 1)], np.int32(-1))
     return Diagonals(first[begins], second[begins], np.stack([ways[begins], other], axis=1))
+
+
+def with_diagonals(
+    el: Elements, bonds: Bonds, p: KernelParameters, some: Any = slice(None)
+) -> tuple[Ints, Ints, Floats]:
+    """Return both ends, and the length at rest (m), of some bonds, and behind them of the diagonals of all unbroken ones."""
+    diagonals = find_diagonals(el, bonds, p)
+    first = np.concatenate([bonds.first[some], diagonals.first], dtype=np.int64)
+    second = np.concatenate([bonds.second[some], diagonals.second], dtype=np.int64)
+    return first, second, np.append(bonds.rest_length[some], diagonal_lengths(diagonals, bonds))
 
 
 @kernel
