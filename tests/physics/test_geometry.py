@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -228,3 +229,18 @@ def test_velocity_update_equals_twin(lon, lat, u, v, ax, ay, latlon):
     got = geometry.add_velocity(lon, lat, u, v, ax, ay, 20.0, latlon)
     assert_same(got, twin.add_velocity(lon, lat, (u, v), (ax, ay), 20.0, latlon), scale=abs(u) + abs(v))
     assert_same(got, (u + 20.0 * ax, v + 20.0 * ay), scale=abs(u) + abs(v) + 20 * (abs(ax) + abs(ay)))
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+def test_elimination_takes_the_largest_pivot_wherever_it_stands(order):
+    """Entries of which each but the right one would lose all digits of the result, in the first and in the second column."""
+    a = np.array([[1e-20, 1.0, 2.0], [3.0, 1e-20, -1.0], [1e-20, 1e-20, 5.0]])[list(order)]
+    a[:, 1] += a[:, 0]  # so that the second pivot is found after the first elimination
+    given, right = a.copy(), a @ np.array([1.0, -2.0, 3.0])
+    kept = right.copy()
+    np.testing.assert_allclose(geometry.solve(a, right), [1.0, -2.0, 3.0], rtol=1e-14)
+    assert (a == given).all()
+    assert (right == kept).all()
+    out = np.empty((1, 3, 3))
+    geometry.invert(a[None], out, np.empty((1, 3, 3)))
+    np.testing.assert_allclose(out[0] @ a, np.eye(3), atol=1e-14)

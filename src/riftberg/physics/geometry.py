@@ -429,36 +429,35 @@ def times(a: Floats, x: Floats) -> tuple[float, float, float]:
 
 @kernel
 def solve(a: Floats, x: Floats) -> tuple[float, float, float]:
-    """Solve ``a z = x`` by elimination with pivots; both are overwritten."""
-    for k in range(3):
-        best = k
-        for i in range(k + 1, 3):
-            if abs(a[i, k]) > abs(a[best, k]):
-                best = i
-        for j in range(3):
-            a[k, j], a[best, j] = a[best, j], a[k, j]
-        x[k], x[best] = x[best], x[k]
-        for i in range(k + 1, 3):
-            factor = a[i, k] / a[k, k]
-            for j in range(k, 3):
-                a[i, j] -= factor * a[k, j]
-            x[i] -= factor * x[k]
-    z = x[2] / a[2, 2]
-    y = (x[1] - a[1, 2] * z) / a[1, 1]
-    return (x[0] - a[0, 1] * y - a[0, 2] * z) / a[0, 0], y, z
+    """Solve ``a z = x`` by elimination with pivots."""
+    # In numbers and not in arrays, which would be written and read again at each exchange of rows.
+    one = a[0, 0], a[0, 1], a[0, 2], x[0]
+    two = a[1, 0], a[1, 1], a[1, 2], x[1]
+    three = a[2, 0], a[2, 1], a[2, 2], x[2]
+    if abs(three[0]) > max(abs(one[0]), abs(two[0])):
+        one, three = three, one
+    elif abs(two[0]) > abs(one[0]):
+        one, two = two, one
+    f, g = two[0] / one[0], three[0] / one[0]
+    four = two[1] - f * one[1], two[2] - f * one[2], two[3] - f * one[3]
+    five = three[1] - g * one[1], three[2] - g * one[2], three[3] - g * one[3]
+    if abs(five[0]) > abs(four[0]):
+        four, five = five, four
+    f = five[0] / four[0]
+    z = (five[2] - f * four[2]) / (five[1] - f * four[1])
+    y = (four[2] - four[1] * z) / four[0]
+    return (one[3] - one[1] * y - one[2] * z) / one[0], y, z
 
 
 @kernel
 def invert(matrices: Floats, out: Floats, scratch: Floats) -> None:
-    """Invert each matrix of a stack; ``scratch`` has room for two of them."""
-    a, unit = scratch[0], scratch[1, 0]
+    """Invert each matrix of a stack; ``scratch`` has room for one of them."""
+    unit = scratch[0, 0]
     for b in range(matrices.shape[0]):
         for j in range(3):
             for i in range(3):
                 unit[i] = 1.0 if i == j else 0.0
-                for k in range(3):
-                    a[i, k] = matrices[b, i, k]
-            out[b, 0, j], out[b, 1, j], out[b, 2, j] = solve(a, unit)
+            out[b, 0, j], out[b, 1, j], out[b, 2, j] = solve(matrices[b], unit)
 
 
 @kernel

@@ -135,7 +135,7 @@ def set_apart(state: Floats) -> None:
 def find_free_motion(island: Island, jacobian: Floats, h: float, twist: Floats, work: CrushingWorkspace) -> None:
     """Velocities at the end of a sub-step without contact, and the compliance of each body with its media."""
     mobility, compliance = island.matrices.mobility, work.compliance
-    matrix, used, x = work.scratch[0], work.scratch[1], work.scratch[2, 0]
+    matrix, x = work.scratch[0], work.scratch[1, 0]
     for b in range(twist.shape[0]):
         for i in range(3):
             for j in range(3):
@@ -146,9 +146,7 @@ def find_free_motion(island: Island, jacobian: Floats, h: float, twist: Floats, 
         for j in range(3):
             for i in range(3):
                 x[i] = mobility[b, i, j]
-                for k in range(3):
-                    used[i, k] = matrix[i, k]
-            compliance[b, 0, j], compliance[b, 1, j], compliance[b, 2, j] = solve(used, x)
+            compliance[b, 0, j], compliance[b, 1, j], compliance[b, 2, j] = solve(matrix, x)
         for i in range(3):
             f = work.net_force[b]
             work.new[b, i] = twist[b, i] + h * (
