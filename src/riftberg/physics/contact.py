@@ -1,13 +1,14 @@
 """Contact laws: KID's spring and damper between two elements (equations 5.2, 5.5), and faces of ice that crush each other.
 
 Crushing (Riftberg) has pressure up to a limit, stiff unloading and Coulomb friction.
-A face of chord b (m) on ice of thickness h (m) that is pressed in by d (m) since it was touched bears
+A face of chord b (m) on ice of thickness h (m) that overlaps another by the area A (m2) bears
 
-    F = min(k_u <d - d_p>, k <d - d_e>, p_c h b),    k = p_c h b / a,    k_u = r k
+    F = min(r K <A - A_p>, K <A - A_e>, p_c h b),    K = p_c h / a
 
-with the depth d_e at which the faces touched, the depth d_p to which the ice is crushed, the crushing strength p_c (Pa), the
-depth a (m) over which it is reached, and the ratio r of the stiffness of unloading. The energy that comes back is 1 / r of that
-which went in, so two faces rebound at ``1 / sqrt(r)`` of the speed at which they met, whatever that was.
+with the overlap A_e at which the faces touched, A_p to which the ice is crushed, the crushing strength p_c (Pa), the depth a (m)
+over which it is reached, and the ratio r of the stiffness of unloading. Overlaps are remembered, not depths A / b: the chord of
+a corner grows as it is pressed in. The energy that comes back is 1 / r of that which went in, so two faces rebound at
+``1 / sqrt(r)`` of the speed at which they met, whatever that was.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ def damping_tensor(
 
 @kernel
 def face_stiffness(strength: float, thickness: float, chord: float, depth: float) -> float:
-    """Stiffness of loading, N m-1: ``k = p_c h b / a``.
+    """Stiffness of loading, N m-1: ``K b = p_c h b / a``.
 
     Parameters
     ----------
@@ -118,34 +119,34 @@ def face_stiffness(strength: float, thickness: float, chord: float, depth: float
 
 @kernel
 def crushing_force(
-    depth: float, touched: float, crushed: float, stiffness: float, ratio: float, limit: float, compliance: float
+    overlap: float, touched: float, crushed: float, rate: float, ratio: float, limit: float, compliance: float
 ) -> float:
     """Force between two faces, N: the least of unloading, loading and crushing; never a pull.
 
     Parameters
     ----------
-    depth : float
-        Depth of the overlap without the force, m.
+    overlap : float
+        Area of the overlap without the force, m2.
     touched : float
-        Depth at which the faces touched, m.
+        Overlap at which the faces touched, m2.
     crushed : float
-        Depth to which the ice is crushed, m.
-    stiffness : float
-        Of loading, N m-1.
+        Overlap to which the ice is crushed, m2.
+    rate : float
+        K: what loading adds to the force, N m-2.
     ratio : float
-        Stiffness of unloading over that of loading.
+        Rate of unloading over that of loading.
     limit : float
         Force at which the whole face is crushed, N.
     compliance : float
-        How far the force presses the faces apart within the step, m N-1: the law is taken at ``depth - compliance F``.
+        How far the force presses the faces apart within the step, m2 N-1: the law is taken at ``overlap - compliance F``.
 
     Notes
     -----
-    Each branch rises with the depth, so the force under which law and motion agree is the least of those of the branches.
+    Each branch rises with the overlap, so the force under which law and motion agree is the least of those of the branches.
     """
-    unloading = ratio * stiffness
-    back = unloading * (depth - crushed) / (1.0 + unloading * compliance)
-    on = stiffness * (depth - touched) / (1.0 + stiffness * compliance)
+    unloading = ratio * rate
+    back = unloading * (overlap - crushed) / (1.0 + unloading * compliance)
+    on = rate * (overlap - touched) / (1.0 + rate * compliance)
     return max(min(back, on, limit), 0.0)
 
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-FORMAT = 5
+FORMAT = 6
 """Number of the layout, the oldest and newest that is read; what is added later takes its default in files without it."""
 
 _Table = TypeVar("_Table", Elements, Bonds)
