@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -472,3 +475,19 @@ def test_fragments_see_each_other_without_the_displacements_of_their_loads() -> 
         )
         assert bent > 1e-3
         assert (seen < 1e-6) == (len(bergs) == 2)
+
+
+def test_a_model_that_is_needed_no_more_goes_at_once() -> None:
+    """Bug: it and its lattice held each other until Python looked for cycles, 1 to 2 MiB of each member of an ensemble."""
+    berg = Iceberg.rectangle("12 km", "6 km", thickness=200.0, placement=(-37.0, -56.0))
+    model = Model(berg, Steady(current=(0.2, 0.0)))
+    model.step()
+    gone = weakref.ref(model)
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        del model
+        assert gone() is None
+    finally:
+        if was_on:
+            gc.enable()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from weakref import ref
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class BrittleLattice:
         tips: CrackTips, last_crack: int,
     ) -> None:  # fmt: skip
         el, bonds, c = model.elements, model.bonds, model.constants
-        self._model, self._sizes, self._tips, self._last_crack = model, sizes, tips, last_crack
+        self._known, self._sizes, self._tips, self._last_crack = ref(model), sizes, tips, last_crack
         self.xy = tangent_coordinates(
             bodies.reference, c.latlon, c.earth_radius
         )  # m, in their fragments; (elements, 2)
@@ -70,6 +71,13 @@ class BrittleLattice:
         self._latest: Equilibrium | None = None
         self._strengths: tuple[tuple[int, bytes, bytes], Strengths] | None = None
         self.follow_cracks(bodies, tips)
+
+    @property
+    def _model(self) -> RunState:
+        """The model, which holds this lattice: held in turn it would stay in memory until Python looks for cycles."""
+        model = self._known()
+        assert model is not None
+        return model
 
     def follow_cracks(self, bodies: Bodies, tips: CrackTips) -> None:
         """Find where the tips of cracks stand in the fragments."""
