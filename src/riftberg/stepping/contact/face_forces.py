@@ -367,13 +367,13 @@ def record_peak(island: Island, pair_state: Floats, count: int, result: IslandRe
     if count == 0:
         return
     body_of, harder = island.body_of, False
-    _find_struck(island, pair_state, count, work.struck, work)
+    _find_loaded_by_impact(island, pair_state, count, work.impacted, work)
     work.size[:] = 0.0
     for f in range(count):
         k = work.active[f]
         size = math.hypot(pair_state[k, PUSH_X], pair_state[k, PUSH_Y])
         for b in (body_of[island.first[k]], body_of[island.second[k]]):
-            work.size[b] += size if work.struck[b] else 0.0
+            work.size[b] += size if work.impacted[b] else 0.0
             harder = harder or (island.bonded[b] and work.size[b] > work.peak[b])
     if not harder:
         return
@@ -391,22 +391,22 @@ def record_peak(island: Island, pair_state: Floats, count: int, result: IslandRe
 
 
 @borrower
-def _find_struck(
-    island: Island, pair_state: Floats, count: int, struck: NDArray[np.bool_], work: CrushingWorkspace
+def _find_loaded_by_impact(
+    island: Island, pair_state: Floats, count: int, impacted: NDArray[np.bool_], work: CrushingWorkspace
 ) -> None:
     """Find the bodies that bear an impact: on a face of their own, or by way of others that press them at rest.
 
     What is driven into another faster than `STRUCK_AT_REST` strikes it, however long that lasts. All else is at rest, where loads
     change slowly, and are those of the end of the step.
     """
-    struck[:], more = False, True
+    impacted[:], more = False, True
     while more:
         more = False
         for f in range(count):
             k = work.active[f]
             a, b = island.body_of[island.first[k]], island.body_of[island.second[k]]
-            if pair_state[k, FORCE] <= 0.0 or (struck[a] and struck[b]):
+            if pair_state[k, FORCE] <= 0.0 or (impacted[a] and impacted[b]):
                 continue
             strikes = pair_state[k, PHASE] == IMPACT or pair_state[k, SPEED] > STRUCK_AT_REST
-            if strikes or struck[a] or struck[b]:
-                struck[a] = struck[b] = more = True
+            if strikes or impacted[a] or impacted[b]:
+                impacted[a] = impacted[b] = more = True

@@ -62,7 +62,7 @@ class CrushingWorkspace(NamedTuple):
     net_force: Floats
     contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)
     everyone: NDArray[np.bool_]
-    struck: NDArray[np.bool_]  # Whether an impact loads a body now; shape (bodies,)
+    impacted: NDArray[np.bool_]  # Whether an impact loads a body now; shape (bodies,)
     pair: PairWorkspace
     scratch: Floats  # shape (4, 3, 3)
     dissipated: Floats  # Plastic work and friction so far, J; shape (1,)

@@ -150,10 +150,10 @@ def step_lone_bergs(
     with ThreadPoolExecutor(config.NUMBA_NUM_THREADS) as pool:  # type: ignore[attr-defined]
         parts = math.ceil(dt / min(pool.map(_Block.longest_step, blocks)) - 1e-9)
         for n in range(parts):
-            list(pool.map(lambda block: block.depart(parts), blocks))
+            list(pool.map(lambda block: block.predict(parts), blocks))
             # A forcing may draw numbers for all elements of a cell, in whatever block they are.
             forcing.sample(el, model.time + (n + 1) * dt / parts)
-            list(pool.map(lambda block: block.arrive(parts), blocks))
+            list(pool.map(lambda block: block.correct(parts), blocks))
         return list(pool.map(_Block.finish, blocks))
 
 
@@ -180,7 +180,7 @@ class _Block:
         self.aground = self.forcing.aground > 0.0
         return longest_trial_step(self.forcing, self.stepping.time_step)
 
-    def depart(self, parts: int) -> None:
+    def predict(self, parts: int) -> None:
         """Take the first half kick of one of some parts of the step, and drift to its end."""
         el, c, lone, (body, reference, pose, twist, displacement) = self.el, self.c, self.lone, self.bodies
         h, new, grid = self.stepping.time_step / parts, np.empty_like(pose), self.model.forcing.grid
@@ -196,7 +196,7 @@ class _Block:
             self.happened |= land_corrections(el, far_lon, far_lat, c).any(axis=1)
             self.lon, self.lat = el.lon[lone], el.lat[lone]
 
-    def arrive(self, parts: int) -> None:
+    def correct(self, parts: int) -> None:
         """Take the second half kick, with the forces at the new place and time."""
         self._evaluate()
         if self.stepping.landing_steps > 1:  # else touch-down is no event

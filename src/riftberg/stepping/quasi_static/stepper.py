@@ -190,16 +190,14 @@ class QuasiStaticStepper:
         reachable = ~unreachable
         reachable[lone] = False
         forcing = OneAtATime(model.forcing)
-        apart, meeting = (
-            (rows, *run_of(model, rows, forcing)) for rows in map(np.flatnonzero, (unreachable, reachable))
-        )
+        apart, near = ((rows, *run_of(model, rows, forcing)) for rows in map(np.flatnonzero, (unreachable, reachable)))
         with ThreadPoolExecutor(1) as beside:
             begun = beside.submit(step_lone_bergs, model, forcing, bodies, unknown, lone, sizes, applied)
             if apart[0].size:
                 step = step_group(*apart[:2], cells=(self._cells, self._cell_topology))
                 self._cell_topology = step.lattice.topology
-            if meeting[0].size:
-                step_group(*meeting[:2], cells=(self._cells, None), laws=LawsWithMemory(None, self._faces))
+            if near[0].size:
+                step_group(*near[:2], cells=(self._cells, None), laws=LawsWithMemory(None, self._faces))
             else:
                 self._faces.forget_pairs()
             done = begun.result()
@@ -207,7 +205,7 @@ class QuasiStaticStepper:
         alone = (happened, *run_of(model, happened, forcing))
         if happened.size:
             step_group(*alone[:2], cells=(self._cells, None))
-        for rows, group, bond_rows in (apart, meeting, alone):
+        for rows, group, bond_rows in (apart, near, alone):
             put_back(model.elements, bonds, rows, bond_rows, group.elements, group.bonds)
         parts += [(block.rows, block.bodies) for block in done]
         body = connected_parts(model.elements.size, bonds.first, bonds.second, bonds.status)
