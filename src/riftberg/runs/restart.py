@@ -124,7 +124,7 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             raise InputError(
                 f"restart layout {layout} is {age} than this Riftberg ({__version__}) reads ({FORMAT})",
                 where=str(path),
-                remedy=f"Use Riftberg {getattr(file, 'riftberg_version', '?')}{later}, or make the run again",
+                remedy=f"Use the Riftberg that wrote it ({getattr(file, 'riftberg_version', '?')}{later}), or make the run again",
             )
         # Only the number of bonds counts here: their ends are read with the rest of the table.
         ends = np.zeros(file.dimensions["bond"].size, np.int64)
