@@ -244,7 +244,7 @@ def test_why_tells_of_a_collision(tmp_path: Path) -> None:
     assert met["bergs"] == ["beam", "hammer"]
     assert met["lat"] == pytest.approx(1.7e3, abs=500.0)
     lines = short_summary(summarize(model))
-    assert any("beam and hammer met at 0.4 m/s, at x 6000 m, y" in line for line in lines)
+    assert any("beam and hammer met at 0.4 m/s, at x 7500 m, y" in line for line in lines)
     assert any("broke off beam afloat" in line and "at x " in line for line in lines)
 
 

@@ -104,6 +104,7 @@ def test_other_layouts_and_missing_variables_are_refused(tmp_path: Path) -> None
     with netCDF4.Dataset(path, "a") as file:
         file.riftberg_restart_format = restart.FORMAT - 1
     with pytest.raises(
-        InputError, match=r"layout 5 is older than this Riftberg .*Use the Riftberg that wrote it .*, or make the run again"
+        InputError,
+        match=r"layout 5 is older than this Riftberg .*Use the Riftberg that wrote it .*, or make the run again",
     ):
         restart.load_state(path)

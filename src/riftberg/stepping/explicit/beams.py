@@ -4,11 +4,12 @@ Bonds and elements stand in tiles (`riftberg.stepping.explicit.tiles`). A sub-st
 bonds that begin in a tile, and, as soon as all bonds of a tile of elements are done, the sums over them, the kick, and the drift
 to the positions of the sub-step that follows. So forces are summed while they are in the cache.
 
-Several sub-steps go through the elements together, one close behind the other, so that bonds and elements of a large berg come
-from memory once for all of them. One that follows takes the bonds of a tile as soon as the one before has moved on all elements
-that they see. So each does what it would do alone, in the same order, to the last bit. Where a bond breaks, those behind stop:
-its ends have not been moved on yet, so they have met neither these nor the diagonals there. They go on from where they stand
-when the break has been recorded; one by one if anything may touch, since contact looks at all elements at one time.
+Several sub-steps go through the elements together, one close behind the other, so that bonds and elements of a large berg
+come out of memory once for all of them. One that follows takes the bonds of a tile as soon as the one before has moved on all
+elements that they see. So each does what it would do alone, in the same order, to the last bit. Where a bond breaks, those
+behind stop: its ends have not been moved on yet, so they have met neither these nor the diagonals there. They go on from
+where they stand when the break has been recorded; one by one if anything may touch, since contact looks at all elements at
+one time.
 """
 
 from __future__ import annotations
