@@ -113,7 +113,9 @@ class ForceTerms(NamedTuple):
 
     accelerations: Floats  # By each of `riftberg.stepping.forces.media.FORCES`, m s-2; shape (elements, forces, 2)
     net_force: Floats  # On the fragments, N, N, N m; shape (fragments, 3)
-    drag_rate: Floats  # Drag of all media per velocity through them, and the same of the spin, s-1; shape (elements, 2)
+    # Drag of all media per velocity through them, the same of the spin (s-1), and what the first grows by with the velocity
+    # (m-1); shape (elements, 3)
+    drag_rate: Floats
 
 
 class BodyMatrices(NamedTuple):
@@ -292,7 +294,7 @@ def add_forces(
     for e in range(body.size):
         b, m = body[e], levers[e]
         u, v, w = element_velocity(m, twist[b])
-        ax = ay = rate = 0.0
+        ax = ay = rate = quadratic = 0.0
         if forcing.media_act:
             ax, ay = forcing.coriolis[e] * v, -forcing.coriolis[e] * u
             accelerations[e, CORIOLIS, 0], accelerations[e, CORIOLIS, 1] = ax, ay
@@ -303,8 +305,9 @@ def add_forces(
                 ax += dx
                 ay += dy
                 rate += of_medium
+                quadratic += media[e, k, QUADRATIC]
         torque, turning = spin_torque(forcing, e, w)
-        drag_rate[e, 0], drag_rate[e, 1] = rate, 0.5 * turning / forcing.inertia[e]
+        drag_rate[e, 0], drag_rate[e, 1], drag_rate[e, 2] = rate, 0.5 * turning / forcing.inertia[e], quadratic
         fx, fy = mass[e] * ax + forcing.push_x[e], mass[e] * ay + forcing.push_y[e]
         force[e, 0], force[e, 1], force[e, 2] = fx, fy, torque
         for i in range(3):
@@ -457,21 +460,24 @@ def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
 
 
 @kernel
+def is_resolved(rate: float, quadratic: float, ax: float, ay: float, half_dt: float) -> bool:
+    """Whether a half step resolves drag of ``rate`` (s-1), which grows by ``quadratic`` (m-1), under an acceleration (m s-2).
+
+    That is ``rate + sqrt(quadratic |a|) <= EXPLICIT_PART / half_dt``, without the roots.
+    """
+    spare = EXPLICIT_PART / half_dt - rate
+    return bool(spare >= 0.0 and quadratic * quadratic * (ax * ax + ay * ay) <= spare * spare * spare * spare)
+
+
+@kernel
 def drag_rates(
-    forcing: ElementForcing, e: int, u: float, v: float, acceleration: float, now: float, half_dt: float
+    forcing: ElementForcing, e: int, u: float, v: float, acceleration: float, quadratic: float
 ) -> tuple[float, float]:
     """Drag (s-1) of all media per velocity through them in a half step from (u, v), and the least speed (m s-1) that it is for.
 
-    ``acceleration``: by all forces, m s-2; ``now``: the drag at (u, v), which is returned where the step resolves it.
+    ``acceleration``: by all forces, m s-2; ``quadratic``: that of `is_resolved`.
     """
-    quadratic = 0.0
-    for k in range(len(MEDIA)):
-        if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
-            quadratic += forcing.media[e, k, QUADRATIC]
-    least = math.sqrt(acceleration / quadratic) if quadratic > 0.0 else 0.0
-    if now + quadratic * least <= EXPLICIT_PART / half_dt:
-        return now, least
-    rate = 0.0
+    least, rate = math.sqrt(acceleration / quadratic) if quadratic > 0.0 else 0.0, 0.0
     for k in range(len(MEDIA)):
         if forcing.media_act or (k == SEA_FLOOR and forcing.floor_acts):
             rate += rate_of_medium(forcing.media[e, k], u, v, least)
@@ -507,10 +513,19 @@ def add_excess_drag(
     for b in range(twist.shape[0]):
         acceleration[b, 0], acceleration[b, 1], acceleration[b, 2] = times(op.matrices.mobility[b], terms.net_force[b])
     for e in range(op.body.size):
-        b, m, mass, inertia = op.body[e], op.levers[e], forcing.mass[e], forcing.inertia[e]
-        (u, v, _), (au, av, aw) = element_velocity(m, twist[b]), element_velocity(m, acceleration[b])
-        rate, _ = drag_rates(forcing, e, u, v, math.hypot(au, av), terms.drag_rate[e, 0], half_dt)
-        spin_rate = max(terms.drag_rate[e, 1], math.sqrt(forcing.spin_drag[e] * abs(aw)))
+        b, m, of_drag = op.body[e], op.levers[e], terms.drag_rate[e]
+        now, spin_now, quadratic = of_drag[0], of_drag[1], of_drag[2]
+        au, av, aw = element_velocity(m, acceleration[b])
+        if (
+            is_resolved(now, quadratic, au, av, half_dt)
+            and spin_now <= limit
+            and forcing.spin_drag[e] * abs(aw) <= limit * limit
+        ):
+            continue
+        u, v, _ = element_velocity(m, twist[b])
+        rate, _ = drag_rates(forcing, e, u, v, math.hypot(au, av), quadratic)
+        spin_rate = max(spin_now, math.sqrt(forcing.spin_drag[e] * abs(aw)))
+        mass, inertia = forcing.mass[e], forcing.inertia[e]
         if rate > limit:
             _add_outer(excess_drag[b], mass * (rate - limit), m[0:3], m[0:3])
             _add_outer(excess_drag[b], mass * (rate - limit), m[3:6], m[3:6])
@@ -533,7 +548,7 @@ def accumulate_excess_drag(
         b, m = op.body[e], op.levers[e]
         (u, v, _), (u_new, v_new, _) = element_velocity(m, twist[b]), element_velocity(m, new[b])
         au, av, _ = element_velocity(m, work.increment[b])
-        rates = drag_rates(op.forcing, e, u, v, math.hypot(au, av), terms.drag_rate[e, 0], half_dt)
+        rates = drag_rates(op.forcing, e, u, v, math.hypot(au, av), terms.drag_rate[e, 2])
         accumulate_excess(op.forcing, e, (u, v), (u_new - u, v_new - v), rates, half_dt, part, applied)
 
 

@@ -112,7 +112,7 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
         np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
         np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs),
         np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 25)),
-        np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 2)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
+        np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
         np.zeros((rows, 3)), np.ones(bodies, np.bool_), np.zeros(bodies, np.bool_),
         PairWorkspace(np.empty((corners, 2)), np.empty((corners, 2)), np.empty((2, 4 * corners, 3))),
         np.empty((4, 3, 3)), np.zeros(1),

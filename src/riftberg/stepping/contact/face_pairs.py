@@ -57,7 +57,7 @@ class CrushingWorkspace(NamedTuple):
     # closing speed (m s-1) and force across (N) before
     face: Floats  # shape (pairs, 25)
     accelerations: Floats  # By each force, m s-2; shape (elements, forces, 2)
-    drag_rate: Floats  # s-1; shape (elements, 2)
+    drag_rate: Floats  # Of `ForceTerms`; shape (elements, 3)
     force: Floats
     net_force: Floats
     contact_force: Floats  # On the elements, N, N, N m; shape (elements, 3)

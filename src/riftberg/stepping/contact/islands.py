@@ -238,7 +238,7 @@ def trapezoidal_correction(
     def forces(levers: Floats, forcing: ElementForcing) -> tuple[Floats, Floats]:
         """Accelerations of the elements by each force, and net forces on the bodies, at ``now``."""
         accelerations, net_force = np.zeros((rows.size, len(FORCES), 2)), np.zeros(now.shape)
-        rate, force = np.empty((rows.size, 2)), np.empty((rows.size, 3))
+        rate, force = np.empty((rows.size, 3)), np.empty((rows.size, 3))
         add_forces(body, levers, now, forcing, accelerations, rate, force, net_force)
         return accelerations, net_force
 

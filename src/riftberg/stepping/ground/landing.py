@@ -570,7 +570,7 @@ class _Landing:
         levers, mean = self._levers(pose), 0.5 * (self.velocity + friction.velocity)
         accelerations, rate, force, net = (
             np.zeros((n, len(FORCES), 2)),
-            np.empty((n, 2)),
+            np.empty((n, 3)),
             np.empty((n, 3)),
             np.zeros((1, 3)),
         )

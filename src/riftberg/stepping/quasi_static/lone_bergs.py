@@ -37,6 +37,7 @@ from riftberg.stepping.bodies.dynamics import (
     evaluate_forcing,
     excess_rate,
     has_converged,
+    is_resolved,
     longest_trial_step,
     relative_change,
     spin_torque,
@@ -45,7 +46,7 @@ from riftberg.stepping.bodies.pose import Bodies, move_poses, place_elements
 from riftberg.stepping.contact.broad_phase import candidate_pairs
 from riftberg.stepping.contact.faces import FaceContact
 from riftberg.stepping.contact.land import land_corrections
-from riftberg.stepping.forces.media import CORIOLIS, MEDIA, SEA_FLOOR, ForcedElements
+from riftberg.stepping.forces.media import CORIOLIS, MEDIA, QUADRATIC, SEA_FLOOR, ForcedElements
 from riftberg.stepping.forces.sizes import Sizes, sizes_in
 from riftberg.stepping.run_state import RunState
 
@@ -238,16 +239,16 @@ class _Block:
 @kernel
 def _acceleration(
     forcing: ElementForcing, e: int, u: float, v: float, part: float, applied: Floats
-) -> tuple[float, float, float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float, float]:
     """Acceleration (m s-2) of an element by all forces but the linear drag of the sea floor, with what follows from it.
 
-    Then come minus its derivatives xx, xy and yy (s-1), the Coriolis parameter, which enters beside xy with both signs, and the
-    drag per velocity through the media (s-1).
+    Then come minus its derivatives xx, xy and yy (s-1), the Coriolis parameter, which enters beside xy with both signs, the
+    drag per velocity through the media (s-1), and what that grows by with the velocity (m-1).
     ``part`` of each acceleration goes into ``applied``, if it is not 0. Forces are summed in the order of
     `riftberg.stepping.bodies.dynamics.add_forces`.
     """
     media, mass = forcing.media, forcing.mass
-    ax = ay = jxx = jxy = jyy = f = rate = 0.0
+    ax = ay = jxx = jxy = jyy = f = rate = quadratic = 0.0
     if forcing.media_act:
         f = forcing.coriolis[e]
         ax, ay = f * v, -f * u
@@ -263,10 +264,11 @@ def _acceleration(
             jxy += dxy
             jyy += dyy
             rate += of_medium
+            quadratic += media[e, k, QUADRATIC]
             if part != 0.0:
                 applied[e, k, 0] += part * dx
                 applied[e, k, 1] += part * dy
-    return ax + forcing.push_x[e] / mass[e], ay + forcing.push_y[e] / mass[e], jxx, jxy, jyy, f, rate
+    return ax + forcing.push_x[e] / mass[e], ay + forcing.push_y[e] / mass[e], jxx, jxy, jyy, f, rate, quadratic
 
 
 @kernel
@@ -291,10 +293,12 @@ def _kick(
     for n in range(rows.size):
         e = rows[n]
         u, v, w = twist[n, 0], twist[n, 1], twist[n, 2]
-        ax, ay, _, _, _, _, rate = _acceleration(forcing, e, u, v, part, applied)
+        ax, ay, _, _, _, _, rate, quadratic = _acceleration(forcing, e, u, v, part, applied)
         torque, turning = spin_torque(forcing, e, w)
         inertia = forcing.inertia[e]
-        rates = drag_rates(forcing, e, u, v, math.hypot(ax, ay), rate, half_dt)
+        rates = rate, 0.0
+        if not is_resolved(rate, quadratic, ax, ay, half_dt):
+            rates = drag_rates(forcing, e, u, v, math.hypot(ax, ay), quadratic)
         spin_rate = max(0.5 * turning / inertia, math.sqrt(forcing.spin_drag[e] * abs(torque / inertia)))
         excess, excess_spin = excess_rate(rates[0], half_dt), excess_rate(spin_rate, half_dt)
         z, zs = half_dt * forcing.floor_rate[e], half_dt * forcing.floor_spin_rate[e]
@@ -329,7 +333,7 @@ def _solve(
         while True:
             if iterations == MAX_ITERATIONS:
                 return -1
-            ax, ay, jxx, jxy, jyy, f, _ = _acceleration(forcing, e, u, v, 0.0, applied)
+            ax, ay, jxx, jxy, jyy, f, _, _ = _acceleration(forcing, e, u, v, 0.0, applied)
             torque, turning = spin_torque(forcing, e, w)
             rx, ry = middle[n, 0] + kick * ax - decay * u, middle[n, 1] + kick * ay - decay * v
             xx, xy, yx, yy = decay + kick * jxx, kick * (jxy - f), kick * (jxy + f), decay + kick * jyy
@@ -345,7 +349,7 @@ def _solve(
             before = change
         most = max(most, iterations)
         twist[n, 0], twist[n, 1], twist[n, 2] = u, v, w
-        ax, ay, _, _, _, _, _ = _acceleration(forcing, e, u, v, part, applied)
+        ax, ay, _, _, _, _, _, _ = _acceleration(forcing, e, u, v, part, applied)
         _apply_floor(forcing, e, u, v, ax, ay, half_dt, part, applied)
         spin_rate[n] = spin_torque(forcing, e, w)[0] / inertia - forcing.floor_spin_rate[e] * w
     return most

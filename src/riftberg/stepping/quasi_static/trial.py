@@ -327,7 +327,7 @@ class FragmentMotion:
         if self.faces is not None and self.faces.pairs.pair.size:
             of_faces = self.faces.force(self.model)
             pressed = pressed + of_faces if pressed.size else of_faces
-        terms = ForceTerms(np.zeros((count, len(FORCES), 2)), np.zeros_like(twist), np.empty((count, 2)))
+        terms = ForceTerms(np.zeros((count, len(FORCES), 2)), np.zeros_like(twist), np.empty((count, 3)))
         force, load, sums = np.empty((count, 3)), np.empty((count, 3)), np.empty((twist.shape[0], 7))
         find_loads(
             op, twist, self.lattice.xy, pressed, terms, force, load, el.motion, el.shown, el.kicks.spin_rate, sums,
