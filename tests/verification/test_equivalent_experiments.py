@@ -74,7 +74,8 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
     }
     scheme = r.choice(["quasi_static", "quasi_static", "quasi_static", "mts"])
     parameters = {
-        "stepping": {"scheme": scheme, "time_step": 1800},
+        # The number of sub-steps that is found for a mirrored lattice may be another one by one.
+        "stepping": {"scheme": scheme, "time_step": 1800, "substeps": 400 if scheme == "mts" else None},
         "fracture": {"normal_strength": 1e7, "shear_strength": 1e7},
         "bonds": perhaps(0.3, {"elasticity": "bonds"}),
         "grounding": perhaps(0.3, {"law": "quadratic", "coefficient": 0, "quadratic_coefficient": 1e4}),
