@@ -257,7 +257,9 @@ def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError
             raise kind(f"{member.filename} in the archive is encrypted", where=shown(path), remedy=remedy)
     size = sum(member.file_size for member in members)
     refuse_large(size, most, f"bytes once unpacked ({human(size)})", where=shown(path), remedy=remedy, kind=kind)
-    return [member.filename for member in members]
+    # macOS packs what it knows of a file beside it, under the same name.
+    names = [member.filename for member in members]
+    return [name for name in names if not name.startswith("__MACOSX/") and not Path(name).name.startswith("._")]
 
 
 def shown(path: object) -> str:
