@@ -11,7 +11,7 @@ import json
 import logging
 import re
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 from pathlib import Path
@@ -23,7 +23,7 @@ import shapely
 import shapely.errors
 from shapely.geometry import shape
 
-from riftberg.bergs.seams import whole_shapes
+from riftberg.bergs.seams import NO_BERG, fault_of_ring, whole_shapes
 from riftberg.errors import BergError
 from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
 
@@ -56,7 +56,9 @@ class Feature:
     @property
     def name(self) -> str:
         """What the feature is called, empty if it has no name."""
-        small = {str(key).lower(): str(value).strip() for key, value in self.properties.items() if value not in (None, "")}
+        small = {
+            str(key).lower(): str(value).strip() for key, value in self.properties.items() if value not in (None, "")
+        }
         return next((small[key] for key in NAMES if key in small), "")
 
     def label(self) -> str:
@@ -257,13 +259,12 @@ def _to_lonlat(geometry: Any, crs: str, where: str) -> Any:
             remedy="Name the coordinate system of the file",
         )  # fmt: skip
     try:  # no edge of a projected outline jumps from 180 to -180; that around a pole cannot be laid open
-        return shapely.transform(moved, lambda lonlat: np.stack([np.unwrap(lonlat[:, 0], period=360.0), lonlat[:, 1]], 1))
+        return shapely.transform(
+            moved, lambda lonlat: np.stack([np.unwrap(lonlat[:, 0], period=360.0), lonlat[:, 1]], 1)
+        )
     except shapely.errors.GEOSException:
         return moved
 
-
-TALLEST = 20.0
-"""Degrees of latitude that no berg spans; the longest ever seen had 3."""
 
 _READERS: dict[str, Any] = {
     ".geojson": _from_geojson_file,
@@ -374,13 +375,9 @@ def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
             where=where,
             remedy="Name the coordinate system with crs=, for example crs='EPSG:3031'",
         )
-    tall = float(np.ptp(points[:, 1]))
-    if tall > TALLEST:
-        raise BergError(
-            f"the outline spans {tall:.3g} degrees of latitude, from {points[:, 1].min():g} to {points[:, 1].max():g}",
-            where=where, remedy="No berg is that long: look for a missing sign, or swapped longitude and latitude",
-        )  # fmt: skip
     areas = getattr(geometry, "geoms", [geometry])
+    if fault := next(filter(None, (fault_of_ring(area.exterior.coords) for area in areas)), ""):
+        raise BergError(fault, where=where, remedy=NO_BERG)
     for ring in (np.asarray(ring.coords) for area in areas for ring in (area.exterior, *area.interiors)):
         if abs(np.diff(ring[:, 0])).max() > 180:
             raise BergError(
@@ -480,6 +477,11 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
 def _number_of_text(text: str, separator: str) -> float:
     """Return a number; where commas do not separate columns they may stand for the decimal point."""
     return float(text if separator == "," else text.replace(",", "."))
+
+
+def whole_polygons(rings: list[Points], path: Path) -> list[Any]:
+    """Return the polygons of the rings of one outline: a ring inside of another is a hole, seams are closed."""
+    return _polygons(with_seams_closed([Feature(_polygons_of_rings(rings, path))])[0].geometry)
 
 
 def _polygons_of_rings(rings: list[Points], path: Path) -> Any:

@@ -49,14 +49,42 @@ def whole_shapes(polygons: Sequence[Any], *, along_meridian: bool = False) -> li
     return shapes
 
 
+TALLEST: Final = 20.0
+"""Degrees of latitude, or as long along a parallel, that no berg spans; the longest ever seen had 3."""
+
+
+NO_BERG: Final = "No berg is like that: look for a missing sign, or swapped longitude and latitude"
+
+
+def fault_of_ring(ring: Any) -> str:
+    """Return why no berg can have an outline (longitude and latitude, shape (n, 2)), empty where one can."""
+    lon, lat = np.asarray(ring, float)[:, :2].T
+    steps = np.diff(lon, append=lon[:1])
+    path = np.unwrap(lon, period=360.0)  # whole also where longitudes jump at the date line
+    if abs(((steps + 180.0) % 360.0 - 180.0).sum()) > 180.0 or np.abs(steps).max() > 359.999:
+        return "an outline around a pole"
+    if np.ptp(lat) > TALLEST:
+        return f"an outline over {np.ptp(lat):.3g} degrees of latitude, from {lat.min():g} to {lat.max():g}"
+    if np.ptp(path) * math.cos(math.radians(lat.mean())) > TALLEST:
+        return f"an outline over {np.ptp(path):.3g} degrees of longitude, from {path.min():g} to {path.max():g}"
+    if len(np.unique(ring, axis=0)) < 3:
+        return f"an outline of {len(np.unique(ring, axis=0))} points"
+    return (
+        "an outline of no area" if shapely.make_valid(shapely.Polygon(np.stack([path, lat], 1))).area < METRE**2 else ""
+    )
+
+
 def _turned(polygon: Any, turns: int) -> Any:
     """Return a polygon some turns of the globe further east."""
-    return shapely.transform(polygon, lambda lonlat: lonlat + (360.0 * turns, 0.0)) if turns else polygon
+    return shapely.transform(polygon, lambda lonlat: lonlat + np.array([360.0 * turns, 0.0])) if turns else polygon
 
 
 def _share_an_edge(one: Any, other: Any, along_meridian: bool) -> bool:
     """Whether two polygons, on axes of equal scale, run along each other."""
-    (west, south), (east, north) = np.maximum(one.bounds[:2], other.bounds[:2]), np.minimum(one.bounds[2:], other.bounds[2:])
+    (west, south), (east, north) = (
+        np.maximum(one.bounds[:2], other.bounds[:2]),
+        np.minimum(one.bounds[2:], other.bounds[2:]),
+    )
     box = west - 2 * METRE, south - 2 * METRE, east + 2 * METRE, north + 2 * METRE
     near, far = (shapely.clip_by_rect(polygon.boundary, *box) for polygon in (one, other))
     seam = shapely.intersection(far, shapely.buffer(near, METRE))

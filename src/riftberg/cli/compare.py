@@ -29,6 +29,7 @@ from riftberg.cli.options import (
     check_folder,
     console,
     dates,
+    observed_in,
     output_folder,
     reported,
     results_folder,
@@ -162,14 +163,14 @@ def opened_result(run: Path) -> xr.Dataset:
 def _known(first: xr.Dataset, observed: Path | None) -> RealEvent:
     """Return what is known of the event that the first run is about."""
     from riftberg.diagnostics.compare import RealEvent, with_hours
-    from riftberg.diagnostics.observed import Fix, read_observed
+    from riftberg.diagnostics.observed import Fix
     from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
 
     experiment = str(first.attrs.get("experiment", ""))
     start = first["time"].values[0].astype("datetime64[s]").item()
     fixes: list[Fix] = []
     if observed is not None:
-        fixes = with_hours(read_observed(observed).fixes, start.hour + start.minute / 60.0)
+        fixes = with_hours(observed_in(observed).fixes, start.hour + start.minute / 60.0)
         if not fixes:
             raise InputError("no positions", where=f"--observed {observed}", remedy="Outlines: see riftberg score")
     elif experiment.startswith("a68a"):
@@ -457,7 +458,6 @@ def score(
     picture: Format = "png",
 ) -> None:
     """Compare a run with observations, day by day: distance, heading, area, overlap, fragments."""
-    from riftberg.diagnostics.observed import read_observed
     from riftberg.diagnostics.score import score_run
     from riftberg.runs.run_file import open_run
     from riftberg.viz.plots import figure_title
@@ -466,7 +466,7 @@ def score(
     check_picture_format(picture)
     names = ("score.json", f"score.{picture}") if figure else ("score.json",)
     with open_run(run) as dataset, results_folder(folder_beside(run, output), names, taken=names) as folder:
-        seen = read_observed(observed, date=date, variable=variable)
+        seen = observed_in(observed, date=date, variable=variable)
         result = score_run(
             dataset, seen, hour=hour, between=_span(between), together=_numbers(together), interpolated=interpolated
         )

@@ -31,6 +31,7 @@ from riftberg.cli.options import (
     Workers,
     announce_compilation,
     check_folder,
+    observed_in,
     output_folder,
     pair,
     positive,
@@ -382,7 +383,6 @@ def update(
     import numpy as np
 
     from riftberg.config.values import parse_date
-    from riftberg.diagnostics.observed import read_observed
     from riftberg.ensembles.probability import told
     from riftberg.ensembles.result import open_sweep
     from riftberg.ensembles.sweep import Store, planned, read_plan, run_sweep
@@ -397,7 +397,7 @@ def update(
         raise InputError("holds a sweep, no forecast", where=str(folder), remedy="Name a folder of 'riftberg forecast'")
     store = resumed(folder, kind="forecast")
     new = output or folder.with_name(f"{folder.name}-updated")
-    seen = None if observed is None else read_observed(observed)
+    seen = None if observed is None else observed_in(observed)
     dates = {
         name: None if text is None else parse_date(text, where=option)[0]
         for name, text, option in (("broken", broken, "--broken"), ("whole_until", whole_until, "--whole-until"))

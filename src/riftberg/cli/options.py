@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from riftberg.diagnostics.observed import Observations
     from riftberg.experiments import Numerics, Options
     from riftberg.products.registry import Choice
 
@@ -516,6 +517,16 @@ def verbose(command: Callable[..., Any]) -> Callable[..., Any]:
     wrapped.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     wrapped.__annotations__ = {p.name: p.annotation for p in parameters}
     return wrapped
+
+
+def observed_in(path: str | Path, **how: Any) -> Observations:
+    """Return what was observed, and say what of the file was left out; ``how`` as for `read_observed`."""
+    from riftberg.diagnostics.observed import read_observed
+
+    observed = read_observed(path, **how)
+    for notice in observed.notices:
+        say(f"Notice: {notice}")
+    return observed
 
 
 @contextmanager

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import OutputBeside, Quiet, check_output, positive, reported, results_folder, within
+from riftberg.cli.options import (
+    OutputBeside,
+    Quiet,
+    check_output,
+    observed_in,
+    positive,
+    reported,
+    results_folder,
+    within,
+)
 from riftberg.errors import InputError
 from riftberg.system.atomic_files import only_writer
 from riftberg.system.input_files import is_folder, refuse_large
@@ -80,11 +89,11 @@ def picture_path(run: Path, wished: Path | None, name: str, *, observed: Path | 
 
 def seen(path: Path | None) -> Observations:
     """Return observed outlines, none where no file was named."""
-    from riftberg.diagnostics.observed import Observations, read_observed
+    from riftberg.diagnostics.observed import Observations
 
     if path is None:
         return Observations("")
-    observations = read_observed(path)
+    observations = observed_in(path)
     if not observations.outlines:
         raise InputError(
             "no outlines, only positions", where=f"--observed {path}", remedy="Use them with riftberg score"

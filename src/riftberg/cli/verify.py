@@ -16,6 +16,7 @@ from riftberg.cli.options import (
     check_folder,
     console,
     dates,
+    observed_in,
     reported,
     results_folder,
     say,
@@ -68,7 +69,6 @@ def verify(
     """Score an ensemble against observations: CRPS, energy score, coverage, ranks, spread, probability of break-up."""
     import json
 
-    from riftberg.diagnostics.observed import read_observed
     from riftberg.ensembles.result import open_sweep
     from riftberg.system.atomic_files import write_json
     from riftberg.system.input_files import is_folder
@@ -87,7 +87,7 @@ def verify(
     dressed = None if tracks is None else _dressed(tracks)
     forecasts = [
         verified(
-            open_sweep(pairs[2 * k]), read_observed(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
+            open_sweep(pairs[2 * k]), observed_in(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
             whole_until=seen_whole[k], hour=hour, dressed=dressed, outline=_outline(pairs[2 * k]),
             pieces=partial(pieces_of, pairs[2 * k]),
         )

@@ -17,6 +17,7 @@ from __future__ import annotations
 import codecs
 import csv
 import importlib
+import re
 import stat
 import zipfile
 from collections.abc import Iterator
@@ -320,6 +321,20 @@ def rows_of_csv(path: Path, kind: type[InputError] = InputError) -> tuple[list[d
         if twice is not None:
             raise kind(f"two columns are called {twice!r}", where=str(path), remedy="Give each its own name")
         return list(reader), separator
+
+
+def is_seen(lon: float, lat: float) -> bool:
+    """Whether a table says where something is (degrees): 0, 0 and fill values such as -999 or 1e20 stand for no position."""
+    return not (lon == lat == 0.0 or _is_fill(lon, 540.0) or _is_fill(lat, 90.0))
+
+
+def _is_fill(value: float, most: float) -> bool:
+    """Whether a number stands for no value; one up to ``most`` in size can be a value."""
+    beyond = not abs(value) <= most
+    return beyond and (not abs(value) < 1e10 or _FILLS.fullmatch(f"{abs(value):.10g}") is not None)
+
+
+_FILLS: Final = re.compile(r"(9{2,}|8{3,}|327)(\.9+|\.8+|6[78])?")
 
 
 _TABLE = "Give a table with a line of names and rows below, separated by commas, semicolons or tabs"
