@@ -175,6 +175,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     rows = {row.number: row for row in model.fragments.rows}
     e = model.elements
     area, earth, origin = e.length * e.width, model.parameters.earth, model.fragments.origin
+    way = e.lon + earth.period * model.turns if earth.period > 0.0 else e.lon
 
     pieces: dict[int, list[tuple[float, int]]] = {}
     for number, size in by_area(e.berg, area).items():
@@ -198,8 +199,10 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
         if mine:
             inside = e.berg == mine[0][1]
             lon, lat = centroid(e.lon[inside], e.lat[inside], area[inside], earth.period)
-            here = np.array([lon]), np.array([lat]), np.array([row.lon]), np.array([row.lat])
-            east, north = separations(Metric(earth.latlon, earth.radius, earth.period), *here)
+            # From where it began all the way that it went, be it more than once round.
+            gone, _ = centroid(way[inside], e.lat[inside], area[inside], earth.period)
+            here = np.array([gone]), np.array([lat]), np.array([row.lon]), np.array([row.lat])
+            east, north = separations(Metric(earth.latlon, earth.radius), *here)
             entry |= {
                 "drift_east_km": float(east[0]) / 1e3,
                 "drift_north_km": float(north[0]) / 1e3,
