@@ -40,7 +40,11 @@ def bergs(speed: float, **where: Any) -> Iceberg:
 
 def channel(speed: float, kind: str) -> Model:
     """``kind``: grid, on which positions are taken back, or formula, in which they go on."""
-    sea = Steady(current=(speed, 0.0)) if kind == "formula" else current_on(Grid.cartesian(8, 8, 2500.0, period=LENGTH), speed)
+    sea = (
+        Steady(current=(speed, 0.0))
+        if kind == "formula"
+        else current_on(Grid.cartesian(8, 8, 2500.0, period=LENGTH), speed)
+    )
     return Model(bergs(speed), sea, Parameters(earth=PLANE, stepping={"time_step": STEP}))
 
 
@@ -96,7 +100,9 @@ def test_drift_round_a_sector_and_across_the_end_of_a_globe(width: float) -> Non
     lon, lat = np.meshgrid(-width / 2 + width / 16 * np.arange(17), -56.0 + 0.25 * np.arange(9))
     grid = Grid.from_corners(lon, lat, period=width, includes_southwest=True, cyclic=True)
     p = Parameters(earth={"period": width}, stepping={"time_step": STEP})
-    berg = Iceberg.rectangle(2e3, 2e3, thickness=200.0, radius=1e3, placement=(width / 2 - 0.1, -55.0), velocity=(1.0, 0.0))
+    berg = Iceberg.rectangle(
+        2e3, 2e3, thickness=200.0, radius=1e3, placement=(width / 2 - 0.1, -55.0), velocity=(1.0, 0.0)
+    )
     model = Model(berg, current_on(grid, 1.0), p)
     with memory_run(None, 48.0) as writer:
         model.advance(days=2, recorders=[writer])

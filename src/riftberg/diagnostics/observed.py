@@ -105,7 +105,7 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
         unseen: list[str] = []
         once = {(f.name, f.when, f.lon, f.lat, f.interpolated): f for f in _fixes(path, rows, dated, unseen)}
         fixes = list(once.values())
-        others = f", and {len(unseen) - 1} others" if len(unseen) > 1 else ""
+        others = f", and {len(unseen) - 1} more" if len(unseen) > 1 else ""
         if not fixes:
             raise InputError(
                 "no position that is a number", where=str(path), remedy="Give latitude and longitude in degrees"
@@ -136,7 +136,7 @@ def _with_outlines(path: Path, outlines: Iterable[Outline | NoBergError]) -> Obs
             kept.setdefault((outline.when, outline.ring.shape, outline.ring.tobytes()), outline)
     if faults and not kept:
         raise faults[0]
-    others = f", and {len(faults) - 1} others" if len(faults) > 1 else ""
+    others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
     return Observations(path.name, list(kept.values()), [], [f"left out {faults[0]}{others}"] if faults else [])
 
 
