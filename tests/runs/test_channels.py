@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fakes import EXPLICIT, FakeModel
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.diagnostics.summary import summarize
 from riftberg.ocean.analytic import Steady
@@ -112,3 +113,15 @@ def test_drift_round_a_sector_and_across_the_end_of_a_globe(width: float) -> Non
     way = np.degrees(entry["drift_east_km"] * 1e3 / (p.earth.radius * np.cos(np.radians(-55.0))))
     assert float(np.diff(Scene(run).x[:, 0])[-1]) == pytest.approx(way, rel=0.01)
     assert np.ptp(course_of(run).x) == pytest.approx(way, rel=0.01)
+
+
+def test_pieces_that_break_off_are_marked_beside_the_track() -> None:
+    """Births stand in the domain where a grid takes bergs back; the track goes on."""
+    model = FakeModel(latlon=False, break_time=43_200.0, parameters=EXPLICIT.changed(earth=PLANE))
+    with memory_run(None, 3.0) as writer:
+        model.advance(1, recorders=[writer])
+        run = writer.dataset()
+    (born,) = course_of(run).births
+    for turns in (-3.0, 2.0):
+        moved = run.assign(fragment_x=run["fragment_x"] + turns * LENGTH)
+        assert course_of(moved).births[0]["lon"] == pytest.approx(born["lon"])

@@ -13,7 +13,8 @@ breakups : list, one entry per fragment that split from its parent:
     name and parent_name (empty for bergs without a name)
 bergs : list, one entry per berg of the start, and per one added later: number, name, area_km2 (as it was then), fragments
     (how many pieces it is in at the end), largest_km2 (of these), areas_km2 (of the six largest), melted_kg, and
-    drift_east_km, drift_north_km (of the largest from where the berg began), lon, lat (of the largest), null where it is gone
+    drift_east_km, drift_north_km (of the largest from where the berg began; round a periodic domain all of the way), lon, lat
+    (of the largest), null where it is gone
 collisions : list, one entry per collision of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
     speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;

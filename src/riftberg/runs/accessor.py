@@ -290,11 +290,11 @@ def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
         {"time": date, "lon": lon, "lat": lat, "area_km2": area / 1e6, "bonds": int(bonds), "grounded": bool(ground)}
         for date, (parent, _, lon, lat, area, bonds, ground) in zip(dates, births, strict=True) if parent > 0
     ]  # fmt: skip
-    for event in found if is_channel(parameters_of(run)) else ():  # beside the track, however often that went round
-        dates = [
-            date.astype("datetime64[s]").astype(float) for date in (np.datetime64(event["time"]), tracks["time"].values)
-        ]
-        event["lon"] = float(near(event["lon"], np.interp(*dates, lon), around))
+    if is_channel(parameters_of(run)):  # births lie beside the track, however often that went round
+        at = tracks["time"].values.astype("datetime64[s]").astype(np.float64)
+        for event in found:
+            when = np.datetime64(event["time"], "s").astype(np.float64)
+            event["lon"] = float(near(event["lon"], np.interp(float(when), at, lon), around))
     return Course(
         name, tracks["time"].values, lon, tracks[y].values, azimuth, tracks["area"].values.astype(float),
         sorted(found, key=lambda event: event["time"]), earth.latlon, earth.radius, earth.period,
