@@ -402,7 +402,8 @@ def _canonical(
         )  # fmt: skip
     attributes = dict(ds[name].attrs)
     # In this order: the dimensions that dates, members and levels leave over are those of the place.
-    field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    moves, asked = quantity != "depth_below_surface", product.names.get("time", "")
+    field, when = dated(ds, name, where=where, moves=moves, asked=asked)
     field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
     one = _one_member(ds, name, field, where)
@@ -410,7 +411,7 @@ def _canonical(
     field = positioned(ds, name, field, where=where)
 
     def place(other: str) -> xr.DataArray:
-        return positioned(ds, other, dated(ds, other, where=where, moves=False), where=where)
+        return positioned(ds, other, dated(ds, other, where=where, moves=False)[0], where=where)
 
     wkt, placed = field.attrs.get("crs_wkt", ""), str(field.attrs.pop("placed", ""))
     field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})
@@ -446,7 +447,7 @@ def _canonical(
     field.attrs |= {key: value for key, value in noted.items() if value or key == "original_units"}
     if not units_of(ds[name]) and units and QUANTITIES[quantity].units not in ("1", "1e-3"):
         remarks = [*remarks, f"{name} has no units in the file: {units} is taken, as {product.name} writes it"]
-    return field, [*one, *remarks, *([placed] if placed else [])]
+    return field, [*one, *remarks, *filter(None, [when, placed])]
 
 
 def members_in(ds: xr.Dataset) -> dict[str, int]:
