@@ -26,7 +26,7 @@ import typer
 
 from riftberg.errors import InputError, RiftbergError, nearest
 from riftberg.system.atomic_files import only_writer, refusal
-from riftberg.system.input_files import human, in_folder, is_folder, shown, value_shown
+from riftberg.system.input_files import at_home, human, in_folder, is_folder, shown, value_shown
 from riftberg.system.process import advice, insisting, when_stuck
 from riftberg.system.process import say as say
 
@@ -417,6 +417,9 @@ def entries_of(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any
     return tuple(NamedFiles.chosen(in_folder(Path.cwd(), file), choices[file]) for file in files)
 
 
+_NAMES = (str, type(Path()))
+"""Types of what may name a file on the command line."""
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -432,6 +435,8 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        # A shell writes ~ out, but not in --output=~/run nor between quotes.
+        kwargs.update({key: type(value)(at_home(str(value))) for key, value in kwargs.items() if type(value) in _NAMES})
         try:
             with insisting(), when_stuck(_give_up):
                 return command(*args, **kwargs)

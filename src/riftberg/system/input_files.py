@@ -17,11 +17,13 @@ from __future__ import annotations
 import codecs
 import csv
 import importlib
+import os
 import stat
 import zipfile
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
+from glob import glob
 from pathlib import Path
 from typing import Any, Final
 
@@ -156,6 +158,8 @@ _KINDS: Final = (
     (stat.S_ISSOCK, "a socket, not a file"),
 )
 
+_HERE: Final = Path()
+
 _MOST_MEMBERS: Final = 1000
 """Files in an archive."""
 
@@ -174,6 +178,7 @@ def check_file(
     try:
         status = path.stat()
     except FileNotFoundError as error:
+        remedy = "Write the home folder out: ~ is one only in a shell" if where.startswith("~") else remedy
         raise kind(missing, where=where, remedy=remedy) from error
     except (OSError, ValueError) as error:  # a part of it is a file, a name too long, a zero byte, a circle of links
         raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
@@ -210,9 +215,30 @@ def is_address(path: object) -> bool:
     return "://" in str(path)
 
 
+def at_home(name: str) -> str:
+    """Return a name with ``~`` written out, as a shell does; one that is called so stays."""
+    return os.path.expanduser(name) if name.startswith("~") and not os.path.lexists(name) else name
+
+
 def in_folder(folder: Path, name: str) -> str:
-    """Return a file that is named from a folder; an address stays as it is."""
-    return name if is_address(name) else str(folder / name)
+    """Return a file that is named from a folder; an address stays as it is, and ``~`` is written out."""
+    if is_address(name):
+        return name
+    return str(folder / name if os.path.lexists(folder / name) else folder / at_home(name))
+
+
+def files_matching(name: str, folder: Path = _HERE) -> list[str]:
+    """Return the file of that name, or else those that the pattern matches from the folder; an address stays as it is.
+
+    What is there is never a pattern, neither the file nor a folder on the way to it; brackets that match nothing are letters.
+    """
+    path = in_folder(folder, name)
+    if is_address(name) or os.path.lexists(path):
+        return [path]
+    root = next((parent for parent in Path(path).parents if is_folder(parent)), _HERE)
+    pattern = os.path.relpath(path, root)
+    matches = glob(pattern, root_dir=root) or glob(pattern.replace("[", "[[]"), root_dir=root)
+    return sorted(str(root / match) for match in matches)
 
 
 def is_folder(path: Path) -> bool:
