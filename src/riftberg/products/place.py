@@ -34,6 +34,14 @@ CLOSE = 11.0
 LOST_RADIUS = 50e3
 """A radius of the Earth that a grid mapping does not state explains no larger distance, m."""
 
+SEAM = 60.0
+"""Latitude (degrees) up to which nominal axes of tripolar grids are positions; beyond, the grid bends towards its poles on land."""
+
+_NOMINAL = re.compile(r"nominal|^[xy][hq](_\w+)?$|^(grid_)?[xy][tu]?_ocean")
+"""Words and names of axes that tell where rows and columns would be without that bend, such as those of MOM."""
+
+_ROTATED = re.compile(r"rotat|^r_?l(at|on)|grid_l(at|ong)itude")
+
 STRAIGHT = 1e-5
 """Two-dimensional positions that differ by less (degrees) along a row or column make ordinary axes."""
 
@@ -45,7 +53,7 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
     projected = _projected(ds, name, field, rest, coordinates)
     if projected is not None:
         return projected
-    lat, lon = _pair(ds, coordinates, rest, name, where)
+    lat, lon, aside = _pair(ds, coordinates, rest, name, where)
     north, east = (_checked_degrees(ds[c], where) for c in (lat, lon))
     low, high = float(north.min()), float(north.max())
     if low < -90.001 or high > 90.001:
@@ -58,13 +66,14 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
         _check_axes(ds, lat, lon, north, east, where)
         # By way of names that no file has: a file may call its columns lat.
         bare = bare.rename({str(north.dims[0]): "lat_", str(east.dims[0]): "lon_"}).rename(lat_="lat", lon_="lon")
-        return bare.assign_coords(lat=("lat", north.values, NORTH), lon=("lon", east.values, EAST))
+        bare = bare.assign_coords(lat=("lat", north.values, NORTH), lon=("lon", east.values, EAST))
+        return bare if not _is_nominal(ds, lat, lon) else _south_of_seam(bare, lat, lon, where)
     if north.ndim == 1:
         bare = bare.rename({str(north.dims[0]): "node"})
         return bare.assign_coords(lat=("node", north.values, NORTH), lon=("node", east.values, EAST))
     north, east = _without_origin(north, east.transpose(*north.dims), lat, lon, where)
     rows, columns = (str(dim) for dim in north.dims)
-    bare = bare.rename({rows: "y", columns: "x"}) if (rows, columns) != ("y", "x") else bare
+    bare = bare.rename({rows: "y_", columns: "x_"}).rename(y_="y", x_="x").assign_attrs(placed=aside)
     lat2, lon2 = north.values, east.values
     axes = _straight(lat2, lon2)
     if axes is not None:
@@ -116,8 +125,11 @@ def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str)
 
 def _pair(
     ds: xr.Dataset, coordinates: list[tuple[str, Any, bool]], rest: list[str], name: str, where: str
-) -> tuple[str, str]:
-    """Return the names of the latitude and the longitude that belong to a field, together on all dims of place."""
+) -> tuple[str, str, str]:
+    """Return the names of the latitude and the longitude that belong to a field, together on all dims of place, and a remark.
+
+    Axes that lie aside of two-dimensional positions on the same dimensions are nominal ones: the latter are taken.
+    """
     lats = [(declared, c) for c, role, declared in coordinates if role == "lat" and ds[c].ndim in (1, 2)]
     lons = [(declared, c) for c, role, declared in coordinates if role == "lon" and ds[c].ndim in (1, 2)]
     listed = str(ds[name].encoding.get("coordinates", "")).split()
@@ -130,7 +142,31 @@ def _pair(
     if fitting:
         # First pairs that the variable names itself, then those declared as coordinates, then axes before
         # two-dimensional positions.
-        return min(fitting)[3:]
+        lat, lon = min(fitting)[3:]
+        if ds[lat].ndim == 2 or ds[lat].dims == ds[lon].dims:
+            return lat, lon, ""
+        # Those that the variable names are meant, unless they are called nominal.
+        meant = lat in listed and lon in listed and not _is_nominal(ds, lat, lon)
+        for *_, north, east in sorted(pair for pair in fitting if pair[2] == 2 and not meant):
+            if off := _aside(ds, (lat, lon), (north, east), where):
+                return (
+                    north,
+                    east,
+                    f"positions are those of {north} and {east}: the axes {lat} and {lon} lie up to {off:.2g} degrees aside",
+                )
+    mapping = str(ds[name].attrs.get("grid_mapping", ds[name].encoding.get("grid_mapping", "")))
+    turned = mapping in ds.variables and "rotated" in str(ds[mapping].attrs.get("grid_mapping_name", ""))
+    for c in [c for c, *_ in coordinates if ds[c].dims in {(dim,) for dim in rest}]:
+        if _ROTATED.search(_said(ds, c)) or (
+            turned and role_of_name(c) and standard_name(ds[c]) not in ("latitude", "longitude")
+        ):
+            raise ForcingError(
+                f"{c} is an axis of a rotated grid: its numbers are no latitudes and longitudes", where=where,
+                remedy=f"Write both for each point into the file, named in the attribute 'coordinates' of {name}, or the grid mapping "
+                "of its pole (grid_mapping)",
+            )  # fmt: skip
+    if fitting:
+        return lat, lon, ""
     lacking = [f"{dim} ({ds[name].sizes.get(dim, 0)})" for dim in rest]
     if not rest:
         raise ForcingError(
@@ -141,6 +177,51 @@ def _pair(
         remedy="Numbers of rows are no positions: write latitude and longitude (degrees_north, degrees_east) into the "
         "file and name them in the attribute 'coordinates' of the variable",
     )  # fmt: skip
+
+
+def _said(ds: xr.Dataset, axis: str) -> str:
+    return f"{axis.lower()} {standard_name(ds[axis])} {str(ds[axis].attrs.get('long_name', '')).lower()}"
+
+
+def _is_nominal(ds: xr.Dataset, lat: str, lon: str) -> bool:
+    """Tell whether axes are nominal by their names or descriptions; what has a standard name is a position."""
+    names = [c for c in (lat, lon) if standard_name(ds[c]) not in ("latitude", "longitude")]
+    return any(
+        _NOMINAL.search(text) for c in names for text in (c.lower(), str(ds[c].attrs.get("long_name", "")).lower())
+    )
+
+
+def _south_of_seam(field: xr.DataArray, lat: str, lon: str, where: str) -> xr.DataArray:
+    """Return a field on nominal axes where these are positions, with a remark; refuse one that lies beyond."""
+    rows = np.flatnonzero(field["lat"].values <= SEAM)
+    said = f"{lat} and {lon} are nominal axes: north of {SEAM:g} N, where tripolar grids bend, they are no positions"
+    remedy = "Add the latitudes and longitudes of all points from the grid file of the model (geolat, geolon)"
+    if rows.size < min(2, field.sizes["lat"]):
+        raise ForcingError(said, where=where, remedy=remedy)
+    cut = " and nothing is read" if rows.size < field.sizes["lat"] else ""
+    return field.isel(lat=rows).assign_attrs(placed=f"{said}{cut}. {remedy}")
+
+
+def nominal_axes(ds: xr.Dataset) -> str:
+    """Return the remark on nominal axes of a canonical dataset, behind a blank; empty if its positions are true."""
+    return next(
+        (f" ({said.split('. ')[0]})" for said in str(ds.attrs.get("told", "")).split("; ") if "nominal axes" in said),
+        "",
+    )
+
+
+def _aside(ds: xr.Dataset, axes: tuple[str, str], pair: tuple[str, str], where: str) -> float:
+    """Return how far (degrees) axes lie from two-dimensional positions; 0 where these agree or are none."""
+    dims = (*ds[axes[0]].dims, *ds[axes[1]].dims)
+    lat, lon = (_checked_degrees(ds[c].transpose(*dims), where).values for c in pair)
+    lat, lon = (np.where((lat == 0.0) & (lon == 0.0), np.nan, values) for values in (lat, lon))
+    north, east = (np.asarray(ds[c].values, float) for c in axes)
+    off = np.hypot(lat - north[:, None], ((lon - east + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat)))
+    known = np.isfinite(lat) & np.isfinite(lon)
+    if known.sum() < 4 or (np.ptp(lat[known]) == 0.0 and np.ptp(lon[known]) == 0.0):
+        return 0.0
+    largest = float(np.nan_to_num(off[known], nan=360.0).max())
+    return largest if largest > EXACT * step_of(north) + 1e-4 else 0.0
 
 
 def _checked_degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
