@@ -41,7 +41,7 @@ REFERENCE = {"standard_name": "forecast_reference_time"}
 @pytest.mark.parametrize(
     ("dates", "right", "other"),
     [
-        ({"reftime": (-6.0, {"long_name": "reference time"}), "valtime": (0.0, {"long_name": "valid time"})}, "valtime", "reftime"),
+        ({"reftime": (-6.0, {"long_name": "reference time"}), "valtime": (0.0, {})}, "valtime", "reftime"),
         ({"a_time": (-6.0, {"long_name": "time of issue"}), "b_time": (0.0, {})}, "b_time", "a_time"),
         ({"runtime": (-6.0, {}), "date": (0.0, {"long_name": "hours since start of run"})}, "date", "runtime"),
         ({"dates": (-6.0, REFERENCE), "times": (0.0, {"standard_name": "time"})}, "times", "dates"),

@@ -416,8 +416,8 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
     if berg.outline is not None:
         outline = berg.outline
         return Iceberg.from_outline(
-            Path(in_folder(folder, outline.file)), feature=outline.feature, date=outline.date, crs=outline.crs, repair=outline.repair,
-            placement=berg.placement, shift=berg.shift, **common,
+            Path(in_folder(folder, outline.file)), feature=outline.feature, date=outline.date, crs=outline.crs,
+            repair=outline.repair, placement=berg.placement, shift=berg.shift, **common,
         )  # fmt: skip
     if berg.mask is not None:
         mask = berg.mask

@@ -148,8 +148,8 @@ def _counted(variable: xr.DataArray) -> Any:
 def _valid(ds: xr.Dataset, names: list[str], field: str, asked: str, where: str) -> tuple[xr.DataArray, Any, str]:
     """Return the dates at which the records of a field hold, the time (s) that each is a mean of, and a remark on the choice.
 
-    Of several coordinates with dates the one counts that the user names, then the one that metadata and names call valid. One that
-    lies ahead of another by the length of the forecast is that other's date of validity; start and end are bounds.
+    Of several coordinates with dates the one counts that the user names, then the one that metadata and names call valid.
+    One that lies ahead of another by the length of the forecast is that other's date of validity; start and end are bounds.
     """
     names = [name for name in names if not ds[name].isnull().all()] or names
     lead = _lead(ds, ds[names[0]])

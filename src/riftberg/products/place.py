@@ -15,6 +15,7 @@ from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
 from riftberg.products.cf import coordinates_of, role_of_name, standard_name, units_of
 from riftberg.products.product import noted
+from riftberg.products.quantities import unit_change
 from riftberg.state import Floats
 
 EAST = {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}
@@ -35,7 +36,7 @@ LOST_RADIUS = 50e3
 """A radius of the Earth that a grid mapping does not state explains no larger distance, m."""
 
 SEAM = 60.0
-"""Latitude (degrees) up to which nominal axes of tripolar grids are positions; beyond, the grid bends towards its poles on land."""
+"""Latitude (degrees) up to which nominal axes of tripolar grids are positions; beyond, rows bend towards poles on land."""
 
 _NOMINAL = re.compile(r"nominal|^[xy][hq](_\w+)?$|^(grid_)?[xy][tu]?_ocean")
 """Words and names of axes that tell where rows and columns would be without that bend, such as those of MOM."""
@@ -162,8 +163,8 @@ def _pair(
         ):
             raise ForcingError(
                 f"{c} is an axis of a rotated grid: its numbers are no latitudes and longitudes", where=where,
-                remedy=f"Write both for each point into the file, named in the attribute 'coordinates' of {name}, or the grid mapping "
-                "of its pole (grid_mapping)",
+                remedy=f"Write both for each point into the file, named in the attribute 'coordinates' of {name}, or the grid "
+                "mapping of its pole (grid_mapping)",
             )  # fmt: skip
     if fitting:
         return lat, lon, ""
@@ -317,20 +318,26 @@ def _projected(
     degrees = all(unit.startswith("deg") for unit in units.values())
     if crs is None:
         return None
+    both = [
+        [c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == set(rest)] for kind in ("lat", "lon")
+    ]
+    factor = {kind: metres_in(unit or "m") for kind, unit in units.items()}
+    if not degrees and not all(factor.values()) and (ready or crs.is_projected) and (ready or not all(both)):
+        wrong = next(unit for kind, unit in units.items() if not factor[kind])
+        raise ForcingError(
+            f"the axes of the map of {name} count {wrong!r}, which is no length", where=str(ds.encoding.get("source", "")),
+            remedy="Write them in m or km",
+        )  # fmt: skip
     if not ready:  # lengths on a map or degrees on a rotated pole; bare counts of rows and columns are neither
         rotated = bool(getattr(crs, "is_derived", False)) and not crs.is_projected
-        if not (rotated if degrees else crs.is_projected and all(unit and unit in METRES for unit in units.values())):
+        if not (rotated if degrees else crs.is_projected and all(map(metres_in, units.values()))):
             return None
     x_dim, y_dim = (next(dim for dim in rest if roles[dim] == kind) for kind in ("x", "y"))
-    factor = {kind: METRES.get(unit, 0.0) for kind, unit in units.items()}
     x, y = (ds[axes[dim]].values.astype(float) for dim in (x_dim, y_dim))
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
     if not degrees:
         x, y = x * factor["x"], y * factor["y"]
-    both = [
-        [c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == set(rest)] for kind in ("lat", "lon")
-    ]
     pair = tuple(names[0] for names in both) if all(both) else ()
     radius = ready or mapping is None or not {*RADII, *_TEXTS}.isdisjoint(mapping.attrs)
     off = _distance(ds, crs, x, y, pair, (y_dim, x_dim)) if pair else 0.0
@@ -376,8 +383,9 @@ def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, .
 # Fields on a map projection: axes in metres, positions by pyproj.
 
 
-METRES = {"km": 1000.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "": 1.0}
-"""Metres in the units of map axes."""
+def metres_in(unit: str) -> float:
+    """Return the metres in a unit of map axes, also with a number before it (100 km); 0 for what is no length."""
+    return 0.0 if (change := unit_change(unit, "m")) is None else change[0]
 
 
 _TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text", "proj_params", "proj_string")

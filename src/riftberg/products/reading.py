@@ -34,7 +34,14 @@ from riftberg.products.place import positioned, tidy_axes
 from riftberg.products.product import Product, noted
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF, REMARKS
-from riftberg.products.repair import REPAIRS, VALID, with_text_dates, within_valid_range, without_land
+from riftberg.products.repair import (
+    REPAIRS,
+    VALID,
+    with_scalar_mappings,
+    with_text_dates,
+    within_valid_range,
+    without_land,
+)
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 from riftberg.system.input_files import check_file, is_address, is_folder, reading
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
@@ -131,7 +138,7 @@ def check_readable(path: str) -> None:
 def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
     """Open a file or Zarr store without decoding anything, lazily; text variables are left out."""
     opened = _open(path)
-    ds = with_text_dates(opened)
+    ds = with_text_dates(with_scalar_mappings(opened))
     text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
     if chunked and ds.nbytes > WHOLE and find_spec("dask") is not None:
         import dask
