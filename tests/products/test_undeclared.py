@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import netCDF4
 import numpy as np
+import pyproj
 import pytest
 import xarray as xr
 
@@ -14,11 +16,13 @@ from products.test_dates_and_neighbours import dated, day, forced, growing
 from products.test_given_waves import forced as forced_by_waves
 from products.test_given_waves import with_waves
 from products.test_odd_files import CENTRE, START, elements, plain, truth, written
+from riftberg.config.units import to_unit
 from riftberg.errors import ForcingError
 from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.products.quantities import unit_change
+from riftberg.system.input_files import reading
 
 HOURS = 6.0 * np.arange(9)
 
@@ -138,6 +142,51 @@ def test_numbers_before_a_unit_count(units: str, wanted: str, factor: float) -> 
     change = unit_change(units, wanted)
     assert change is not None
     assert change[0] == pytest.approx(factor)
+
+
+# Reasons
+
+
+def test_bounds_that_are_no_dates_are_left_alone(tmp_path: Path) -> None:
+    ds = dated(growing(HOURS / 24.0), HOURS, "hours since 2020-12-16", bounds="time_bnds")
+    ds["time_bnds"] = ("time", "nv"), np.full((9, 2), 1e15)
+    assert forced(written(tmp_path, ds), day(1.0))[0] == pytest.approx(0.1, abs=1e-3)
+
+
+def _fails(how: str, folder: Path) -> None:
+    (folder / "rubbish.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(2000))
+    if how == "netcdf":
+        netCDF4.Dataset(folder / "rubbish.nc")
+    if how == "xarray":
+        xr.decode_cf(xr.Dataset(coords={"time": ("time", [1e30], {"units": "hours since 2020-12-16"})}))
+    if how == "json":
+        json.loads("{\n\n,")
+    if how == "numpy":
+        np.datetime64("soon")
+    if how == "pyproj":
+        pyproj.CRS.from_user_input("none such")
+    if how == "division":
+        float(len(how) - 8) ** -1
+
+
+@pytest.mark.parametrize("how", ["netcdf", "xarray", "json", "numpy", "pyproj", "division"])
+def test_no_text_of_another_library_reaches_a_user(tmp_path: Path, how: str) -> None:
+    with pytest.raises(ForcingError) as told, reading("a.nc", "cannot be read", "Fetch it again", ForcingError):
+        _fails(how, tmp_path)
+    assert str(told.value) == f"a.nc: cannot be read{' (line 3)' if how == 'json' else ''}. Fetch it again"
+
+
+def test_reasons_of_the_machine_and_of_our_own_are_kept(tmp_path: Path) -> None:
+    with (
+        pytest.raises(ForcingError, match=r"cannot be read \(no such file or directory\)"),
+        reading("a.nc", "cannot be read", "", ForcingError),
+    ):
+        (tmp_path / "none").open()
+    with (
+        pytest.raises(ForcingError, match=r"cannot be read \('foo' is not a unit"),
+        reading("a.nc", "cannot be read", "", ForcingError),
+    ):
+        to_unit("10 foo", "m")
 
 
 # Flags

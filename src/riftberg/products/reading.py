@@ -268,16 +268,19 @@ def _decoded(raw: xr.Dataset) -> xr.Dataset:
         except (ValueError, OverflowError):
             # Dates that cannot be decoded are reported where they matter; the rest of the file is read, other dates too.
             counting = {n: v for n, v in raw.variables.items() if " since " in str(v.attrs.get("units", ""))}
-            kept = {n: v.attrs for n, v in counting.items() if not _decodes(n, v)}
+            kept = {n: v.attrs for n, v in counting.items() if not _decodes(raw, n)}
             bare = {n: {key: value for key, value in attrs.items() if key != "units"} for n, attrs in kept.items()}
+            for name, bounds in [(n, v.attrs.get("bounds")) for n, v in counting.items() if n not in kept]:
+                if bounds in raw.variables and not _decodes(raw, name, bounds):  # no dates, and none that are needed
+                    bare[name] = {key: value for key, value in raw.variables[name].attrs.items() if key != "bounds"}
             decoded = xr.decode_cf(_with_attributes(raw, bare), decode_timedelta=False)
         decoded.encoding.update(raw.encoding)
         return _with_attributes(decoded, kept) if kept else decoded
 
 
-def _decodes(name: Hashable, variable: xr.Variable) -> bool:
+def _decodes(raw: xr.Dataset, *names: Hashable) -> bool:
     try:
-        xr.decode_cf(xr.Dataset({name: variable}), decode_timedelta=False)
+        xr.decode_cf(xr.Dataset({name: raw.variables[name] for name in names}), decode_timedelta=False)
     except (ValueError, OverflowError):
         return False
     return True
