@@ -118,6 +118,15 @@ def test_what_cannot_be_decided_is_refused_with_both_named(tmp_path: Path, named
     assert taken(path, time=named)[0] == (0.0 if named == "date_b" else -6.0)
 
 
+def test_bounds_count_before_a_date_of_their_end(tmp_path: Path) -> None:
+    ds = dated(growing(HOURS / 24.0), HOURS + 6.0, "hours since 2020-12-16", bounds="time_bnds")
+    ds["time_bnds"] = ("time", "nv"), np.stack([HOURS - 6.0, HOURS + 6.0], axis=1)
+    ds["end_date"] = "time", HOURS + 7.0, SINCE
+    wrong, said = taken(written(tmp_path, ds))
+    assert wrong == 0.0
+    assert "those of time, not of end_date" in said
+
+
 def test_accumulations_from_one_start_are_no_means(tmp_path: Path) -> None:
     ds = growing(HOURS / 24.0).rename(time="record")
     ds["start"], ds["end"] = ("record", np.full(7, -3.0), SINCE), ("record", HOURS, SINCE)

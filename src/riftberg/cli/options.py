@@ -417,9 +417,6 @@ def entries_of(files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[Any
     return tuple(NamedFiles.chosen(in_folder(Path.cwd(), file), choices[file]) for file in files)
 
 
-_NAMES = (str, type(Path()))
-"""Types of what may name a file on the command line."""
-
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -436,7 +433,9 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
         # A shell writes ~ out, but not in --output=~/run nor between quotes.
-        kwargs.update({key: type(value)(at_home(str(value))) for key, value in kwargs.items() if type(value) in _NAMES})
+        for key, value in kwargs.items():
+            if isinstance(value, str | Path):
+                kwargs[key] = at_home(value) if isinstance(value, str) else Path(at_home(str(value)))
         try:
             with insisting(), when_stuck(_give_up):
                 return command(*args, **kwargs)

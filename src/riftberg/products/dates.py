@@ -169,11 +169,12 @@ def _valid(ds: xr.Dataset, names: list[str], field: str, asked: str, where: str)
     start, end = ([name for name in names if kind.search(_words(ds[name], name))] for kind in (_START, _END))
     bounds = bounds_of(ds, ds[best])
     remark = f"the dates of the records are those of {best}, not of {', '.join(others)}" if others else ""
-    if bounds is None and best != asked and len(start) == len(end) == 1 and _follow(ds[start[0]], ds[end[0]]):
+    edges = bounds is None and best != asked and len(start) == len(end) == 1 and _follow(ds[start[0]], ds[end[0]])
+    if edges:
         pair = np.stack([ds[start[0]].values, ds[end[0]].values], axis=-1)
         bounds = xr.Variable((*ds[best].dims, "bounds"), pair)
     dates, means = _middles(ds, ds[best], bounds, field)
-    if means is not None and {*start, *end} & {best, *others}:
+    if edges and means is not None:
         remark = f"the records are means from {start[0]} to {end[0]}, and hold in the middle of these"
     elif rivals := [name for name in others if doubts(name) == doubts(best)]:
         first = [str(np.ravel(ds[name].values)[0])[:16] for name in (best, rivals[0])]
