@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from products.test_odd_files import CENTRE, elements, plain, refused, truth, written
+from products.test_odd_files import CENTRE, START, elements, plain, refused, truth, written
 from riftberg.errors import ForcingError
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
@@ -38,15 +38,13 @@ def bent(names: tuple[str, ...], positions: tuple[str, str] | None, bend: float 
     return ds
 
 
-def felt(path: Path, north: float = 0.0) -> tuple[float, str]:
+def felt(path: Path, north: float = 0.0, **entry: Any) -> tuple[float, str]:
     """Return by how much the current of a run is wrong, and what the run says beforehand."""
     box = {"longitude": (CENTRE - 2.0, CENTRE + 2.0), "latitude": (-57.5 + north, -53.5 + north), "hold": 24.0}
     e = elements()
     e.lon[:] += 0.6
     e.lat[:] += north
-    asked = FileForcing(kind="files", files=[path.name], **box)
-    from products.test_odd_files import START
-
+    asked = FileForcing(kind="files", files=[{"file": path.name, **entry}], **box)
     forcing = forcing_from_files(asked, path.parent, Run.of(START, 0.1, e.thickness, 850.0))
     forcing.check(e, 0.0, 8640.0)
     forcing.sample(e, 3600.0)
@@ -74,9 +72,10 @@ def test_positions_missing_over_land(tmp_path: Path) -> None:
 
 
 def test_positions_that_agree_with_the_axes_leave_a_plain_grid(tmp_path: Path) -> None:
-    path = written(tmp_path, bent(BARE, ("geolat", "geolon"), bend=0.0))
-    assert {"lat", "lon"} <= set(open_product(path).dims)
-    assert "aside" not in felt(path)[1]
+    for names in (BARE, MOM6):
+        path = written(tmp_path, bent(names, ("geolat", "geolon"), bend=0.0))
+        assert {"lat", "lon"} <= set(open_product(path).dims)
+        assert not {"aside", "nominal"} & set(felt(path)[1].split())
 
 
 def test_axes_that_the_variable_names_are_meant(tmp_path: Path) -> None:
@@ -110,6 +109,16 @@ def test_nominal_axes_alone_are_refused_in_the_north(tmp_path: Path, north: floa
     ds = ds.assign_coords(yh=("yh", ds["yh"].values + north, ds["yh"].attrs))
     with pytest.raises(ForcingError, match="nominal axes: north of 60 N"):
         felt(written(tmp_path, ds), north + 3.0)
+
+
+def test_positions_that_the_user_names_are_meant(tmp_path: Path) -> None:
+    ds = bent(MOM6, ("geolat", "geolon"), bend=0.0)
+    ds["geolat"] = (ds["geolat"] + 1.0).assign_attrs(ds["geolat"].attrs)
+    path = written(tmp_path, ds)
+    assert felt(path)[0] > 0.01
+    wrong, said = felt(path, names={"lat": "yh", "lon": "xh"})
+    assert wrong < 2e-3
+    assert "nominal" not in said
 
 
 def test_what_has_a_standard_name_is_a_position(tmp_path: Path) -> None:

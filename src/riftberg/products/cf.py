@@ -23,6 +23,9 @@ from riftberg.products.quantities import QUANTITIES, unit_change
 
 Role = Literal["lat", "lon", "x", "y", "time", "level", "member", ""]
 
+NAMED = "named_by_user"
+"""Attribute of a coordinate that the user names: it goes before all that a file says."""
+
 _CRITERIA = cf.coordinate_criteria
 _MEMBERS = {"realization", "realization_weights"}
 _NAMES: tuple[tuple[Role, re.Pattern[str]], ...] = (

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.cf import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
+from riftberg.products.cf import NAMED, bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
 from riftberg.products.product import noted
 from riftberg.products.quantities import unit_change
 from riftberg.products.records import MEAN_OF, named, usual_interval
@@ -39,11 +39,8 @@ _POINT = re.compile(r"\btime\s*:\s*(\w+\s*:\s*)*point\b")
 _MEAN = re.compile(r"\b(\w*time\w*|t)\s*:\s*(\w+\s*:\s*)*mean\b", re.I)
 
 
-def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool, asked: str = "") -> tuple[xr.DataArray, str]:
-    """Return a field with its dates on the dimension ``time``, or without any if the file tells none, and a remark.
-
-    ``asked``: variable of the dates as the user names it.
-    """
+def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.DataArray, str]:
+    """Return a field with its dates on the dimension ``time``, or without any if the file tells none, and a remark."""
     field = ds[name]
     stamps = _stamps(ds, name, where)
     stamped = [c for c in stamps if ds[c].ndim == 1]
@@ -73,13 +70,13 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool, asked: str = ""
                 where=where,
                 remedy=f"Write one, in Python: ds.assign_coords({dims[0]}=dates).to_netcdf('dated.nc')",
             )
-        values, means, remark = _valid(ds, along, name, asked, where)
+        values, means, remark = _valid(ds, along, name, where)
         if dims[0] != "time":  # a single date of that name is when a forecast was issued
             field = field.drop_vars("time", errors="ignore").rename({dims[0]: "time"})
         return _with_dates(field, values, means), remark
     bare = field.drop_vars("time", errors="ignore")
     if single := [c for c in stamps if ds[c].ndim == 0]:
-        value, means, remark = _valid(ds, single, name, asked, where)
+        value, means, remark = _valid(ds, single, name, where)
         return _with_dates(bare.expand_dims("time"), value.expand_dims("time"), means), remark
     if (covered := _covered(ds)) is None:
         return bare, ""
@@ -145,7 +142,7 @@ def _counted(variable: xr.DataArray) -> Any:
     return dates.astype("datetime64[s]").astype("datetime64[ns]").reshape(variable.shape)
 
 
-def _valid(ds: xr.Dataset, names: list[str], field: str, asked: str, where: str) -> tuple[xr.DataArray, Any, str]:
+def _valid(ds: xr.Dataset, names: list[str], field: str, where: str) -> tuple[xr.DataArray, Any, str]:
     """Return the dates at which the records of a field hold, the time (s) that each is a mean of, and a remark on the choice.
 
     Of several coordinates with dates the one counts that the user names, then the one that metadata and names call valid.
@@ -160,7 +157,7 @@ def _valid(ds: xr.Dataset, names: list[str], field: str, asked: str, where: str)
         issued = name in ahead or said == "forecast_reference_time" or bool(_ISSUED.search(words))
         axis = name in ds.dims or ds[name].attrs.get("axis") == "T"
         return (
-            name != asked, issued, bool(_START.search(words) or _END.search(words)),
+            NAMED not in ds[name].attrs, issued, bool(_START.search(words) or _END.search(words)),
             not _VALID.search(words), said != "time", not axis, name != "time",
         )  # fmt: skip
 
@@ -169,7 +166,12 @@ def _valid(ds: xr.Dataset, names: list[str], field: str, asked: str, where: str)
     start, end = ([name for name in names if kind.search(_words(ds[name], name))] for kind in (_START, _END))
     bounds = bounds_of(ds, ds[best])
     remark = f"the dates of the records are those of {best}, not of {', '.join(others)}" if others else ""
-    edges = bounds is None and best != asked and len(start) == len(end) == 1 and _follow(ds[start[0]], ds[end[0]])
+    edges = (
+        bounds is None
+        and NAMED not in ds[best].attrs
+        and len(start) == len(end) == 1
+        and _follow(ds[start[0]], ds[end[0]])
+    )
     if edges:
         pair = np.stack([ds[start[0]].values, ds[end[0]].values], axis=-1)
         bounds = xr.Variable((*ds[best].dims, "bounds"), pair)
@@ -183,7 +185,7 @@ def _valid(ds: xr.Dataset, names: list[str], field: str, asked: str, where: str)
             "says which of them the values hold at", where=where,
             remedy=f"Name it: names: {{time: {best}}}, or --names time={best}, or give it the standard name time",
         )  # fmt: skip
-    if best == asked or not doubts(best)[1] or standard_name(dates) == "time":
+    if not doubts(best)[1] or standard_name(dates) == "time":
         return dates, means, remark
     if lead is not None:
         return _later(dates, lead), means, remark

@@ -13,7 +13,7 @@ import xarray as xr
 
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
-from riftberg.products.cf import coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.cf import NAMED, coordinates_of, role_of_name, standard_name, units_of
 from riftberg.products.product import noted
 from riftberg.products.quantities import unit_change
 from riftberg.state import Floats
@@ -40,6 +40,8 @@ SEAM = 60.0
 
 _NOMINAL = re.compile(r"nominal|^[xy][hq](_\w+)?$|^(grid_)?[xy][tu]?_ocean")
 """Words and names of axes that tell where rows and columns would be without that bend, such as those of MOM."""
+
+_NO_POSITIONS = f"{{}} and {{}} are nominal axes: north of {SEAM:g} N, where tripolar grids bend, they are no positions"
 
 _ROTATED = re.compile(r"rotat|^r_?l(at|on)|grid_l(at|ong)itude")
 
@@ -68,7 +70,7 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
         # By way of names that no file has: a file may call its columns lat.
         bare = bare.rename({str(north.dims[0]): "lat_", str(east.dims[0]): "lon_"}).rename(lat_="lat", lon_="lon")
         bare = bare.assign_coords(lat=("lat", north.values, NORTH), lon=("lon", east.values, EAST))
-        return bare if not _is_nominal(ds, lat, lon) else _south_of_seam(bare, lat, lon, where)
+        return _south_of_seam(bare, aside, where) if aside else bare
     if north.ndim == 1:
         bare = bare.rename({str(north.dims[0]): "node"})
         return bare.assign_coords(lat=("node", north.values, NORTH), lon=("node", east.values, EAST))
@@ -135,7 +137,8 @@ def _pair(
     lons = [(declared, c) for c, role, declared in coordinates if role == "lon" and ds[c].ndim in (1, 2)]
     listed = str(ds[name].encoding.get("coordinates", "")).split()
     fitting = [
-        (not (lat in listed and lon in listed), not (d1 and d2), ds[lat].ndim, lat, lon)
+        (any(NAMED not in ds[c].attrs for c in (lat, lon)), not (lat in listed and lon in listed), not (d1 and d2),
+         ds[lat].ndim, lat, lon)
         for d1, lat in lats for d2, lon in lons
         if {*map(str, ds[lat].dims), *map(str, ds[lon].dims)} == set(rest) and ds[lat].ndim == ds[lon].ndim
         and ds[lat].size > 0
@@ -143,23 +146,26 @@ def _pair(
     if fitting:
         # First pairs that the variable names itself, then those declared as coordinates, then axes before
         # two-dimensional positions.
-        lat, lon = min(fitting)[3:]
+        lat, lon = min(fitting)[4:]
         if ds[lat].ndim == 2 or ds[lat].dims == ds[lon].dims:
             return lat, lon, ""
-        # Those that the variable names are meant, unless they are called nominal.
-        meant = lat in listed and lon in listed and not _is_nominal(ds, lat, lon)
-        for *_, north, east in sorted(pair for pair in fitting if pair[2] == 2 and not meant):
+        # Those that the user or the variable names are meant, unless they are called nominal, or rotated.
+        true = [pair[4:] for pair in sorted(fitting) if pair[3] == 2]
+        strange = _is_nominal(ds, lat, lon) or any(_ROTATED.search(_said(ds, c)) for c in (lat, lon))
+        if NAMED in ds[lat].attrs or (lat in listed and lon in listed and not strange):
+            return lat, lon, ""
+        for north, east in true:
             if off := _aside(ds, (lat, lon), (north, east), where):
-                return (
-                    north,
-                    east,
-                    f"positions are those of {north} and {east}: the axes {lat} and {lon} lie up to {off:.2g} degrees aside",
-                )
+                said = f"positions are those of {north} and {east}: the axes {lat} and {lon} lie up to {off:.2g} degrees aside"
+                return north, east, said
+        if true:
+            return lat, lon, ""
     mapping = str(ds[name].attrs.get("grid_mapping", ds[name].encoding.get("grid_mapping", "")))
     turned = mapping in ds.variables and "rotated" in str(ds[mapping].attrs.get("grid_mapping_name", ""))
     for c in [c for c, *_ in coordinates if ds[c].dims in {(dim,) for dim in rest}]:
-        if _ROTATED.search(_said(ds, c)) or (
-            turned and role_of_name(c) and standard_name(ds[c]) not in ("latitude", "longitude")
+        true_name = standard_name(ds[c]) in ("latitude", "longitude")
+        if NAMED not in ds[c].attrs and (
+            _ROTATED.search(_said(ds, c)) or (turned and role_of_name(c) and not true_name)
         ):
             raise ForcingError(
                 f"{c} is an axis of a rotated grid: its numbers are no latitudes and longitudes", where=where,
@@ -167,7 +173,7 @@ def _pair(
                 "mapping of its pole (grid_mapping)",
             )  # fmt: skip
     if fitting:
-        return lat, lon, ""
+        return lat, lon, _NO_POSITIONS.format(lat, lon) if _is_nominal(ds, lat, lon) else ""
     lacking = [f"{dim} ({ds[name].sizes.get(dim, 0)})" for dim in rest]
     if not rest:
         raise ForcingError(
@@ -192,10 +198,9 @@ def _is_nominal(ds: xr.Dataset, lat: str, lon: str) -> bool:
     )
 
 
-def _south_of_seam(field: xr.DataArray, lat: str, lon: str, where: str) -> xr.DataArray:
+def _south_of_seam(field: xr.DataArray, said: str, where: str) -> xr.DataArray:
     """Return a field on nominal axes where these are positions, with a remark; refuse one that lies beyond."""
     rows = np.flatnonzero(field["lat"].values <= SEAM)
-    said = f"{lat} and {lon} are nominal axes: north of {SEAM:g} N, where tripolar grids bend, they are no positions"
     remedy = "Add the latitudes and longitudes of all points from the grid file of the model (geolat, geolon)"
     if rows.size < min(2, field.sizes["lat"]):
         raise ForcingError(said, where=where, remedy=remedy)

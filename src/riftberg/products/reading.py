@@ -15,6 +15,7 @@ import xarray as xr
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError, nearest
 from riftberg.products.cf import (
+    NAMED,
     above_ellipsoid,
     by_standard_name,
     coordinates_of,
@@ -54,9 +55,9 @@ WHOLE: Final = 4 * 2**20
 """Bytes up to which a file is read as it is: parts of a small one take longer to keep account of than to read."""
 
 COORDINATES: Final[dict[str, dict[str, str]]] = {
-    "lon": {"standard_name": "longitude"},
-    "lat": {"standard_name": "latitude"},
-    "time": {"standard_name": "time"},
+    "lon": {"standard_name": "longitude", NAMED: "lon"},
+    "lat": {"standard_name": "latitude", NAMED: "lat"},
+    "time": {"standard_name": "time", NAMED: "time"},
     "depth": {"standard_name": "depth", "positive": "down"},
 }
 """Coordinates that a user may name beside the quantities, and what the variable then says of itself."""
@@ -412,8 +413,7 @@ def _canonical(
         )  # fmt: skip
     attributes = dict(ds[name].attrs)
     # In this order: the dimensions that dates, members and levels leave over are those of the place.
-    moves, asked = quantity != "depth_below_surface", product.names.get("time", "")
-    field, when = dated(ds, name, where=where, moves=moves, asked=asked)
+    field, when = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
     field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
     one = _one_member(ds, name, field, where)
