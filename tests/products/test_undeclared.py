@@ -21,6 +21,7 @@ from riftberg.errors import ForcingError
 from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.files_forcing import Run, forcing_from_files
 from riftberg.ocean.files_schema import FileForcing
+from riftberg.products import open_product
 from riftberg.products.quantities import unit_change
 from riftberg.system.input_files import reading
 
@@ -192,13 +193,13 @@ def test_reasons_of_the_machine_and_of_our_own_are_kept(tmp_path: Path) -> None:
 # Flags
 
 
-@pytest.mark.parametrize("how", ["bytes", "signed bytes", "text", "decoded", "shorts"])
+@pytest.mark.parametrize("how", ["bytes", "signed bytes", "text", "decoded", "shorts", "per cent"])
 def test_flags_without_a_valid_range_are_missing(tmp_path: Path, how: str) -> None:
     """Flags along the western edge, as NASA Team, AMSR2 and others write them, are no ice and no fault."""
     ds, path = plain(names=("uo", "vo", "ice_fraction")), tmp_path / "odd.nc"
     share = ds["ice_fraction"].values.copy()
     flags = {"decoded": [-1.0, -2.0, 3.5], "shorts": [1100, 1200, 3000]}.get(how, [251, 253, 254])
-    step = {"decoded": 1.0, "shorts": 0.001}.get(how, 0.004)
+    step = {"decoded": 1.0, "shorts": 0.001, "per cent": 0.01}.get(how, 0.004)
     raw = share if how == "decoded" else np.round(share / step)
     raw[..., :3] = flags
     kind = {"decoded": "f4", "shorts": "i2", "signed bytes": "i1"}.get(how, "u1")
@@ -206,10 +207,14 @@ def test_flags_without_a_valid_range_are_missing(tmp_path: Path, how: str) -> No
     with netCDF4.Dataset(path, "a") as file:
         ice = file.createVariable("ice_fraction", kind, ("time", "lat", "lon"))
         ice.set_auto_maskandscale(False)
-        told = {"standard_name": "sea_ice_area_fraction", "units": "1", "flag_meanings": "pole_hole coast land"}
+        told = {
+            "standard_name": "sea_ice_area_fraction",
+            "units": "%" if how == "per cent" else "1",
+            "flag_meanings": "pole_hole coast land",
+        }
         stored = np.array(flags).astype("u1").astype("i1") if how == "signed bytes" else np.array(flags, kind)
         told["flag_values"] = "251b, 253b, 254b" if how == "text" else stored
-        ice.setncatts({**told, **({} if how == "decoded" else {"scale_factor": step})})
+        ice.setncatts({**told, **({} if how in ("decoded", "per cent") else {"scale_factor": step})})
         if how == "signed bytes":
             ice.setncattr("_Unsigned", "true")
         ice[:] = raw.astype("u1").astype("i1") if how == "signed bytes" else raw.astype(kind)
@@ -218,10 +223,21 @@ def test_flags_without_a_valid_range_are_missing(tmp_path: Path, how: str) -> No
     asked = FileForcing(kind="files", files=[path.name], **box)
     forcing = forcing_from_files(asked, tmp_path, Run.of(START, 0.1, e.thickness, 850.0, melts=True))
     forcing.sample(e, 3600.0)
-    np.testing.assert_allclose(e.ice_fraction, truth("ice_fraction", e.lon, e.lat), atol=3e-3)
+    np.testing.assert_allclose(e.ice_fraction, truth("ice_fraction", e.lon, e.lat), atol=6e-3)
     e.lon[:] = CENTRE - 3.8
     forcing.sample(e, 3600.0)
     assert (e.ice_fraction <= 0.4).all()
+
+
+def test_masks_keep_the_values_that_they_call_flags(tmp_path: Path) -> None:
+    ds = plain(names=("uo", "vo"))
+    land = np.zeros((ds.sizes["lat"], ds.sizes["lon"]))
+    land[:, -1] = 1.0
+    told = {"standard_name": "land_binary_mask", "flag_values": np.array([0.0, 1.0]), "flag_meanings": "water land"}
+    ds["mask"] = ("lat", "lon"), land, told
+    field = open_product(written(tmp_path, ds))["uo"]
+    assert np.isnan(field.values[..., -1]).all()
+    assert np.isfinite(field.values[..., :-1]).all()
 
 
 def test_a_flag_of_open_water_is_a_value(tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ from riftberg.products.repair import (
     with_scalar_mappings,
     with_text_dates,
     within_valid_range,
+    without_flags,
     without_land,
 )
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
@@ -414,6 +415,7 @@ def _canonical(
     attributes = dict(ds[name].attrs)
     # In this order: the dimensions that dates, members and levels leave over are those of the place.
     field, when = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    field = without_flags(ds[name], field)
     field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
     one = _one_member(ds, name, field, where)

@@ -76,39 +76,36 @@ def _meaning_of_one(mask: xr.Variable) -> str:
 
 
 def within_valid_range(ds: xr.Dataset) -> xr.Dataset:
-    """Return a decoded dataset without the values that ``valid_min``, ``valid_max``, ``valid_range`` or ``flag_values`` rule out.
+    """Return a decoded dataset without the values that its attributes ``valid_min``, ``valid_max``, ``valid_range`` rule out.
 
     As CF says, limits that are whole numbers beside packed whole numbers are packed too, other limits are not.
     """
     masked: dict[Any, xr.DataArray] = {}
     for name in ds.data_vars:
-        field, limits, flags = ds[name], _limits(ds[name]), _flags(ds[name])
-        if limits is None and not flags:
-            continue
-        low, high = limits or (-np.inf, np.inf)
-        valid = (field >= low) & (field <= high)
-        for flag, near in flags:
-            valid &= abs(field - flag) > near
-        masked[name] = field.where(valid)
-        masked[name].encoding = field.encoding
-        masked[name].attrs = {**field.attrs, **({VALID: f"{low:.3g} to {high:.3g}"} if limits else {})}
+        limits = _limits(ds[name])
+        if limits is not None:
+            low, high = limits
+            masked[name] = ds[name].where((ds[name] >= low) & (ds[name] <= high))
+            masked[name].encoding = ds[name].encoding
+            masked[name].attrs = {**ds[name].attrs, VALID: f"{low:.3g} to {high:.3g}"}
     return ds.assign(masked) if masked else ds
 
 
-def _flags(field: xr.DataArray) -> list[tuple[float, float]]:
-    """Return the values of a field that its file calls flags, as decoded, and how near they come; open water is a value."""
-    flags, words = field.attrs.get("flag_values", ()), str(field.attrs.get("flag_meanings", "")).split()
+def without_flags(original: xr.DataArray, field: xr.DataArray) -> xr.DataArray:
+    """Return a field without the values that its original calls flags, of land or no data; open water is a value."""
+    flags, words = original.attrs.get("flag_values", ()), str(original.attrs.get("flag_meanings", "")).split()
     flags = re.findall(r"-?\d+(?:\.\d+)?", flags) if isinstance(flags, str) else np.ravel(flags)
-    if field.dtype.kind != "f" or np.asarray(flags).dtype.kind not in "iufU":
-        return []
+    if original.dtype.kind not in "iuf" or np.asarray(flags).dtype.kind not in "iufU":
+        return field
     numbers = np.asarray(flags, float)
-    if str(field.encoding.get("_Unsigned", "")).lower() == "true":
-        numbers = np.where(numbers < 0.0, numbers + 256.0 ** np.dtype(field.encoding["dtype"]).itemsize, numbers)
-    scale, offset = (float(field.encoding.get(key, usual)) for key, usual in zip(_PACKING, (1.0, 0.0), strict=True))
-    meant = [*words, *[""] * (numbers.size - len(words))]
-    decoded = [n * scale + offset for n, word in zip(numbers.tolist(), meant, strict=False) if not _OPEN.search(word)]
-    # Packed values lie a step apart, others are flags to the last digit of single precision.
-    return [(flag, 0.1 * abs(scale) if scale != 1.0 else 1e-6 * abs(flag) + 1e-9) for flag in decoded]
+    if str(original.encoding.get("_Unsigned", "")).lower() == "true":
+        numbers = np.where(numbers < 0.0, numbers + 256.0 ** np.dtype(original.encoding["dtype"]).itemsize, numbers)
+    scale, offset = (float(original.encoding.get(key, usual)) for key, usual in zip(_PACKING, (1.0, 0.0), strict=True))
+    for number, meaning in zip(numbers * scale + offset, [*words, *[""] * numbers.size], strict=False):
+        # Packed values lie a step apart, others are flags to the last digit of single precision.
+        near = 0.1 * abs(scale) if scale != 1.0 else 1e-6 * abs(number) + 1e-9
+        field = field if _OPEN.search(meaning) else field.where(abs(field - number) > near)
+    return field
 
 
 def _limits(field: xr.DataArray) -> tuple[float, float] | None:
@@ -291,7 +288,7 @@ def _unwritten(values: Any) -> Any:
         fills = [limits.min + k if limits.min else limits.max - k for k in range(3)]
         lost = np.isin(values, fills) & (values.dtype.itemsize >= 4)
     if values.ndim == 1:
-        nines = np.array([bool(re.fullmatch(r"-?9{3,}", f"{value:.0f}")) for value in values.tolist()])
+        nines = np.isin(np.abs(values), [10**digits - 1 for digits in range(3, 16)])
         steps, sound = np.diff(values[~lost]), np.diff(values[~(lost | nines)])
         if nines.any() and sound.size and (sound > 0).all() and not (steps > 0).all():
             lost |= nines
