@@ -26,7 +26,7 @@ import typer
 
 from riftberg.errors import InputError, RiftbergError, nearest
 from riftberg.system.atomic_files import only_writer, refusal
-from riftberg.system.input_files import human, in_folder, is_folder, shown, value_shown
+from riftberg.system.input_files import at_home, human, in_folder, is_folder, shown, value_shown
 from riftberg.system.process import advice, insisting, when_stuck
 from riftberg.system.process import say as say
 
@@ -433,6 +433,10 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        # A shell writes ~ out, but not in --output=~/run nor between quotes.
+        for key, value in kwargs.items():
+            if isinstance(value, str | Path):
+                kwargs[key] = at_home(value) if isinstance(value, str) else Path(at_home(str(value)))
         try:
             with insisting(), when_stuck(_give_up):
                 return command(*args, **kwargs)

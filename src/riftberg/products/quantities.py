@@ -48,6 +48,7 @@ class Quantity:
         return max(-self.limit, self.lowest), self.limit
 
 
+_PERIOD = "sea_surface_wave_mean_period_from_variance_spectral_density"
 _CURRENTS = "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)"
 
 QUANTITIES: Final = {quantity.name: quantity for quantity in (
@@ -118,7 +119,11 @@ QUANTITIES: Final = {quantity.name: quantity for quantity in (
         ("VHM0", "swh", "hs"), lowest=-0.01, usual_most=20.0, source="waves: ERA5 swh",
     ),
     Quantity(
-        "wave_period", "s", "sea_surface_wave_mean_period", "mean wave period", "longer", 60.0, ("VTM02", "mwp"), lowest=-0.01,
+        "wave_period", "s", "sea_surface_wave_mean_period", "mean wave period", "longer", 60.0,
+        ("VTM02", "mwp", "VTM10", "mean_wave_period", "t02", "tm02", "Tm02", "mp2", "t01", "tm01", "Tm01", "mp1", "t0m1", "tmm10",
+         "Tmm10", "VTM01", "mwsper", "mwspersfc"),
+        (f"{_PERIOD}_second_frequency_moment", f"{_PERIOD}_inverse_frequency_moment", f"{_PERIOD}_first_frequency_moment",
+         "sea_surface_wave_zero_upcrossing_period"), lowest=-0.01,
     ),
     Quantity(
         "wave_direction", "degree", "sea_surface_wave_from_direction",
@@ -200,7 +205,9 @@ def unit_change(units: str, wanted: str) -> tuple[float, float] | None:
     for names, way in _NAMED.get(wanted, ()):
         if key in names:
             return way
-    scale = 1.0
+    number = re.match(r"(?:(\d+\.?\d*(?:e[-+]?\d+)?)|10(?:\^|\*\*)?([-+]\d+))\s*\*?\s*(?=[a-z])", key)
+    scale = 1.0 if number is None else float(number[1] or f"1e{number[2]}")  # of "100 km" and "1e-2 m/s"
+    key = key[number.end() :] if number else key
 
     def word(match: re.Match[str]) -> str:
         nonlocal scale
