@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import OutputBeside, Quiet, check_output, positive, reported, results_folder, within
+from riftberg.cli.options import OutputBeside, Quiet, check_output, positive, reported, results_folder, tell, within
 from riftberg.errors import InputError
 from riftberg.system.atomic_files import only_writer
 from riftberg.system.input_files import is_folder, refuse_large
@@ -153,7 +153,7 @@ def plot(
         shown = observations.rings_by_day()
         with results_folder(folder_beside(run, output), files, taken=files) as folder:
             for name in kinds:
-                typer.echo(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
+                tell(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
 
 
 def known(name: str) -> Projection:
@@ -225,7 +225,7 @@ def animate(
     ):
         check_frames(dataset["time"].values, hours)
         path = _filmed(dataset, goal, hours, fps, dpi, shown, known(projection), quiet)
-    typer.echo(path)
+    tell(path)
 
 
 MOST_FRAMES = 20_000
@@ -291,7 +291,7 @@ def replay(
         picture_path(run, output, "replay.html", observed=observed) as goal,
     ):
         path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6, members=members)
-    typer.echo(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
+    tell(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     if show:
         typer.launch(str(path))
 
