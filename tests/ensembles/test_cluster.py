@@ -203,7 +203,9 @@ def ran(script: str, folder: Path, how: str) -> subprocess.CompletedProcess[str]
 
 
 @pytest.mark.parametrize(
-    ("script", "how"), [(UNGUARDED, "file"), (UNGUARDED, "pipe"), (PLAIN + OF_ELSEWHERE, "words")], ids=["file", "pipe", "words"]
+    ("script", "how"),
+    [(UNGUARDED, "file"), (UNGUARDED, "pipe"), (PLAIN + OF_ELSEWHERE, "words")],
+    ids=["file", "pipe", "words"],
 )
 def test_a_script_without_a_main_guard_is_run_once(script: str, how: str, tmp_path: Path) -> None:
     """Bug: each worker ran the script anew and died of it, and after minutes all members were 'killed, or out of memory'."""

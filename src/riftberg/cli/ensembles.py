@@ -488,7 +488,10 @@ def hazard(
         write_dataset(gridded, out / "hazard.nc", encoding=encoding)
         files = list(HAZARDS[:-1])
         for limit in limits:
-            if limit.date is None:
+            if limit.date is None and limit.percent is None:
+                tell(f"range of all ice of the members, whole time: {products.area_km2(limit.line):.0f} km2; "
+                     "too few members count for limits of ice")  # fmt: skip
+            elif limit.date is None:
                 tell(f"{limit.percent} % limit of ice, whole time: {products.area_km2(limit.line):.0f} km2, "
                            f"all ice of {100 * limit.inside:.0f} % of the members inside")  # fmt: skip
         if places:

@@ -474,7 +474,9 @@ def parse_date(text: str, *, where: str = "", model_years: bool = False) -> tupl
             hours = _HOURS.fullmatch(plain)
             if hours is not None:  # "6:00", "06:00 UTC", "09:00 +03:00"
                 day, hour, rest, zone = hours.groups(default="")
-                plain = f"{day}T{int(hour):02d}{rest or ':00'}{'+00:00' if zone.upper() in ('Z', 'UTC', 'GMT') else zone}"
+                plain = (
+                    f"{day}T{int(hour):02d}{rest or ':00'}{'+00:00' if zone.upper() in ('Z', 'UTC', 'GMT') else zone}"
+                )
             when, day_only = datetime.fromisoformat(plain), len(plain) <= 10
     except (ValueError, OverflowError) as error:
         raise InputError(f"{value_shown(text)} is not a date", where=where, remedy=DATE_REMEDY) from error
@@ -486,7 +488,8 @@ def parse_date(text: str, *, where: str = "", model_years: bool = False) -> tupl
 
 _DATED: Final = re.compile(r"\s*\d{4}[-/]\d\d[-/]\d\d(\D|$)")
 _HOURS: Final = re.compile(
-    r"(\d{4}-\d\d-\d\d)(?:\s*T\s*|\s+)(\d{1,2})(:\d\d(?::\d\d(?:[.,]\d+)?)?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
+    r"(\d{4}-\d\d-\d\d)(?:\s*T\s*|\s+)(\d{1,2})(:\d\d(?::\d\d(?:[.,]\d+)?)?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
+    re.IGNORECASE,
 )
 """A day and a time on it as people write them; other forms of ISO 8601 are left to Python."""
 
