@@ -223,6 +223,8 @@ class Tree:
             "no:cacheprovider",
             "-p",
             "no:xdist",
+            "-o",
+            "timeout_func_only=true",  # set-ups compile, for a minute under load: an error of theirs is no notice of a change
             "--tb=no",
             "-rfE",
         ]

@@ -25,3 +25,19 @@ def test_tests_are_waited_for_without_a_limit_of_time(
     code, text = tree.pytest(["test_one.py"], {}, compiled=True, seconds=seconds)
     assert code == 0, text
     assert "1 passed" in text
+
+
+def test_a_set_up_that_compiles_under_load_is_no_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a thousand tests with a limit of time each, one ended in an error of its set-up on a loaded machine."""
+    mutations = loaded("tests/mutations.py")
+    (tmp_path / "few").mkdir()
+    (tmp_path / "test_one.py").write_text(
+        "import time, pytest\n@pytest.fixture\ndef slow():\n    time.sleep(1.2)\ndef test_one(slow):\n    pass\n"
+        "def test_two():\n    time.sleep(5.0)\n"
+    )
+    monkeypatch.setattr(mutations, "SOURCE", tmp_path / "few")
+    monkeypatch.setattr(mutations, "ROOT", tmp_path)
+    tree = mutations.Tree(tmp_path / "results.jsonl")
+    _, text = tree.pytest(["test_one.py"], {"options": ["--timeout", "1"]}, compiled=True, seconds=60.0)
+    assert "1 failed, 1 passed" in text
+    assert "ERROR" not in text
