@@ -73,9 +73,13 @@ def ice_limits(ds: xr.Dataset) -> list[IceLimit]:
         known = known[weight[known] > 0.0]
         points = [corners[m][:, where][np.isfinite(area[m][:, where])].reshape(-1, 2) for m in known]
         whole = len(where) > 1 or len(time) == 1
-        for percent in LIMITS if enough(weight[known]) else (None,):
-            share = 1.0 if percent is None else percent / 100.0
-            line, inside = smallest_line(points, weight[known] / weight[known].sum(), share)
+        share_of = weight[known] / weight[known].sum()
+        if not enough(share_of):  # all of them, however little each weighs
+            line, inside = smallest_line(points, np.full(len(points), 1.0 / max(len(points), 1)), 1.0)
+            found.append(IceLimit(None, None if whole else time[where[0]], line, inside))
+            continue
+        for percent in LIMITS:
+            line, inside = smallest_line(points, share_of, percent / 100.0)
             found.append(IceLimit(percent, None if whole else time[where[0]], line, inside))
     return found
 
