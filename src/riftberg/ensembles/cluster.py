@@ -145,7 +145,7 @@ class _Process(SpawnProcess):
 
             spawn.get_preparation_data = without_script
             try:
-                return SpawnProcess._Popen(process_obj)  # type: ignore[attr-defined]
+                return SpawnProcess._Popen(process_obj)
             finally:
                 spawn.get_preparation_data = whole
 

@@ -362,6 +362,7 @@ def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
     for limit in limits:
         if len(limit.line) > 3:
             date = "whole time" if limit.date is None else f"{str(limit.date)[:16]}Z"
+            about: dict[str, Any]
             kind, about = "limit of ice", {"percent": limit.percent, "members_inside": round(limit.inside, 4)}
             if limit.percent is None:
                 kind, about = "range of the members' ice", {"comment": "too few members count for limits of ice"}
