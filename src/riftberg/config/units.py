@@ -129,7 +129,7 @@ def parse_unit(text: str) -> Unit:
     return Unit(float(factor), powers)
 
 
-def _name_of(word: str) -> str:
+def _unit_name(word: str) -> str:
     """Return the unit that a word stands for, empty for none; long words may have capitals, in symbols these have a meaning."""
     spellings = [word, word.lower()] if len(word) > 3 else [word]
     return next((name for name in (_WORDS.get(one, one) for one in spellings) if name in _UNITS), "")
@@ -159,7 +159,7 @@ _PREFIX: Final = re.compile("milli|centi|dec[ai]|deka|hecto|kilo|mega|giga|tera|
 def _meant(text: str, wanted: Sequence[Powers]) -> str:
     """Return the question whether a known unit was meant by one that is none, never one of another dimension."""
     words = re.findall("[A-Za-z]+", text)[:6]
-    for names in product(*([word] if _name_of(word) else _alike(word) for word in words)):
+    for names in product(*([word] if _unit_name(word) else _alike(word) for word in words)):
         meant = text
         for word, name in zip(words, names, strict=True):
             meant = re.sub(rf"(?<![A-Za-z]){word}(?![A-Za-z])", name, meant)
@@ -183,7 +183,7 @@ def _exact(text: str, wanted: Sequence[Powers] = ()) -> tuple[float | Fraction, 
             sign = -1
             continue
         match = _FACTOR.match(piece)
-        name = "" if match is None else _name_of(match[1])
+        name = "" if match is None else _unit_name(match[1])
         if match is None or not name:
             unknown = piece if match is None else match[1]
             raise ValueError(

@@ -102,7 +102,7 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
     # Of jobs that are made when they are asked for, there are no more in memory than processes have.
     waiting, lost = Line(jobs), Counter[int]()
     before = set(multiprocessing.active_children())
-    script = _script_of(function, waiting)
+    script = _script_needed(function, waiting)
     context = multiprocessing.get_context("spawn") if script else _Apart()
     begun = context.Event()
     with _environment(ALONE):
@@ -154,7 +154,7 @@ class _Apart(SpawnContext):
     Process = _Process
 
 
-def _script_of(function: Callable[[Any], Any], waiting: Line) -> str:
+def _script_needed(function: Callable[[Any], Any], waiting: Line) -> str:
     """Return the script that processes must read for the jobs; empty where jobs name nothing of it, or bring it along."""
     if not waiting:
         return ""

@@ -108,7 +108,7 @@ class Resuming:
                 part = PartFile(path, large, (match[1] if match else ""))
                 part.drop()
                 self.fetch(part, checked=checked or bool(part.sha256))
-            if message := _message_in(path):
+            if message := _server_message(path):
                 part.drop()
                 raise ForcingError(
                     f"the server sent {message} in place of the file", where=part.url,
@@ -283,7 +283,7 @@ _PAGE: Final = re.compile(rb"(\xef\xbb\xbf)?\s*<(!doctype|!--|html|head|body|scr
 _JSON: Final = re.compile(rb"(\xef\xbb\xbf)?\s*\{\s*\"")
 
 
-def _message_in(path: Path) -> str:
+def _server_message(path: Path) -> str:
     """Return what stands in a file where a message of the server has come in its place, with a status of success."""
     with path.open("rb") as stream:
         begin = stream.read(512)
