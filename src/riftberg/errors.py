@@ -18,8 +18,26 @@ def _ends(word: re.Match[str]) -> str:
     return f"{word[0][:60]} ... {word[0][-15:]}"
 
 
+_CONTROL: Final = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069]")
+"""Characters that steer a terminal, or turn the direction of a line; ends of lines and tabs are not among them."""
+
+
+def visible(text: str) -> str:
+    r"""Return a text whose control characters are written out, so that no server and no file steers the terminal.
+
+    Examples
+    --------
+    >>> visible("\x1b[2JBAD")
+    '\\x1b[2JBAD'
+    """
+    return _CONTROL.sub(lambda control: ascii(control[0])[1:-1], text)
+
+
 class RiftbergError(Exception):
     """Base of all errors that Riftberg raises on purpose."""
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__(visible(text))
 
 
 class InputError(RiftbergError):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import Settings, announce_compilation, make_options, positive, reported
+from riftberg.cli.options import Settings, announce_compilation, make_options, positive, reported, tell
 from riftberg.errors import InputError
 from riftberg.experiments import Options
 from riftberg.system.input_files import check_elements
@@ -70,13 +70,13 @@ def bench(
     else:
         rows = list(_scaled(sizes, days, options))
     if as_json:
-        typer.echo(json.dumps(rows if scaling else rows[0], indent=1))
+        tell(json.dumps(rows if scaling else rows[0], indent=1))
         return
     for row in rows:
         for told in (row, *row["other_schemes"]):
-            typer.echo(line(told))
+            tell(line(told))
         if row["whole_run"]:
-            typer.echo(whole_line(row["whole_run"]))
+            tell(whole_line(row["whole_run"]))
 
 
 def _others(model: Model, options: Options) -> list[Options]:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, ParamSpec, TypeVar, cas
 
 import typer
 
-from riftberg.errors import InputError, RiftbergError, nearest
+from riftberg.errors import InputError, RiftbergError, nearest, visible
 from riftberg.system.atomic_files import only_writer, refusal
 from riftberg.system.input_files import at_home, human, in_folder, is_folder, shown, value_shown
 from riftberg.system.process import advice, insisting, when_stuck
@@ -481,12 +481,21 @@ def announce_compilation(quiet: bool = False) -> None:
         say("First run with this version: compiling takes about a minute on a free core, once.")
 
 
+def tell(text: object) -> None:
+    """Write a result to standard output; names in files of others are shown, and do not steer the terminal."""
+    typer.echo(visible(str(text)))
+
+
 def console(width: int) -> Console:
     """Return where tables are printed: the terminal, or a file or pipe, which has no width of its own, as wide as given."""
     from rich.console import Console
 
-    found = Console()
-    return found if found.is_terminal else Console(width=width)
+    class Plain(Console):
+        def render_str(self, text: str, **options: Any) -> Any:
+            return super().render_str(visible(text), **options)
+
+    found = Plain(markup=False)
+    return found if found.is_terminal else Plain(width=width, markup=False)
 
 
 def table(title: str, columns: Iterable[str], texts: Collection[str] = ()) -> Table:
