@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from numba.core import event
 
-import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.cli.run import ledger_lines, short_summary
 from riftberg.config.units import box_text, drift_text
