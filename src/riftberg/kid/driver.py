@@ -16,7 +16,6 @@ from typing import Final
 
 import numpy as np
 
-from riftberg.bergs.bonding import Metric
 from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
@@ -26,7 +25,6 @@ from riftberg.kid.parameters import (
     Clock,
     KidNamelist,
     NamelistGroup,
-    check_distances,
     namelist_period,
     time_step,
     to_parameters,
@@ -127,7 +125,7 @@ def build_grid(namelist: KidNamelist, case: Path) -> Grid:
             "Make them equal, or set Lx = -1 for closed ends",
         )
     seamount = driver.flag("big_grounding_test")
-    if seamount and spacing != SEAMOUNT["spacing"]:
+    if seamount and not math.isclose(spacing, SEAMOUNT["spacing"]):
         raise driver.error(f"big_grounding_test with gridres = {spacing}", "The seamount is made for gridres = 5000")
     mask = np.ones((nj + 2, ni + 2))
     if seamount:
@@ -278,6 +276,9 @@ def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path
             resample_environment(m, (m.step_number - 1) * clock.dt, group)
 
     life.born, life.look_around = born, look
+    if isinstance(model.forcing, GriddedForcing):
+        # That of the cell, without the sea level, whatever depth the forces take (files, 1.4).
+        life.floor = model.forcing.fields_at(0.0).depth
 
 
 RESTART: Final = "icebergs.res.nc"
@@ -380,9 +381,6 @@ class CoupledRun:
         clock, grid = Clock(time_step(namelist), steps, 0.0), _grid(driver, group)
         restarts = folder / group.text("restart_input_dir")
         elements = _bergs(restarts / RESTART, grid, group)
-        earth = parameters.earth
-        if elements.size > 1:
-            check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
         check_medium(driver, group)
         first = ocean_fields(driver, group, grid)
         forcing = OceanForcing(grid, first, rules=field_rules(group), source="KID's driver with an ocean")
