@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 import f90nml
 import numpy as np
 
-from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.bonding import inscribed_share
 from riftberg.errors import BergError, InputError, NamelistError
 from riftberg.kid.entries import (
     CALVING,
@@ -613,20 +613,30 @@ def check_calving_store(folder: Path, group: NamelistGroup, grid: Grid) -> None:
 
 
 TOO_CLOSE: Final = 0.01
-"""Distance of two elements, in sums of their radii, that no run can start from."""
+"""Length of a bond, in sums of the radii of its ends, that no run can start from."""
 
 
-def check_distances(elements: Elements, packing: Packing, metric: Metric) -> None:
-    """Refuse elements that lie on top of each other: contact and bonds have no direction between them."""
-    near = form_bonds(elements, BondRule(packing=packing, radii_factor=TOO_CLOSE), metric)
-    if len(near.first):
-        names = " and ".join(id_text(elements.id[rows[0]]) for rows in (near.first, near.second))
+def check_bond_lengths(elements: Elements, bonds: Bonds, packing: Packing) -> None:
+    """Refuse bonds between elements that lie on top of each other: their force would have no direction.
+
+    Elements without a bond may lie so: bergs that calve in one cell are born on one spot.
+    """
+    share = inscribed_share(elements, packing)
+    radius = np.sqrt(share * elements.length * elements.width)
+    close = bonds.bond_length < TOO_CLOSE * (radius[bonds.first] + radius[bonds.second])
+    if close.any():
+        k = int(np.argmax(close))
+        one, other = bonds.first[k], bonds.second[k]
         raise BergError(
-            f"two elements lie on top of each other, {near.bond_length[0]:.3g} m apart at "
-            f"{elements.lon[near.first[0]]:g}, {elements.lat[near.first[0]]:g}",
-            where=f"elements {names}",
+            f"two elements with a bond lie on top of each other, {bonds.bond_length[k]:.3g} m apart at "
+            f"{elements.lon[one]:g}, {elements.lat[one]:g}",
+            where=f"elements {id_text(elements.id[one])} and {id_text(elements.id[other])}",
             remedy="Remove one of them from the iceberg restart",
         )
+
+
+ROUND_OFF: Final = 1e-9
+"""Relative difference up to which two sizes of elements are one size: those of KID's own lattices differ by some 1e-16."""
 
 
 def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: Parameters) -> None:
@@ -638,8 +648,9 @@ def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: 
         return
     body, i, j = elements.body, bonds.first, bonds.second
     melts = p.melt.enabled and not p.compatibility.zero_rates  # elements with bonds never roll
-    alike = p.bonds.constant_size | (body.length[i] * body.width[i] == body.length[j] * body.width[j])
-    unequal = alike & ((body.thickness[i] != body.thickness[j]) | melts)
+    area = body.length * body.width
+    alike = p.bonds.constant_size | np.isclose(area[i], area[j], rtol=ROUND_OFF, atol=0.0)
+    unequal = alike & (~np.isclose(body.thickness[i], body.thickness[j], rtol=ROUND_OFF, atol=0.0) | melts)
     if unequal.any():
         k = int(np.argmax(unequal))
         (one, other), thickness = (split_id(elements.id[[i[k], j[k]]])), body.thickness

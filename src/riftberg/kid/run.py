@@ -18,9 +18,9 @@ from riftberg.kid.parameters import (
     Clock,
     KidNamelist,
     NamelistGroup,
+    check_bond_lengths,
     check_both_sides,
     check_calving_store,
-    check_distances,
     check_footloose,
     order_sides,
     read_namelist,
@@ -102,8 +102,8 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     restarts = folder / namelist.icebergs.text("restart_input_dir")
     earth = parameters.earth
     elements = read_restart(restarts / RESTART, grid, seam=not earth.latlon and earth.period <= 0.0)
-    check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
     bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
+    check_bond_lengths(elements, bonds, parameters.bonds.packing)
     check_footloose(elements, namelist.icebergs)
     parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
     check_both_sides(elements, bonds, namelist.icebergs, parameters)
@@ -249,8 +249,9 @@ def _how_to_go_on(case: KidCase, saved: list[Path]) -> str:
     folder, done, driver = "a copy of the run folder", case.model.step_number, case.namelist.driver
     rest = f"set nmax = {case.clock.steps - done}"
     if driver.flag("a68_test"):
-        rest += f" and transient_a68_data_start_ind = {driver.whole('transient_a68_data_start_ind') + done // 2}"
-        rest += done % 2 * ", whose hour begins half an hour before this state"
+        hours = done * case.clock.dt / 3600.0
+        rest += f" and transient_a68_data_start_ind = {driver.whole('transient_a68_data_start_ind') + int(hours)}"
+        rest += ", whose hour begins half an hour before this state" if hours % 1.0 else ""
     if any(path.name == "ocean.nc" for path in saved):
         return f"To go on, put the first two into {folder} as INPUT/{RESTART} and INPUT/{CALVING_FILE}"
     if len(saved) == 1:
