@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
-from riftberg.kid.parameters import LATE_START, NamelistGroup, date_after
+from riftberg.kid.parameters import LATE_START, NamelistGroup, date_after, with_depth_of_file
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid, celsius, haversine, wind_from_stress
 from riftberg.state import Floats
@@ -393,6 +393,7 @@ def a68_records(
         ui=driver.number("ibui"), vi=driver.number("ibvi"), sst=driver.number("sst"), depth=UNKNOWN_DEPTH
     )
     still = still._replace(sst=celsius(still.sst, grid.arrays.mask))
+    still = with_depth_of_file(still, icebergs, case / icebergs.text("restart_input_dir"), grid)
     return hourly_records(files, Assembler(grid, still, icebergs.flag("tau_is_velocity"), "zero"), start)
 
 
