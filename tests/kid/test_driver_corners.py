@@ -248,6 +248,7 @@ def test_a_berg_that_passes_does_not_take_the_numbers_of_another() -> None:
         "lat": [22_500.0] * 2,
         "uvel": [0.0, 3.0],
         "vvel": [0.0] * 2,
+        "start_day": [2.0, 1.0],
         "start_mass": [2.0, 1.0],
     }
     found = []
