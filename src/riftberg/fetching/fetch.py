@@ -18,7 +18,7 @@ import xarray as xr
 from riftberg.errors import ForcingError, InputError
 from riftberg.fetching.download import Progress, Resuming, fetch_one, is_pointer, made, progressing
 from riftberg.fetching.services import fetch_product
-from riftberg.system.atomic_files import only_writer, refusal
+from riftberg.system.atomic_files import only_writer, refusal, replacing
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
@@ -117,22 +117,13 @@ def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resumi
 
 def merge_hourly(parts: Sequence[Path], target: Path, field: Hourly) -> None:
     """Join the parts of an hourly field in order of time, check them, and write one file."""
-    unfinished = target.with_suffix(".unfinished")
-    try:
-        _join(_in_order(parts), unfinished)
-    except ForcingError:
-        unfinished.unlink(missing_ok=True)
-        raise
-    except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
-        unfinished.unlink(missing_ok=True)
-        remedy = "Free some space, or choose another folder: the parts are kept"
-        raise ForcingError(f"could not be written ({refusal(error)})", where=str(target), remedy=remedy) from error
-    try:
-        check_hourly(unfinished, field)
-    except ForcingError:
-        unfinished.unlink()
-        raise
-    unfinished.replace(target)
+    with replacing(target) as part:
+        try:
+            _join(_in_order(parts), part)
+        except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
+            remedy = "Free some space, or choose another folder: the parts are kept"
+            raise ForcingError(f"could not be written ({refusal(error)})", where=str(target), remedy=remedy) from error
+        check_hourly(part, field)
 
 
 def _in_order(parts: Sequence[Path]) -> list[Path]:
@@ -281,6 +272,7 @@ def unpacked_tables(path: Path, folder: Path) -> list[Path]:
             )
         for member in members:
             target = folder / Path(member.filename).name.lower()
-            target.write_bytes(archive.read(member))
+            with replacing(target) as part:
+                part.write_bytes(archive.read(member))
             tables.append(target)
     return tables

@@ -33,7 +33,7 @@ from riftberg.fetching.download import (
     tell_terminal,
 )
 from riftberg.products.mesh import utc
-from riftberg.system.atomic_files import only_writer
+from riftberg.system.atomic_files import only_writer, replacing
 from riftberg.system.netcdf_lock import open_netcdf
 
 Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"]
@@ -264,7 +264,8 @@ def _unpacked(answer: Path, target: Path) -> list[Path]:
         names = [name for name in archive.namelist() if name.endswith(".nc")]
         targets = [target] if len(names) == 1 else [target.with_suffix(f".{number}.nc") for number in range(len(names))]
         for name, path in zip(names, targets, strict=True):
-            path.write_bytes(archive.read(name))
+            with replacing(path) as part:
+                part.write_bytes(archive.read(name))
     answer.unlink()
     return targets
 

@@ -20,7 +20,7 @@ from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import paired_vectors
-from riftberg.system.input_files import is_address
+from riftberg.system.input_files import hidden, is_address
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 STAGES = ("nrt", "interim", "final")
@@ -146,7 +146,7 @@ def expand(paths: Paths) -> list[str]:
     """Return the files that ``paths`` names: patterns are expanded, addresses and Zarr stores kept."""
     patterns: Iterable[str | Path] = [paths] if isinstance(paths, str | Path) else paths
     files: list[str] = []
-    for path in map(str, patterns):
+    for path in map(hidden, map(str, patterns)):
         pattern = any(sign in path for sign in "*?[") and not is_address(path)
         matches = sorted(glob(path)) if pattern else [path]
         if not matches:

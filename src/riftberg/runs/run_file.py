@@ -598,7 +598,7 @@ def _create(
     light = {"compression": "zlib", "complevel": 1, "shuffle": True}
     options: dict[str, Any] = light if packed and dims[0] != "bond" else {}
     missing = (MISSING if kind == "i4" else np.nan) if gaps and packed else False
-    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=missing, **options)
+    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=missing, fletcher32=True, **options)
     variable.setncatts({key: value for key, value in attributes.items() if value != ""})
     return variable
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 import codecs
 import csv
 import importlib
+import os
 import stat
 import zipfile
 from collections.abc import Iterator
@@ -25,7 +26,8 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Final
 
-from riftberg.errors import InputError, RiftbergError
+from riftberg.errors import CUT, InputError, RiftbergError, without_secrets
+from riftberg.system.atomic_files import refusal
 
 MOST_ELEMENTS: Final = 1_000_000
 """Elements of a berg."""
@@ -210,6 +212,33 @@ def is_address(path: object) -> bool:
     return "://" in str(path)
 
 
+ADDRESSES: Final = "RIFTBERG_ADDRESSES"
+"""Environment variable with whole addresses, separated by blanks, of which files and messages have but a part."""
+
+_WHOLE: Final[dict[str, str]] = {}
+
+
+def hidden(path: str) -> str:
+    """Return an address without what nobody else is to know, which `whole_address` gives back in this process."""
+    if not is_address(path) or (cut := without_secrets(path)) == path:
+        return path
+    _WHOLE[cut] = path
+    return cut
+
+
+def whole_address(path: str) -> str:
+    """Return an address with what was cut from it: as it was given in this process, or as it stands in the environment."""
+    if not is_address(path) or CUT not in path:
+        return path
+    told = {without_secrets(whole): whole for whole in os.environ.get(ADDRESSES, "").split()}
+    if (found := _WHOLE.get(path) or told.get(path)) is None:
+        raise InputError(
+            f"user name, password, query or fragment ({CUT}) were cut from this address when it was stored", where=path,
+            remedy=f"Put the whole address into the environment variable {ADDRESSES}",
+        )  # fmt: skip
+    return found
+
+
 def in_folder(folder: Path, name: str) -> str:
     """Return a file that is named from a folder; an address stays as it is."""
     return name if is_address(name) else str(folder / name)
@@ -237,7 +266,9 @@ def reading(where: object, what: str, remedy: str, kind: type[InputError] = Inpu
     except Exception as error:  # libraries raise what they like: struct.error, KeyError, zlib.error, UnicodeError ...
         reason = _reason(error)
         # What xarray says where no reader knows a file is a list of its own parts.
-        raise kind(what if "xarray's" in reason else f"{what} ({reason})", where=shown(where), remedy=remedy) from error
+        told = kind(what if "xarray's" in reason else f"{what} ({reason})", where=shown(where), remedy=remedy)
+        # A traceback would show what the library said of an address, password and all.
+        raise told from (error if without_secrets(str(error)) == str(error) else None)
 
 
 def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError] = InputError) -> list[str]:
@@ -284,7 +315,7 @@ def value_shown(value: object) -> str:
 def _reason(error: BaseException) -> str:
     """Return the reason of an error in one short line."""
     if isinstance(error, OSError) and error.strerror and not (error.errno or 0) < 0:
-        return shown(error.strerror.lower())
+        return shown(refusal(error))
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     text = shown(lines[0] if lines else type(error).__name__)
     text = text if len(text) <= 160 else f"{text[:157]}..."
