@@ -74,7 +74,7 @@ from riftberg.runs.scene import add_background
 from riftberg.runs.tracks import ELEMENT_COLUMNS, FLOOR_LOAD, berg_rows, blocks_of, ragged, write_tracks
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
-from riftberg.system.input_files import is_folder
+from riftberg.system.input_files import is_folder, reading
 from riftberg.system.netcdf_lock import open_netcdf
 
 if TYPE_CHECKING:
@@ -283,7 +283,7 @@ class RunWriter:
         """Lay the file out as it was when the state of the model was saved, with the records from before."""
         kept: dict[str, Any] = model.remembered
         layout, place = self._layout, f"{self.path}, going on with it"
-        with open_netcdf(self.path) as old:
+        with reading(place, "a damaged run file", _ANEW), open_netcdf(self.path) as old:
             old.set_auto_mask(False)
             gap = missing_records(old["time"][:], kept, self.interval)
             if gap:
