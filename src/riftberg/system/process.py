@@ -31,7 +31,7 @@ from queue import SimpleQueue
 from types import FrameType
 from typing import Any, Final, TypeVar, cast
 
-from riftberg.errors import without_secrets
+from riftberg.errors import visible, without_secrets
 
 SETTINGS: Final = threading.RLock()
 """Held by whoever changes such a setting for a while."""
@@ -319,7 +319,7 @@ def say(text: str) -> None:
     """
     if sys.stderr is not None:
         with suppress(RuntimeError, OSError, ValueError):
-            print(without_secrets(text), file=sys.stderr, flush=True)
+            print(visible(without_secrets(text)), file=sys.stderr, flush=True)
 
 
 _holding: Hold | None = None
