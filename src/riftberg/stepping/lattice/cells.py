@@ -41,7 +41,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.fragments.connectivity import connected_parts, find_bridges
 
 Booleans = NDArray[np.bool_]
 
@@ -192,10 +192,11 @@ def freed_edges(mesh: CellMesh, broken: Booleans) -> Booleans:
 
 
 def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
-    """Return the ties whose cells meet along the outline, and these cells, shape (ties, 2).
+    """Return the ties by which what hangs by one bond meets the rest along the outline, and their cells, shape (ties, 2).
 
-    Not where the ice of a third cell parts them there, as along a row, nor where the outline turns inwards: in the bend of a
-    row, or at the root of a finger, they touch in a point.
+    By one bond as the mesh was made: what a crack has left hanging by one hangs by that alone. Cells do not meet where the ice
+    of a third one parts them, as along a row, or where the outline turns inwards: in the bend of a row, or at the root of a
+    finger, they touch in a point.
     """
     ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
     _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
@@ -212,14 +213,19 @@ def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
         place[start] - place[_farther(leading, place, start, reach)],
         place[_farther(following, place, end, reach)] - place[end],
     )
-    turns = np.angle(along / before), np.angle(after / along)
+    turns = np.angle(along * before.conj()), np.angle(after * along.conj())
     inwards = np.min([*turns, turns[0] + turns[1]], axis=0) < -INWARDS
 
     # Where the outline is as far from the one as from the other.
-    off = [abs(place[n] - one) ** 2 - abs(place[n] - other) ** 2 for n in (start, end)]
-    middle = place[start] + along * off[0] / (off[0] - off[1])
+    off, beyond = (abs(abs(place[n] - one) ** 2 - abs(place[n] - other) ** 2) for n in (start, end))
+    middle = place[start] + along * (off / np.where(off + beyond > 0.0, off + beyond, 1.0))
     nearest = cKDTree(mesh.xy[: mesh.cells]).query(np.column_stack([middle.real, middle.imag]))[0]
-    meet = ~inwards & (nearest > NEARER * abs(middle - one))
+    of_bond = np.column_stack([np.repeat(mesh.edge_bond.ravel(), 2), mesh.owner[ends].ravel()])
+    first, second = np.unique(of_bond[of_bond[:, 0] >= 0], axis=0)[:, 1].reshape(-1, 2).T.copy()
+    hangs = np.zeros(first.size, np.int64)
+    hangs[find_bridges(first, second, np.arange(first.size), mesh.cells).bond] = 1
+    block = connected_parts(mesh.cells, first, second, hangs)[cells]
+    meet = (block[:, 0] != block[:, 1]) & ~inwards & (nearest > NEARER * abs(middle - one))
     tie, first = np.unique(tie[meet], return_index=True)
     return tie, cells[meet][first]
 
