@@ -94,7 +94,7 @@ def test_corners_hold_on_all_lattices(name: str, packing: str) -> None:
     assert rim.min() > 0.85
     assert rim.max() < 1.35
     assert ends.min() > 0.85
-    assert set(angles[ends > 1.15]) == MORE.get((name, packing), set())
+    assert set(angles[ends > 1.155]) == MORE.get((name, packing), set())
 
 
 def of_cells(places: list[tuple[float, float]], packing: str, order: int) -> Any:
