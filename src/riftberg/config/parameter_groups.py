@@ -154,8 +154,7 @@ class Grounding(Group):
     bearing_strength: float | None = quantity(
         None,
         "Pa",
-        "q_u, pressure at which the bed yields: 1e7 rock (that of ice), 1e6 sand, six times the shear "
-        "strength on clay",
+        "q_u, pressure at which the bed yields: 1e7 rock (that of ice), 1e6 sand, six times the shear strength on clay",
         "handbook soil mechanics",
         gt=0,
     )
@@ -172,7 +171,10 @@ class Grounding(Group):
         9e9, "Pa", "Young's modulus of that bending; 1e9 for warm, crevassed ice", "glacier ice, small strains", gt=0
     )
     start: DeepKeel = quantity(
-        "aground", "", "a keel that starts below the bed: aground, lifted with its load, or refuse, if more than 1 m", "Riftberg"
+        "aground",
+        "",
+        "a keel that starts below the bed: aground, lifted with its load, or refuse, if more than 1 m",
+        "Riftberg",
     )
 
 
