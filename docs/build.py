@@ -154,7 +154,7 @@ def _default(field: Any) -> str:
 def variables_page() -> str:
     """Return the page of the state variables and of the run file."""
     from riftberg.runs import run_file, tracks
-    from riftberg.runs.layout import BOND_LATEST, in_file
+    from riftberg.runs.layout import BOND_LATEST, FRAGMENT_VARIABLES, GROUNDING_VARIABLES, in_file
     from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
     def rows(variables: Any) -> list[tuple[str, ...]]:
@@ -168,7 +168,8 @@ def variables_page() -> str:
         ]  # fmt: skip
 
     heads = ("name", "units", "meaning", "CF standard name", "in the run file", "in restarts")
-    fragments = [(code(f"fragment_{v.name}"), v.units, v.long_name) for v in run_file.FRAGMENT_VARIABLES]
+    fragments = [(code(f"fragment_{v.name}"), v.units, v.long_name) for v in FRAGMENT_VARIABLES]
+    stays = [(code(f"grounding_{v.name}"), v.units, v.long_name) for v in GROUNDING_VARIABLES]
     return "\n".join(
         [
             "# Variables\n",
@@ -188,6 +189,9 @@ def variables_page() -> str:
             "## Fragments\n",
             "Family tree of the fragments, in the run file along `fragment`; `fragment_number` is the value of `berg`.\n",
             table(("name", "units", "meaning"), fragments),
+            "## Stays on the sea floor\n",
+            "One row for each stay of a berg, or of a fragment of 5 % of its berg or more, along `grounding`.\n",
+            table(("name", "units", "meaning"), stays),
             "## Tracks\n",
             "The group `tracks`: bergs and fragments over time, as CF contiguous ragged arrays",
             "([results by berg](../howto/results-by-berg.md)). The first ones lie along `trajectory`, the others along `index`.\n",

@@ -287,7 +287,7 @@ class Model(BareModel):
             )  # fmt: skip
         model = cls.going_on(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
-            state.fragments, state.bergs, state.contacts, laws,
+            state.fragments, state.bergs, state.contacts, laws, state.groundings,
         )  # fmt: skip
         model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
         model._stepper.load_state_dict(state.extra)

@@ -54,11 +54,10 @@ from riftberg.runs.layout import (
     BOND_HISTORY,
     BOND_LATEST,
     COMMAND,
-    CONTACT_VARIABLES,
     FILE,
-    FRAGMENT_VARIABLES,
     PLACE,
     SHAPE,
+    TABLES,
     Layout,
     counted_from,
     define_texts,
@@ -290,7 +289,7 @@ class RunWriter:
                 raise InputError(gap, where=place, remedy=_ANEW)
             if "u" not in old.variables:
                 raise InputError("a run file of a version before 0.2.0", where=place, remedy=_ANEW)
-            on_bed = [FLOOR_LOAD] if model.parameters.grounding.law == "seabed" else []
+            on_bed = [FLOOR_LOAD] if model.parameters.grounding_law == "seabed" else []
             if on_bed and FLOOR_LOAD not in old.variables:
                 raise InputError("a run file of an earlier version, without floor_load", where=place, remedy=_ANEW)
             if self.forces != (APPLIED.variables[0].name in old.variables):
@@ -378,11 +377,8 @@ class RunWriter:
         self._layout.refresh(model.elements, model.bonds, BOND_LATEST)
         for name in BOND_LATEST:
             file[in_file(name)][:] = self._layout.latest[name]
-        fragments, contacts = model.fragments.rows, model.contacts.rows
-        for kind, variables, rows in (
-            ("fragment", FRAGMENT_VARIABLES, fragments),
-            ("contact", CONTACT_VARIABLES, contacts),
-        ):
+        events: tuple[Sequence[Any], ...] = model.fragments.rows, model.contacts.rows, model.groundings.rows
+        for (kind, variables), rows in zip(TABLES, events, strict=True):
             for v in variables if rows else ():
                 values = [getattr(row, v.name) for row in rows]
                 column = texts(values) if v.dtype == "str" else np.array(values, v.dtype)
@@ -456,7 +452,7 @@ class _Record:
 
 def histories(model: BareModel) -> list[Variable]:
     """Return the variables of the elements that every record of this run holds."""
-    return [v for v in element_history() if v.name != FLOOR_LOAD or model.parameters.grounding.law == "seabed"]
+    return [v for v in element_history() if v.name != FLOOR_LOAD or model.parameters.grounding_law == "seabed"]
 
 
 def bond_history(model: BareModel) -> tuple[str, ...]:
@@ -532,8 +528,8 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     file.createDimension("trajectory", len(layout.ids))
     file.createDimension("time", None)
     file.createDimension("bond", len(layout.bond_ids))
-    file.createDimension("fragment", None)
-    file.createDimension("contact", None)
+    for kind, _ in TABLES:
+        file.createDimension(kind, None)
     about = {"standard_name": "time", "long_name": "time", **counted_from(model.start), "axis": "T"}
     _create(file, "time", "f8", ("time",), **about)
     # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
@@ -568,7 +564,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
         if name == "peak_stress":
             attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
         _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
-    for kind, variables in (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES)):
+    for kind, variables in TABLES:
         for v in variables:
             attributes = {**_described(v, names), "long_name": v.long_name}
             attributes.pop("axis", None)

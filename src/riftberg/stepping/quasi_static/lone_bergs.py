@@ -6,8 +6,8 @@ A lone berg has no lattice, and its matrices are numbers: the two half kicks of 
     W = 1 + z + z^2 / 2,   P = 1 + z / 2,   z = h c / 2
 
 where c is the linear drag of the sea floor (s-1), and with the drag of the other media that a first half kick takes
-implicitly. Its results are those of `TimeStep` to round-off. Where something happens to it, land or a change between afloat
-and aground, it is put back to the start and goes with the others.
+implicitly. Its results are those of `TimeStep` to round-off. Where land stops it, it is put back to the start and goes with the
+others.
 """
 
 from __future__ import annotations
@@ -178,7 +178,6 @@ class _Block:
         """Evaluate the forces at the start; returns the longest trial step that they allow, s."""
         self.forcing = allocate_forcing(self.el, self.c)
         self._evaluate()
-        self.aground = self.forcing.aground > 0.0
         return longest_trial_step(self.forcing, self.stepping.time_step)
 
     def predict(self, parts: int) -> None:
@@ -200,8 +199,6 @@ class _Block:
     def correct(self, parts: int) -> None:
         """Take the second half kick, with the forces at the new place and time."""
         self._evaluate()
-        if self.stepping.landing_steps > 1:  # else touch-down is no event
-            self.happened |= (self.forcing.aground > 0.0) != self.aground
         half_dt, twist = 0.5 * self.stepping.time_step / parts, self.bodies.twist
         twist[:] = 2.0 * self.middle - twist  # first guess: the second half changes it as the first has done
         check_converged(
