@@ -122,9 +122,9 @@ class Grounding(Group):
     law: GroundingLaw | None = quantity(
         None,
         "",
-        "law of the sea floor; seabed: a bed that carries the berg and holds it by friction (quasi_static). linear: a drag by speed, quadratic: by "
-        "its square and the draft in excess of the depth (mts, verlet, runge_kutta). none: no sea floor. auto means seabed with "
-        "quasi_static, else linear",
+        "law of the sea floor; seabed: a bed that carries the berg and holds it by friction (quasi_static). linear: a drag by "
+        "speed, quadratic: by its square and the draft in excess of the depth (mts, verlet, runge_kutta). none: no sea floor. "
+        "auto means seabed with quasi_static, else linear",
         "equations 4.1; quadratic, seabed: Riftberg",
     )
     coefficient: float = quantity(

@@ -35,6 +35,15 @@ DEEP_KEEL: Final = 5.0
 OTHER_BEDS: Final = ("clay", "rock")
 """Beds for which a run says what the same load could hold."""
 
+NEARBY: Final = 20e3
+"""Distance (m) about the berg at the start in which the least depth is told."""
+
+AROUND_POINTS: Final = 41
+"""Points along each side of that, by which it is found."""
+
+NO_FLOOR: Final = 5000.0
+"""Depth (m) from which on nothing is said of the sea floor."""
+
 DOUBTFUL_CLEARANCE: Final = 50.0
 """Clearance (m) below which a run says how good charts are."""
 
@@ -204,6 +213,35 @@ def ground_lines(ground: dict[str, Any]) -> list[str]:
             f"  the keel passed {max(clearance, 0.0):.0f} m above the floor; a chart is good to some tens of metres{nodes}"
         )
     return lines
+
+
+def keel_line(model: BareModel) -> str:
+    """Return how deep the keel is at the start, and the chart under the berg and near it; nothing where no depth is known."""
+    el, p = model.elements, model.parameters
+    if p.grounding_law == "none" or el.size == 0:
+        return ""
+    draft = float(draft_of(el.thickness, p.ice.density).max())
+    earth, lon0, lat0 = p.earth, float(el.lon.mean()), float(el.lat.mean())
+    scale = math.radians(1.0) * earth.radius if earth.latlon else 1.0
+    along = scale * (math.cos(math.radians(lat0)) if earth.latlon else 1.0)
+    reach = np.linspace(-1.0, 1.0, AROUND_POINTS)
+    half_x, half_y = NEARBY + 0.5 * along * np.ptp(el.lon), NEARBY + 0.5 * scale * np.ptp(el.lat)
+    around = np.meshgrid(lon0 + reach * half_x / along, lat0 + reach * half_y / scale)
+    under, near = (np.asarray(model.forcing.depth(*places), float) for places in ((el.lon, el.lat), around))
+    if not np.isfinite(under).any() or not np.nanmin(under) < NO_FLOOR:
+        return ""
+    spacing = getattr(model.forcing, "depth_spacing", lambda: None)()
+    chart = f"the chart, with a node every {_kilometres(spacing)}," if spacing else "the sea floor"
+    gap = float(np.nanmin(under)) - draft
+    said = (
+        f"{gap:.0f} m of water below the keel"
+        if gap >= 0.0
+        else f"the keel stands {-gap:.0f} m deeper: it starts aground"
+    )
+    least = f"; within {NEARBY / 1e3:.0f} km of it at least {np.nanmin(near):.0f} m" if np.isfinite(near).any() else ""
+    return (
+        f"the keel is {draft:.0f} m deep; {chart} has at least {np.nanmin(under):.0f} m under the berg ({said}){least}"
+    )
 
 
 def _kilometres(metres: float) -> str:

@@ -22,6 +22,7 @@ from riftberg.errors import InputError, RiftbergError
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.plane import near
+from riftberg.runs.groundings import Stay, stays_in
 from riftberg.runs.layout import called, parameters_of
 from riftberg.runs.tracks import FLOOR_LOAD, aground_in_file, by_area, family_of
 from riftberg.state import Floats, Ints
@@ -441,6 +442,11 @@ class Scene:
         return aground_in_file(
             thickness, depth, state[FLOOR_LOAD].values if FLOOR_LOAD in state else None, self.parameters
         )
+
+    @cached_property
+    def stays(self) -> list[Stay]:
+        """Stays of bergs and fragments on the sea floor, in order of time."""
+        return stays_in(self.run, self.name)
 
     def draft(self) -> float:
         """Return the draft (m) of the thickest element at the start."""
