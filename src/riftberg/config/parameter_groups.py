@@ -119,6 +119,10 @@ class Drag(Group):
 class Grounding(Group):
     """The sea floor on which keels run aground: a bed of sediment that carries them (seabed), or a drag of explicit schemes."""
 
+    _gone: ClassVar[dict[str, str]] = {
+        "depth_error": "Write floor_error.offset for one run; forecasts draw floor_error.spread, share and length",
+    }
+
     law: GroundingLaw | None = quantity(
         None,
         "",
