@@ -596,8 +596,8 @@ def _first_touch(done: xr.Dataset) -> list[str]:
     km, dates = float(np.median(away)) * DEGREE * EARTH_RADIUS_A68 / 1e3, np.sort(done["first_aground"].values[touched])
     place = place_text(*middle, latlon=True, digits=2)
     return [
-        f"  of {count_text(int(touched.sum()), 'member')} that ran aground half did by {minute_text(dates[dates.size // 2])}, about "
-        f"{place}, half of them within {km:.0f} km of it"
+        f"  of {count_text(int(touched.sum()), 'member')} that ran aground half did by {minute_text(dates[dates.size // 2])}, "
+        f"about {place}, half of them within {km:.0f} km of it"
     ]
 
 

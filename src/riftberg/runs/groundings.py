@@ -324,11 +324,13 @@ class GroundTeller:
     def _deep_keel(self, model: BareModel) -> list[str]:
         """Return once that a law of drag lets a keel far below the floor."""
         p, el = model.parameters, model.elements
-        if self._deep or p.stepping.scheme == "quasi_static" or el.size == 0:
+        if self._deep or p.stepping.scheme == "quasi_static":
             return []
-        touching = on_the_floor(el.thickness, el.environment.depth, 0.0, p.kernel_values())
-        below = np.where(touching, draft_of(el.thickness, p.ice.density) - el.environment.depth, 0.0)
-        if below.max() <= DEEP_KEEL:
+        below = draft_of(el.thickness, p.ice.density) - el.environment.depth
+        if not (below > DEEP_KEEL).any():
+            return []
+        below = np.where(on_the_floor(el.thickness, el.environment.depth, 0.0, p.kernel_values()), below, 0.0)
+        if below.max() <= DEEP_KEEL:  # the law lets the sea floor do nothing there
             return []
         self._deep = True
         return [
