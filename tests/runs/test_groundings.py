@@ -14,7 +14,15 @@ from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.constants import GRAVITY
 from riftberg.diagnostics.summary import summarize
 from riftberg.diagnostics.why import explain, words
-from riftberg.runs.groundings import GroundTeller, ground_lines, ground_of, keel_line, stay_words, stays_in, stays_of
+from riftberg.runs.groundings import (
+    GroundTeller,
+    ground_lines,
+    keel_line,
+    list_stays,
+    read_stays,
+    stay_words,
+    summarize_ground,
+)
 from riftberg.runs.restart import load_state
 from riftberg.runs.run_file import RunWriter, open_run
 from riftberg.runs.scene import Scene
@@ -151,7 +159,7 @@ def test_a_keel_deep_inside_the_floor_is_told_once_where_a_drag_holds_nothing(sc
 def test_the_summary_says_what_holds_and_what_other_beds_would() -> None:
     model = model_of()
     after(model, 1, loads={7: 4e11}, east=300.0, speed=0.0)
-    ground = ground_of(model)
+    ground = summarize_ground(model)
     assert (ground["law"], ground["sediment"], ground["first"]) == ("seabed", "sand", "2025-02-28T06:00:00")
     assert (ground["load"], ground["capacity"], ground["hours"], ground["times"]) == (4e11, 2e11, 1.0, 1)
     assert ground["way_aground"] == pytest.approx(300.0, rel=3e-3)
@@ -167,7 +175,7 @@ def test_the_summary_says_what_holds_and_what_other_beds_would() -> None:
     ]
     after(model, 8, loads={})
     assert (
-        stay_words(ground_of(model)["stays"][0], weight)
+        stay_words(summarize_ground(model)["stays"][0], weight)
         == "aground for 60 min from 28 Feb 06:00 on, afloat since 28 Feb 07:00"
     )
 
@@ -179,7 +187,7 @@ def test_a_run_that_passes_near_the_floor_says_how_near() -> None:
     ):
         model = model_of(depth)
         after(model, 1, loads={})
-        assert ground_lines(ground_of(model)) == said
+        assert ground_lines(summarize_ground(model)) == said
 
 
 def test_keel_and_floor_at_the_start_are_named() -> None:
@@ -210,9 +218,9 @@ def run_with(rows: list[GroundingEvent], path: Path, *, latlon: bool = True) -> 
 def test_run_file_and_why_know_the_stays(tmp_path: Path, latlon: bool) -> None:
     model = run_with([ROW], tmp_path / "run.nc", latlon=latlon)
     with open_run(tmp_path / "run.nc") as run:
-        (stay,) = stays_in(run, Scene(run).name)
+        (stay,) = read_stays(run, Scene(run).name)
         assert stay.event == ROW
-        assert stay.as_dict() == {**stays_of(model)[0].as_dict(), "name": stay.name}  # type: ignore[arg-type]
+        assert stay.as_dict() == {**list_stays(model)[0].as_dict(), "name": stay.name}  # type: ignore[arg-type]
         told = words(explain(run))[1]
         place = "55.00 S, 38.90 W" if latlon else "x -38.9 m, y -55 m"
         assert told.endswith(

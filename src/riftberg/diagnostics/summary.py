@@ -60,7 +60,7 @@ from riftberg.config.units import area_text, count_text
 from riftberg.config.values import finding_text
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, melt_of
-from riftberg.runs.groundings import ground_of
+from riftberg.runs.groundings import summarize_ground
 from riftberg.runs.layout import called, forcing_text, read_start
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
@@ -102,7 +102,7 @@ def summarize(
         "breakups": breakups(model),
         "bergs": berg_entries(model),
         "collisions": collisions(model),
-        "ground": ground_of(model),
+        "ground": summarize_ground(model),
         "track": track_table(track),
         "largest_km2": areas[0] if areas else 0.0,
         "areas_km2": areas,

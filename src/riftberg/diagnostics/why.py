@@ -15,7 +15,7 @@ import numpy as np
 from riftberg.config.units import area_text, count_text, minute_text, place_text
 from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, members_at_birth
 from riftberg.diagnostics.summary import melt_lines
-from riftberg.runs.groundings import stays_in, why_lines
+from riftberg.runs.groundings import read_stays, why_lines
 from riftberg.runs.scene import SMALL, Scene
 from riftberg.system.atomic_files import write_json
 
@@ -105,7 +105,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         small=small,
         strength=fracture.normal_strength if fracture.enabled else None,
         melt=melt_lines(run),
-        ground=why_lines(stays_in(run, scene.name), scene.parameters, latlon=scene.latlon),
+        ground=why_lines(read_stays(run, scene.name), scene.parameters, latlon=scene.latlon),
     )
 
 

@@ -69,12 +69,12 @@ class Stay:
         }  # fmt: skip
 
 
-def stays_of(model: BareModel) -> list[Stay]:
+def list_stays(model: BareModel) -> list[Stay]:
     """Return the stays of a run so far, in order of time."""
     rows = {row.number: row for row in model.fragments.rows}
     several = sum(row.parent <= 0 for row in rows.values()) > 1
 
-    def name_of(number: int) -> str:
+    def fragment_name(number: int) -> str:
         row = rows.get(number)
         if row is None:
             return ""
@@ -84,12 +84,12 @@ def stays_of(model: BareModel) -> list[Stay]:
         return (model.start + timedelta(seconds=seconds)).isoformat()
 
     return [
-        Stay(name_of(row.number), date(row.time), date(row.end), row.end >= model.time - 1e-6, row)
+        Stay(fragment_name(row.number), date(row.time), date(row.end), row.end >= model.time - 1e-6, row)
         for row in model.groundings.rows
     ]
 
 
-def stays_in(run: xr.Dataset, names: Any) -> list[Stay]:
+def read_stays(run: xr.Dataset, names: Any) -> list[Stay]:
     """Return the stays in a run file; ``names`` gives the name of a fragment by its number."""
     if "grounding_time" not in run or run.sizes.get("grounding", 0) == 0:
         return []
@@ -110,9 +110,9 @@ def stays_in(run: xr.Dataset, names: Any) -> list[Stay]:
     return stays
 
 
-def ground_of(model: BareModel) -> dict[str, Any]:
+def summarize_ground(model: BareModel) -> dict[str, Any]:
     """Return what the sea floor did in a run, as the summary holds it."""
-    stays, p = stays_of(model), model.parameters
+    stays, p = list_stays(model), model.parameters
     clearance = model.groundings.clearance
     spacing = getattr(model.forcing, "depth_spacing", None)
     found: dict[str, Any] = {
@@ -302,7 +302,7 @@ class GroundTeller:
         over = [k for k in sorted(self._open) if model.time - rows[k].end >= AFLOAT_TIME]
         if len(rows) == self._told and not over:
             return said
-        stays, berg, latlon = stays_of(model), model.elements.berg, model.parameters.earth.latlon
+        stays, berg, latlon = list_stays(model), model.elements.berg, model.parameters.earth.latlon
         for k in range(self._told, len(rows)):
             if k < MOST_TOLD:
                 said.append(touch_line(stays[k], int((berg == rows[k].number).sum()), latlon=latlon))

@@ -22,7 +22,7 @@ from riftberg.errors import InputError, RiftbergError
 from riftberg.parameters import Packing, Parameters
 from riftberg.physics.floating import draft_of
 from riftberg.plane import near
-from riftberg.runs.groundings import Stay, stays_in
+from riftberg.runs.groundings import Stay, read_stays
 from riftberg.runs.layout import called, parameters_of
 from riftberg.runs.tracks import FLOOR_LOAD, aground_in_file, by_area, family_of
 from riftberg.state import Floats, Ints
@@ -446,7 +446,7 @@ class Scene:
     @cached_property
     def stays(self) -> list[Stay]:
         """Stays of bergs and fragments on the sea floor, in order of time."""
-        return stays_in(self.run, self.name)
+        return read_stays(self.run, self.name)
 
     def draft(self) -> float:
         """Return the draft (m) of the thickest element at the start."""
