@@ -239,11 +239,10 @@ class TimeStep:
         self.state = end
         before = self.applied[contact.rows] if contact else self.applied[:0]
         part = 0.5 * trial.h / self.dt
-        middle, drag_twist = np.empty_like(start.bodies.twist), np.empty_like(start.bodies.twist)
+        middle = np.empty_like(start.bodies.twist)
         accumulate_step_forces(
-            start.operators, end.operators, start.terms, end.terms, start.bodies.twist, end.bodies.twist, 0.5 * trial.h, part,
-            middle, drag_twist, self.applied, work,
-        )  # fmt: skip
+            start.operators, start.terms, end.terms, start.bodies.twist, 0.5 * trial.h, part, middle, self.applied, work
+        )
         if contact is not None:
             # In contact the impulses of all forces were summed over the sub-steps instead.
             self.applied[contact.rows] = before + contact.applied / self.dt
