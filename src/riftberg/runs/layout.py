@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from riftberg.config.values import finding_text
+from riftberg.config.values import explained
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters, without_idle_keys
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
@@ -429,20 +429,14 @@ def read_parameters(text: Any, file: Path, *, goes_on: bool = False) -> Paramete
         return Parameters.model_validate(without_idle_keys(values, all_of_them=not goes_on))
     except json.JSONDecodeError as error:
         raise _error("no JSON of parameters", file, place) from error
-    except InputError as error:
+    except (InputError, ValidationError) as error:
+        fault = error if isinstance(error, InputError) else explained(error, Parameters)
+        what = f"{fault.where}: {fault.what[:400]}" if fault.where else fault.what[:400]
         raise _error(
-            f"no parameters of Riftberg ({error.where}: {error.what[:400]})", file, place,
+            f"no parameters of Riftberg ({what})", file, place,
+            f"{fault.remedy + '. ' if goes_on and fault.remedy else ''}"
             "The file is damaged, or was written by another version of Riftberg",
         ) from error  # fmt: skip
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise _error(
-            f"no parameters of Riftberg ({key}: {finding_text(first)})" if key else "no JSON of parameters",
-            file,
-            place,
-            "The file is damaged, or was written by another version of Riftberg",
-        ) from error
 
 
 def read_start(text: Any, file: Path) -> datetime:
