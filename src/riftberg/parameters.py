@@ -495,7 +495,7 @@ class Parameters(Group):
         )
 
 
-FORMER_KEYS: Final[dict[str, dict[str, Any]]] = {"stepping": {"landing_steps": 8}}
+FORMER_KEYS: Final[dict[str, dict[str, Any]]] = {"stepping": {"landing_steps": 8}, "grounding": {"cell": 50.0}}
 """Keys that earlier versions wrote into their files, with the defaults that they had."""
 
 
@@ -510,15 +510,15 @@ def without_idle_keys(values: Any, *, all_of_them: bool = False) -> Any:
     idle: dict[str, dict[str, Any]] = {group: dict(keys) for group, keys in FORMER_KEYS.items()}
     if values.get("stepping", {}).get("scheme") == "quasi_static":
         fields = Grounding.model_fields
-        idle["grounding"] = {name: fields[name].get_default() for name in DRAG_KEYS}
+        idle["grounding"] |= {name: fields[name].get_default() for name in DRAG_KEYS}
         if all_of_them:
-            idle["grounding"]["law"] = "linear"
+            idle["grounding"] |= {"law": "linear", "start": "settle"}
     left = dict(values)
     for group, keys in idle.items():
         if isinstance(inner := values.get(group), dict):
             left[group] = {
                 name: value for name, value in inner.items()
-                if name not in keys or not (value == keys[name] or (all_of_them and name != "law"))
+                if name not in keys or not (value == keys[name] or (all_of_them and name not in ("law", "start")))
             }  # fmt: skip
     return left
 

@@ -43,19 +43,33 @@ def model_of(depth: float = 500.0, scheme: str = "quasi_static", law: str | None
     return model
 
 
-def after(model: Model, hours: float, *, loads: dict[int, float], east: float = 0.0, speed: float = 0.0) -> None:
+def after(
+    model: Model,
+    hours: float,
+    *,
+    loads: dict[int, float],
+    east: float = 0.0,
+    speed: float = 0.0,
+    clearance: float = math.nan,
+) -> None:
     """Let the log see a step at whose end the floor carries ``loads`` (N, by row); the berg has gone ``east`` (m)."""
     before, began = model.elements.copy(), model.time
     el = model.elements
     el.lon[:] += east / (math.radians(1.0) * 6_371_229.0 * math.cos(math.radians(55.0)))
     el.u_sync[:], el.v_sync[:] = speed, 0.0
-    el.keel.floor_load[:] = el.keel.anchor_capacity[:] = 0.0
+    for array in el.keel:
+        array[:] = 0.0
     for row, load in loads.items():
-        el.keel.floor_load[row], el.keel.anchor_capacity[row] = load, 0.5 * load
+        el.keel.floor_load[row], el.keel.floor_hold[row] = load, 0.5 * load
+        el.keel.floor_lift[row], el.keel.floor_stress[row], el.keel.floor_yield[row] = (
+            1e-10 * load,
+            1e-4 * load,
+            2e-11 * load,
+        )
     model.time += hours * HOUR
     forces = np.zeros((el.size, len(FORCES), 2))
     forces[:, FORCES.index("water"), 0], forces[:, FORCES.index("sea_floor"), 0] = 2e6, -1e9
-    model.groundings.update(before, model, began, lambda: forces)
+    model.groundings.update(before, model, began, lambda: forces, clearance)
 
 
 def test_a_stay_begins_at_the_touch_and_lasts_until_the_floor_carries_nothing() -> None:
@@ -71,6 +85,7 @@ def test_a_stay_begins_at_the_touch_and_lasts_until_the_floor_carries_nothing() 
     assert (row.number, row.time, row.end, row.seconds) == (1, 1 * HOUR, 4 * HOUR, 3 * HOUR)
     assert (row.elements, row.carried, row.times) == (1, 1, 1)
     assert (row.load, row.capacity) == (5e9, 2.5e9)
+    assert (row.lift, row.stress, row.gouge) == pytest.approx((0.6, 6e5, 0.12))  # the largest, when it bore most
     assert row.pressing == pytest.approx(8 * 2e6)  # all forces but that of the floor
     assert row.way == pytest.approx(231.0, rel=3e-3)
     assert row.stopped == pytest.approx(230.0, rel=3e-3)
@@ -126,7 +141,9 @@ def test_touches_and_coming_free_are_told_once() -> None:
     model, teller = model_of(), GroundTeller()
     teller.start(model)
     after(model, 1, loads={6: 1e9, 7: 4e9})
-    assert teller.lines(model) == ["2025-02-28 06:00  aground at 54.99 S, 36.93 W: 2 of 8 elements"]
+    assert teller.lines(model) == [
+        "2025-02-28 06:00  aground at 54.99 S, 36.93 W: 2 of 8 elements, keel lifted by up to 0.4 m"
+    ]
     after(model, 24, loads={7: 4e9})
     assert teller.lines(model) == []
     after(model, 1, loads={})
@@ -171,7 +188,9 @@ def test_the_summary_says_what_holds_and_what_other_beds_would() -> None:
         "the bed can hold 2e+11 N, the sea presses with 1.6e+07 N)"
     )
     assert ground_lines(ground) == [
-        "  the bed is taken to be sand; the same load could hold 6.7e+10 N on clay, 2e+11 N on rock (grounding.sediment)"
+        "  the bed is taken to be sand; the same load could hold 6.7e+10 N on clay, 2e+11 N on rock (grounding.sediment)",
+        "  the ice would bend by 40 MPa, more than it bears: a berg that has lain there for weeks bears less "
+        "(grounding.ice_modulus, fracture.flexural_strength)",
     ]
     after(model, 8, loads={})
     assert (
@@ -199,7 +218,9 @@ def test_keel_and_floor_at_the_start_are_named() -> None:
     assert keel_line(model_of(1e4)) == keel_line(model_of(150.0, law="none")) == ""
 
 
-ROW = GroundingEvent(1, HOUR, 5 * HOUR, -38.9, -55.0, 45.0, 3, 2, 4 * HOUR, 5, 4e11, 2e11, 3e9, 900.0, 310.0)
+ROW = GroundingEvent(
+    1, HOUR, 5 * HOUR, -38.9, -55.0, 45.0, 3, 2, 4 * HOUR, 5, 4e11, 2e11, 3e9, 0.4, 2.5e5, 0.1, 900.0, 310.0
+)
 
 
 def run_with(rows: list[GroundingEvent], path: Path, *, latlon: bool = True) -> FakeModel:
@@ -225,7 +246,7 @@ def test_run_file_and_why_know_the_stays(tmp_path: Path, latlon: bool) -> None:
         place = "55.00 S, 38.90 W" if latlon else "x -38.9 m, y -55 m"
         assert told.endswith(
             f"ground 2020-12-09 14:00 to 2020-12-09 18:00: touched with its north-eastern side at {place}; touched 2 times and "
-            "stood for 4 h in all; stopped within 310 m; held by up to 2e+11 N against 3e+09 N."
+            "stood for 4 h in all; stopped within 310 m; held by up to 2e+11 N against 3e+09 N; bending of the ice 0.25 MPa."
         ), told
 
 

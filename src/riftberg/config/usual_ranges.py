@@ -243,7 +243,7 @@ class Law(NamedTuple):
 LAWS: Final = (
     Law("grounding.law = 'seabed'", lambda p: p.grounding_law == "seabed", "grounding", (
         "sediment", "stiffness", "bearing_strength", "friction", "shear_strength", "adhesion", "anchor_way", "bending",
-        "ice_modulus", "cell", "start")),
+        "ice_modulus", "start")),
     Law("grounding.law = 'quadratic'", lambda p: p.grounding_law == "quadratic", "grounding", ("quadratic_coefficient",)),
     Law("grounding.law = 'linear'", lambda p: p.grounding_law == "linear", "grounding", ("coefficient", "ramp_height", "torque")),
     Law("contact.law = 'crushing'", lambda p: p.crushing, "contact", (

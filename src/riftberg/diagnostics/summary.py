@@ -20,20 +20,21 @@ collisions : list, one entry per collision of two bergs or fragments: time, end,
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
-ground : what the sea floor did: law, least_clearance (m, water under the middle of an element at the end of a step; negative
-    where the keel stands deeper than the floor there), bathymetry_spacing (m between the nodes of the chart under the berg,
-    null for formulas), first (date of the first touch, null where none), stays: list, one entry per stay of a berg, or of a
-    fragment of 5 % of its berg or more: number, name, first, last, lasts (aground at the end), lon, lat, towards (degrees from
-    north, of the side that touched), hours, times (touches), elements, load (N), capacity (N, friction that could hold it),
-    pressing (N, force of the sea), way_aground (m), stopped_within (m, null where it did not stop). For all of them together:
-    hours, times, elements, load, capacity, pressing, way_aground (the longest); with the law seabed the sediment, and
-    capacity_on: what the same load could hold on clay and on rock (N)
+ground : what the sea floor did: law, least_clearance (m, water under the keel at the least; negative where it stands deeper
+    than the floor), bathymetry_spacing (m between the nodes of the chart under the berg, null for formulas), first (date of the
+    first touch, null where none), stays: list, one entry per stay of a berg, or of a fragment of 5 % of its berg or more:
+    number, name, first, last, lasts (aground at the end), lon, lat, towards (degrees from north, of the side that touched),
+    hours, times (touches), elements, load (N), capacity (N, friction that could hold it), pressing (N, force of the sea), lift
+    (m, largest rise of the keel), bending_stress (Pa, largest of the ice that the floor lifts), gouge (m, how deep a bed that
+    yields was pressed), way_aground (m), stopped_within (m, null where it did not stop). For all of them together: hours, times,
+    elements, load, capacity, pressing, lift, bending_stress, gouge, way_aground (the longest); with the law seabed the sediment,
+    and capacity_on: what the same load could hold on clay and on rock (N)
 ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and by what part of the
     turnover the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment; null where
     nothing melts
 motion : momentum (N s, east and north) at start and end and what each force gave; kinetic energy (J) at start and end and the
     work of each force; energy in bonds, dissipated (null where bonds do not vibrate), released by cracks, and
-    crushed: plastic work and friction of contact.law crushing, rubbed and gouged: friction and gouges of grounding.law seabed
+    crushed: plastic work and friction of contact.law crushing, rubbed: friction of grounding.law seabed
 wall_seconds : wall time of the whole run, s
 seconds_per_day : wall time per simulated day without the first step and without compilation, s; null in runs of one step
 steps : long steps taken

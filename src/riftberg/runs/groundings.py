@@ -18,7 +18,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.runs.layout import called
 from riftberg.stepping.forces.media import on_the_floor
 from riftberg.stepping.fragments.grounding_log import AFLOAT_TIME, GroundingEvent
-from riftberg.stepping.ground.landing import bed_of
+from riftberg.stepping.ground.seabed import bed_of
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -34,6 +34,9 @@ DEEP_KEEL: Final = 5.0
 
 OTHER_BEDS: Final = ("clay", "rock")
 """Beds for which a run says what the same load could hold."""
+
+USUAL_FLEXURAL_STRENGTH: Final = 0.3e6
+"""Bending stress (Pa) that glacier ice bears at most (Vaughan 1993: 90 to 320 kPa)."""
 
 NEARBY: Final = 20e3
 """Distance (m) about the berg at the start in which the least depth is told."""
@@ -65,7 +68,8 @@ class Stay:
             "number": row.number, "name": self.name, "first": self.began, "last": self.ended, "lasts": self.lasts,
             "lon": row.lon, "lat": row.lat, "towards": row.towards, "hours": row.seconds / 3600.0, "times": row.times,
             "elements": row.carried, "load": row.load, "capacity": row.capacity, "pressing": row.pressing,
-            "way_aground": row.way, "stopped_within": None if row.stopped < 0.0 else row.stopped,
+            "lift": row.lift, "bending_stress": row.stress, "gouge": row.gouge, "way_aground": row.way,
+            "stopped_within": None if row.stopped < 0.0 else row.stopped,
         }  # fmt: skip
 
 
@@ -135,6 +139,10 @@ def summarize_ground(model: BareModel) -> dict[str, Any]:
         "load": load,
         "capacity": sum(row.capacity for row in now),
         "pressing": sum(row.pressing for row in now),
+        **{
+            key: max(getattr(stay.event, name) for stay in stays)
+            for key, name in (("lift", "lift"), ("bending_stress", "stress"), ("gouge", "gouge"))
+        },
         "way_aground": max(stay.event.way for stay in stays),
     }
     if p.grounding_law == "seabed":
@@ -168,7 +176,8 @@ def touch_line(stay: Stay, elements: int, *, latlon: bool) -> str:
     """Return that a berg touched, in a line; ``elements``: how many it has."""
     row, whom = stay.event, f"{stay.name} " if stay.name else ""
     place = place_text(row.lon, row.lat, latlon=latlon, digits=2)
-    return f"{minute_text(stay.began)}  {whom}aground at {place}: {row.elements} of {elements} elements"
+    lifted = f", keel lifted by up to {row.lift:.2g} m" if row.lift > 0.0 else ""
+    return f"{minute_text(stay.began)}  {whom}aground at {place}: {row.elements} of {elements} elements{lifted}"
 
 
 def free_line(stay: Stay) -> str:
@@ -205,6 +214,11 @@ def ground_lines(ground: dict[str, Any]) -> list[str]:
         beds = ", ".join(f"{force_text(force)} on {name}" for name, force in ground["capacity_on"].items())
         lines.append(
             f"  the bed is taken to be {ground['sediment']}; the same load could hold {beds} (grounding.sediment)"
+        )
+    if ground.get("bending_stress", 0.0) > USUAL_FLEXURAL_STRENGTH:
+        lines.append(
+            f"  the ice would bend by {_megapascals(ground['bending_stress'])}, more than it bears: a berg that has lain there "
+            "for weeks bears less (grounding.ice_modulus, fracture.flexural_strength)"
         )
     clearance, spacing = ground["least_clearance"], ground["bathymetry_spacing"]
     if ground["first"] is None and clearance is not None and clearance < DOUBTFUL_CLEARANCE:
@@ -269,8 +283,28 @@ def why_lines(stays: list[Stay], parameters: Parameters, *, latlon: bool) -> lis
         else:
             law = parameters.grounding_law
             said.append(f"the law {law} brakes it and holds nothing; the sea presses with {force_text(row.pressing)}")
+        if row.stress > 0.0:
+            said.append(bending_words(row.stress, parameters))
         lines.append("; ".join(said) + ".")
     return lines
+
+
+def bending_words(stress: float, parameters: Parameters) -> str:
+    """Return how much the ice bends on the floor, and what it bears; ``stress``: the largest, Pa."""
+    strength = parameters.fracture.flexural_strength
+    said = f"bending of the ice {_megapascals(stress)}"
+    if strength is not None:
+        return f"{said} (breaks at {_megapascals(strength)})"
+    if stress <= USUAL_FLEXURAL_STRENGTH:
+        return said
+    return (
+        f"{said}, more than it bears (some {_megapascals(USUAL_FLEXURAL_STRENGTH)}; fracture.flexural_strength is off): a berg "
+        "that has lain there for weeks bears less, with grounding.ice_modulus 0.1 GPa"
+    )
+
+
+def _megapascals(stress: float) -> str:
+    return f"{stress / 1e6:.2g} MPa"
 
 
 def _metres(way: float) -> str:

@@ -124,6 +124,9 @@ GROUNDING_VARIABLES: Final = (
     Variable("load", "N", "weight that the sea floor carried last", limits=(0.0, LARGEST)),
     Variable("capacity", "N", "friction that could hold it last; 0 for the laws of drag", limits=(0.0, LARGEST)),
     Variable("pressing", "N", "force of all else on it in the last of these steps", limits=(0.0, LARGEST)),
+    Variable("lift", "m", "largest rise of its keel", limits=(0.0, LARGEST)),
+    Variable("stress", "Pa", "largest bending stress of the ice that the sea floor lifts", limits=(0.0, LARGEST)),
+    Variable("gouge", "m", "how deep it has pressed a bed that yields, at most", limits=(0.0, LARGEST)),
     Variable(
         "way",
         "m",

@@ -328,7 +328,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
     "meeting_state": Bound(("face pairs", 15)),
     "meeting_dissipated": Bound((1,)),
-    "bed_plastic": Bound((2,)),
+    "bed_(plastic|clearance)": Bound((1,)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
     "record_seconds_.+": Bound(()),

@@ -47,7 +47,11 @@ class Stepper(Protocol):
 
     @property
     def plastic(self) -> Floats:
-        """Plastic work since the start, J: of faces that crush each other, of friction on a bed of sediment, of gouges in it."""
+        """Plastic work since the start, J: of faces that crush each other, and of friction on a bed of sediment."""
+
+    @property
+    def clearance(self) -> float:
+        """Least water under a keel since the start, m, as a bed of sediment has it; NaN where there is none."""
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
@@ -65,7 +69,12 @@ class Stateless:
     @property
     def plastic(self) -> Floats:
         """See `Stepper.plastic`: none."""
-        return np.zeros(3)
+        return np.zeros(2)
+
+    @property
+    def clearance(self) -> float:
+        """See `Stepper.clearance`: none."""
+        return math.nan
 
     def state_dict(self) -> dict[str, Any]:
         """Return nothing."""

@@ -50,6 +50,9 @@ class GroundingEvent:
     load: float  # Weight that the floor carried last, N
     capacity: float  # Friction that could hold it last, N; 0 for the laws of drag, which hold nothing
     pressing: float  # Force of all else on it in the last of these steps, N
+    lift: float  # Largest rise of its keel so far, m
+    stress: float  # Largest bending stress of the ice that the floor lifts so far, Pa
+    gouge: float  # How deep it has pressed a bed that yields at most, m
     way: float  # Way of its centre on the floor, with that before the touch in the first step, m
     stopped: float  # The same when it first came to rest; -1 where it never did
 
@@ -59,24 +62,26 @@ class GroundingLog:
 
     def __init__(self, rows: list[GroundingEvent] | None = None, clearance: float = math.inf) -> None:
         self.rows: list[GroundingEvent] = list(rows or [])
-        self.clearance = (
-            clearance  # Least water under the middle of an element at the end of a step, m; negative aground
-        )
+        self.clearance = clearance  # Least water under a keel, m; negative where it stands deeper than the floor
         self._latest = {row.number: k for k, row in enumerate(self.rows)}
 
     def saved(self) -> GroundingLog:
         """Return a checkpoint."""
         return GroundingLog(self.rows, self.clearance)
 
-    def update(self, before: Elements, model: RunState, began: float, forces: Callable[[], Floats]) -> None:
+    def update(
+        self, before: Elements, model: RunState, began: float, forces: Callable[[], Floats], clearance: float
+    ) -> None:
         """Record what the floor carries after a long step from ``began`` (s) to now.
 
-        ``before``: the elements at its start; ``forces``: gives the mean forces (N) of the step, shape (elements, forces, 2).
+        ``before``: the elements at its start; ``forces``: gives the mean forces (N) of the step, shape (elements, forces, 2);
+        ``clearance``: least water under a keel as the bed has it (m), NaN where the depth under the middle of elements counts.
         """
         el, p = model.elements, model.constants
         depth = el.environment.depth
         touching = on_the_floor(el.body.thickness, depth, el.keel.floor_load, p)
-        self.clearance = min(self.clearance, float(np.min(depth - draft_of(el.body.thickness, p.rho_ice))))
+        least = float(np.min(depth - draft_of(el.body.thickness, p.rho_ice))) if math.isnan(clearance) else clearance
+        self.clearance = min(self.clearance, least)
         if not touching.any():
             return
         numbers = np.unique(el.body.berg[touching])
@@ -95,6 +100,7 @@ class GroundingLog:
         self.rows[k] = replace(
             row, time=known.time, lon=known.lon, lat=known.lat, towards=known.towards, elements=known.elements,
             times=known.times + (known.end < began), seconds=known.seconds + row.seconds, way=way,
+            **{name: max(getattr(known, name), getattr(row, name)) for name in ("lift", "stress", "gouge")},
             stopped=known.stopped if known.stopped >= 0.0 or row.stopped < 0.0 else way,
         )  # fmt: skip
 
@@ -124,6 +130,11 @@ def _measured(
     def total(values: Floats) -> Floats:
         return np.asarray(np.bincount(which, weights=values[rows], minlength=numbers.size))
 
+    def largest(values: Floats) -> list[float]:
+        most = np.zeros(numbers.size)
+        np.maximum.at(most, which, values[rows])
+        return most.tolist()
+
     mass, place, motion = el.body.mass, el.place, el.motion
     east, north = _metres_per_unit(place.lat, p)
     # From the first element of each fragment: across the seam too.
@@ -140,14 +151,15 @@ def _measured(
     speed = np.hypot(total(mass * motion.u_sync), total(mass * motion.v_sync)) / total(mass)
     push = np.delete(forces, SEA_FLOOR, axis=1).sum(axis=1)
     pressing = np.hypot(total(push[:, 0]), total(push[:, 1]))
-    carried, borne, holds = total(touching.astype(np.float64)), total(load), total(el.keel.anchor_capacity)
+    carried, borne, holds = total(touching.astype(np.float64)), total(load), total(el.keel.floor_hold)
+    lift, stress, gouge = map(largest, (el.keel.floor_lift, el.keel.floor_stress, el.keel.floor_yield))
     towards = np.degrees(np.arctan2((touch_x - centre_x) * east[first], (touch_y - centre_y) * north)) % 360.0
     area = total(el.body.length * el.body.width)
     return [
         GroundingEvent(
             number, began, model.time, float(place.lon[k] + touch_x[n]), float(place.lat[k] + touch_y[n]), float(towards[n]),
             int(carried[n]), 1, model.time - began, int(carried[n]), float(borne[n]), float(holds[n]), float(pressing[n]),
-            float(way[n]), float(way[n]) if speed[n] < STANDSTILL else -1.0,
+            lift[n], stress[n], gouge[n], float(way[n]), float(way[n]) if speed[n] < STANDSTILL else -1.0,
         )
         for n, (number, k) in enumerate(zip(numbers.tolist(), first.tolist(), strict=True))
         if area[n] >= LEAST_SHARE * _berg_area(model, number)
