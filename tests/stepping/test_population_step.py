@@ -126,22 +126,25 @@ class Turned(Steady):
 
 
 class Shoal(Steady):
-    """Deep water with a bank in the east."""
+    """Deep water that a bank in the east rises from by 1 in 100, above keels of 83 m."""
+
+    def depth(self, lon: Any, lat: Any) -> Any:
+        return np.clip(80.0 + 0.01 * (-39.9 - np.asarray(lon)) * 55_660.0, 60.0, 1000.0)
 
     def sample(self, elements: Any, time: float) -> None:
         super().sample(elements, time)
-        elements.environment.depth[:] = np.where(elements.lon > -39.9, 60.0, 1000.0)
+        elements.environment.depth[:] = self.depth(elements.lon, elements.lat)
 
 
 def test_a_berg_that_runs_aground_goes_as_it_would_alone() -> None:
     """The others are no part of it: its step alone is divided at the touch."""
     others = [berg(-40.0 - 20.0 * k, 10.0 * k, True) for k in range(6)]
-    floor = {"grounding": {"coefficient": 1e3}}
-    runs = [Model(Iceberg.join([berg(3.0, 0.0, True), *more]), Shoal(current=(0.6, 0.0)), Parameters(**floor))
+    runs = [Model(Iceberg.join([berg(3.0, 0.0, True), *more]), Shoal(current=(0.6, 0.0)), Parameters())
             for more in (others, others[:0])]  # fmt: skip
     for model in runs:
         model.advance(steps=6)
         assert model.elements.lon[0] < -39.88
+        assert model.elements.keel.floor_load[0] > 0.0
     for name, alone in state_of(runs[1]).items():
         if name != "berg_length":
             np.testing.assert_allclose(state_of(runs[0])[name][:1], alone, rtol=1e-11, atol=1e-18, err_msg=name)
