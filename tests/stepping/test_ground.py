@@ -284,7 +284,7 @@ def test_a_floor_of_second_order_is_seen_between_the_corners_of_pads() -> None:
     loads = []
     for side in (300.0, 75.0):
         fine = Berg(3, 3, 1000.0, side=side)
-        loads.append(fine.press(lambda x, y: DRAFT - 0.05 + 2e-6 * (x * x + y * y), bed(), bends=False).load)
+        loads.append(fine.press(lambda x, y: DRAFT - 0.05 + 2e-7 * (x * x + y * y), bed(), bends=False).load)
     assert loads[0] == pytest.approx(loads[1], rel=0.02)
     assert berg.press(lambda x, y: np.full(np.shape(x), DRAFT + 1.0), bed()).largest == pytest.approx(-1.0)
 

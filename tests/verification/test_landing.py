@@ -319,7 +319,7 @@ def knoll(height: float, **grounding: Any) -> Model:
         (0.9, "sand", 8.30e10, 4.15e10),
         (5.0, "sand", 5.09e11, 2.5e11),
         (5.0, "clay", 2.99e11, 5.1e10),
-        (20.0, "sand", 2.7e12, 1.4e12),
+        (20.0, "sand", 2.7e12, 1.35e12),
     ],
 )
 def test_a_berg_may_start_aground(height: float, sediment: str, load: float, holds: float) -> None:

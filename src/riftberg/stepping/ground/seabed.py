@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
 
 from riftberg.compiled.kernels import kernel
 from riftberg.errors import InputError, RunError
@@ -231,6 +230,8 @@ class Shoal:
 
     def _survey(self, b: int, pose: Floats, draft: float, depth: DepthOf, c: KernelParameters) -> None:
         """Survey the floor around a fragment, on a raster of two sides of its pads."""
+        from scipy.ndimage import maximum_filter, minimum_filter
+
         first, rows, columns = self.whole.raster[b].tolist()
         side, ring, ice = self.side[b], self._ring[b], self.whole.ice[first : first + rows * columns]
         low, high = ice[:, 1:].min(axis=0) - side - ring, ice[:, 1:].max(axis=0) + side + ring
@@ -303,7 +304,7 @@ class Seabed:
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
         if "bed_plastic" in saved:
-            self.rubbed = np.array(saved["bed_plastic"], np.float64)
+            self.rubbed = np.array(saved["bed_plastic"], np.float64)[:1]  # earlier versions had gouges behind it
         if "bed_clearance" in saved:
             self.clearance = np.array(saved["bed_clearance"], np.float64)
 
@@ -402,7 +403,7 @@ class Seabed:
         touched = (keel.floor_load[rows] > 0.0) | anchors[:, : landing.ANCHOR_X + 2].any(axis=1)
         flag[:, landing.TOUCHES] = np.logical_or.reduceat(touched, pads.row_start[:-1])
         number[:, landing.SUBSTEP] = np.where(
-            (flag[:, landing.TOUCHES] > 0) & (keel.floor_substep[first] > 0.0), keel.floor_substep[first], math.inf
+            (flag[:, landing.TOUCHES] > 0) & (keel.floor_substep[first] > 0.0), keel.floor_substep[first], landing.HELD_STEP
         )
         number[:, landing.SHORTEST], number[:, landing.PEAK] = math.inf, -1.0
         return landing.Landing(

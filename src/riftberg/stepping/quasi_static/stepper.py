@@ -31,7 +31,6 @@ from riftberg.stepping.lattice.cells import (
 )
 from riftberg.stepping.lattice.footprints import FootprintBook
 from riftberg.stepping.quasi_static.lone_bergs import (
-    MIN_LONE_BERGS,
     OneAtATime,
     bodies_of,
     find_lone_bergs,
@@ -166,15 +165,13 @@ class QuasiStaticStepper:
             bodies = first_bodies(model.elements, bonds, c)
             unknown = np.ones(bodies.pose.shape[0], np.bool_)
         sizes = self._sizes or interaction_sizes(model.elements, c)
-        found = find_lone_bergs(model, bodies, sizes, self._faces)
+        near_floor = None
+        if self._seabed is not None:
+            near_floor = self._seabed.near(model, bodies, model.parameters.stepping.time_step)
+        found = find_lone_bergs(model, bodies, sizes, self._faces, near_floor)
         if found is None:
             return False
         lone, unreachable = found
-        if self._seabed is not None:  # what comes near the floor goes with those that may meet others
-            near_floor = self._seabed.near(model, bodies, model.parameters.stepping.time_step)
-            lone = lone[~near_floor[bodies.body[lone]]]
-            if lone.size < MIN_LONE_BERGS:
-                return False
         self._lattice = self._state = None
         applied = np.zeros((model.elements.size, len(FORCES), 2))
         parts: list[tuple[Ints, Bodies]] = []
@@ -186,8 +183,7 @@ class QuasiStaticStepper:
             nonlocal highest_crack, cracked
             theirs, numbers = bodies_of(bodies, rows)
             new = None if unknown is None else unknown[numbers]
-            laws = LawsWithMemory(self._seabed, options.pop("faces", None))
-            step = TimeStep(group, theirs, unknown=new, cracks=(self._tips, highest_crack), laws=laws, **options)
+            step = TimeStep(group, theirs, unknown=new, cracks=(self._tips, highest_crack), **options)
             step.run()
             applied[rows] = step.applied
             touched.extend((rows[first], rows[second]) for first, second in step.touched)
@@ -209,7 +205,7 @@ class QuasiStaticStepper:
                 step = step_group(*apart[:2], cells=(self._cells, self._cell_topology))
                 self._cell_topology = step.lattice.topology
             if near[0].size:
-                step_group(*near[:2], cells=(self._cells, None), faces=self._faces)
+                step_group(*near[:2], cells=(self._cells, None), laws=self._laws)
             else:
                 self._faces.forget_pairs()
             done = begun.result()
