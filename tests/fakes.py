@@ -82,6 +82,7 @@ class FakeModel:
         self.parameters, self.start, self.forcing = parameters, start, FakeForcing()
         self.time, self.step_number, self.substeps = 0.0, 0, 90
         self.remembered: dict[str, Any] = {}
+        self.turns = 0.0
         self.fail_at, self.failure = math.inf, RunError("the contact iteration does not converge")
         self.origin, self.turn, self.break_time = (lon, lat), math.radians(turn_per_day) / 86_400.0, break_time
         i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")

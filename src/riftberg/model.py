@@ -49,6 +49,9 @@ from riftberg.system.process import Hold, held
 
 _LOG = logging.getLogger(__name__)
 
+_TURNS = "turns"
+"""Name under which `BareModel.turns` are remembered, by identifier."""
+
 DEFAULT_START = datetime(2020, 12, 9, 13)
 
 
@@ -241,6 +244,12 @@ class BareModel(RunState):
         """Number of fragments now."""
         return int(np.unique(self.elements.berg).size)
 
+    @property
+    def turns(self) -> Floats:
+        """Times that each element has gone round a periodic grid eastward: each takes its longitude (x) back by a period."""
+        ids, turns = self.remembered.get(_TURNS, np.zeros((0, 2))).T
+        return by_identifier(ids, turns, self.elements.body.id)
+
     def velocity(self) -> tuple[Floats, Floats]:
         """Return the eastward and northward velocity (m s-1) of the elements at the time of their positions.
 
@@ -359,6 +368,7 @@ class BareModel(RunState):
                 if self._force is not None:
                     self._force.begin_step()
                 self._stepped_from(saved.elements)
+                self._count_turns(saved.elements)
                 # The ledgers see the state before the step; contacts need it too, for the speed before bergs touched.
                 applied = self._stepper.applied
                 if self._force is not None and self.laws.several():
@@ -385,6 +395,14 @@ class BareModel(RunState):
         except BaseException:  # whatever it was, an interrupt too: the state must stay one that can be saved
             self._go_back(*before)
             raise
+
+    def _count_turns(self, before: Elements) -> None:
+        """Count the turns of a step; no element goes half a period in one."""
+        grid, el = self.forcing.grid, self.elements
+        if grid is not None and grid.arrays.period > 0.0:
+            turns = np.round((before.place.lon - el.place.lon) / grid.arrays.period)
+            if turns.any():
+                self.remembered[_TURNS] = np.column_stack([el.body.id, self.turns + turns])
 
     def _drop_lost(self) -> None:
         """Take out what has left the grid over an open edge: whole bergs; single elements by the reference's rules."""

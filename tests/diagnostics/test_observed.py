@@ -277,3 +277,53 @@ def test_a_position_given_twice_counts_once(tmp_path: Path, twice: str) -> None:
     assert [fix.when.day for fix in read_observed(path).fixes] == [10, 11, 12]
     path.write_text(path.read_text() + "2020-12-12,-55.5,-37.8,A68D\n")
     assert len(read_observed(path).fixes) == 4  # another berg
+
+
+NOT_SEEN = [("0", "0"), ("-999", "-999"), ("9999", "9999"), ("-56", "1e20"), ("-99.99", "-38"), ("-32768", "-32768")]
+
+
+@pytest.mark.parametrize(("lat", "lon"), NOT_SEEN)
+def test_numbers_that_stand_for_no_position_are_left_out_with_a_notice(tmp_path: Path, lat: str, lon: str) -> None:
+    """Bug: latitude 0, longitude 0 was a position of the berg, and -999 refused the whole table."""
+    path = tmp_path / "t.csv"
+    rows = [
+        "2020-12-09,A68A,-55.9,-38.1",
+        f"2020-12-10,A68A,{lat},{lon}",
+        "2020-12-11,A68A,,",
+        f"2020-12-12,A68A,{lat},{lon}",
+    ]
+    path.write_text("\n".join(["date,berg,lat,lon", *rows]))
+    seen = read_observed(path)
+    assert [(fix.lat, fix.lon) for fix in seen.fixes] == [(-55.9, -38.1)]
+    (notice,) = seen.notices
+    assert "line 3" in notice
+    assert notice.endswith("stand for a berg that was not seen, and 1 more")
+    path.write_text(f"date,ascat_1,ascat_2,ascat_3,nic_1,nic_2,nic_3\n2020345,{lat},{lon},1,-56,-38,1\n")
+    assert [fix.sensor for fix in read_observed(path).fixes] == ["nic"]
+
+
+@pytest.mark.parametrize(("lat", "lon"), [("0", "-38"), ("-56", "0"), ("-56", "-99"), ("-56", "99.9")])
+def test_positions_on_the_equator_and_on_greenwich_are_positions(tmp_path: Path, lat: str, lon: str) -> None:
+    (tmp_path / "t.csv").write_text(f"date,lat,lon\n2020-12-09,{lat},{lon}\n")
+    seen = read_observed(tmp_path / "t.csv")
+    assert [(fix.lat, fix.lon) for fix in seen.fixes] == [(float(lat), float(lon))]
+    assert not seen.notices
+
+
+def test_a_latitude_beyond_the_globe_that_is_no_fill_value_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("date,lat,lon\n2020-12-09,-156,-38\n")
+    with pytest.raises(InputError, match="no place on Earth"):
+        read_observed(tmp_path / "t.csv")
+
+
+def test_starts_and_forecasts_at_no_position_are_refused(tmp_path: Path) -> None:
+    from riftberg.ensembles.uncertain import read_starts
+    from riftberg.verification.tracks import read_forecasts
+
+    (tmp_path / "s.csv").write_text("lon,lat\n-38,-56\n0,0\n")
+    with pytest.raises(InputError, match=r"line 3: latitude 0, longitude 0 are no position"):
+        read_starts(tmp_path / "s.csv")
+    for lon, lat in (("0", "0"), ("-999", "-999")):
+        (tmp_path / "f.csv").write_text(f"berg,start,lead_days,lon,lat\nA,2020-12-09,1,{lon},{lat}\n")
+        with pytest.raises(InputError, match=r"line 2: .* are no position"):
+            read_forecasts(tmp_path / "f.csv")

@@ -289,14 +289,18 @@ def test_what_is_no_mask_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("west", "east"), [(1.0, 1.0), (1.0, 0.52), (0.52, 1.0)])
-def test_ice_across_the_seam_of_a_whole_globe_is_refused(tmp_path: Path, west: float, east: float) -> None:
+def test_ice_across_the_seam_of_a_whole_globe_is_one_piece(tmp_path: Path, west: float, east: float) -> None:
     """Cells that are more than half ice are ice."""
     lon, lat = np.arange(-179.5, 180.0), np.arange(-79.5, -60.0)
     ice = (abs(lon) > 176.0)[None, :] & (abs(lat + 70.0) < 3.0)[:, None]
     share = ice * np.where(lon < 0.0, west, east)
     xr.DataArray(share, coords={"lat": lat, "lon": lon}, name="mask").to_netcdf(tmp_path / "g_20201217.nc")
-    with pytest.raises(InputError, match="crosses the seam of the grid"):
-        read_observed(tmp_path / "g_20201217.nc")
+    (outline,) = read_observed(tmp_path / "g_20201217.nc").outlines
+    assert np.ptp(outline.ring[:, 0]) == pytest.approx(7.9, abs=0.5)
+    everywhere = np.where(abs(lat + 70.0) < 3.0, 1.0, 0.0)[:, None] + 0.0 * lon
+    xr.DataArray(everywhere, coords={"lat": lat, "lon": lon}, name="mask").to_netcdf(tmp_path / "a_20201217.nc")
+    with pytest.raises(InputError, match="there is ice at all longitudes"):
+        read_observed(tmp_path / "a_20201217.nc")
 
 
 def test_tables_of_corners_in_netcdf(tmp_path: Path) -> None:

@@ -6,13 +6,16 @@ used.
 
 from __future__ import annotations
 
+import io
 import json
+import logging
 import re
 import zipfile
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import repeat
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,6 +23,7 @@ import shapely
 import shapely.errors
 from shapely.geometry import shape
 
+from riftberg.bergs.seams import NO_BERG, fault_of_ring, whole_shapes
 from riftberg.errors import BergError
 from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
 
@@ -28,6 +32,9 @@ DATE_KEYS = (
     "image_date", "obs_date", "sensing", "time_coverage_start", "time",
 )  # fmt: skip
 """Attributes that hold the date of an outline, best first; small and capital letters are alike."""
+
+NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
+"""Attributes that name an outline, best first."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,14 @@ class Feature:
                 if name.lower() == key and value not in (None, ""):
                     return str(value)
         return ""
+
+    @property
+    def name(self) -> str:
+        """What the feature is called, empty if it has no name."""
+        small = {
+            str(key).lower(): str(value).strip() for key, value in self.properties.items() if value not in (None, "")
+        }
+        return next((small[key] for key in NAMES if key in small), "")
 
     def label(self) -> str:
         """Return date and other short properties, for messages."""
@@ -93,7 +108,7 @@ def read_features(source: Any, crs: str | None = None, *, lines: bool = False) -
         features = [Feature(_to_lonlat(f.geometry, crs, where), f.properties) for f in features]
     if not features:
         raise BergError("no geometry found", where=where, remedy="Give a file that holds at least one polygon or line")
-    return features
+    return with_seams_closed(features)
 
 
 def _read_source(source: Any, lines: bool) -> tuple[list[Feature], str | None]:
@@ -169,7 +184,7 @@ def _holds_anything(geometry: Any) -> bool:
 
 def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_bytes())  # with or without a mark of its encoding
     except (ValueError, RecursionError) as error:
         raise BergError(f"not JSON ({error})", where=str(path), remedy=_RFC) from error
     if not isinstance(data, dict):
@@ -178,35 +193,55 @@ def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
 
 
 def _from_shapefile(path: Path) -> tuple[list[Feature], str | None]:
-    if path.suffix.lower() == ".zip":
-        names = check_archive(
-            path, MOST_TEXT, remedy="Zip the parts of one shapefile (.shp, .shx, .dbf)", kind=BergError
-        )
-        if not any(name.lower().endswith(".shp") for name in names):
-            raise BergError(
-                f"an archive without a shapefile; it holds {', '.join(names[:5])}", where=str(path),
-                remedy="Zip the parts of one shapefile (.shp, .shx, .dbf)",
-            )  # fmt: skip
-    crs = _projection(path)
-    with needed("shapefile").Reader(str(path)) as reader:
+    files = _files_of_shapefile(path)
+    logging.getLogger("shapefile").addHandler(logging.NullHandler())  # or its notices go to the error stream
+    streams = {end[1:]: io.BytesIO(files[end]) for end in (".shp", ".shx", ".dbf") if end in files}
+    encoding = _encoding_of_attributes(files)
+    with needed("shapefile").Reader(**streams, encoding=encoding, encodingErrors="replace") as reader:
+        rows = (dict(row.as_dict()) for row in reader.iterRecords()) if "dbf" in streams else repeat({})
+        # Shapes of kind 0 are null shapes.
         features = [
-            Feature(shape(item.shape.__geo_interface__), dict(item.record.as_dict()))
-            for item in reader.iterShapeRecords()
-            # Shapes of kind 0 are null shapes.
-            if item.shape.shapeType != 0
+            Feature(shape(drawn.__geo_interface__), row)
+            for drawn, row in zip(reader.iterShapes(), rows, strict=False)
+            if drawn.shapeType != 0
         ]
+    crs = files[".prj"].decode(errors="replace") if ".prj" in files else None
     geographic = crs is not None and crs.lstrip().upper().startswith(("GEOGCS", "GEOGCRS"))
     return features, None if geographic else crs
 
 
-def _projection(path: Path) -> str | None:
-    """Return the content of the .prj file beside a shapefile, or in its zip archive."""
+def _files_of_shapefile(path: Path) -> dict[str, bytes]:
+    """Return the files of a shapefile, from a folder or an archive of one, by their endings in small letters."""
     if path.suffix.lower() == ".zip":
+        remedy = "Zip the parts of one shapefile (.shp, .shx, .dbf)"
+        names = check_archive(path, MOST_TEXT, remedy=remedy, kind=BergError)
+        shapes = [name for name in names if name.lower().endswith(".shp")]
+        if len(shapes) != 1:
+            what = f"an archive of {len(shapes)} shapefiles" if shapes else "an archive without a shapefile"
+            remedy = "Unzip it and name one of them" if shapes else remedy
+            raise BergError(f"{what}; it holds {', '.join((shapes or names)[:5])}", where=str(path), remedy=remedy)
         with zipfile.ZipFile(path) as archive:
-            name = next((n for n in archive.namelist() if n.lower().endswith(".prj")), None)
-            return archive.read(name).decode() if name else None
-    beside = path.with_suffix(".prj")
-    return beside.read_text() if beside.exists() else None
+            return {n[-4:].lower(): archive.read(n) for n in names if n[:-4].lower() == shapes[0][:-4].lower()}
+    files = {}
+    # Of names that differ in capitals those written like the file that was named count.
+    for file in sorted(path.parent.iterdir(), key=lambda file: file.stem == path.stem):
+        end = file.suffix.lower()
+        if file.stem.lower() == path.stem.lower() and end in (".shx", ".dbf", ".prj", ".cpg") and file.stat().st_size:
+            files[end] = check_file(file, most=MOST_TEXT, remedy="Leave it out", kind=BergError).read_bytes()
+    return {**files, ".shp": path.read_bytes()}
+
+
+def _encoding_of_attributes(files: dict[str, bytes]) -> str:
+    """Return the encoding of texts in a table of attributes: as stated, else UTF-8, or that of Windows where it is not."""
+    stated = files.get(".cpg", b"").decode("latin-1").strip()
+    table = files.get(".dbf", b"")
+    for encoding in filter(None, (stated, "utf-8")):
+        try:
+            table[int.from_bytes(table[8:10], "little") :].decode(encoding)
+        except (LookupError, ValueError):
+            continue
+        return encoding
+    return "cp1252"
 
 
 def _to_lonlat(geometry: Any, crs: str, where: str) -> Any:
@@ -223,11 +258,13 @@ def _to_lonlat(geometry: Any, crs: str, where: str) -> Any:
             f"vertices that do not exist in the coordinate system '{crs[:60]}'", where=where,
             remedy="Name the coordinate system of the file",
         )  # fmt: skip
-    return moved
+    try:  # no edge of a projected outline jumps from 180 to -180; that around a pole cannot be laid open
+        return shapely.transform(
+            moved, lambda lonlat: np.stack([np.unwrap(lonlat[:, 0], period=360.0), lonlat[:, 1]], 1)
+        )
+    except shapely.errors.GEOSException:
+        return moved
 
-
-TALLEST = 20.0
-"""Degrees of latitude that no berg spans; the longest ever seen had 3."""
 
 _READERS: dict[str, Any] = {
     ".geojson": _from_geojson_file,
@@ -273,12 +310,54 @@ def _parts(geometry: Any) -> Iterator[Any]:
 
 def polygons_joined(geometry: Any) -> Any:
     """Return the polygons of a geometry as one, None if it has none."""
-    if geometry.geom_type in ("Polygon", "MultiPolygon"):
-        return geometry
+    polygons = _polygons(geometry)
+    return _collected(polygons, []) if polygons else None
+
+
+def _polygons(geometry: Any) -> list[Any]:
+    """Return the single polygons of a geometry; rings of no area are left out beside others."""
     polygons = [part for part in _parts(geometry) if part.geom_type == "Polygon"]
-    if not polygons:
-        return None
+    solid = [polygon for polygon in polygons if polygon.area > 0.0] or polygons[:1]
+    holes = [[hole for hole in polygon.interiors if shapely.Polygon(hole).area > 0.0] for polygon in solid]
+    return [
+        polygon if len(kept) == len(polygon.interiors) else shapely.Polygon(polygon.exterior, kept)
+        for polygon, kept in zip(solid, holes, strict=True)
+    ]
+
+
+def _collected(polygons: list[Any], others: list[Any]) -> Any:
+    """Return polygons and other geometries as one."""
+    if others:
+        return shapely.GeometryCollection([*polygons, *others])
     return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
+
+
+def with_seams_closed(features: list[Feature]) -> list[Feature]:
+    """Return the features as whole shapes: the seams along which they were cut, as at 180 degrees, are closed.
+
+    Polygons of one feature that share an edge are one shape. Those of several features are joined only along a meridian, and
+    under one name and date: two bergs may touch.
+    """
+    drawn = [_polygons(feature.geometry) for feature in features]
+    changed: dict[int, list[Any]] = {}
+    together: dict[tuple[str, str], list[int]] = {}
+    for k, (feature, polygons) in enumerate(zip(features, drawn, strict=True)):
+        shapes = whole_shapes(polygons) if len(polygons) > 1 else []
+        if shapes and len(shapes) < len(polygons):
+            drawn[k] = changed[k] = [shape for _, shape in shapes]
+        if feature.name and polygons:
+            together.setdefault((feature.name, feature.date), []).append(k)
+    for rows in together.values():
+        owner = [k for k in rows for _ in drawn[k]]
+        shapes = whole_shapes([area for k in rows for area in drawn[k]], along_meridian=True) if len(rows) > 1 else []
+        if shapes and len(shapes) < len(owner):
+            changed |= {k: [shape for members, shape in shapes if owner[members[0]] == k] for k in rows}
+    for k, polygons in changed.items():
+        others = [part for part in _parts(features[k].geometry) if part.geom_type != "Polygon"]
+        geometry = _collected(polygons, others) if polygons or others else None
+        features[k] = replace(features[k], geometry=geometry)
+    # What belongs to a feature on the other side of a seam is none of its own.
+    return [feature for feature in features if feature.geometry is not None]
 
 
 def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
@@ -296,13 +375,9 @@ def check_outline(geometry: Any, *, where: str, repair: bool = False) -> Any:
             where=where,
             remedy="Name the coordinate system with crs=, for example crs='EPSG:3031'",
         )
-    tall = float(np.ptp(points[:, 1]))
-    if tall > TALLEST:
-        raise BergError(
-            f"the outline spans {tall:.3g} degrees of latitude, from {points[:, 1].min():g} to {points[:, 1].max():g}",
-            where=where, remedy="No berg is that long: look for a missing sign, or swapped longitude and latitude",
-        )  # fmt: skip
     areas = getattr(geometry, "geoms", [geometry])
+    if fault := next(filter(None, (fault_of_ring(area.exterior.coords) for area in areas)), ""):
+        raise BergError(fault, where=where, remedy=NO_BERG)
     for ring in (np.asarray(ring.coords) for area in areas for ring in (area.exterior, *area.interiors)):
         if abs(np.diff(ring[:, 0])).max() > 180:
             raise BergError(
@@ -402,6 +477,11 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
 def _number_of_text(text: str, separator: str) -> float:
     """Return a number; where commas do not separate columns they may stand for the decimal point."""
     return float(text if separator == "," else text.replace(",", "."))
+
+
+def whole_polygons(rings: list[Points], path: Path) -> list[Any]:
+    """Return the polygons of the rings of one outline: a ring inside of another is a hole, seams are closed."""
+    return _polygons(with_seams_closed([Feature(_polygons_of_rings(rings, path))])[0].geometry)
 
 
 def _polygons_of_rings(rings: list[Points], path: Path) -> Any:

@@ -29,11 +29,13 @@ from riftberg.cli.options import (
     check_folder,
     console,
     dates,
+    observed_in,
     output_folder,
     reported,
     results_folder,
     say,
     table,
+    tell,
     within,
     words_without,
 )
@@ -78,7 +80,7 @@ def compare(
         check_folder(output, PICTURES)
     result = comparison(runs, names_of(runs), observed)
     if as_json:
-        typer.echo(json.dumps(result.as_dict(), indent=1))
+        tell(json.dumps(result.as_dict(), indent=1))
     else:
         show(result)
     if output is not None:
@@ -162,14 +164,14 @@ def opened_result(run: Path) -> xr.Dataset:
 def _known(first: xr.Dataset, observed: Path | None) -> RealEvent:
     """Return what is known of the event that the first run is about."""
     from riftberg.diagnostics.compare import RealEvent, with_hours
-    from riftberg.diagnostics.observed import Fix, read_observed
+    from riftberg.diagnostics.observed import Fix
     from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
 
     experiment = str(first.attrs.get("experiment", ""))
     start = first["time"].values[0].astype("datetime64[s]").item()
     fixes: list[Fix] = []
     if observed is not None:
-        fixes = with_hours(read_observed(observed).fixes, start.hour + start.minute / 60.0)
+        fixes = with_hours(observed_in(observed).fixes, start.hour + start.minute / 60.0)
         if not fixes:
             raise InputError("no positions", where=f"--observed {observed}", remedy="Outlines: see riftberg score")
     elif experiment.startswith("a68a"):
@@ -324,10 +326,10 @@ def why(
         if controls:
             add_controls(run, dataset, reasons, quiet=quiet, data=data)
         if as_json:
-            typer.echo(json.dumps(reasons.as_dict(), indent=1))
+            tell(json.dumps(reasons.as_dict(), indent=1))
         else:
             for k, paragraph in enumerate(words(reasons)):
-                typer.echo(paragraph)
+                tell(paragraph)
                 if k < len(reasons.breakups):
                     _print_breakup(reasons.breakups[k])
         written = [reasons.write(folder / "why.json")]
@@ -381,7 +383,6 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
 
 def _print_breakup(b: Breakup) -> None:
     """Print the budget and the load of one break-up as tables."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=f"Fragment {b.fragment}: forces at {minute_text(b.decisive.time)}")
@@ -414,8 +415,7 @@ def _print_breakup(b: Breakup) -> None:
     total = (sum(load.tension.values()) / 1e9, sum(load.couple.values()) / 1e12, load.nominal / 1e3)
     table.add_row("all, if rigid", "", "", "", "", *(f"{v:+.3f}" for v in total))
     table.add_row("recorded", "", "", "", "", *recorded)
-    console = Console()
-    (console if console.is_terminal else Console(width=120)).print(table)
+    console(120).print(table)
 
 
 @reported
@@ -457,7 +457,6 @@ def score(
     picture: Format = "png",
 ) -> None:
     """Compare a run with observations, day by day: distance, heading, area, overlap, fragments."""
-    from riftberg.diagnostics.observed import read_observed
     from riftberg.diagnostics.score import score_run
     from riftberg.runs.run_file import open_run
     from riftberg.viz.plots import figure_title
@@ -466,13 +465,13 @@ def score(
     check_picture_format(picture)
     names = ("score.json", f"score.{picture}") if figure else ("score.json",)
     with open_run(run) as dataset, results_folder(folder_beside(run, output), names, taken=names) as folder:
-        seen = read_observed(observed, date=date, variable=variable)
+        seen = observed_in(observed, date=date, variable=variable)
         result = score_run(
             dataset, seen, hour=hour, between=_span(between), together=_numbers(together), interpolated=interpolated
         )
         title = figure_title(dataset, f"run against {observed.name}")
         if as_json:
-            typer.echo(json.dumps(result.as_dict(), indent=1))
+            tell(json.dumps(result.as_dict(), indent=1))
         else:
             out = console(120)
             out.print(table_of(result))

@@ -26,6 +26,7 @@ from riftberg.cli.options import (
     positive,
     reported,
     results_folder,
+    tell,
     within,
 )
 from riftberg.errors import InputError, RiftbergError
@@ -94,7 +95,7 @@ def doctor(
         report.notes += [floor] if floor else []
     elif not experiment and not run and box[0] and box[1] and days:
         report.refusal = _served(named, (box[0], box[1]), days, choices) or None
-    typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
+    tell(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
         raise typer.Exit(EXIT_LACKING)
 
@@ -272,7 +273,7 @@ def fetch(
 
         with results_folder(folder):
             paths = fetch_positions(what, folder, progress=not quiet)
-        typer.echo(f"{SOURCES[what].title}: {len(paths)} tables in {folder}; 'riftberg new BERG --date DAY' reads them")
+        tell(f"{SOURCES[what].title}: {len(paths)} tables in {folder}; 'riftberg new BERG --date DAY' reads them")
         return
     elif what in PRODUCTS:
         from riftberg.fetching.services import fetch_product
@@ -292,7 +293,7 @@ def fetch(
             f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join((*PRODUCTS, *POSITIONS))}"
         )
     for path in paths:
-        typer.echo(path)
+        tell(path)
 
 
 SPEED: Final = 60.0
@@ -362,11 +363,11 @@ def new(
         ring_file(file).write_text("lon,lat\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in ring), encoding="utf-8")
     file.write_text(text, encoding="utf-8")
     read_file(file)
-    typer.echo(f"Written: {file}" + (f", {ring_file(file)}" if ring else ""))
+    tell(f"Written: {file}" + (f", {ring_file(file)}" if ring else ""))
     for line in text.splitlines():
         if line.startswith("# "):
-            typer.echo(line[2:])
-    typer.echo(f"Then: riftberg doctor --for {file}; riftberg run {file}")
+            tell(line[2:])
+    tell(f"Then: riftberg doctor --for {file}; riftberg run {file}")
 
 
 def _axes_given(size: str) -> tuple[float, float]:

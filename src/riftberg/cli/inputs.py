@@ -25,11 +25,13 @@ from riftberg.cli.options import (
     announce_compilation,
     check_folder,
     make_options,
+    observed_in,
     output_folder,
     positive,
     reported,
     results_folder,
     say,
+    tell,
     with_ensemble_options,
     within,
 )
@@ -74,7 +76,6 @@ def sensitivity(
     shared: EnsembleOptions,
 ) -> None:  # fmt: skip
     """Show which input matters: Morris effects or Sobol' indices of stress, break-up, grounding, area and drift."""
-    from riftberg.diagnostics.observed import read_observed
     from riftberg.ensembles.forecast import forecast_errors
     from riftberg.ensembles.sensitivity import METHODS, USUAL_DRAWS, Result, indices, results_of
     from riftberg.ensembles.sweep import draws_of, planned
@@ -83,7 +84,7 @@ def sensitivity(
 
     if method not in METHODS:
         raise InputError(f"{method!r} is no method", where="--method", remedy=f"Use {' or '.join(METHODS)}")
-    seen = None if observed is None else read_observed(observed)
+    seen = None if observed is None else observed_in(observed)
 
     def make(experiment: str) -> Plan:
         errors = forecast_errors(experiment, vary or [], defaults=default_errors)
@@ -123,8 +124,8 @@ def sensitivity(
                     found, store.folder / "sensitivity.png", title=f"{plan.named}, {len(plan.members)} runs"
                 )
         for line in summary_lines(found):
-            typer.echo(line)
-        typer.echo(f"Written to {store.folder}: {', '.join(RESULTS if figure else RESULTS[:-1])}")
+            tell(line)
+        tell(f"Written to {store.folder}: {', '.join(RESULTS if figure else RESULTS[:-1])}")
 
 
 def summary_lines(found: Any) -> list[str]:
@@ -191,7 +192,6 @@ def calibrate(
 ) -> None:  # fmt: skip
     """Find inputs that agree with observed positions, headings and break-up, and say how well they are known."""
     from riftberg.config.values import parse_date
-    from riftberg.diagnostics.observed import read_observed
     from riftberg.runs.progress import SweepBar
     from riftberg.system.atomic_files import write_text
     from riftberg.verification.calibrate import Errors
@@ -232,7 +232,7 @@ def calibrate(
         name: None if text is None else parse_date(text, where=f"--{name.replace('_', '-')}")[0] for name, text in given.items()
     }  # fmt: skip
     errors = Errors(asked["error"], asked["azimuth_error"], asked["model_error"])
-    seen = None if asked["observed"] is None else read_observed(asked["observed"])
+    seen = None if asked["observed"] is None else observed_in(asked["observed"])
     same = {name: asked[name] for name in ("days", "berg", "hour", "waves", "members", "data", "numerics")}
     with allow_large(shared.large), results_folder(folder, names):
         announce_compilation(shared.quiet)
@@ -259,8 +259,8 @@ def calibrate(
             raise
         write_results(found, folder, figure=figure)
     for line in told(found, errors):
-        typer.echo(line)
-    typer.echo(f"Written to {folder}: {', '.join(names)}")
+        tell(line)
+    tell(f"Written to {folder}: {', '.join(names)}")
 
 
 def _asked(folder: Path) -> dict[str, Any]:

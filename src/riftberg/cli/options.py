@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, ParamSpec, TypeVar, cas
 
 import typer
 
-from riftberg.errors import InputError, RiftbergError, nearest
+from riftberg.errors import InputError, RiftbergError, nearest, visible
 from riftberg.system.atomic_files import only_writer, refusal
-from riftberg.system.input_files import human, in_folder, is_folder, shown, value_shown
+from riftberg.system.input_files import at_home, human, in_folder, is_folder, shown, value_shown
 from riftberg.system.process import advice, insisting, when_stuck
 from riftberg.system.process import say as say
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from riftberg.diagnostics.observed import Observations
     from riftberg.experiments import Numerics, Options
     from riftberg.products.registry import Choice
 
@@ -432,6 +433,10 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        # A shell writes ~ out, but not in --output=~/run nor between quotes.
+        for key, value in kwargs.items():
+            if isinstance(value, str | Path):
+                kwargs[key] = at_home(value) if isinstance(value, str) else Path(at_home(str(value)))
         try:
             with insisting(), when_stuck(_give_up):
                 return command(*args, **kwargs)
@@ -476,12 +481,21 @@ def announce_compilation(quiet: bool = False) -> None:
         say("First run with this version: compiling takes about a minute on a free core, once.")
 
 
+def tell(text: object) -> None:
+    """Write a result to standard output; names in files of others are shown, and do not steer the terminal."""
+    typer.echo(visible(str(text)))
+
+
 def console(width: int) -> Console:
     """Return where tables are printed: the terminal, or a file or pipe, which has no width of its own, as wide as given."""
     from rich.console import Console
 
-    found = Console()
-    return found if found.is_terminal else Console(width=width)
+    class Plain(Console):
+        def render_str(self, text: str, **options: Any) -> Any:
+            return super().render_str(visible(text), **options)
+
+    found = Plain(markup=False)
+    return found if found.is_terminal else Plain(width=width, markup=False)
 
 
 def table(title: str, columns: Iterable[str], texts: Collection[str] = ()) -> Table:
@@ -516,6 +530,16 @@ def verbose(command: Callable[..., Any]) -> Callable[..., Any]:
     wrapped.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     wrapped.__annotations__ = {p.name: p.annotation for p in parameters}
     return wrapped
+
+
+def observed_in(path: str | Path, **how: Any) -> Observations:
+    """Return what was observed, and say what of the file was left out; ``how`` as for `read_observed`."""
+    from riftberg.diagnostics.observed import read_observed
+
+    observed = read_observed(path, **how)
+    for notice in observed.notices:
+        say(f"Notice: {notice}")
+    return observed
 
 
 @contextmanager

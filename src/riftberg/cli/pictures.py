@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from riftberg.cli.options import OutputBeside, Quiet, check_output, positive, reported, results_folder, within
+from riftberg.cli.options import (
+    OutputBeside,
+    Quiet,
+    check_output,
+    observed_in,
+    positive,
+    reported,
+    results_folder,
+    tell,
+    within,
+)
 from riftberg.errors import InputError
 from riftberg.system.atomic_files import only_writer
 from riftberg.system.input_files import is_folder, refuse_large
@@ -80,11 +90,11 @@ def picture_path(run: Path, wished: Path | None, name: str, *, observed: Path | 
 
 def seen(path: Path | None) -> Observations:
     """Return observed outlines, none where no file was named."""
-    from riftberg.diagnostics.observed import Observations, read_observed
+    from riftberg.diagnostics.observed import Observations
 
     if path is None:
         return Observations("")
-    observations = read_observed(path)
+    observations = observed_in(path)
     if not observations.outlines:
         raise InputError(
             "no outlines, only positions", where=f"--observed {path}", remedy="Use them with riftberg score"
@@ -153,7 +163,7 @@ def plot(
         shown = observations.rings_by_day()
         with results_folder(folder_beside(run, output), files, taken=files) as folder:
             for name in kinds:
-                typer.echo(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
+                tell(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
 
 
 def known(name: str) -> Projection:
@@ -225,7 +235,7 @@ def animate(
     ):
         check_frames(dataset["time"].values, hours)
         path = _filmed(dataset, goal, hours, fps, dpi, shown, known(projection), quiet)
-    typer.echo(path)
+    tell(path)
 
 
 MOST_FRAMES = 20_000
@@ -291,7 +301,7 @@ def replay(
         picture_path(run, output, "replay.html", observed=observed) as goal,
     ):
         path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6, members=members)
-    typer.echo(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
+    tell(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     if show:
         typer.launch(str(path))
 

@@ -32,6 +32,7 @@ from riftberg.cli.options import (
     reported,
     results_folder,
     say,
+    tell,
     within,
     words_without,
 )
@@ -262,7 +263,7 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
         from riftberg.viz.score import draw_compared
 
         files.append(draw_compared(table.runs, table.fixes, folder / "tracks.png"))
-    typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
+    tell(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
 def _print_notices(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
@@ -312,7 +313,7 @@ def experiments() -> None:
     width = max(len(entry.name) for entry in EXPERIMENTS)
     for entry in EXPERIMENTS:
         parts = f"  (--without {' | '.join(entry.parts)})" if entry.parts else ""
-        typer.echo(f"{entry.name:{width}}  {entry.summary}{parts}")
+        tell(f"{entry.name:{width}}  {entry.summary}{parts}")
 
 
 def _beside(folder: Path) -> Path:
@@ -507,10 +508,10 @@ class Session:
                     say(f"Notice: {ashore}")
             files.append("map.png")
         for line in short_summary(summary):
-            typer.echo(line)
+            tell(line)
         for line in ledger_lines(summary):
             logging.getLogger(__name__).info(line)
-        typer.echo(f"Written to {self.folder}: {', '.join(files)}")
+        tell(f"Written to {self.folder}: {', '.join(files)}")
 
 
 def berg_line(model: Model) -> str:
@@ -666,4 +667,4 @@ def kid(
                 say(f"Notice: {note}")
             clock = loaded.clock
             progress = ProgressRecorder(clock.steps * clock.dt / 86400.0, quiet=quiet)
-            typer.echo(run_kid(loaded, output, progress=progress).describe(entries=not quiet))
+            tell(run_kid(loaded, output, progress=progress).describe(entries=not quiet))

@@ -16,10 +16,12 @@ from riftberg.cli.options import (
     check_folder,
     console,
     dates,
+    observed_in,
     reported,
     results_folder,
     say,
     table,
+    tell,
     within,
 )
 from riftberg.config.units import minute_text
@@ -68,7 +70,6 @@ def verify(
     """Score an ensemble against observations: CRPS, energy score, coverage, ranks, spread, probability of break-up."""
     import json
 
-    from riftberg.diagnostics.observed import read_observed
     from riftberg.ensembles.result import open_sweep
     from riftberg.system.atomic_files import write_json
     from riftberg.system.input_files import is_folder
@@ -87,7 +88,7 @@ def verify(
     dressed = None if tracks is None else _dressed(tracks)
     forecasts = [
         verified(
-            open_sweep(pairs[2 * k]), read_observed(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
+            open_sweep(pairs[2 * k]), observed_in(pairs[2 * k + 1]), berg=berg, broken=seen_broken[k],
             whole_until=seen_whole[k], hour=hour, dressed=dressed, outline=_outline(pairs[2 * k]),
             pieces=partial(pieces_of, pairs[2 * k]),
         )
@@ -95,7 +96,7 @@ def verify(
     ]  # fmt: skip
     result = report(forecasts, error)
     if as_json:
-        typer.echo(json.dumps(result, indent=1))
+        tell(json.dumps(result, indent=1))
     else:
         _show(result)
     with results_folder(folder, names, taken=names):
@@ -237,7 +238,7 @@ def verify_tracks(
         models[forecasts.name] = read_forecasts(forecasts)
     result = _scored(models, cases, bergs, error)
     if as_json:
-        typer.echo(json.dumps(result, indent=1))
+        tell(json.dumps(result, indent=1))
     else:
         _show_tracks(result)
     if output is not None:

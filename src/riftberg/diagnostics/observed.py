@@ -20,12 +20,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
-from riftberg.bergs.outline import DATE_KEYS
+from riftberg.bergs.outline import DATE_KEYS, NAMES, RING_COLUMNS, whole_polygons
 from riftberg.config.values import parse_date
-from riftberg.diagnostics.outlines import NAMES, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
+from riftberg.diagnostics.outlines import NoBergError, Outline, checked_ring, outlines_of_drawing, outlines_of_grid
 from riftberg.errors import InputError, nearest
 from riftberg.state import Floats
-from riftberg.system.input_files import check_file, reading, rows_of_csv, value_shown
+from riftberg.system.input_files import check_file, is_seen, reading, rows_of_csv, value_shown
 
 SENSORS: Final = ("ascat", "qscat", "oscat", "seawinds", "ers", "nscat", "sass", "nic")
 """Sources of positions in the BYU/NIC tables, the ones preferred first; NIC positions are given once a week."""
@@ -69,6 +69,7 @@ class Observations:
     source: str
     outlines: list[Outline] = field(default_factory=list)
     fixes: list[Fix] = field(default_factory=list)
+    notices: list[str] = field(default_factory=list)  # What was left out of the file, and why
 
     def rings_by_day(self) -> dict[str, list[Floats]]:
         """Return the outlines by ISO day, as maps take them."""
@@ -84,9 +85,9 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
     with reading(path, "no observations that can be read", f"Give outlines or positions: {', '.join(KINDS)}"):
         kind = path.suffix.lower()
         if kind in _DRAWINGS:
-            return Observations(path.name, outlines=_without_twins(outlines_of_drawing(path, date)))
+            return _with_outlines(path, outlines_of_drawing(path, date))
         if kind in _GRIDS:
-            return Observations(path.name, outlines=_without_twins(outlines_of_grid(path, date, variable)))
+            return _with_outlines(path, outlines_of_grid(path, date, variable))
         if kind not in _TABLES:
             raise InputError(
                 f"unknown kind of file {kind!r}", where=str(path), remedy=f"Name a file {', '.join(KINDS)}"
@@ -100,14 +101,16 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
         if not dated:
             raise _unknown(path, rows[0], "no column of dates")
         if any(name in rows[0] for name in _VERTEX):
-            return Observations(path.name, outlines=_without_twins(_vertices(path, rows, dated)))
-        once = {(f.name, f.when, f.lon, f.lat, f.interpolated): f for f in _fixes(path, rows, dated)}
+            return _with_outlines(path, _vertices(path, rows, dated))
+        unseen: list[str] = []
+        once = {(f.name, f.when, f.lon, f.lat, f.interpolated): f for f in _fixes(path, rows, dated, unseen)}
         fixes = list(once.values())
+        others = f", and {len(unseen) - 1} more" if len(unseen) > 1 else ""
         if not fixes:
             raise InputError(
                 "no position that is a number", where=str(path), remedy="Give latitude and longitude in degrees"
             )
-        return Observations(path.name, fixes=fixes)
+        return Observations(path.name, [], fixes, [f"left out {unseen[0]}{others}"] if unseen else [])
 
 
 _MOST: Final = 2**31
@@ -122,27 +125,41 @@ def _unknown(path: Path, row: Mapping[str, str], what: str) -> InputError:
     )
 
 
-def _without_twins(outlines: Iterable[Outline]) -> list[Outline]:
-    """Leave out an outline that is given twice on its day."""
+def _with_outlines(path: Path, outlines: Iterable[Outline | NoBergError]) -> Observations:
+    """Return what the outlines of a file show, without those that no berg has and those given twice on their day."""
     kept: dict[tuple[Any, ...], Outline] = {}
+    faults = []
     for outline in outlines:
-        kept.setdefault((outline.when, outline.ring.shape, outline.ring.tobytes()), outline)
-    return list(kept.values())
+        if isinstance(outline, NoBergError):
+            faults.append(outline)
+        else:
+            kept.setdefault((outline.when, outline.ring.shape, outline.ring.tobytes()), outline)
+    if faults and not kept:
+        raise faults[0]
+    others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
+    return Observations(path.name, list(kept.values()), [], [f"left out {faults[0]}{others}"] if faults else [])
 
 
-def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Outline]:
+def _vertices(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Outline | NoBergError]:
     lat, lon = _plain_columns(path, rows[0])
-    name, vertex = (next((n for n in names if n in rows[0]), "") for names in (NAMES, _VERTEX))
-    groups: dict[tuple[str, str], list[Corner]] = {}
+    name, vertex, part = (next((n for n in names if n in rows[0]), "") for names in (NAMES, _VERTEX, RING_COLUMNS))
+    groups: dict[tuple[str, str], dict[str, list[Corner]]] = {}
     for number, row in enumerate(rows):
-        key = row.get(date, ""), row.get(name, "")
-        groups.setdefault(key, []).append(
+        rings = groups.setdefault((row.get(date, ""), row.get(name, "")), {})
+        rings.setdefault(row.get(part, ""), []).append(
             (row.get(vertex, ""), _number_of_row(row, lon, path, number), _number_of_row(row, lat, path, number))
         )
-    for (day, berg), corners in groups.items():
+    for (day, berg), rings in groups.items():
         when, day_only = _date_of_text(day, date, str(path))
         where = f"{path}, {' '.join(filter(None, [day, berg]))}"
-        yield Outline(berg, when, day_only, checked_ring(_by_number(corners, where), where))
+        drawn: list[Any] = [_by_number(corners, where) for corners in rings.values()]
+        if len(drawn) > 1:
+            drawn = [area.exterior.coords for area in whole_polygons(drawn, path)]
+        for points in drawn:
+            try:
+                yield Outline(berg, when, day_only, checked_ring(points, where))
+            except NoBergError as fault:  # another one may be meant
+                yield fault
 
 
 Corner = tuple[str, float, float]
@@ -192,7 +209,8 @@ def _number_of_row(row: Mapping[str, str], column: str, path: Path, number: int)
         ) from error  # fmt: skip
 
 
-def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
+def _fixes(path: Path, rows: list[dict[str, str]], date: str, unseen: list[str]) -> Iterator[Fix]:
+    """Yield the positions of a table; rows that say by a number that there is none are added to ``unseen``."""
     columns = ("_1", "_2", "_3"), ("_lat", "_lon", "_observed")  # latitude, longitude and flag of a sensor
     sensors = [
         (sensor + lat, sensor + lon, sensor + flag)
@@ -212,7 +230,9 @@ def _fixes(path: Path, rows: list[dict[str, str]], date: str) -> Iterator[Fix]:
             interpolated, sensor = False, "nic" if date in _UPDATED else path.name
         else:
             lat, lon, interpolated, sensor = _best_sensor(row, sensors, path, number)
-        if not (math.isfinite(lat) and math.isfinite(lon)):
+        if not is_seen(lon, lat):
+            if math.isfinite(lat) and math.isfinite(lon):
+                unseen.append(f"{where}: latitude {lat:g}, longitude {lon:g} stand for a berg that was not seen")
             continue
         if abs(lat) > 90.0 or abs(lon) > 540.0:
             raise InputError(
@@ -238,8 +258,8 @@ def _best_sensor(
     second = math.nan, math.nan, True, ""
     for lat_name, lon_name, flag in sensors:
         lat, lon = _number_of_row(row, lat_name, path, number), _number_of_row(row, lon_name, path, number)
-        if not (math.isfinite(lat) and math.isfinite(lon)) or (lat == 0.0 and lon == 0.0):
-            continue  # 0, 0 stands for no data in these tables
+        if not is_seen(lon, lat):
+            continue
         if row.get(flag, "1") in ("1", "1.0", ""):
             return lat, lon, False, lat_name.partition("_")[0]
         if not math.isfinite(second[0]):

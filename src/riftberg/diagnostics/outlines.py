@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from itertools import product
 from pathlib import Path
@@ -23,8 +23,9 @@ from shapely import Polygon, make_valid
 from shapely.affinity import translate
 from shapely.validation import explain_validity
 
-from riftberg.bergs.outline import DATE_KEYS, TALLEST, Feature, polygons_joined, read_features
-from riftberg.bergs.raster import Raster, read_raster
+from riftberg.bergs.outline import DATE_KEYS, Feature, polygons_joined, read_features
+from riftberg.bergs.raster import Raster, read_raster, unbroken
+from riftberg.bergs.seams import NO_BERG, fault_of_ring
 from riftberg.config.values import parse_date
 from riftberg.errors import BergError, InputError
 from riftberg.plane import ConformalPlane
@@ -37,9 +38,6 @@ from riftberg.system.netcdf_lock import open_lazily
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-
-NAMES: Final = ("berg", "iceberg", "name", "variable", "outline", "label", "id")
-"""Attributes that name an outline, best first."""
 
 SMALLEST: Final = 0.005
 """Pieces of a mask below this part of all ice of their date are left out: single cells are no bergs."""
@@ -64,6 +62,10 @@ class Outline:
     ring: Floats  # Longitude and latitude, first point not repeated; shape (n, 2)
 
 
+class NoBergError(InputError):
+    """An outline that no berg has, such as one around a pole."""
+
+
 def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude first") -> Floats:
     """Return an outer ring without the repeated point, or say what is wrong with it."""
     try:
@@ -75,19 +77,12 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
     ring = ring[:, :2]
     if len(ring) > 1 and (ring[0] == ring[-1]).all():
         ring = ring[:-1]
-    if len(np.unique(ring, axis=0)) < 3:
-        raise InputError(
-            f"an outline of {len(np.unique(ring, axis=0))} points", where=where, remedy="At least three are needed"
-        )
     if (np.abs(ring[:, 1]) > 90.0).any():
         raise InputError("a latitude beyond 90 degrees", where=where, remedy=remedy)
     if (np.abs(ring[:, 0]) > 540.0).any():
         raise InputError("a longitude beyond 540 degrees", where=where, remedy=remedy)
-    if np.ptp(ring[:, 1]) > TALLEST:
-        raise InputError(
-            f"an outline over {np.ptp(ring[:, 1]):.3g} degrees of latitude", where=where,
-            remedy="No berg is that long: look for a missing sign, or swapped longitude and latitude",
-        )  # fmt: skip
+    if fault := fault_of_ring(ring):
+        raise NoBergError(fault, where=where, remedy=NO_BERG)
     # Across the date line the corners jump by 360 degrees; unwrapped, the polygon is whole.
     drawn = Polygon(np.column_stack([np.unwrap(ring[:, 0], period=360.0), ring[:, 1]]))
     if not drawn.is_valid and abs(drawn.area / make_valid(drawn).area - 1.0) > CROSSED:
@@ -101,24 +96,23 @@ def checked_ring(points: Any, where: str, remedy: str = "GeoJSON has longitude f
 # --- drawings ----------------------------------------------------------------------------------------------------------
 
 
-def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline]:
+def outlines_of_drawing(path: Path, date: str | None = None) -> Iterator[Outline | NoBergError]:
     """Read the polygons of a GeoJSON or KML file or of a shapefile; lines (rifts) and points are left alone."""
     polygons = [Feature(area, f.properties) for f in read_features(path) if (area := polygons_joined(f.geometry))]
     if not polygons:
         raise InputError("no polygons, only lines or points", where=str(path), remedy="Outlines are closed polygons")
     for number, feature in enumerate(polygons):
         where = f"{path}, outline {number}"
-        when, day_only = find_date(feature.properties, [path.stem], where=where, stated=date)
+        # A name that is only its date is none.
+        name = "" if len(feature.name) <= 10 and date_in_text(feature.name) else feature.name
         for part in getattr(feature.geometry, "geoms", [feature.geometry]):
-            ring = checked_ring(part.exterior.coords, where, "Add the .prj file with its coordinate system")
-            yield Outline(_name(feature.properties), when, day_only, ring)
-
-
-def _name(properties: Mapping[str, Any]) -> str:
-    """Return what an outline is called; a name that is only its date is none."""
-    small = {str(key).lower(): str(value).strip() for key, value in properties.items() if value not in (None, "")}
-    name = next((small[key] for key in NAMES if key in small), "")
-    return "" if len(name) <= 10 and date_in_text(name) else name
+            try:
+                ring = checked_ring(part.exterior.coords, where, "Add the .prj file with its coordinate system")
+            except NoBergError as fault:  # another one may be meant
+                yield fault
+                continue
+            when, day_only = find_date(feature.properties, [path.stem], where=where, stated=date)
+            yield Outline(name, when, day_only, ring)
 
 
 # --- grids -------------------------------------------------------------------------------------------------------------
@@ -202,17 +196,11 @@ def mask_pieces(mask: Raster, attributes: Mapping[str, Any], where: str) -> list
     values = np.nan_to_num(mask.values)
     if str(attributes.get("units", "")).strip().lower() in ("%", "percent", "per cent"):
         values = values / 100.0
-    # Round the whole Earth: a berg across its seam would be outlined as two.
-    whole = mask.lon[-1] - mask.lon[0] + np.diff(mask.lon).mean() >= 359.9
-    if whole and (values[:, 0] > 0.5).any() and (values[:, -1] > 0.5).any():
-        raise InputError(
-            "the ice crosses the seam of the grid", where=where,
-            remedy="Roll the longitudes, so that they begin in open water",
-        )  # fmt: skip
     if values.min() >= -1e-9 and values.max() <= 1.0 + 1e-9:
-        pieces = [("", ring) for ring in _rings_at_half(mask, values)]
+        pieces = [("", ring) for ring in _rings_at_half(replace(mask, values=values), where)]
     elif len(numbers := np.unique(values[values > 0.0])) <= _MOST and (values == np.round(np.abs(values))).all():
-        pieces = [(f"{n:g}", ring) for n in numbers for ring in _rings_at_half(mask, (values == n).astype(np.float64))]
+        each = {f"{n:g}": replace(mask, values=(values == n).astype(np.float64)) for n in numbers}
+        pieces = [(name, ring) for name, own in each.items() for ring in _rings_at_half(own, where)]
     else:
         raise InputError(
             f"values from {values.min():g} to {values.max():g} are no mask", where=where,
@@ -227,13 +215,22 @@ def mask_pieces(mask: Raster, attributes: Mapping[str, Any], where: str) -> list
     return [piece for piece, area in zip(pieces, areas, strict=True) if area >= SMALLEST * sum(areas)]
 
 
-def _rings_at_half(mask: Raster, values: Floats) -> list[Floats]:
+def _rings_at_half(mask: Raster, where: str) -> list[Floats]:
     """Return the outer rings of where the values exceed one half; a frame of water closes them at the edge."""
     from contourpy import FillType, contour_generator
 
+    ice = mask.values > 0.5
+    mask = unbroken(mask, ice) if ice.any() else mask
+    # Round the whole Earth: a berg across the seam would be outlined as two.
+    whole = mask.lon[-1] - mask.lon[0] + np.diff(mask.lon).mean() >= 359.9
+    if whole and (mask.values[:, [0, -1]] > 0.5).any(axis=0).all():
+        raise InputError(
+            "there is ice at all longitudes", where=where,
+            remedy="Cut the grid to the berg, or roll the longitudes, so that they begin in open water",
+        )  # fmt: skip
     # One more line on each side, as far apart as the last two.
     lon, lat = (np.concatenate([[2 * a[0] - a[1]], a, [2 * a[-1] - a[-2]]]) for a in (mask.lon, mask.lat))
-    framed = np.pad(values, 1)
+    framed = np.pad(mask.values, 1)
     contours = contour_generator(lon, lat, framed, name="serial", fill_type=FillType.OuterOffset)
     points, offsets = contours.filled(0.5, np.inf)[:2]
     rings = [p[o[0] : o[1] - 1] for p, o in zip(points, offsets, strict=True) if p is not None and o is not None]

@@ -13,8 +13,8 @@ breakups : list, one entry per fragment that split from its parent:
     name and parent_name (empty for bergs without a name)
 bergs : list, one entry per berg of the start, and per one added later: number, name, area_km2 (as it was then), fragments
     (how many pieces it is in at the end), largest_km2 (of these), areas_km2 (of the six largest), largest (number of that
-    piece), largest_weight (N), melted_kg, and
-    drift_east_km, drift_north_km (of the largest from where the berg began), lon, lat (of the largest), null where it is gone
+    piece), largest_weight (N), melted_kg, and drift_east_km, drift_north_km (of the largest from where the berg began; round a
+    periodic domain all of the way), lon, lat (of the largest), null where it is gone
 collisions : list, one entry per collision of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
     speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
@@ -187,6 +187,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
     rows = {row.number: row for row in model.fragments.rows}
     e = model.elements
     area, earth, origin = e.length * e.width, model.parameters.earth, model.fragments.origin
+    way = e.lon + earth.period * model.turns if earth.period > 0.0 else e.lon
 
     pieces: dict[int, list[tuple[float, int]]] = {}
     for number, size in by_area(e.berg, area).items():
@@ -211,8 +212,10 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
         if mine:
             inside = e.berg == mine[0][1]
             lon, lat = centroid(e.lon[inside], e.lat[inside], area[inside], earth.period)
-            here = np.array([lon]), np.array([lat]), np.array([row.lon]), np.array([row.lat])
-            east, north = separations(Metric(earth.latlon, earth.radius, earth.period), *here)
+            # From where it began all the way that it went, be it more than once round.
+            gone, _ = centroid(way[inside], e.lat[inside], area[inside], earth.period)
+            here = np.array([gone]), np.array([lat]), np.array([row.lon]), np.array([row.lat])
+            east, north = separations(Metric(earth.latlon, earth.radius), *here)
             entry |= {
                 "largest_weight": float(e.mass[inside].sum()) * constants.GRAVITY,
                 "drift_east_km": float(east[0]) / 1e3,

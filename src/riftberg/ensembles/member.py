@@ -26,10 +26,10 @@ from riftberg.errors import InputError, RiftbergError
 from riftberg.experiments.registry import Options
 from riftberg.ocean.errors import UncertainForcing
 from riftberg.ocean.files_forcing import sharing_forcings
-from riftberg.plane import EqualAreaPlane
+from riftberg.plane import EqualAreaPlane, near
 from riftberg.runs.run_file import RunWriter
 from riftberg.runs.scene import SMALL
-from riftberg.runs.tracks import Shapes
+from riftberg.runs.tracks import Shapes, is_channel, lon_of_track
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import on_the_floor
 from riftberg.stepping.fragments.tree import centroid
@@ -302,8 +302,10 @@ class MemberTracks:
             return
         e, earth = model.elements, model.parameters.earth
         numbers, place = np.unique(e.berg, return_inverse=True)
-        here = Shapes(e.lon, e.lat, e.length * e.width, place, numbers.size, latlon=earth.latlon, radius=earth.radius,
-                      period=model.constants.period)  # fmt: skip
+        here = Shapes(
+            lon_of_track(model), e.lat, e.length * e.width, place, numbers.size, latlon=earth.latlon, radius=earth.radius,
+            period=model.constants.period,
+        )  # fmt: skip
         length, width = here.sides(e.length, e.width, (e.length**2 + e.width**2) / 12.0)
         # Without a longer axis there is no azimuth; 0 as any other.
         columns = [np.full(numbers.size, due), numbers, here.lon, here.lat, here.area,
@@ -478,4 +480,8 @@ def outcome_of(number: int, model: BareModel, track: MemberTracks) -> Outcome:
         for name, value in model.forcing.mean_errors(time, lon, lat).items():
             totals[name] = value
     table = {name: [float(getattr(row, name)) for row in rows] for name in FRAGMENT}
+    if is_channel(model.parameters):  # births lie beside the tracks, however often these went round
+        seen = {fragment: lon for _, fragment, lon, *_ in reversed(track.rows)}
+        period = model.parameters.earth.period
+        table["lon"] = [float(near(row.lon, seen.get(row.number, row.lon), period)) for row in rows]
     return Outcome(number, "done", "", model.time, 0.0, totals, table, track.rows)

@@ -20,6 +20,7 @@ from riftberg.ensembles.vary import Varied
 from riftberg.errors import InputError
 from riftberg.runs.layout import counted_from
 from riftberg.runs.scene import SMALL
+from riftberg.runs.tracks import GOES_ON
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, is_folder, reading
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf, write_dataset
@@ -252,6 +253,8 @@ def _add_tracks(
 ) -> None:  # fmt: skip
     places = list(_place(latlon).values())
     about = {**dict(places), **{name: {"units": unit, "long_name": meaning} for name, (unit, meaning) in TRACK.items()}}
+    if not latlon:
+        about["x"]["comment"] = GOES_ON
     for name in set(TRACK) - set(OF_MEMBER):
         about[name]["coordinates"] = f"{places[1][0]} {places[0][0]}"
     dims = {name: ("member", "time") if name in OF_MEMBER else ("member", "fragment", "time") for name in about}

@@ -24,7 +24,7 @@ from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.changes import started
 from riftberg.ocean.errors import Errors, FieldError, SizeField, UncertainForcing
 from riftberg.state import Floats
-from riftberg.system.input_files import check_file, reading, rows_of_csv
+from riftberg.system.input_files import check_file, is_seen, reading, rows_of_csv
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -227,7 +227,10 @@ def _of_row(row: dict[str, str], where: str) -> dict[str, str]:
     if "date" in row:
         values["start"] = parse_date(row["date"], where=where)[0].isoformat(sep=" ")
     if "lon" in row:
-        values["berg.placement"] = f"[{number('lon', -540.0, 540.0):.10g}, {number('lat', -90.0, 90.0):.10g}]"
+        place = number("lon", -540.0, 540.0), number("lat", -90.0, 90.0)
+        if not is_seen(*place):
+            raise InputError("latitude 0, longitude 0 are no position", where=where, remedy="Leave the row out")
+        values["berg.placement"] = f"[{place[0]:.10g}, {place[1]:.10g}]"
     if "error_km" in row or "age_hours" in row:
         error = 1e3 * number("error_km", 0.0, 500.0) if "error_km" in row else 0.0
         age = 3600.0 * number("age_hours", 0.0, 2400.0) if "age_hours" in row else 0.0

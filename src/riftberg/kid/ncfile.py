@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from riftberg.errors import InputError, RunError
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import refusal, replacing
-from riftberg.system.input_files import MOST_VALUES, check_file, reading, refuse_large, value_shown
+from riftberg.system.input_files import MOST_VALUES, because, check_file, reading, refuse_large, value_shown
 from riftberg.system.netcdf_lock import NETCDF, open_netcdf, whole_size
 from riftberg.system.process import opening
 
@@ -62,7 +62,7 @@ MOST_RECORDS: Final = 20_000_000
 
 def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
     where = f"{path}, variable {name}" if name else str(path)
-    return InputError(f"cannot be read ({error})", where=where, remedy=_AGAIN)
+    return InputError(f"cannot be read{because(error)}", where=where, remedy=_AGAIN)
 
 
 def records_in(dataset: netCDF4.Dataset, path: Path) -> int:

@@ -21,7 +21,7 @@ from riftberg.errors import InputError, nearest
 from riftberg.ocean.grid import haversine
 from riftberg.plane import near
 from riftberg.runs.layout import called, parameters_of
-from riftberg.runs.tracks import axis_difference, tracks_of
+from riftberg.runs.tracks import GOES_ON, axis_difference, is_channel, tracks_of, zonal_period
 from riftberg.state import Floats
 from riftberg.system.input_files import value_shown
 
@@ -219,7 +219,7 @@ class Course:
 
     berg: str  # Its name, empty for none
     times: NDArray[np.datetime64]
-    x: Floats  # Centroid, degrees or m; no jump at the date line or the end of a periodic channel
+    x: Floats  # Centroid, degrees or m; no jump at the date line or the end of a channel, however often it went round
     y: Floats
     azimuth: Floats  # Long axis, degrees clockwise from north, 0 to 180; NaN where unknown
     area: Floats  # m2
@@ -279,8 +279,10 @@ def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
         row = max(named or bergs, key=lambda k: (float(table["area"].values[ends[k] - table["rowsize"].values[k]]), -k))
         tracks = table.isel(index=slice(int(ends[row] - table["rowsize"].values[row]), int(ends[row])))
         name, azimuth = names[row], tracks["azimuth"].values.astype(float)
-    around = 360.0 if earth.latlon else earth.period
-    lon = np.unwrap(tracks[x].values, period=around) if around > 0.0 else tracks[x].values
+    around = zonal_period(parameters_of(run))
+    lon = tracks[x].values
+    if around > 0.0 and run[x].attrs.get("comment") != GOES_ON:
+        lon = np.unwrap(lon, period=around)
     columns = ("parent", "birth_time", x, y, "area", "bonds_broken", "grounded")
     births = zip(*(run[f"fragment_{column}"].values.tolist() for column in columns), strict=True)
     dates = run["fragment_birth_time"].values.astype("datetime64[s]").astype(str)
@@ -288,6 +290,11 @@ def course_of(run: xr.Dataset, berg: str | None = None) -> Course:
         {"time": date, "lon": lon, "lat": lat, "area_km2": area / 1e6, "bonds": int(bonds), "grounded": bool(ground)}
         for date, (parent, _, lon, lat, area, bonds, ground) in zip(dates, births, strict=True) if parent > 0
     ]  # fmt: skip
+    if is_channel(parameters_of(run)):  # births lie beside the track, however often that went round
+        at = tracks["time"].values.astype("datetime64[s]").astype(np.float64)
+        for event in found:
+            when = np.datetime64(event["time"], "s").astype(np.float64)
+            event["lon"] = float(near(event["lon"], np.interp(float(when), at, lon), around))
     return Course(
         name, tracks["time"].values, lon, tracks[y].values, azimuth, tracks["area"].values.astype(float),
         sorted(found, key=lambda event: event["time"]), earth.latlon, earth.radius, earth.period,
@@ -310,7 +317,9 @@ def apart(one: Course, other: Course) -> dict[str, NDArray[Any]]:
         spans = " and ".join(f"{str(c.times[0])[:16]} to {str(c.times[-1])[:16]}" for c in (one, other))
         raise InputError(f"the runs have no date in common: {spans}", where="compare", remedy="Give runs that overlap")
     (x1, y1, turn1, area1), (x2, y2, turn2, area2) = one.at(shared), other.at(shared)
-    on_plane = np.hypot(_short_way(x2 - x1, one.period), y2 - y1)
+    # One of two bergs that began side by side may have gone round the channel more often.
+    begun = x2[0] - x1[0] - _short_way(x2[0] - x1[0], one.period)
+    on_plane = np.hypot(x2 - x1 - begun, y2 - y1)
     distance = haversine(x1, y1, x2, y2, one.radius) if one.latlon else on_plane
     rotation = axis_difference(turn2, turn1)
     found = {"distance": np.asarray(distance), "rotation": rotation, "area_first": area1, "area_second": area2}

@@ -70,7 +70,17 @@ from riftberg.runs.layout import (
     texts,
 )
 from riftberg.runs.scene import add_background
-from riftberg.runs.tracks import ELEMENT_COLUMNS, ON_BED, berg_rows, blocks_of, ragged, write_tracks
+from riftberg.runs.tracks import (
+    ELEMENT_COLUMNS,
+    GOES_ON,
+    ON_BED,
+    berg_rows,
+    blocks_of,
+    is_channel,
+    lon_of_track,
+    ragged,
+    write_tracks,
+)
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
 from riftberg.system.input_files import is_folder
@@ -439,9 +449,9 @@ class _Record:
         # Identifiers of the layout itself where they are the same: `placed` then need not compare them for each variable.
         self.ids = layout.ids if np.array_equal(elements.id, layout.ids) else elements.id.copy()
         self.bond_ids = layout.bond_ids if np.array_equal(bonds.id, layout.bond_ids) else bonds.id.copy()
-        velocity = dict(zip(("u", "v"), model.velocity(), strict=True))
+        moving = dict(zip(("u", "v", "lon"), (*model.velocity(), lon_of_track(model)), strict=True))
         self.elements = {
-            v.name: velocity.get(v.name, getattr(elements, v.name)).astype(_stored_kind(v)) for v in histories(model)
+            v.name: moving.get(v.name, getattr(elements, v.name)).astype(_stored_kind(v)) for v in histories(model)
         }
         self.elements |= {name: getattr(elements, name).copy() for name in SHAPE}
         self.bonds = {name: getattr(bonds, name).astype("f4") for name in bond_history(model)}
@@ -548,6 +558,8 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
             kind = "i4" if _REGISTRY[name].dtype == "i8" else "f8"
             _create(file, in_file(name), kind, ("trajectory",), **described)[:] = layout.shape[name]
     _define_histories(file, histories(model), names, layout)
+    if is_channel(model.parameters):
+        file[names.get("lon", "lon")].comment = GOES_ON
     registry = {v.name: v for v in BOND_VARIABLES}
     for name in BOND_LATEST:
         v = registry[name]

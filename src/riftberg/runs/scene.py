@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from riftberg import constants
 from riftberg.errors import InputError, RiftbergError
-from riftberg.parameters import Packing, Parameters
+from riftberg.parameters import Packing
 from riftberg.physics.floating import draft_of
 from riftberg.plane import near
 from riftberg.runs.groundings import Stay, read_stays
 from riftberg.runs.layout import called, parameters_of
-from riftberg.runs.tracks import FLOOR_LOAD, aground_in_file, by_area, family_of
+from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, family_of, is_channel, zonal_period
 from riftberg.state import Floats, Ints
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
@@ -106,21 +106,16 @@ def filled_forward(values: Floats) -> Floats:
     return filled
 
 
-def zonal_period(parameters: Parameters) -> float:
-    """Return the period of x: 360 degrees on the sphere, 0 in metres without a period."""
-    period = parameters.earth.period
-    return period if period > 0.0 else 360.0 if parameters.earth.latlon else 0.0
-
-
-def on_one_branch(x: Floats, there: NDArray[np.bool_], period: float) -> Floats:
+def on_one_branch(x: Floats, there: NDArray[np.bool_], period: float, *, goes_on: bool = False) -> Floats:
     """Put zonal positions on one branch: no element jumps by a period, and none stands a period away from the others.
 
     ``x``: positions without gaps (shape (time, trajectory)); ``there``: whether the element is there (shape (time,
-    trajectory)); returns positions that differ from those given by whole periods.
+    trajectory)); ``goes_on``: whether the positions of an element do not jump; returns positions that differ from those
+    given by whole periods.
     """
     if period <= 0.0 or not x.size:
         return x
-    path: Floats = np.unwrap(x, period=period, axis=0)
+    path: Floats = x.copy() if goes_on else np.unwrap(x, period=period, axis=0)
     born = np.argmax(there, axis=0)
     path[:, born == 0] -= period * np.round((path[0, born == 0] - path[0, 0]) / period)
     # In order of birth: each newborn is put beside those that are there already.
@@ -153,7 +148,8 @@ class Scene:
         x, y = ("lon", "lat") if self.latlon else ("x", "y")
         east, north = (run[name].transpose("time", "trajectory").values for name in (x, y))
         self.there: NDArray[np.bool_] = np.isfinite(north)
-        self.x: Floats = on_one_branch(filled_forward(east), self.there, zonal_period(self.parameters))
+        goes_on = run[x].attrs.get("comment") == GOES_ON
+        self.x: Floats = on_one_branch(filled_forward(east), self.there, zonal_period(self.parameters), goes_on=goes_on)
         self.y: Floats = filled_forward(north)
         berg = run["berg"].transpose("time", "trajectory").values
         self.berg: Ints = berg if self.there.all() else np.where(self.there, berg, 0).astype(np.int64)
@@ -509,7 +505,8 @@ def add_background(run: netCDF4.Dataset, model: BareModel) -> None:
     x, y = (run[name][:].astype(np.float64).T for name in names)
     units = {axis: str(run[name].units) for axis, name in zip(("time", "x", "y"), ("time", *names))}
     # A track that crosses the seam must not make a box around the whole Earth.
-    x = on_one_branch(filled_forward(x), np.isfinite(y), zonal_period(model.parameters))
+    period, goes_on = zonal_period(model.parameters), is_channel(model.parameters)
+    x = on_one_branch(filled_forward(x), np.isfinite(y), period, goes_on=goes_on)
     axes, fine = (_axes(x, filled_forward(y), names[0] == "lon", points) for points in (POINTS, FLOOR_POINTS))
     length = float(seconds[-1] - seconds[0])
     count = min(MOST_TIMES, max(1, round(length / INTERVAL))) + 1

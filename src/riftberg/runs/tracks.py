@@ -178,13 +178,38 @@ def main_berg(berg: Ints, area: Floats) -> int:
     return next(iter(by_area(berg, area)))
 
 
+GOES_ON: Final = "goes on over the ends of the channel"
+"""Comment of the positions of a run file that need not be laid on one branch."""
+
+
+def zonal_period(p: Parameters) -> float:
+    """Return the period of x: 360 degrees on the sphere, 0 in metres without a period."""
+    return p.earth.period if p.earth.period > 0.0 else 360.0 if p.earth.latlon else 0.0
+
+
+def is_channel(p: Parameters) -> bool:
+    """Whether positions repeat after a period that is not the globe's."""
+    return zonal_period(p) not in (0.0, 360.0)
+
+
+def lon_of_track(model: BareModel) -> Floats:
+    """Return longitudes (x) as files have them: in a channel they go on over its ends, on the globe they may jump by 360."""
+    lon = model.elements.lon
+    return lon + model.parameters.earth.period * model.turns if is_channel(model.parameters) else lon
+
+
 def main_position(model: BareModel) -> Position:
     """Return place and heading of the largest fragment of a model."""
     e, earth = model.elements, model.parameters.earth
     area = e.length * e.width
     rows = e.berg == main_berg(e.berg, area)
     return berg_position(
-        e.lon[rows], e.lat[rows], area[rows], latlon=earth.latlon, radius=earth.radius, period=earth.period
+        lon_of_track(model)[rows],
+        e.lat[rows],
+        area[rows],
+        latlon=earth.latlon,
+        radius=earth.radius,
+        period=earth.period,
     )
 
 

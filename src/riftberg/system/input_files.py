@@ -17,11 +17,15 @@ from __future__ import annotations
 import codecs
 import csv
 import importlib
+import os
+import re
 import stat
+import traceback
 import zipfile
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
+from glob import glob
 from pathlib import Path
 from typing import Any, Final
 
@@ -156,6 +160,8 @@ _KINDS: Final = (
     (stat.S_ISSOCK, "a socket, not a file"),
 )
 
+_HERE: Final = Path()
+
 _MOST_MEMBERS: Final = 1000
 """Files in an archive."""
 
@@ -174,9 +180,10 @@ def check_file(
     try:
         status = path.stat()
     except FileNotFoundError as error:
+        remedy = "Write the home folder out: ~ is one only in a shell" if where.startswith("~") else remedy
         raise kind(missing, where=where, remedy=remedy) from error
     except (OSError, ValueError) as error:  # a part of it is a file, a name too long, a zero byte, a circle of links
-        raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
+        raise kind(f"cannot be opened{because(error)}", where=where, remedy=remedy) from error
     if what := _odd_kind(status.st_mode):
         raise kind(what, where=where, remedy=remedy)
     if status.st_size == 0:
@@ -189,7 +196,7 @@ def check_file(
         with path.open("rb") as file:
             file.read(1)
     except OSError as error:
-        raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
+        raise kind(f"cannot be opened{because(error)}", where=where, remedy=remedy) from error
     return path
 
 
@@ -210,9 +217,30 @@ def is_address(path: object) -> bool:
     return "://" in str(path)
 
 
+def at_home(name: str) -> str:
+    """Return a name with ``~`` written out, as a shell does; one that is called so stays."""
+    return os.path.expanduser(name) if name.startswith("~") and not os.path.lexists(name) else name
+
+
 def in_folder(folder: Path, name: str) -> str:
-    """Return a file that is named from a folder; an address stays as it is."""
-    return name if is_address(name) else str(folder / name)
+    """Return a file that is named from a folder; an address stays as it is, and ``~`` is written out."""
+    if is_address(name):
+        return name
+    return str(folder / name if os.path.lexists(folder / name) else folder / at_home(name))
+
+
+def files_matching(name: str, folder: Path = _HERE) -> list[str]:
+    """Return the file of that name, or else those that the pattern matches from the folder; an address stays as it is.
+
+    What is there is never a pattern, neither the file nor a folder on the way to it; brackets that match nothing are letters.
+    """
+    path = in_folder(folder, name)
+    if is_address(name) or os.path.lexists(path):
+        return [path]
+    root = next((parent for parent in Path(path).parents if is_folder(parent)), _HERE)
+    pattern = os.path.relpath(path, root)
+    matches = glob(pattern, root_dir=root) or glob(pattern.replace("[", "[[]"), root_dir=root)
+    return sorted(str(root / match) for match in matches)
 
 
 def is_folder(path: Path) -> bool:
@@ -235,9 +263,7 @@ def reading(where: object, what: str, remedy: str, kind: type[InputError] = Inpu
     except (TypeError, AttributeError, IndexError) as error:  # their texts speak of Python
         raise kind(what, where=shown(where), remedy=remedy) from error
     except Exception as error:  # libraries raise what they like: struct.error, KeyError, zlib.error, UnicodeError ...
-        reason = _reason(error)
-        # What xarray says where no reader knows a file is a list of its own parts.
-        raise kind(what if "xarray's" in reason else f"{what} ({reason})", where=shown(where), remedy=remedy) from error
+        raise kind(f"{what}{because(error)}", where=shown(where), remedy=remedy) from error
 
 
 def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError] = InputError) -> list[str]:
@@ -257,7 +283,9 @@ def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError
             raise kind(f"{member.filename} in the archive is encrypted", where=shown(path), remedy=remedy)
     size = sum(member.file_size for member in members)
     refuse_large(size, most, f"bytes once unpacked ({human(size)})", where=shown(path), remedy=remedy, kind=kind)
-    return [member.filename for member in members]
+    # macOS packs what it knows of a file beside it, under the same name.
+    names = [member.filename for member in members]
+    return [name for name in names if not name.startswith("__MACOSX/") and not Path(name).name.startswith("._")]
 
 
 def shown(path: object) -> str:
@@ -281,14 +309,16 @@ def value_shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:60]} ... {text[-15:]}"
 
 
-def _reason(error: BaseException) -> str:
-    """Return the reason of an error in one short line."""
-    if isinstance(error, OSError) and error.strerror and not (error.errno or 0) < 0:
-        return shown(error.strerror.lower())
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    text = shown(lines[0] if lines else type(error).__name__)
-    text = text if len(text) <= 160 else f"{text[:157]}..."
-    return text.rstrip(".")
+def because(error: BaseException) -> str:
+    """Return in brackets why the machine or our own code refused something, and in which line; nothing of a library's text."""
+    if isinstance(error, OSError) and error.strerror and (error.errno or 0) > 0:
+        return f" ({shown(error.strerror.lower())})"
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = not frames or ("riftberg" in Path(frames[-1].filename).parts and str(frames[-1].line).startswith("raise"))
+    if ours and (lines := [line.strip() for line in str(error).splitlines() if line.strip()]):
+        return f" ({shortened(shown(lines[0]), 160).rstrip('.')})"
+    line = getattr(error, "lineno", None)
+    return f" (line {line})" if isinstance(line, int) else ""
 
 
 def needed(module: str, why: str = "outlines need it", extra: str = "outline") -> Any:
@@ -318,6 +348,20 @@ def rows_of_csv(path: Path, kind: type[InputError] = InputError) -> tuple[list[d
         if twice is not None:
             raise kind(f"two columns are called {twice!r}", where=str(path), remedy="Give each its own name")
         return list(reader), separator
+
+
+def is_seen(lon: float, lat: float) -> bool:
+    """Whether a table says where something is (degrees): 0, 0 and fill values such as -999 or 1e20 stand for no position."""
+    return not (lon == lat == 0.0 or _is_fill(lon, 540.0) or _is_fill(lat, 90.0))
+
+
+def _is_fill(value: float, most: float) -> bool:
+    """Whether a number stands for no value; one up to ``most`` in size can be a value."""
+    beyond = not abs(value) <= most
+    return beyond and (not abs(value) < 1e10 or _FILLS.fullmatch(f"{abs(value):.10g}") is not None)
+
+
+_FILLS: Final = re.compile(r"(9{2,}|8{3,}|327)(\.9+|\.8+|6[78])?")
 
 
 _TABLE = "Give a table with a line of names and rows below, separated by commas, semicolons or tabs"

@@ -30,6 +30,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any, Final, cast
 
+from riftberg.errors import visible
+
 SETTINGS: Final = threading.RLock()
 """Held by whoever changes such a setting for a while."""
 
@@ -278,7 +280,7 @@ def say(text: str) -> None:
     """
     if sys.stderr is not None:
         with suppress(RuntimeError, OSError, ValueError):
-            print(text, file=sys.stderr, flush=True)
+            print(visible(text), file=sys.stderr, flush=True)
 
 
 _holding: Hold | None = None

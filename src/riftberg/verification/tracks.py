@@ -25,7 +25,7 @@ from riftberg.diagnostics.observed import SENSORS
 from riftberg.errors import InputError
 from riftberg.state import Floats
 from riftberg.system.atomic_files import write_text
-from riftberg.system.input_files import is_folder, rows_of_csv, value_shown
+from riftberg.system.input_files import is_folder, is_seen, rows_of_csv, value_shown
 from riftberg.verification.scores import (
     FEWEST,
     Point,
@@ -190,7 +190,7 @@ def _seen(path: Path) -> dict[datetime, tuple[float, float]]:
                 lat, lon, flag = (float(row[f"{s}_{k}"] or 0.0) for k in (1, 2, 3))
             except (TypeError, ValueError) as error:
                 raise InputError(f"{s}: no number", where=where, remedy="Get the table again") from error
-            if flag == 1.0 and not lat == lon == 0.0:  # 0, 0 stands for no data
+            if flag == 1.0 and is_seen(lon, lat):
                 if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
                     raise InputError(
                         f"{s}: latitude {lat:g}, longitude {lon:g}", where=where, remedy="Get the table again"
@@ -409,6 +409,10 @@ def read_forecasts(path: Path) -> DriftModel:
             raise InputError(
                 "lead_days, lon or lat is no number", where=where, remedy="Give whole days and degrees"
             ) from error
+        if not is_seen(lon, lat):
+            raise InputError(
+                f"latitude {lat:g}, longitude {lon:g} are no position", where=where, remedy="Leave the row out"
+            )
         made.setdefault((row["berg"].upper(), parse_date(row["start"], where=where)[0], lead), []).append((lon, lat))
 
     def looked_up(start: Start, dates: Sequence[datetime]) -> Any:

@@ -403,7 +403,9 @@ class Seabed:
         touched = (keel.floor_load[rows] > 0.0) | anchors[:, : landing.ANCHOR_X + 2].any(axis=1)
         flag[:, landing.TOUCHES] = np.logical_or.reduceat(touched, pads.row_start[:-1])
         number[:, landing.SUBSTEP] = np.where(
-            (flag[:, landing.TOUCHES] > 0) & (keel.floor_substep[first] > 0.0), keel.floor_substep[first], landing.HELD_STEP
+            (flag[:, landing.TOUCHES] > 0) & (keel.floor_substep[first] > 0.0),
+            keel.floor_substep[first],
+            landing.HELD_STEP,
         )
         number[:, landing.SHORTEST], number[:, landing.PEAK] = math.inf, -1.0
         return landing.Landing(

@@ -1,0 +1,105 @@
+"""Seams along which outlines were cut, at 180 degrees or at the edge of a tile, and the whole shapes without them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+METRE: Final = 360.0 / 4.003e7
+"""Degrees of latitude. Outlines that run along each other within this distance share an edge."""
+
+SHORTEST: Final = 20.0
+"""Length (m) of an edge; polygons that run along each other over less touch at a corner."""
+
+
+def whole_shapes(polygons: Sequence[Any], *, along_meridian: bool = False) -> list[tuple[list[int], Any]]:
+    """Return the shapes that polygons make up, each with the rows of its polygons: those that share an edge are one.
+
+    Polygons may lie a turn of the globe apart; a shape has the longitudes of its first one.
+
+    ``polygons``: shapely, degrees; ``along_meridian``: whether edges in other directions do not count.
+    """
+    narrow = max(math.cos(math.radians(float(np.mean(shapely.bounds(polygons)[:, 1::2])))), 1e-3)
+    every = [*polygons, *(_turned(polygon, 1) for polygon in polygons)]
+    flat = [shapely.transform(polygon, lambda lonlat: lonlat * (narrow, 1.0)) for polygon in every]
+    count, valid = len(polygons), shapely.is_valid(flat)
+    beside: list[list[tuple[int, int]]] = [[] for _ in polygons]  # rows and turns of those that share an edge
+    for i, k in shapely.STRtree(flat).query(flat[:count], "dwithin", METRE).T.tolist():
+        turns, j = divmod(k, count)
+        if i != j and valid[i] and valid[j] and _share_an_edge(flat[i], flat[k], along_meridian):
+            beside[i].append((j, turns))
+            beside[j].append((i, -turns))
+    turn: dict[int, int] = {}
+    shapes = []
+    for root in range(count):
+        if root in turn:
+            continue
+        turn[root], members, shape = 0, [root], polygons[root]
+        for i in members:  # which grow
+            for j, turns in beside[i]:
+                if j not in turn:
+                    turn[j] = turn[i] + turns
+                    members.append(j)
+                    shape = _closed(shapely.union(shape, _turned(polygons[j], turn[j])), narrow)
+        shapes.append((members, shape))
+    return shapes
+
+
+TALLEST: Final = 20.0
+"""Degrees of latitude, or as long along a parallel, that no berg spans; the longest ever seen had 3."""
+
+
+NO_BERG: Final = "No berg is like that: look for a missing sign, or swapped longitude and latitude"
+
+
+def fault_of_ring(ring: Any) -> str:
+    """Return why no berg can have an outline (longitude and latitude, shape (n, 2)), empty where one can."""
+    lon, lat = np.asarray(ring, float)[:, :2].T
+    steps = np.diff(lon, append=lon[:1])
+    path = np.unwrap(lon, period=360.0)  # whole also where longitudes jump at the date line
+    if abs(((steps + 180.0) % 360.0 - 180.0).sum()) > 180.0 or np.abs(steps).max() > 359.999:
+        return "an outline around a pole"
+    if np.ptp(lat) > TALLEST:
+        return f"an outline over {np.ptp(lat):.3g} degrees of latitude, from {lat.min():g} to {lat.max():g}"
+    if np.ptp(path) * math.cos(math.radians(lat.mean())) > TALLEST:
+        return f"an outline over {np.ptp(path):.3g} degrees of longitude, from {path.min():g} to {path.max():g}"
+    if len(np.unique(ring, axis=0)) < 3:
+        return f"an outline of {len(np.unique(ring, axis=0))} points"
+    return (
+        "an outline of no area" if shapely.make_valid(shapely.Polygon(np.stack([path, lat], 1))).area < METRE**2 else ""
+    )
+
+
+def _turned(polygon: Any, turns: int) -> Any:
+    """Return a polygon some turns of the globe further east."""
+    return shapely.transform(polygon, lambda lonlat: lonlat + np.array([360.0 * turns, 0.0])) if turns else polygon
+
+
+def _share_an_edge(one: Any, other: Any, along_meridian: bool) -> bool:
+    """Whether two polygons, on axes of equal scale, run along each other."""
+    (west, south), (east, north) = (
+        np.maximum(one.bounds[:2], other.bounds[:2]),
+        np.minimum(one.bounds[2:], other.bounds[2:]),
+    )
+    box = west - 2 * METRE, south - 2 * METRE, east + 2 * METRE, north + 2 * METRE
+    near, far = (shapely.clip_by_rect(polygon.boundary, *box) for polygon in (one, other))
+    seam = shapely.intersection(far, shapely.buffer(near, METRE))
+    if seam.length < SHORTEST * METRE:
+        return False
+    return not along_meridian or seam.bounds[2] - seam.bounds[0] < 4.0 * METRE
+
+
+def _closed(shape: Any, narrow: float) -> Any:
+    """Return a shape without the gaps that the ends of cuts leave where they differ in their last digits."""
+    slit = shape.geom_type != "Polygon" or any(
+        shapely.Polygon(hole).area < METRE * hole.length for hole in shape.interiors
+    )
+    if not slit:
+        return shape
+    flat = shapely.transform(shape, lambda lonlat: lonlat * (narrow, 1.0))
+    filled = shapely.buffer(shapely.buffer(flat, METRE, join_style="mitre"), -METRE, join_style="mitre")
+    return shapely.transform(filled, lambda lonlat: lonlat / (narrow, 1.0))
