@@ -456,6 +456,4 @@ def test_whole_numbers_beyond_any_array_are_refused(group: str, key: str) -> Non
 
 
 def test_all_whole_numbers_are_tried() -> None:
-    assert {("contact", "max_iterations"), ("footloose", "seed")} <= set(
-        _whole_numbers()
-    )
+    assert {("contact", "max_iterations"), ("footloose", "seed")} <= set(_whole_numbers())

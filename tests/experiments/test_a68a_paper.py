@@ -234,7 +234,11 @@ def test_the_shoal_can_be_left_out(small: Path) -> None:
 
 def test_with_riftbergs_numerics_the_shoal_is_a_bank_below_the_keel(small: Path) -> None:
     """A cliff up to the surface carries nothing. So it lies 1 m above the keel, and falls off by 1 in 100."""
-    corner, draft, degree = np.array([322.49, -55.2166]), 200.0 * 850.0 / 1025.0, math.radians(1.0) * A68A_2022.earth.radius
+    corner, draft, degree = (
+        np.array([322.49, -55.2166]),
+        200.0 * 850.0 / 1025.0,
+        math.radians(1.0) * A68A_2022.earth.radius,
+    )
     lon = corner[0] + np.array([0.1, 0.1, -1000.0 / (degree * math.cos(math.radians(corner[1] + 0.1)))])
     lat = corner[1] + np.array([0.1, -2000.0 / degree, 0.1])
     model = build("a68a-paper", Options(data=small, days=1.0, numerics="own"))[0]
