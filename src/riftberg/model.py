@@ -379,7 +379,10 @@ class BareModel(RunState):
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
                 )
-                self.groundings.update(saved.elements, self, before[0], self.applied_forces, self._stepper.clearance)
+                self.groundings.update(
+                    saved.elements, self.elements, (before[0], self.time), self.fragments, self.constants,
+                    self.applied_forces, self._stepper.clearance,
+                )  # fmt: skip
                 self._drop_lost()
             else:
                 self.time += self.parameters.stepping.time_step

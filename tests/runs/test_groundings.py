@@ -69,7 +69,9 @@ def after(
     model.time += hours * HOUR
     forces = np.zeros((el.size, len(FORCES), 2))
     forces[:, FORCES.index("water"), 0], forces[:, FORCES.index("sea_floor"), 0] = 2e6, -1e9
-    model.groundings.update(before, model, began, lambda: forces, clearance)
+    model.groundings.update(
+        before, el, (began, model.time), model.fragments, model.constants, lambda: forces, clearance
+    )
 
 
 def test_a_stay_begins_at_the_touch_and_lasts_until_the_floor_carries_nothing() -> None:

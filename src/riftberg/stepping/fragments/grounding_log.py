@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,7 @@ from riftberg.parameters import KernelParameters
 from riftberg.physics.floating import draft_of
 from riftberg.state import Elements, Floats, Ints
 from riftberg.stepping.forces.media import SEA_FLOOR, on_the_floor
-
-if TYPE_CHECKING:
-    from riftberg.stepping.run_state import RunState
+from riftberg.stepping.fragments.tree import FragmentTree
 
 AFLOAT_TIME: Final = 6.0 * 3600.0
 """Time (s) afloat after which the next touch is an event of its own; a tide that lifts a berg for less belongs to the event."""
@@ -70,14 +68,15 @@ class GroundingLog:
         return GroundingLog(self.rows, self.clearance)
 
     def update(
-        self, before: Elements, model: RunState, began: float, forces: Callable[[], Floats], clearance: float
-    ) -> None:
-        """Record what the floor carries after a long step from ``began`` (s) to now.
+        self, before: Elements, el: Elements, step: tuple[float, float], tree: FragmentTree, p: KernelParameters,
+        forces: Callable[[], Floats], clearance: float,
+    ) -> None:  # fmt: skip
+        """Record what the floor carries after a long ``step`` from one time to another, s.
 
-        ``before``: the elements at its start; ``forces``: gives the mean forces (N) of the step, shape (elements, forces, 2);
-        ``clearance``: least water under a keel as the bed has it (m), NaN where the depth under the middle of elements counts.
+        ``before``, ``el``: the elements at its start and at its end; ``forces``: gives the mean forces (N) of the step, shape
+        (elements, forces, 2); ``clearance``: least water under a keel as the bed has it (m), NaN where the depth under the middle
+        of elements counts.
         """
-        el, p = model.elements, model.constants
         depth = el.environment.depth
         touching = on_the_floor(el.body.thickness, depth, el.keel.floor_load, p)
         least = float(np.min(depth - draft_of(el.body.thickness, p.rho_ice))) if math.isnan(clearance) else clearance
@@ -85,8 +84,10 @@ class GroundingLog:
         if not touching.any():
             return
         numbers = np.unique(el.body.berg[touching])
-        for row in _measured(numbers, touching, before, model, began, forces()):
-            self._add(row, began)
+        for row in _measured(numbers, touching, before, el, step, p, forces()):
+            berg = tree.origin(row.number)
+            if not 0 < berg <= len(tree.rows) or row.area >= LEAST_SHARE * tree.rows[berg - 1].area:
+                self._add(row.event, step[0])
 
     def _add(self, row: GroundingEvent, began: float) -> None:
         """Extend the last event of a fragment by a step, or begin a new one."""
@@ -118,11 +119,19 @@ def mass_on_floor(el: Elements, p: KernelParameters) -> Floats:
     return np.asarray(above + el.keel.floor_load / GRAVITY)
 
 
+class _Measured(NamedTuple):
+    """A fragment on the floor."""
+
+    number: int
+    area: float  # m2
+    event: GroundingEvent  # As one step alone has it
+
+
 def _measured(
-    numbers: Ints, touching: NDArray[np.bool_], before: Elements, model: RunState, began: float, forces: Floats
-) -> list[GroundingEvent]:
-    """Return a row for each fragment on the floor that is not small, as this one step alone has it."""
-    el, p = model.elements, model.constants
+    numbers: Ints, touching: NDArray[np.bool_], before: Elements, el: Elements, step: tuple[float, float],
+    p: KernelParameters, forces: Floats,
+) -> list[_Measured]:  # fmt: skip
+    """Return what a step alone shows of each fragment on the floor."""
     rows = np.flatnonzero(np.isin(el.body.berg, numbers))
     which, first = np.searchsorted(numbers, el.body.berg[rows]), np.empty(numbers.size, np.int64)
     first[which[::-1]] = rows[::-1]
@@ -155,22 +164,15 @@ def _measured(
     lift, stress, gouge = map(largest, (el.keel.floor_lift, el.keel.floor_stress, el.keel.floor_yield))
     towards = np.degrees(np.arctan2((touch_x - centre_x) * east[first], (touch_y - centre_y) * north)) % 360.0
     area = total(el.body.length * el.body.width)
-    return [
-        GroundingEvent(
-            number, began, model.time, float(place.lon[k] + touch_x[n]), float(place.lat[k] + touch_y[n]), float(towards[n]),
-            int(carried[n]), 1, model.time - began, int(carried[n]), float(borne[n]), float(holds[n]), float(pressing[n]),
+    (began, ended), measured = step, []
+    for n, (number, k) in enumerate(zip(numbers.tolist(), first.tolist(), strict=True)):
+        event = GroundingEvent(
+            number, began, ended, float(place.lon[k] + touch_x[n]), float(place.lat[k] + touch_y[n]), float(towards[n]),
+            int(carried[n]), 1, ended - began, int(carried[n]), float(borne[n]), float(holds[n]), float(pressing[n]),
             lift[n], stress[n], gouge[n], float(way[n]), float(way[n]) if speed[n] < STANDSTILL else -1.0,
-        )
-        for n, (number, k) in enumerate(zip(numbers.tolist(), first.tolist(), strict=True))
-        if area[n] >= LEAST_SHARE * _berg_area(model, number)
-    ]  # fmt: skip
-
-
-def _berg_area(model: RunState, number: int) -> float:
-    """Area (m2) that the berg of a fragment had at first; 0 where it is not known."""
-    tree = model.fragments
-    berg = tree.origin(number)
-    return tree.rows[berg - 1].area if 0 < berg <= len(tree.rows) else 0.0
+        )  # fmt: skip
+        measured.append(_Measured(number, float(area[n]), event))
+    return measured
 
 
 def _metres_per_unit(lat: Floats, p: KernelParameters) -> tuple[Floats, float]:
