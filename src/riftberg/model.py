@@ -150,13 +150,12 @@ class BareModel(RunState):
     def going_on(
         cls, population: Population, forcing: Forcing, parameters: Parameters, start: datetime, time: float,
         step_number: int, fragments: Sequence[Fragment], bergs: Sequence[tuple[str, int]] = (),
-        contacts: ContactLog | None = None, laws: Laws | None = None, groundings: GroundingLog | None = None,
+        contacts: ContactLog | None = None, laws: Laws | None = None,
     ) -> Self:  # fmt: skip
         """Return a model that stands at a state reached before."""
         model = cls.__new__(cls)
         model._begin(population, forcing, parameters, start, time, step_number, fragments, bergs, laws=laws)
         model.contacts = ContactLog() if contacts is None else contacts
-        model.groundings = GroundingLog() if groundings is None else groundings
         return model
 
     def _begin(

@@ -287,8 +287,9 @@ class Model(BareModel):
             )  # fmt: skip
         model = cls.going_on(
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
-            state.fragments, state.bergs, state.contacts, laws, state.groundings,
+            state.fragments, state.bergs, state.contacts, laws,
         )  # fmt: skip
+        model.groundings = state.groundings
         model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
         model._stepper.load_state_dict(state.extra)
         return model
