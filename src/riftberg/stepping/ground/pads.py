@@ -47,6 +47,7 @@ class Pads(NamedTuple):
     ice: Floats  # Area (m2) and centroid of the ice in each square; shape (squares, 3)
     frame: Floats  # Of each fragment the columns below; shape (fragments, 5)
     element: Floats  # Places of the elements; shape (rows, 2)
+    moments: Floats  # Area of each element, its moments by x and y, second moments xx, xy, yy; shape (rows, 6)
 
 
 ORIGIN_X, ORIGIN_Y, SIDE, LOW_X, LOW_Y = range(5)
@@ -129,9 +130,11 @@ def _cut_by_squares(
 
 @kernel
 def _fill_squares(
-    polygon_start: Ints, start: Ints, corner: Floats, square: Ints, raster: Ints, centre: Floats, ice: Floats
-) -> None:
-    """Find the centroids of polygons, and the ice of each square."""
+    polygon_start: Ints, start: Ints, corner: Floats, owner: Ints, square: Ints, raster: Ints, centre: Floats, ice: Floats,
+    moments: Floats,
+) -> None:  # fmt: skip
+    """Find the centroids of polygons, the ice of each square, and the moments of each element."""
+    room = np.ones((CORNERS, 3))
     for b in range(polygon_start.size - 1):
         for k in range(polygon_start[b], polygon_start[b + 1]):
             area, centre[k, 0], centre[k, 1] = _centroid(corner, start[k], start[k + 1])
@@ -139,6 +142,14 @@ def _fill_squares(
             ice[s, 0] += area
             ice[s, 1] += area * centre[k, 0]
             ice[s, 2] += area * centre[k, 1]
+            size, sums = start[k + 1] - start[k], np.zeros(10)
+            if size > len(room):
+                room = np.ones((size, 3))
+            for n in range(size):
+                room[n, 0], room[n, 1] = corner[start[k] + n, 0], corner[start[k] + n, 1]
+            add_moments(room, size, 0.0, 1.0, sums)
+            for n in range(6):
+                moments[owner[k], n] += sums[3 + n]
     for s in range(len(ice)):
         if ice[s, 0] > 0.0:
             ice[s, 1] /= ice[s, 0]
@@ -182,10 +193,11 @@ def cut_into_pads(footprint: BodyFootprint, body: Ints, count: int, xy: Floats, 
         room *= 2
     start, corner = out_start[: found + 1].copy(), out[: out_start[found]].copy()
     centre, ice, square = np.zeros((found, 2)), np.zeros((squares[-1], 3)), square[:found].copy()
-    _fill_squares(polygon_start, start, corner, square, raster, centre, ice)
+    owner, moments = footprint.owner[origin[:found]], np.zeros((body.size, 6))
+    _fill_squares(polygon_start, start, corner, owner, square, raster, centre, ice, moments)
     return Pads(
-        footprint.rows, np.searchsorted(body, np.arange(count + 1)), polygon_start, start, corner, centre,
-        footprint.owner[origin[:found]], square, raster, ice, frame, xy - frame[body, :2],
+        footprint.rows, np.searchsorted(body, np.arange(count + 1)), polygon_start, start, corner, centre, owner, square, raster,
+        ice, frame, xy - frame[body, :2], moments,
     )  # fmt: skip
 
 
@@ -198,7 +210,8 @@ def melted(pads: Pads, part: Floats) -> Pads:
     def shrunk(points: Floats, owner: Ints) -> Any:
         return pads.element[owner] + (points - pads.element[owner]) * part[owner, None]
 
-    return pads._replace(corner=shrunk(pads.corner, of), centre=shrunk(pads.centre, pads.owner))
+    moments = pads.moments * part[:, None] ** 2
+    return pads._replace(corner=shrunk(pads.corner, of), centre=shrunk(pads.centre, pads.owner), moments=moments)
 
 
 @kernel
@@ -226,29 +239,23 @@ def fill_hulls(
     ``thickness``, ``draft``: of the elements ``pads.rows``, m; ``modulus`` (Pa): 0 for ice that does not bend. Pieces that are
     narrower than their thickness, or nearly unstable, take no tilt.
     """
-    room = np.empty((CORNERS, 3))
     for b in range(mean.size):
-        sums, moment, ice = np.zeros(10), 0.0, 0.0
-        for k in range(pads.polygon_start[b], pads.polygon_start[b + 1]):
-            size, before, e = pads.start[k + 1] - pads.start[k], sums[3], pads.owner[k]
-            if size > len(room):
-                room = np.empty((size, 3))
-            for n in range(size):
-                room[n, 0], room[n, 1] = pads.corner[pads.start[k] + n, 0], pads.corner[pads.start[k] + n, 1]
-                room[n, 2] = 1.0
-            add_moments(room, size, 0.0, 1.0, sums)
+        sums, lean, ice = np.zeros(6), 0.0, 0.0
+        for e in range(pads.row_start[b], pads.row_start[b + 1]):
+            for n in range(6):
+                sums[n] += pads.moments[e, n]
             # Distance of the centres of mass and of buoyancy, by the volume of water.
-            moment += (sums[3] - before) * draft[e] * 0.5 * (thickness[e] - draft[e])
-            ice += (sums[3] - before) * thickness[e]
-        area, mean[b] = sums[3], ice / sums[3]
+            lean += pads.moments[e, 0] * draft[e] * 0.5 * (thickness[e] - draft[e])
+            ice += pads.moments[e, 0] * thickness[e]
+        area, mean[b] = sums[0], ice / sums[0]
         length[b] = bending_length(modulus, poisson, mean[b])
         # Melted pads lie a little aside of the centroid of the whole ones.
-        xx, xy, yy = sums[6] - sums[4] ** 2 / area, sums[7] - sums[4] * sums[5] / area, sums[8] - sums[5] ** 2 / area
+        xx, xy, yy = sums[3] - sums[1] ** 2 / area, sums[4] - sums[1] * sums[2] / area, sums[5] - sums[2] ** 2 / area
         least = 0.5 * (xx + yy) - math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
         hull[b, :, :] = 0.0
         hull[b, 0, 0], hull[b, 1, 1], hull[b, 2, 2] = WATER_STIFFNESS * area, RIGID, RIGID
-        if 12.0 * least / area >= mean[b] ** 2 and least - moment > 0.5 * least:
-            hull[b, 1, 1], hull[b, 2, 2] = WATER_STIFFNESS * (yy - moment), WATER_STIFFNESS * (xx - moment)
+        if 12.0 * least / area >= mean[b] ** 2 and least - lean > 0.5 * least:
+            hull[b, 1, 1], hull[b, 2, 2] = WATER_STIFFNESS * (yy - lean), WATER_STIFFNESS * (xx - lean)
             hull[b, 1, 2] = hull[b, 2, 1] = -WATER_STIFFNESS * xy
 
 

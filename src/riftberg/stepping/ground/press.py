@@ -184,6 +184,7 @@ def _raised(one: Overlaps, m: int, q: Floats, bending: float, piece: Floats) -> 
     return size, highest
 
 
+# Many arguments: scratch for polygons is made once for all loops of a press.
 @kernel
 def _set_compliance(
     pads: Pads, b: int, one: Overlaps, sq: Squares, q: Floats, top: float, hull: Floats, length: float, wide: bool, piece: Floats,
@@ -409,6 +410,7 @@ def _minimise(
     return -1
 
 
+# Many arguments: as in `press`, whose results it writes.
 @kernel
 def _share_out(
     pads: Pads, b: int, polygons: Ints, one: Overlaps, sq: Squares, q: Floats, bed: Bed, gradient: Floats, length: float,

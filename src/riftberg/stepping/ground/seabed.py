@@ -114,6 +114,7 @@ def depth_of_bed(forcing: Forcing, middle: float = 0.0, period: float = 0.0) -> 
     return depth
 
 
+# Many arguments: the arrays that it needs of the state, apart.
 @kernel
 def _find_near(
     bodies: Bodies, thickness: Floats, length: Floats, width: Floats, depth: Floats, uo: Floats, vo: Floats, load: Floats,
@@ -151,6 +152,7 @@ def _place_squares(
         lon[n], lat[n] = place_points(x, y, pose[b], latlon, radius)
 
 
+# Many arguments: lists of squares and polygons are arrays apart, as the loop reads them.
 @kernel
 def _find_candidates(
     pads: Pads, polygons: Ints, square: Ints, body: Ints, slope: Floats, depth: Floats, draft: Floats, reach: Floats,
