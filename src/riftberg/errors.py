@@ -12,6 +12,40 @@ _LONG: Final = re.compile(r"\S{400,}")
 """Words that a person would not read to their end; paths may be long."""
 
 
+CUT: Final = "***"
+"""What stands in addresses in the place of what nobody else is to know."""
+
+_USER: Final = re.compile(r"(://)[^\s/'\"<>]*@")
+_QUERY: Final = re.compile(r"(\w://[^\s?#'\"<>]*)([?#][^\s'\"<>]*[^\s'\"<>\])},.:;])")
+_HARMLESS: Final = re.compile(r"#mode=[\w,]+")
+_SECRET: Final = re.compile(
+    r"((?:authorization|passw(?:or)?d|secret|(?:access|api|account)[_-]?key|token|signature|credentials?)\w*[\"']?\s*[:=]\s*"
+    r"[\"']?(?!(?:(?:bearer|basic)\s+)?\*\*\*)(?:(?:bearer|basic)\s+)?)[^\s\"',;&)}\]]+",
+    re.IGNORECASE,
+)
+
+
+def without_secrets(text: str) -> str:
+    """Return a text without what addresses in it hold of user names, passwords, tokens and signatures, for files and messages.
+
+    Cut are user information, the values of a query and the fragment of an address, and what is called a password, token or
+    the like elsewhere.
+    """
+    text = _QUERY.sub(lambda found: found[1] + _cut_query(found[2]), _USER.sub(rf"\1{CUT}@", text))
+    return _SECRET.sub(rf"\1{CUT}", text)
+
+
+def _cut_query(query: str) -> str:
+    """Return a query and a fragment with the names of their values alone; ``#mode=bytes`` tells netCDF how to read."""
+    parts = re.split(r"([?&;#])", query)
+    pairs = zip(parts[1::2], parts[2::2], strict=True)
+    return "".join(
+        sign + (value if _HARMLESS.fullmatch(sign + value) else f"{name}={CUT}" if equals else CUT if name else "")
+        for sign, value in pairs
+        for name, equals, _ in [value.partition("=")]
+    )
+
+
 def _ends(word: re.Match[str]) -> str:
     return f"{word[0][:60]} ... {word[0][-15:]}"
 
@@ -57,7 +91,7 @@ class InputError(RiftbergError):
     """
 
     def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
-        what, where, remedy = (_LONG.sub(_ends, part) for part in (what, where, remedy))
+        what, where, remedy = (_LONG.sub(_ends, without_secrets(part)) for part in (what, where, remedy))
         self.what, self.where, self.remedy = what, where, remedy
         self.faults: list[InputError] = [self]
         text = f"{where}: {what}" if where else what

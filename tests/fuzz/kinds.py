@@ -7,6 +7,7 @@ import os
 import random
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from fuzz.base_files import (
 )
 from fuzz.judging import Kind, flipped
 from kid.conftest import DRIVER, ICEBERGS, restart_variables
+from riftberg.runs.restart import seal
 
 RUN = ["run", "bad.yaml", "-o", "out", "-q", "--no-map"]
 
@@ -663,10 +665,17 @@ def restart_variables_of_own() -> Iterator[Kind]:
         yield Kind("restart of another run", command[1], built_in, ("good.restart.nc",))
 
 
+def resealed(path: Path) -> None:
+    """Give a restart the checksum of what it holds now."""
+    with suppress(TypeError), netCDF4.Dataset(path, "a") as file:
+        seal(file)
+
+
 def _restart(change: Callable[..., Any]) -> Callable[[Path], list[str]]:
     def make(folder: Path) -> list[str]:
         copied(folder, "good.restart.nc", "good.yaml")
         changed_nc(folder / "good.restart.nc", change)
+        resealed(folder / "good.restart.nc")
         (folder / "good.restart.nc").rename(folder / "bad.restart.nc")
         return RESUME
 

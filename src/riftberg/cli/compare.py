@@ -41,8 +41,9 @@ from riftberg.cli.options import (
 )
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.config.units import count_text, minute_text
-from riftberg.errors import InputError
-from riftberg.system.input_files import check_file, is_folder, value_shown
+from riftberg.errors import CUT, InputError
+from riftberg.system.atomic_files import write_text
+from riftberg.system.input_files import ADDRESSES, check_file, is_folder, value_shown
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -279,8 +280,12 @@ def run_again(
         raise InputError("another experiment has this file", where=str(file), remedy="Name another folder by --output")
     with results_folder(folder):
         if FILE in kept:
-            file.write_text(kept[FILE], encoding="utf-8")
+            write_text(file, kept[FILE])
             experiment = str(file)
+            if CUT in kept[FILE]:
+                say(
+                    f"Notice: {CUT} in its addresses was cut when it was stored; the whole addresses are read from {ADDRESSES}"
+                )
         try:
             say("riftberg " + shlex.join([command, experiment, *words]))
             code = app([command, experiment, *words], standalone_mode=False)

@@ -335,6 +335,7 @@ def new(
     from riftberg.config.values import number, parse_date
     from riftberg.diagnostics.observed import known_at, read_berg
     from riftberg.experiments.yaml_file import read_file
+    from riftberg.system.atomic_files import write_text
 
     positive(days, "--days", "days", most=400.0)
     start = parse_date(date, where="--date")[0]
@@ -360,8 +361,8 @@ def new(
     axes = given or (known.size.axes if known.size else None)
     text, ring = _experiment(berg, start, days, known, axes, shape, outline, azimuth, metres, file)
     if ring:
-        ring_file(file).write_text("lon,lat\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in ring), encoding="utf-8")
-    file.write_text(text, encoding="utf-8")
+        write_text(ring_file(file), "lon,lat\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in ring))
+    write_text(file, text)
     read_file(file)
     tell(f"Written: {file}" + (f", {ring_file(file)}" if ring else ""))
     for line in text.splitlines():

@@ -394,10 +394,10 @@ class Session:
         # Compression leaves half of the single precision; the ledgers, in double precision, have some 300 bytes a record.
         record = 0.5 * 4.0 * (histories * elements + 3.0 * bonds) + 300.0
         state = 8.0 * (elements * len(ELEMENT_VARIABLES) + bonds * len(BOND_VARIABLES))
-        # Names and units of its variables take 300 kB of a run file, and 140 kB of a restart file.
+        # Names, units and checksums of its variables take 400 kB of a run file, and 140 kB of a restart file.
         there = self.folder / "run.nc"
         return (
-            2.0 * (records * record + 3e5) + 3.0 * (state + 1.4e5) - (there.stat().st_size if there.is_file() else 0.0)
+            2.0 * (records * record + 4e5) + 3.0 * (state + 1.4e5) - (there.stat().st_size if there.is_file() else 0.0)
         )
 
     def run(self, days: float, every_hours: float) -> None:

@@ -118,22 +118,13 @@ def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resumi
 
 def merge_hourly(parts: Sequence[Path], target: Path, field: Hourly) -> None:
     """Join the parts of an hourly field in order of time, check them, and write one file."""
-    unfinished = target.with_suffix(".unfinished")
-    try:
-        _join(_in_order(parts), unfinished)
-    except ForcingError:
-        unfinished.unlink(missing_ok=True)
-        raise
-    except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
-        unfinished.unlink(missing_ok=True)
-        remedy = "Free some space, or choose another folder: the parts are kept"
-        raise ForcingError(f"could not be written ({refusal(error)})", where=str(target), remedy=remedy) from error
-    try:
-        check_hourly(unfinished, field)
-    except ForcingError:
-        unfinished.unlink()
-        raise
-    unfinished.replace(target)
+    with replacing(target) as part:
+        try:
+            _join(_in_order(parts), part)
+        except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
+            remedy = "Free some space, or choose another folder: the parts are kept"
+            raise ForcingError(f"could not be written ({refusal(error)})", where=str(target), remedy=remedy) from error
+        check_hourly(part, field)
 
 
 def _in_order(parts: Sequence[Path]) -> list[Path]:

@@ -45,7 +45,7 @@ from riftberg.products.repair import (
     without_land,
 )
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
-from riftberg.system.input_files import check_file, is_address, is_folder, reading
+from riftberg.system.input_files import check_file, hidden, is_address, is_folder, reading, whole_address
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
 from riftberg.system.process import SETTINGS, own_filters
 
@@ -139,6 +139,7 @@ def check_readable(path: str) -> None:
 
 def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
     """Open a file or Zarr store without decoding anything, lazily; text variables are left out."""
+    path = hidden(path)
     opened = _open(path)
     ds = with_text_dates(with_scalar_mappings(opened))
     text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
@@ -178,7 +179,7 @@ def _open(path: str, **options: Any) -> xr.Dataset:
     else:
         check_readable(path)
     with reading(path, "cannot be opened", remedy, ForcingError):
-        return open_lazily(path, decode_cf=False, **options)
+        return open_lazily(whole_address(path), decode_cf=False, **options)
 
 
 def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
@@ -193,7 +194,7 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
         warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
         # Listing a store of the second format, zarr-python stumbles over that format's own marks.
         warnings.filterwarnings("ignore", message=r"Object at \.z\w+ is not recognized")
-        place: Any = path
+        place: Any = whole_address(path)
         if not is_address(path) and Path(path).is_file():
             from zarr.storage import ZipStore
 

@@ -19,7 +19,7 @@ from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import paired_vectors
-from riftberg.system.input_files import at_home, files_matching, is_address
+from riftberg.system.input_files import at_home, files_matching, hidden, is_address
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 STAGES = ("nrt", "interim", "final")
@@ -145,7 +145,7 @@ def expand(paths: Paths) -> list[str]:
     """Return the files that ``paths`` names: patterns are expanded, addresses and Zarr stores kept."""
     patterns: Iterable[str | Path] = [paths] if isinstance(paths, str | Path) else paths
     files: list[str] = []
-    for path in map(str, patterns):
+    for path in map(hidden, map(str, patterns)):
         matches = files_matching(path)
         if not matches and any(sign in path for sign in "*?["):
             raise ForcingError("no file matches", where=path, remedy="Check the folder and the pattern")

@@ -83,7 +83,7 @@ from riftberg.runs.tracks import (
 )
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
-from riftberg.system.input_files import is_folder
+from riftberg.system.input_files import is_folder, reading
 from riftberg.system.netcdf_lock import open_netcdf
 
 if TYPE_CHECKING:
@@ -292,7 +292,7 @@ class RunWriter:
         """Lay the file out as it was when the state of the model was saved, with the records from before."""
         kept: dict[str, Any] = model.remembered
         layout, place = self._layout, f"{self.path}, going on with it"
-        with open_netcdf(self.path) as old:
+        with reading(place, "a damaged run file", _ANEW), open_netcdf(self.path) as old:
             old.set_auto_mask(False)
             gap = missing_records(old["time"][:], kept, self.interval)
             if gap:
@@ -606,7 +606,7 @@ def _create(
     light = {"compression": "zlib", "complevel": 1, "shuffle": True}
     options: dict[str, Any] = light if packed and dims[0] != "bond" else {}
     missing = (MISSING if kind == "i4" else np.nan) if gaps and packed else False
-    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=missing, **options)
+    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=missing, fletcher32=True, **options)
     variable.setncatts({key: value for key, value in attributes.items() if value != ""})
     return variable
 

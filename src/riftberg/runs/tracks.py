@@ -457,7 +457,7 @@ def write_tracks(file: netCDF4.Dataset, table: Mapping[str, Ragged]) -> None:
             variable = define_texts(group, name, dimension)
         else:
             missing = np.nan if name == "azimuth" else False
-            variable = group.createVariable(name, values.dtype, (dimension,), fill_value=missing)
+            variable = group.createVariable(name, values.dtype, (dimension,), fill_value=missing, fletcher32=True)
         variable.setncatts(attributes)
         if dimension == "index" and name != "time":
             variable.coordinates = "time"

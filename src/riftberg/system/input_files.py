@@ -29,7 +29,8 @@ from glob import glob
 from pathlib import Path
 from typing import Any, Final
 
-from riftberg.errors import InputError, RiftbergError
+from riftberg.errors import CUT, InputError, RiftbergError, without_secrets
+from riftberg.system.atomic_files import refusal
 
 MOST_ELEMENTS: Final = 1_000_000
 """Elements of a berg."""
@@ -217,6 +218,33 @@ def is_address(path: object) -> bool:
     return "://" in str(path)
 
 
+ADDRESSES: Final = "RIFTBERG_ADDRESSES"
+"""Environment variable with whole addresses, separated by blanks, of which files and messages have but a part."""
+
+_WHOLE: Final[dict[str, str]] = {}
+
+
+def hidden(path: str) -> str:
+    """Return an address without what nobody else is to know, which `whole_address` gives back in this process."""
+    if not is_address(path) or (cut := without_secrets(path)) == path:
+        return path
+    _WHOLE[cut] = path
+    return cut
+
+
+def whole_address(path: str) -> str:
+    """Return an address with what was cut from it: as it was given in this process, or as it stands in the environment."""
+    if not is_address(path) or CUT not in path:
+        return path
+    told = {without_secrets(whole): whole for whole in os.environ.get(ADDRESSES, "").split()}
+    if (found := _WHOLE.get(path) or told.get(path)) is None:
+        raise InputError(
+            f"user name, password, query or fragment ({CUT}) were cut from this address when it was stored", where=path,
+            remedy=f"Put the whole address into the environment variable {ADDRESSES}",
+        )  # fmt: skip
+    return found
+
+
 def at_home(name: str) -> str:
     """Return a name with ``~`` written out, as a shell does; one that is called so stays."""
     return os.path.expanduser(name) if name.startswith("~") and not os.path.lexists(name) else name
@@ -263,7 +291,9 @@ def reading(where: object, what: str, remedy: str, kind: type[InputError] = Inpu
     except (TypeError, AttributeError, IndexError) as error:  # their texts speak of Python
         raise kind(what, where=shown(where), remedy=remedy) from error
     except Exception as error:  # libraries raise what they like: struct.error, KeyError, zlib.error, UnicodeError ...
-        raise kind(f"{what}{because(error)}", where=shown(where), remedy=remedy) from error
+        told = kind(f"{what}{because(error)}", where=shown(where), remedy=remedy)
+        # A traceback would show what the library said of an address, password and all.
+        raise told from (error if without_secrets(str(error)) == str(error) else None)
 
 
 def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError] = InputError) -> list[str]:
@@ -312,7 +342,7 @@ def value_shown(value: object) -> str:
 def because(error: BaseException) -> str:
     """Return in brackets why the machine or our own code refused something, and in which line; nothing of a library's text."""
     if isinstance(error, OSError) and error.strerror and (error.errno or 0) > 0:
-        return f" ({shown(error.strerror.lower())})"
+        return f" ({shown(refusal(error))})"
     frames = traceback.extract_tb(error.__traceback__)
     ours = not frames or ("riftberg" in Path(frames[-1].filename).parts and str(frames[-1].line).startswith("raise"))
     if ours and (lines := [line.strip() for line in str(error).splitlines() if line.strip()]):
