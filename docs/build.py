@@ -67,6 +67,7 @@ def extra(field: Any, name: str) -> str:
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
     from riftberg.config.usual_ranges import USUAL
+    from riftberg.config.values import words_for_nothing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
     default = Parameters()
@@ -94,7 +95,9 @@ def parameters_page() -> str:
             plain, physics, kid = (getattr(getattr(p, group), name) for p in (default, A68A_2022, A68A_2022_KID))
             rows.append(
                 (
-                    code(name), value_text(plain), extra(field, "unit"), limits(field), span, field.description or "",
+                    # Nothing by a word that is no choice of its own.
+                    code(name), words_for_nothing(field)[0] if plain is None else value_text(plain), extra(field, "unit"),
+                    limits(field), span, field.description or "",
                     value_text(physics) if physics != plain else "", value_text(kid) if kid != physics else "",
                     extra(field, "source"),
                 )

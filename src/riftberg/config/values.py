@@ -184,7 +184,7 @@ def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
         return value
     if str in kinds:  # a name; where a number may stand too (a thickness), what begins like one is one
         return _number(value, field, unit_of(field)) if float in kinds and looks_like_quantity(value) else value
-    if type(None) in get_args(field.annotation) and value.lower() in _words_for_nothing(field):
+    if type(None) in get_args(field.annotation) and value.lower() in words_for_nothing(field):
         return None
     if bool in kinds:
         return _flag(value)
@@ -195,7 +195,7 @@ def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
     return value
 
 
-def _words_for_nothing(field: FieldInfo) -> tuple[str, ...]:
+def words_for_nothing(field: FieldInfo) -> tuple[str, ...]:
     """Words that leave a field to the others, the usual one first; "none" may be a choice of its own."""
     choices = [choice for kind in kinds_of(field.annotation) for choice in get_args(kind)]
     return ("auto", "null", "") if "none" in choices else ("none", "null", "auto", "")
@@ -270,7 +270,7 @@ def allowed(field: FieldInfo, *, metres: bool = False) -> str:
     text = "Allowed: " + " or ".join(kinds) + (" " + " and ".join(limits) if limits else "")
     unit = "m" if metres and _extra(field, "place") else unit_of(field)
     text += f", in {unit}" if unit not in ("", "1") else ""
-    text += f" or {_words_for_nothing(field)[0]}" if type(None) in get_args(field.annotation) else ""
+    text += f" or {words_for_nothing(field)[0]}" if type(None) in get_args(field.annotation) else ""
     # What follows a semicolon is about special cases, which are hard to read in brackets.
     return text + (f" ({field.description.split(';')[0]})" if field.description else "")
 
