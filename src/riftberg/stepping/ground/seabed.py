@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -62,6 +63,9 @@ STEEPEST: Final = 0.5
 
 RING: Final = 5000.0
 """Way (m) for which the floor around a fragment is surveyed at once."""
+
+WIDER: Final = 4.0
+"""Factor of that way for which it is surveyed; the survey holds as long as nothing near is in it."""
 
 RESERVE: Final = 5.0
 """Clearance (m) beyond the surveyed one that levels may take."""
@@ -184,6 +188,8 @@ class Shoal:
         self, key: list[bytes], bodies: Ints, side: Floats, pads: Pads, size: Floats, before: Shoal | None = None
     ) -> None:  # fmt: skip
         self.key, self.bodies, self.side, self.whole, self.size = key, bodies, side, pads, size
+        self.arrays: tuple[NDArray[Any], ...] = ()  # of which the key was made, as they were last
+        self.ice = b""  # and the thickness that it had then
         self.lone, of = np.diff(pads.row_start) == 1, np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
         self._square = pads.raster[of, 0] + pads.square[:, 0] * pads.raster[of, 2] + pads.square[:, 1]
         of_corner = np.repeat(of, np.diff(pads.start))
@@ -223,44 +229,47 @@ class Shoal:
         moved += self.radius * np.linalg.norm(pose[:, :, 0] - self._surveyed[:, :, 0], axis=1)
         old = np.flatnonzero(near & ~self.lone & ~(moved + reach <= self._ring))
         for b in old.tolist():
-            self._ring[b], self._surveyed[b] = max(RING, 2.0 * reach[b]), pose[b]
-            self._survey(
-                b, pose[b], float(draft[self.whole.row_start[b] : self.whole.row_start[b + 1]].max()), depth, c
-            )
+            self._surveyed[b], deepest = pose[b], draft[self.whole.row_start[b] : self.whole.row_start[b + 1]].max()
+            self._ring[b] = self._survey(b, pose[b], max(RING, 2.0 * reach[b]), float(deepest), depth, c)
         if old.size:
             self._list()
 
-    def _survey(self, b: int, pose: Floats, draft: float, depth: DepthOf, c: KernelParameters) -> None:
-        """Survey the floor around a fragment, on a raster of two sides of its pads."""
+    def _survey(self, b: int, pose: Floats, ring: float, draft: float, depth: DepthOf, c: KernelParameters) -> float:
+        """Survey the floor around a fragment, on a raster of two sides of its pads; returns the way for which it holds (m).
+
+        That is ``ring``, or more where there is nothing near.
+        """
         from scipy.ndimage import maximum_filter, minimum_filter
 
         first, rows, columns = self.whole.raster[b].tolist()
-        side, ring, ice = self.side[b], self._ring[b], self.whole.ice[first : first + rows * columns]
-        low, high = ice[:, 1:].min(axis=0) - side - ring, ice[:, 1:].max(axis=0) + side + ring
-        step, (n, m) = 2.0 * side, (np.ceil((high - low) / (2.0 * side)).astype(np.int64) + 1).tolist()
-        x, y = np.meshgrid(low[0] + step * np.arange(n), low[1] + step * np.arange(m))
-        lon, lat = _positions(
-            x.ravel() + self.whole.frame[b, ORIGIN_X], y.ravel() + self.whole.frame[b, ORIGIN_Y], pose, c
+        ice, step, margin = (
+            self.whole.ice[first : first + rows * columns],
+            2.0 * self.side[b],
+            WIDER * ring + self.side[b],
         )
+        low, high = ice[:, 1:].min(axis=0) - margin, ice[:, 1:].max(axis=0) + margin
+        n, m = (np.ceil((high - low) / step).astype(np.int64) + 1).tolist()
+        x, y = np.meshgrid(low[0] + step * np.arange(n), low[1] + step * np.arange(m))
+        frame = self.whole.frame[b]
+        lon, lat = _place_all(x.ravel() + frame[ORIGIN_X], y.ravel() + frame[ORIGIN_Y], pose, c.latlon, c.earth_radius)
         floor = np.minimum(depth(lon, lat), OPEN_DEPTH).reshape(x.shape)
         deepest = minimum_filter(floor, 3)
         drop = maximum_filter(floor, 3) - deepest
-        # Of all that the fragment may come over before the next survey.
-        size = 2 * math.ceil(ring / step) + 3
-        least, steepest = minimum_filter(deepest - 0.5 * drop, size), maximum_filter(drop, size) / step
         i, j = np.rint((ice[:, 1:] - low) / step).astype(np.int64).T
-        slope = np.minimum(1.5 * steepest[j, i] + 1e-3, STEEPEST)
-        self._slope[first : first + rows * columns] = np.where(least[j, i] < draft + RESERVE, slope, np.nan)
-
-
-def _positions(x: Floats, y: Floats, pose: Floats, c: Any) -> tuple[Floats, Floats]:
-    """Return the positions (degrees, or m) of points of a fragment, given on its tangent plane (m)."""
-    return _place_all(x, y, pose, c.latlon, c.earth_radius)
+        for part in (WIDER, 0.5 * WIDER, 1.0):
+            # Of all that the fragment may come over before the next survey.
+            size = 2 * math.ceil(part * ring / step) + 3
+            near = minimum_filter(deepest - 0.5 * drop, size)[j, i] < draft + RESERVE
+            if not near.any():
+                break
+        slope = np.minimum(1.5 * maximum_filter(drop, size)[j, i] / step + 1e-3, STEEPEST) if near.any() else np.nan
+        self._slope[first : first + rows * columns] = np.where(near, slope, np.nan)
+        return part * ring
 
 
 @kernel
 def _place_all(x: Floats, y: Floats, pose: Floats, latlon: bool, radius: float) -> tuple[Floats, Floats]:
-    """See `_positions`."""
+    """Find the positions (degrees, or m) of points of a fragment, given on its tangent plane (m)."""
     lon, lat = np.empty_like(x), np.empty_like(y)
     for n in range(x.size):
         lon[n], lat[n] = place_points(x[n], y[n], pose, latlon, radius)
@@ -325,7 +334,11 @@ class Seabed:
     def _shoal(self, model: RunState, bodies: Bodies, near: NDArray[np.bool_]) -> Shoal:
         """Return the pads of the fragments that are near."""
         el, c, which = model.elements, model.constants, np.flatnonzero(near)
-        key = [array.tobytes() for array in (bodies.body, bodies.reference, el.body.id)]
+        arrays, ice = (bodies.body, bodies.reference, el.body.id), el.body.thickness.tobytes()
+        for shoal in self._shoals:  # nearly always: nothing has changed
+            if all(map(operator.is_, arrays, shoal.arrays)) and ice == shoal.ice and np.isin(which, shoal.bodies).all():
+                return shoal
+        key = [array.tobytes() for array in arrays]
         known = next((shoal for shoal in self._shoals if shoal.key == key), None)
         if known is not None and not np.isin(which, known.bodies).all():
             which = np.union1d(which, known.bodies) if known.bodies.size < 2 * which.size else which
@@ -337,6 +350,7 @@ class Seabed:
         modulus = self.bed.modulus or 9e9
         side = sides_of_pads(modulus, POISSON, thickness)
         if known is not None and np.array_equal(which, known.bodies) and np.array_equal(side, known.side):
+            known.arrays, known.ice = arrays, ice
             return known
         place = np.full(near.size, -1)
         place[which] = np.arange(which.size)
@@ -347,6 +361,7 @@ class Seabed:
         footprint = body_footprint(prints, el, rows, xy, body, shrinks=False)
         size = prints.size[rows_of(prints.element, el.body.id[rows])[0]]
         shoal = Shoal(key, which, side, cut_into_pads(footprint, body, which.size, xy[rows], side), size, known)
+        shoal.arrays, shoal.ice = arrays, ice
         self._shoals = [shoal, *(one for one in self._shoals if one is not known)][:3]
         return shoal
 
@@ -360,21 +375,23 @@ class Seabed:
         el, c, forcing = model.elements, model.constants, model.forcing
         shoal = self._shoal(model, bodies, near)
         which, rows, count = shoal.bodies, shoal.whole.rows, shoal.bodies.size
-        pads = melted(shoal.whole, np.sqrt(el.body.length[rows] * el.body.width[rows] / shoal.size))
-        thickness = el.body.thickness[rows]
+        thickness, first = el.body.thickness[rows], rows[shoal.whole.row_start[:-1]]
         draft, pose, twist = draft_of(thickness, c.rho_ice), bodies.pose[which], bodies.twist[which]
-        number, hull, mean = np.zeros((count, landing.NUMBERS)), np.empty((count, 3, 3)), np.empty(count)
         speed = np.hypot(twist[:, 0], twist[:, 1]) + shoal.radius * np.abs(twist[:, 2])
-        first = rows[pads.row_start[:-1]]
         drift = np.where(shoal.lone, np.hypot(el.environment.uo[first], el.environment.vo[first]), 0.0)
-        number[:, landing.REACH] = reach = further * (h * np.maximum(speed, drift) + ASIDE)
+        reach = further * (h * np.maximum(speed, drift) + ASIDE)
         shoal.look_around(pose, reach, draft, near[which], self.depth, c)
+        if not shoal.squares.size:
+            return None
+        pads = melted(shoal.whole, np.sqrt(el.body.length[rows] * el.body.width[rows] / shoal.size))
+        number, hull, mean = np.zeros((count, landing.NUMBERS)), np.empty((count, 3, 3)), np.empty(count)
+        number[:, landing.REACH] = reach
         lon, lat = np.empty((2, shoal.squares.size))
         _place_squares(pads, shoal.squares, shoal.body, pose, c.latlon, c.earth_radius, lon, lat)
         middle = _place_middles(pads.frame, pose, c.latlon, c.earth_radius)
         for n, part in enumerate((0.0, 0.5, 1.0)):
             number[:, landing.LEVEL + n] = sea_level(forcing, *middle, time + part * h)
-        depth = (self.depth(lon, lat) if lon.size else lon) + number[:, landing.LEVEL :].min(axis=1)[shoal.body]
+        depth = self.depth(lon, lat) + number[:, landing.LEVEL :].min(axis=1)[shoal.body]
         polygons, start, clearance = (
             np.empty(shoal.polygons.size, np.int64),
             np.zeros(count + 1, np.int64),
