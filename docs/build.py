@@ -67,6 +67,7 @@ def extra(field: Any, name: str) -> str:
 def parameters_page() -> str:
     """Return the page of all parameters, with the values of the presets where they differ from the default."""
     from riftberg.config.usual_ranges import USUAL
+    from riftberg.config.values import words_for_nothing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
     default = Parameters()
@@ -94,7 +95,9 @@ def parameters_page() -> str:
             plain, physics, kid = (getattr(getattr(p, group), name) for p in (default, A68A_2022, A68A_2022_KID))
             rows.append(
                 (
-                    code(name), value_text(plain), extra(field, "unit"), limits(field), span, field.description or "",
+                    # Nothing by a word that is no choice of its own.
+                    code(name), words_for_nothing(field)[0] if plain is None else value_text(plain), extra(field, "unit"),
+                    limits(field), span, field.description or "",
                     value_text(physics) if physics != plain else "", value_text(kid) if kid != physics else "",
                     extra(field, "source"),
                 )
@@ -154,7 +157,7 @@ def _default(field: Any) -> str:
 def variables_page() -> str:
     """Return the page of the state variables and of the run file."""
     from riftberg.runs import run_file, tracks
-    from riftberg.runs.layout import BOND_LATEST, in_file
+    from riftberg.runs.layout import BOND_LATEST, FRAGMENT_VARIABLES, GROUNDING_VARIABLES, in_file
     from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 
     def rows(variables: Any) -> list[tuple[str, ...]]:
@@ -168,7 +171,8 @@ def variables_page() -> str:
         ]  # fmt: skip
 
     heads = ("name", "units", "meaning", "CF standard name", "in the run file", "in restarts")
-    fragments = [(code(f"fragment_{v.name}"), v.units, v.long_name) for v in run_file.FRAGMENT_VARIABLES]
+    fragments = [(code(f"fragment_{v.name}"), v.units, v.long_name) for v in FRAGMENT_VARIABLES]
+    stays = [(code(f"grounding_{v.name}"), v.units, v.long_name) for v in GROUNDING_VARIABLES]
     return "\n".join(
         [
             "# Variables\n",
@@ -188,6 +192,9 @@ def variables_page() -> str:
             "## Fragments\n",
             "Family tree of the fragments, in the run file along `fragment`; `fragment_number` is the value of `berg`.\n",
             table(("name", "units", "meaning"), fragments),
+            "## Stays on the sea floor\n",
+            "One row for each stay of a berg, or of a fragment of 5 % of its berg or more, along `grounding`.\n",
+            table(("name", "units", "meaning"), stays),
             "## Tracks\n",
             "The group `tracks`: bergs and fragments over time, as CF contiguous ragged arrays",
             "([results by berg](../howto/results-by-berg.md)). The first ones lie along `trajectory`, the others along `index`.\n",

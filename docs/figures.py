@@ -44,6 +44,7 @@ def make_figures(folder: Path) -> Iterator[Path]:
     yield house(folder / "house.png")
     yield life(folder / "life-of-an-element.png")
     yield five_lines(folder / "five-lines.png")
+    yield keel_and_floor(folder / "keel-and-floor.png")
     yield from story(folder)
     yield from scores(folder)
 
@@ -116,6 +117,42 @@ def life(path: Path) -> Path:
     ax.set_xlim(-0.05, 10.1)
     ax.set_ylim(-0.1, 4.4)
     ax.set_axis_off()
+    figure.savefig(path)
+    return path
+
+
+def keel_and_floor(path: Path) -> Path:
+    """Draw a section of a berg of 250 m that has slid up a slope of 1 in 1000: keel afloat, keel aground, floor."""
+    import numpy as np
+
+    from riftberg.physics.floating import draft_of
+    from riftberg.physics.seabed import bending_length
+    from riftberg.viz.style import new_figure
+
+    draft, length, slope, slid = draft_of(250.0, 850.0), bending_length(9e9, 0.3, 250.0), 1e-3, 310.0
+    x = np.linspace(0.0, 6e3, 600)  # m from the front of the berg, which faces left
+    floor = draft - slope * (slid - x)
+    # The front of a plate on water under a line of load (Hetenyi), lifted there to the floor.
+    lift = slope * slid * np.exp(-x / length) * np.cos(x / length)
+    figure = new_figure(8.0, 3.4, 110)
+    ax = figure.add_subplot()
+    ax.fill_between(x / 1e3, floor, draft + 6.0, color="#C8A96A", lw=0, label="sea floor, slope 1 in 1000")
+    ax.fill_between(x / 1e3, draft - 2.0, draft - lift, color="#DCE9F5", lw=0, label="ice")
+    ax.plot(x / 1e3, np.full(x.size, draft), "--", color="#444444", lw=1.2, label="keel of the berg afloat")
+    ax.plot(x / 1e3, draft - lift, color="#1F4E79", lw=2.0, label="keel as the floor lifts and bends it")
+    ax.annotate(
+        "",
+        (0.06, draft - slope * slid),
+        (0.06, draft),
+        arrowprops={"arrowstyle": "<->", "color": "black", "shrinkA": 0, "shrinkB": 0},
+    )
+    ax.text(0.12, draft - 0.75, "overlap: the bed presses back", fontsize=8, va="center")
+    ax.annotate("", (length / 1e3, draft + 1.2), (0.0, draft + 1.2), arrowprops={"arrowstyle": "<->"})
+    ax.text(0.08, draft + 1.3, f"ice bends over {length / 1e3:.1f} km", va="top", fontsize=8)
+    ax.set(
+        xlim=(0.0, 6.0), ylim=(draft + 2.0, draft - 1.2), xlabel="from the front of the berg (km)", ylabel="depth (m)"
+    )
+    ax.legend(fontsize=8, loc="upper right", frameon=True)
     figure.savefig(path)
     return path
 

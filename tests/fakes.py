@@ -16,6 +16,7 @@ from riftberg.parameters import A68A_2022, Parameters
 from riftberg.runs.restart import save
 from riftberg.state import new_bonds, new_elements
 from riftberg.stepping.fragments.contact_log import ContactLog
+from riftberg.stepping.fragments.grounding_log import GroundingLog
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree
 from riftberg.stepping.laws import Laws
 from riftberg.system.process import held
@@ -60,6 +61,7 @@ class FakeModel:
     life: Any = None  # nothing melts
     motion: Any = None
     contacts = ContactLog()  # nothing touches
+    groundings = GroundingLog()
     laws = Laws()
 
     def __init__(

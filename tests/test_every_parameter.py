@@ -250,7 +250,7 @@ TRIALS: Final[dict[str, Trial]] = {
         base=with_(OPEN, compatibility={"forces_by_element": True}), more={"packing": "hexagonal"}
     ),
     "drag.rotational": Trial(),
-    "grounding.law": Trial("quadratic", with_(OPEN, grounding={"quadratic_coefficient": 10.0}), more=SHALLOW),
+    "grounding.law": Trial("quadratic", with_(OPEN, grounding={"law": "linear", "quadratic_coefficient": 10.0}), more=SHALLOW),
     "grounding.coefficient": Trial(2e4, more=SHALLOW),
     "grounding.quadratic_coefficient": Trial(
         20.0, with_(OPEN, grounding={"law": "quadratic", "quadratic_coefficient": 10.0}), more=SHALLOW
@@ -330,7 +330,6 @@ TRIALS: Final[dict[str, Trial]] = {
     "stepping.safety": Trial(0.4),
     "stepping.explicit_substeps": Trial(base=SPRING),
     "stepping.predictor_corrector": Trial(base=RUNGE),
-    "stepping.landing_steps": Trial(2, QUASI, more={"kind": Ebb, "sea": {"depth": 170.0}}),
     "stepping.skip_first_long_force": Trial(),
     "stepping.only_interactions": Trial(),
     "stepping.frozen": Trial(),

@@ -190,13 +190,13 @@ def test_the_a68a_preset_keeps_the_published_distance_and_stiffness() -> None:
 
 @pytest.mark.parametrize("coefficient", [0.0, 1e4])
 def test_the_sea_floor_is_one_for_berg_and_pieces(coefficient: float) -> None:
-    """With grounding off the berg was told afloat and its pieces aground."""
+    """With grounding off the berg was told afloat and its pieces aground. On a bed: `tests/verification/test_landing.py`."""
     berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, placement=(-37.0, -56.0))
     berg = berg.with_rifts([np.array([[-37.0, -56.1], [-37.0, -55.9]])], strength=1e-6)
     model = Model(
         berg,
         Steady(current=(0.3, 0.0), wind=(5.0, 8.0), depth=100.0),
-        Parameters(grounding={"coefficient": coefficient}),
+        Parameters(grounding={"coefficient": coefficient}, stepping={"scheme": "mts"}),
     )
     run = model.run(days=0.25)
     assert len(model.fragments.rows) > 1 or coefficient > 0.0

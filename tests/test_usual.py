@@ -22,7 +22,7 @@ from riftberg.ocean.gridded import GriddedForcing
 
 NUMBERS_OF_METHOD = {
     "contact.radial_damping", "contact.tangential_damping", "contact.max_iterations", "bonds.max_bonds", "stepping.substeps",
-    "stepping.safety", "stepping.landing_steps", "earth.period", "earth.reference_latitude",
+    "stepping.safety", "earth.period", "earth.reference_latitude",
     "footloose.seed", "stepping.speed_limit", "grounding.anchor_way",
 }  # fmt: skip
 """Numbers that have no usual magnitude: of the method, or of where a run is."""

@@ -37,6 +37,7 @@ from riftberg.stepping.explicit.stability import (
 from riftberg.stepping.forces.media import OWN
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
+from riftberg.stepping.fragments.grounding_log import GroundingLog
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree, measure_outlines
 from riftberg.stepping.laws import Laws, WithForce
 from riftberg.stepping.run_state import RunState
@@ -377,6 +378,10 @@ class BareModel(RunState):
                 self.contacts.update(
                     saved.elements, self._stepper.touched, before[0], self.time, self.fragments, self.constants
                 )
+                self.groundings.update(
+                    saved.elements, self.elements, (before[0], self.time), self.fragments, self.constants,
+                    self.applied_forces, self._stepper.clearance,
+                )  # fmt: skip
                 self._drop_lost()
             else:
                 self.time += self.parameters.stepping.time_step
@@ -426,19 +431,21 @@ class BareModel(RunState):
         check_speed(self, before, self._stepper.applied)
         check_forcing(self)
 
-    def _before(self, population: Saved) -> tuple[float, int, list[Fragment], Saved, dict[str, Floats], ContactLog]:
+    def _before(
+        self, population: Saved
+    ) -> tuple[float, int, list[Fragment], Saved, dict[str, Floats], ContactLog, GroundingLog]:
         """Return what `_go_back` takes, as it is before a step."""
         return (
             self.time, self.step_number, list(self.fragments.rows), population, dict(self.remembered),
-            self.contacts.saved(),
+            self.contacts.saved(), self.groundings.saved(),
         )  # fmt: skip
 
     def _go_back(
         self, time: float, step_number: int, rows: list[Fragment], population: Saved, remembered: dict[str, Floats],
-        contacts: ContactLog,
+        contacts: ContactLog, groundings: GroundingLog,
     ) -> None:  # fmt: skip
         """Return to the state before a step that failed, so that it can be saved."""
-        self.remembered, self.contacts = remembered, contacts
+        self.remembered, self.contacts, self.groundings = remembered, contacts, groundings
         self.time, self.step_number, self.fragments.rows = time, step_number, rows
         self.fragments.calved_from.clear()
         self.population.restore(population)

@@ -26,6 +26,7 @@ from riftberg.config.parameter_groups import (
     Footloose,
     Fracture,
     Grounding,
+    GroundingLaw,
     Group,
     Ice,
     Melt,
@@ -71,6 +72,20 @@ FROM_ELEMENTS: Final = -1.0
 
 CONTACT_PHASE: Final = 0.5
 """Frequency of a contact times the long step, where contact acts in it and its stiffness follows from the elements."""
+
+
+SEABED_INSTEAD: Final = "leave it out; grounding.sediment, friction and shear_strength say what a bed of sediment holds"
+
+DRAG_KEYS: Final = {
+    "coefficient": "leave it out, or write grounding.law: none in place of coefficient: 0; grounding.sediment, friction and "
+    "shear_strength say what a bed of sediment holds",
+    "quadratic_coefficient": SEABED_INSTEAD,
+    "ramp_height": "leave it out; a bed of sediment carries the keel where it touches",
+    "torque": "leave it out; friction on a bed of sediment brakes rotation too",
+    "on_substeps": "leave it out; a bed of sediment takes the sub-steps that it needs",
+    "implicit": "leave it out; a bed of sediment takes the sub-steps that it needs",
+}
+"""Keys of the drag laws, and what to write in their place with the scheme that has a bed of sediment."""
 
 
 class KernelParameters(NamedTuple):
@@ -220,13 +235,7 @@ class Parameters(Group):
             )
         self._check_isotropic()
         self._check_criterion()
-        g = self.grounding
-        if g.law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
-            raise ValueError(
-                "grounding.law = 'quadratic' needs grounding.quadratic_coefficient > 0, and has neither ramp_height nor torque: "
-                "they are of the linear law"
-            )
-        self._check_seabed()
+        self._check_grounding()
         self._check_contact()
         if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
@@ -284,23 +293,39 @@ class Parameters(Group):
                 "cells can have any"
             )
 
-    def _check_seabed(self) -> None:
-        """Refuse a bed of sediment without its numbers, or with a scheme that does not know it."""
-        g = self.grounding
-        if g.law != "seabed":
+    @property
+    def grounding_law(self) -> GroundingLaw:
+        """Law of the sea floor that acts: a bed of sediment where fragments are rigid, else a drag, unless one is named."""
+        return self.grounding.law or ("seabed" if self.stepping.scheme == "quasi_static" else "linear")
+
+    def _check_grounding(self) -> None:
+        """Refuse a law of the sea floor that the scheme does not know, or without its numbers, and keys of another law."""
+        g, law = self.grounding, self.grounding_law
+        if self.stepping.scheme == "quasi_static":
+            if law in ("linear", "quadratic"):
+                raise ValueError(
+                    f"grounding.law = {law!r} is a drag of the explicit schemes: with stepping.scheme = 'quasi_static' leave it "
+                    "out (a bed of sediment, seabed) or write none (no sea floor), or take stepping.scheme = 'mts'"
+                )
+            if given := [name for name in DRAG_KEYS if name in g.model_fields_set]:
+                raise ValueError(f"grounding.{given[0]} is of the drag of explicit schemes: {DRAG_KEYS[given[0]]}")
+        if law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
+            raise ValueError(
+                "grounding.law = 'quadratic' needs grounding.quadratic_coefficient > 0, and has neither ramp_height nor torque: "
+                "they are of the linear law"
+            )
+        if law != "seabed":
             return
         if self.stepping.scheme != "quasi_static":
             raise ValueError(
-                f"grounding.law = 'seabed' needs stepping.scheme = 'quasi_static', not {self.stepping.scheme!r}; the laws "
-                "'linear' and 'quadratic' act in all schemes"
+                f"grounding.law = 'seabed' needs stepping.scheme = 'quasi_static', not {self.stepping.scheme!r}, which has "
+                "'linear', 'quadratic' and 'none'"
             )
         missing = [
             f"grounding.{name}" for name in ("stiffness", "bearing_strength", "friction") if getattr(g, name) is None
         ]
         if g.sediment == "other" and missing:
             raise ValueError(f"grounding.sediment = 'other' needs {', '.join(missing)}")
-        if g.ramp_height != 0.0 or g.torque:
-            raise ValueError("grounding.law = 'seabed' has neither ramp_height nor torque: they are of the linear law")
 
     def _check_contact(self) -> None:
         """Refuse a law of contact with a scheme or bonds that do not know it."""
@@ -322,7 +347,7 @@ class Parameters(Group):
     def _check_criterion(self) -> None:
         """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
         f = self.fracture
-        if f.flexural_strength is not None and not (self.grounding.law == "seabed" and self.grounding.bending):
+        if f.flexural_strength is not None and not (self.grounding_law == "seabed" and self.grounding.bending):
             raise ValueError(
                 "fracture.flexural_strength is compared with the bending of ice on a bed of sediment: set grounding.law = "
                 "'seabed' with grounding.bending, or leave it out"
@@ -422,8 +447,10 @@ class Parameters(Group):
         if self.stepping.scheme == "quasi_static":
             groups = _explicit_if_asked(groups)
         values: dict[str, Any] = self.model_dump()
-        # Which numbers of steps were named must stay known: others are chosen by the berg.
-        values["stepping"] = self.stepping.model_dump(exclude_unset=True)
+        # Which numbers of steps were named must stay known: others are chosen by the berg. So must what was said of the sea
+        # floor: the schemes have laws of their own.
+        for group in ("stepping", "grounding"):
+            values[group] = getattr(self, group).model_dump(exclude_unset=True)
         for group, changes in groups.items():
             merges = isinstance(changes, Mapping) and group in values
             values[group] = {**values[group], **changes} if merges else changes
@@ -434,7 +461,7 @@ class Parameters(Group):
         p = self
         hexagonal = p.bonds.packing == "hexagonal"
         multiple = p.stepping.scheme in ("mts", "quasi_static")
-        law = p.grounding.law
+        law = p.grounding_law
         fast_contact = p.crushing or (multiple and p.contact.on_substeps and p.stepping.explicit_substeps)
         return KernelParameters(
             **{name: read(self) for name, read in _AS_THEY_STAND.items()},
@@ -468,6 +495,34 @@ class Parameters(Group):
         )
 
 
+FORMER_KEYS: Final[dict[str, dict[str, Any]]] = {"stepping": {"landing_steps": 8}, "grounding": {"cell": 50.0}}
+"""Keys that earlier versions wrote into their files, with the defaults that they had."""
+
+
+def without_idle_keys(values: Any, *, all_of_them: bool = False) -> Any:
+    """Return parameters as a file of Riftberg has them, without keys that act no more and have their default.
+
+    Files hold all keys, those of the drag of other schemes too. ``all_of_them``: whatever their value, and without the law of
+    drag that `quasi_static` had by default in earlier versions.
+    """
+    if not isinstance(values, dict):
+        return values
+    idle: dict[str, dict[str, Any]] = {group: dict(keys) for group, keys in FORMER_KEYS.items()}
+    if values.get("stepping", {}).get("scheme") == "quasi_static":
+        fields = Grounding.model_fields
+        idle["grounding"] |= {name: fields[name].get_default() for name in DRAG_KEYS}
+        if all_of_them:
+            idle["grounding"] |= {"law": "linear", "start": "settle"}
+    left = dict(values)
+    for group, keys in idle.items():
+        if isinstance(inner := values.get(group), dict):
+            left[group] = {
+                name: value for name, value in inner.items()
+                if name not in keys or not (value == keys[name] or (all_of_them and name not in ("law", "start")))
+            }  # fmt: skip
+    return left
+
+
 def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
     """Radius of the inscribed circle of an element of the given area (equations 1.4).
 
@@ -497,7 +552,6 @@ def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
 
 A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
-    grounding=Grounding(coefficient=1e4),
     contact=Contact(**PUBLISHED_SPRINGS, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=11e3, shear_strength=100e3),

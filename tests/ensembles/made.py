@@ -41,6 +41,8 @@ def outcome(
                 table[name].append(0.0)
         cracks = [[broken * DAY - 60.0, 3000.0, 500.0 * j, 500.0] for j in range(-3, 4)]
     totals = {"pieces": 1.0 + (broken is not None), "first_aground": aground * DAY, "largest_area": area}
+    if np.isfinite(aground):
+        totals |= {"aground_lon": float(lon[int(aground)]), "aground_lat": float(lat[int(aground)])}
     return Outcome(number, "done", "", 0.0, 1.0, totals | (means or {}), table, track, cracks)
 
 

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import riftberg
 from riftberg import Iceberg, Model, Parameters, Steady, open_sweep
 from riftberg.cli.main import app
+from riftberg.config.units import place_text
 from riftberg.ensembles.forecast import default_errors, errors_line, forecast_errors
 from riftberg.ensembles.hazard import approach, ice_limits
 from riftberg.ensembles.member import Outcome, broken_off
@@ -156,6 +157,19 @@ def test_area_classes_and_ground() -> None:
     assert ds["p_area"].values[tens].tolist() == [0.0, 0.0, 0.5, 0.5, 0.5]  # pieces of 30 and 70 km2
     assert ds["p_area"].values[hundreds].tolist() == [1.0, 1.0, 0.5, 0.5, 0.5]
     assert ds["p_aground"].values.tolist() == [0.0, 0.0, 0.0, 0.5, 0.5]
+
+
+def test_a_forecast_says_when_and_where_members_run_aground() -> None:
+    lines = told(forecast_of([still(0, aground=1.0), still(1, aground=3.0), still(2, aground=2.0), still(3)], 4))
+    (line,) = [line for line in lines if "ran aground" in line]
+    ds = forecast_of([still(0, aground=2.0)], 4)
+    lon, lat = float(ds["aground_lon"].values[0]), float(ds["aground_lat"].values[0])
+    when = str(ds["first_aground"].values[0])[:16].replace("T", " ")
+    assert line == (
+        f"  of 3 members that ran aground half did by {when}, about {place_text(lon, lat, latlon=True, digits=2)}, half of them "
+        "within 0 km of it"
+    )
+    assert not any("ran aground" in line for line in told(forecast_of([still(0)], 4)))
 
 
 def test_members_aground_at_the_start_are_pointed_out() -> None:

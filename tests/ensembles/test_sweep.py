@@ -266,8 +266,14 @@ forcing: {kind: constant, current: [0.2, 0.0]}
 
 
 def test_impossible_combinations_and_what_an_experiment_keeps_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"member with .*grounding.law = 'quadratic'.*quadratic_coefficient > 0"):
-        planned("a68a", ["grounding.law=linear,quadratic"], Options(), 6.0)
+    with pytest.raises(
+        InputError, match=r"member with .*grounding.law = 'quadratic' is a drag of the explicit schemes.*seabed"
+    ):
+        planned("a68a", ["grounding.law=seabed,quadratic"], Options(), 6.0)
+    with pytest.raises(
+        InputError, match=r"grounding.coefficient is of the drag of explicit schemes: .*grounding.law: none"
+    ):
+        planned("a68a", ["grounding.coefficient=0,1e4"], Options(), 6.0)
     with pytest.raises(InputError, match=r"member with bonds.packing = 'hexagonal': .*the berg has square elements"):
         planned("a68a", ["bonds.packing=square,hexagonal"], Options(), 6.0)
     (tmp_path / "hexagons.yaml").write_text(HEXAGONS)

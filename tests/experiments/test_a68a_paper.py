@@ -232,6 +232,26 @@ def test_the_shoal_can_be_left_out(small: Path) -> None:
     assert info.title.endswith("without shoal")
 
 
+def test_with_riftbergs_numerics_the_shoal_is_a_bank_below_the_keel(small: Path) -> None:
+    """A cliff up to the surface carries nothing. So it lies 1 m above the keel, and falls off by 1 in 100."""
+    corner, draft, degree = (
+        np.array([322.49, -55.2166]),
+        200.0 * 850.0 / 1025.0,
+        math.radians(1.0) * A68A_2022.earth.radius,
+    )
+    lon = corner[0] + np.array([0.1, 0.1, -1000.0 / (degree * math.cos(math.radians(corner[1] + 0.1)))])
+    lat = corner[1] + np.array([0.1, -2000.0 / degree, 0.1])
+    model = build("a68a-paper", Options(data=small, days=1.0, numerics="own"))[0]
+    np.testing.assert_allclose(model.forcing.depth(lon, lat), draft - 1.0 + np.array([0.0, 20.0, 10.0]), atol=0.2)
+    model.forcing.grid.locate(model.elements)  # type: ignore[union-attr]
+    model.forcing.sample(model.elements, 0.0)
+    e = model.elements
+    np.testing.assert_allclose(e.depth, model.forcing.depth(e.lon, e.lat))
+    assert "a bank 164.9 m deep" in model.forcing.describe()
+    other = build("a68a-paper", Options(data=small, days=1.0))[0]
+    assert other.forcing.depth(lon, lat).tolist() == [0.0, 1000.0, 1000.0]
+
+
 def test_gaps_in_the_sea_level_make_no_slope_beside_them(small: Path) -> None:
     """As in the reference: what stands on land or in gaps must not push the berg away from them."""
     model, _ = build("a68a-paper", Options(data=small, days=1.0))

@@ -86,11 +86,13 @@ def test_hexagons_are_bonded_as_hexagons(slab: Path) -> None:
 
 
 def test_the_quadratic_sea_floor_is_chosen_in_a_file(slab: Path) -> None:
-    law = "grounding: {law: quadratic, quadratic_coefficient: 2e3}"
+    law = "grounding: {law: quadratic, quadratic_coefficient: 2e3}\n  stepping: {scheme: mts}"
     slab.write_text(SLAB.replace("parameters:\n", f"parameters:\n  {law}\n").replace("wind: [5, -2]", "depth: 150 m"))
     model, _ = build(str(slab), Options())
     assert (model.constants.ground_coefficient, model.constants.ground_quadratic) == (0.0, 2e3)
-    slab.write_text(SLAB.replace("parameters:\n", "parameters:\n  grounding: {law: quadratic}\n"))
+    slab.write_text(
+        SLAB.replace("parameters:\n", "parameters:\n  grounding: {law: quadratic}\n  stepping: {scheme: mts}\n")
+    )
     with pytest.raises(InputError, match="needs grounding"):
         read_file(slab)
 

@@ -106,7 +106,7 @@ KEYS: dict[str, tuple[str, tuple[str, ...]]] = {
             ["fracture: 3", "fracture: ~", "fractur: {}", "preset: [a]", "preset: 3", "preset: ~x", "3: {}", "fracture: {normal_strength: [1]}"]
             + [f"stepping: {{time_step: {v}}}" for v in ("0", "-1", "1e-9", "true", ".nan", "1e30", "[1]", "soon")]
             + [f"stepping: {{substeps: {v}}}" for v in ("0", "-1", "1000000000", "1.5", "true", "many", "[3]")]
-            + [f"stepping: {{scheme: quasi_static, landing_steps: {v}}}" for v in ("0", "1e30", "true", "1.5")]
+            + [f"grounding: {{law: {v}}}" for v in ("linear", "0", "true", "[seabed]")]
             + [f"contact: {{max_iterations: {v}}}" for v in ("0", "1e30", "1000000000000", ".nan")]
             + [f"stepping: {{scheme: mts, safety: {v}}}" for v in ("0", "2", "1e-12", ".nan", "true")]
             + [f"stepping: {{scheme: {v}}}" for v in ("euler", "[mts]", "3", "true")]

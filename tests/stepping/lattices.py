@@ -27,6 +27,7 @@ def parameters(**groups):
         "drag": {"ocean_scale": 17.8, "rotational": False},
         "grounding": {"coefficient": 1e4, "ramp_height": 20.0},
         "contact": {"spring": 1e-7, "distance": 4000.0, "tolerance": 1e-6},
+        "stepping": {"scheme": "mts"},  # whose sea floor is a drag
         "fracture": {"enabled": False},
         "earth": {"latlon": True},
         # The twins take one element after the other; what acts on the outline has tests of its own.

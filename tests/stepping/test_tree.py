@@ -9,7 +9,7 @@ from riftberg.state import Bonds, Elements, new_bonds, new_elements
 from riftberg.stepping.fragments.tree import FragmentTree, _measures
 
 CONSTANTS = A68A_2022.kernel_values()
-GROUNDED = Parameters(grounding={"coefficient": 1e3}).kernel_values()
+GROUNDED = Parameters(grounding={"coefficient": 1e3}, stepping={"scheme": "mts"}).kernel_values()
 
 
 def row_of_ice(count: int) -> tuple[Elements, Bonds]:

@@ -78,7 +78,9 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
         "stepping": {"scheme": scheme, "time_step": 1800, "substeps": 400 if scheme == "mts" else None},
         "fracture": {"normal_strength": 1e7, "shear_strength": 1e7},
         "bonds": perhaps(0.3, {"elasticity": "bonds"}),
-        "grounding": perhaps(0.3, {"law": "quadratic", "coefficient": 0, "quadratic_coefficient": 1e4}),
+        "grounding": perhaps(
+            0.3, {"law": "quadratic", "quadratic_coefficient": 1e4} if scheme == "mts" else {"sediment": "clay"}
+        ),
         "melt": perhaps(0.4, {"enabled": True, "mode": "mixed", "temperature": 3.0, "salinity": 34.5}),
         "drag": perhaps(0.2, {"ocean_scale": 17.8}),
         "earth": None if latlon else {"latlon": False, "reference_latitude": r.choice([-55.0, 60.0])},

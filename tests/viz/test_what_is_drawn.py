@@ -334,7 +334,7 @@ def test_a_zone_that_is_declared_dry_is_no_depth(run: xr.Dataset) -> None:
 
 
 def test_a_floor_that_does_not_act_is_not_hatched(tmp_path: Path) -> None:
-    parameters = A68A_2022.changed(grounding={"coefficient": 0.0, "implicit": False})
+    parameters = A68A_2022.changed(grounding={"law": "none"})
     quiet = finished(FakeModel(12, 5, parameters=parameters), tmp_path)
     assert not Scene(quiet).has_floor
     assert not hatched(draw_map(quiet))

@@ -91,7 +91,8 @@ def doctor(
     ) if files or asked.files else Report()  # fmt: skip
     # Another path, box or span than that of the experiment needs more than a run does.
     if experiment and not (run or lon or lat or time) and (not files or experiment.endswith(_YAML)):
-        report.refusal, report.assumed = _tried(experiment, named, choices)
+        report.refusal, report.assumed, floor = _tried(experiment, named, choices)
+        report.notes += [floor] if floor else []
     elif not experiment and not run and box[0] and box[1] and days:
         report.refusal = _served(named, (box[0], box[1]), days, choices) or None
     tell(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
@@ -121,18 +122,19 @@ class Asked(NamedTuple):
 _YAML = (".yaml", ".yml")
 
 
-def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str]]:
-    """Return why a run of an experiment does not start, and what would be assumed, as ``riftberg run`` has it."""
+def _tried(experiment: str, files: Sequence[str], choices: Mapping[str, Choice]) -> tuple[str, list[str], str]:
+    """Return why a run of an experiment does not start, what would be assumed, as ``riftberg run`` has it, and keel and floor."""
     from riftberg.cli.run import check_start, notices_of
     from riftberg.experiments import Options, build
+    from riftberg.runs.groundings import keel_line
 
     options = Options(files=entries_of(files, choices))
     try:
         model, info = build(experiment, options)
         check_start(model, info.days, info.output_every_hours)
     except RiftbergError as error:
-        return str(error), []
-    return "", notices_of(info, model, options, info.output_every_hours)
+        return str(error), [], ""
+    return "", notices_of(info, model, options, info.output_every_hours), keel_line(model)
 
 
 def _served(

@@ -538,6 +538,7 @@ def berg_line(model: Model) -> str:
 def short_summary(summary: dict[str, Any]) -> list[str]:
     """Return a summary in a few lines."""
     from riftberg.config.units import area_text, count_text, duration_text, minute_text, place_text
+    from riftberg.runs.groundings import ground_lines
 
     latlon, breakups, bergs = summary["numerics"]["earth"]["latlon"], summary["breakups"], summary.get("bergs", [])
     collisions, short = summary.get("collisions", []), summary["days"] < 1.0
@@ -565,14 +566,15 @@ def short_summary(summary: dict[str, Any]) -> list[str]:
     for word, all_of_them in (("break-ups", breakups), ("collisions", collisions)):
         if len(all_of_them) > MOST_EVENTS:
             lines.append(f"  and {len(all_of_them) - MOST_EVENTS} more {word}, see summary.json")
-    if told := _berg_lines(bergs, latlon):
-        return [*lines, *told]
+    ground = summary.get("ground") or {"stays": [], "first": None, "least_clearance": None, "bathymetry_spacing": None}
+    if told := _berg_lines(bergs, latlon, ground["stays"]):
+        return [*lines, *told, *ground_lines(ground)]
     count, several = summary["fragments"], len(bergs) > 1
     of = f" of {len(bergs)} bergs" if several else ""
     pieces = f"{count_text(count, 'fragment')}{of}"
     if several and not breakups:
         pieces = f"{count} bergs" if count == len(bergs) else f"{count}{of}"
-    return [*lines, f"  {pieces} at the end: {_areas(summary['areas_km2'], count)}"]
+    return [*lines, f"  {pieces} at the end: {_areas(summary['areas_km2'], count)}", *ground_lines(ground)]
 
 
 def ledger_lines(summary: dict[str, Any]) -> list[str]:
@@ -581,9 +583,13 @@ def ledger_lines(summary: dict[str, Any]) -> list[str]:
     return [*ice.get("lines", ()), *motion.get("lines", ()), *([motion["closing"]] if motion else [])]
 
 
-def _berg_lines(bergs: list[dict[str, Any]], latlon: bool) -> list[str]:
-    """Return what became of each berg, in a sentence; nothing where there are many, or where a summary does not say."""
+def _berg_lines(bergs: list[dict[str, Any]], latlon: bool, stays: list[dict[str, Any]]) -> list[str]:
+    """Return what became of each berg, in a sentence; nothing where there are many, or where a summary does not say.
+
+    ``stays``: of bergs and fragments on the sea floor, as the summary has them.
+    """
     from riftberg.config.units import drift_text, place_text
+    from riftberg.runs.groundings import stay_words
 
     if not bergs or len(bergs) > MOST_BERGS or any("drift_east_km" not in berg for berg in bergs):
         return []
@@ -598,7 +604,9 @@ def _berg_lines(bergs: list[dict[str, Any]], latlon: bool) -> list[str]:
         areas = _areas(berg["areas_km2"], berg["fragments"])
         pieces = "one piece" if berg["fragments"] == 1 else f"{berg['fragments']} pieces"
         melted = f"; {berg['melted_kg'] / 1e12:.3g} Gt melted" if berg["melted_kg"] else ""
-        lines.append(f"  {name} drifted {drift} to {place}, in {pieces} ({areas}){melted}")
+        mine = [stay for stay in stays if stay["number"] == berg["largest"]]
+        ground = f", {stay_words(mine[-1], berg['largest_weight'])}" if mine else ""
+        lines.append(f"  {name} drifted {drift} to {place}, in {pieces} ({areas}){ground}{melted}")
     return lines
 
 

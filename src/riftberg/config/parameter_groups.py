@@ -17,7 +17,7 @@ from riftberg.system.input_files import value_shown
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 Elasticity = Literal["bonds", "isotropic", "cells"]
-GroundingLaw = Literal["linear", "quadratic", "seabed"]
+GroundingLaw = Literal["seabed", "none", "linear", "quadratic"]
 ContactLaw = Literal["spring", "crushing"]
 Sediment = Literal["rock", "sand", "clay", "other"]
 DeepKeel = Literal["aground", "refuse"]
@@ -41,6 +41,9 @@ class Group(Section):
     """
 
     _unknown_key: ClassVar[tuple[str, str]] = ("there is no such parameter", "{} has ")
+
+    # What stands in the place of keys of earlier versions, a sentence each
+    _gone: ClassVar[dict[str, str]] = {}
 
     def __init__(self, /, **given: Any) -> None:
         try:
@@ -114,19 +117,25 @@ class Drag(Group):
 
 
 class Grounding(Group):
-    """The sea floor on which keels run aground: a drag (linear, quadratic), or a bed of sediment that carries them (seabed)."""
+    """The sea floor on which keels run aground: a bed of sediment that carries them (seabed), or a drag of explicit schemes."""
 
-    law: GroundingLaw = quantity(
-        "linear",
+    _gone: ClassVar[dict[str, str]] = {
+        "cell": "Leave it out: the keel is cut into pads by the length over which the ice bends",
+        "depth_error": "Write floor_error.offset for one run; forecasts draw floor_error.spread, share and length",
+    }
+
+    law: GroundingLaw | None = quantity(
+        None,
         "",
-        "linear in speed, quadratic: with the square of the speed and the draft in excess of the depth, or seabed: a bed that "
-        "carries the berg and holds it by friction",
+        "law of the sea floor; seabed: a bed that carries the berg and holds it by friction (quasi_static). linear: a drag by "
+        "speed, quadratic: by its square and the draft in excess of the depth (mts, verlet, runge_kutta). none: no sea floor. "
+        "auto means seabed with quasi_static, else linear",
         "equations 4.1; quadratic, seabed: Riftberg",
     )
     coefficient: float = quantity(
         1e4,
         "kg m-2 s-1",
-        "grounding drag per base area and speed; 0 leaves the sea floor out",
+        "grounding drag of the linear law per base area and speed",
         "KID's cdrag_grounding; paper",
         ge=0,
     )
@@ -358,6 +367,10 @@ class Damage(Group):
 class Stepping(Group):
     """How the equations are stepped in time."""
 
+    _gone: ClassVar[dict[str, str]] = {
+        "landing_steps": "Leave it out: on a bed of sediment a landing takes the sub-steps that it needs"
+    }
+
     scheme: Scheme = quantity(
         "quasi_static",
         "",
@@ -390,14 +403,6 @@ class Stepping(Group):
     explicit_substeps: bool = quantity(True, "", "explicit sub-steps (always with DEM bonds)", "equations 6.4")
     predictor_corrector: bool = quantity(
         True, "", "Runge-Kutta drag by the mean of two speeds, not the speed of the mean", "equations 4.2"
-    )
-    landing_steps: int = quantity(
-        8,
-        "1",
-        "with quasi_static: parts of a long step in which an element touches down on the sea floor or comes off it",
-        "Riftberg",
-        ge=1,
-        le=10_000,
     )
     skip_first_long_force: bool = quantity(
         False, "", "the first long step has no long-step forces", "equations 6.4, KID's skip_first_outer_mts_step"

@@ -240,11 +240,11 @@ class Law(NamedTuple):
 
 
 LAWS: Final = (
-    Law("grounding.law = 'seabed'", lambda p: p.grounding.law == "seabed", "grounding", (
+    Law("grounding.law = 'seabed'", lambda p: p.grounding_law == "seabed", "grounding", (
         "sediment", "stiffness", "bearing_strength", "friction", "shear_strength", "adhesion", "anchor_way", "bending",
         "ice_modulus", "start")),
-    Law("grounding.law = 'quadratic'", lambda p: p.grounding.law == "quadratic", "grounding", ("quadratic_coefficient",)),
-    Law("grounding.law = 'linear'", lambda p: p.grounding.law == "linear", "grounding", ("coefficient",)),
+    Law("grounding.law = 'quadratic'", lambda p: p.grounding_law == "quadratic", "grounding", ("quadratic_coefficient",)),
+    Law("grounding.law = 'linear'", lambda p: p.grounding_law == "linear", "grounding", ("coefficient", "ramp_height", "torque")),
     Law("contact.law = 'crushing'", lambda p: p.crushing, "contact", (
         "crushing_strength", "crushing_depth", "unloading_ratio", "friction")),
     Law("contact.law = 'spring', of the schemes mts, verlet and runge_kutta", lambda p: not p.crushing, "contact", (

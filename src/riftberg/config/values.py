@@ -184,7 +184,7 @@ def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
         return value
     if str in kinds:  # a name; where a number may stand too (a thickness), what begins like one is one
         return _number(value, field, unit_of(field)) if float in kinds and looks_like_quantity(value) else value
-    if type(None) in get_args(field.annotation) and value.lower() in ("none", "null", "auto", ""):
+    if type(None) in get_args(field.annotation) and value.lower() in words_for_nothing(field):
         return None
     if bool in kinds:
         return _flag(value)
@@ -193,6 +193,12 @@ def _without_unit(value: Any, field: FieldInfo, metres: bool) -> Any:
     if float in kinds or int in kinds:
         return _number(value, field, unit_of(field), "NS" if "latitude" in (field.description or "") else "")
     return value
+
+
+def words_for_nothing(field: FieldInfo) -> tuple[str, ...]:
+    """Words that leave a field to the others, the usual one first; "none" may be a choice of its own."""
+    choices = [choice for kind in kinds_of(field.annotation) for choice in get_args(kind)]
+    return ("auto", "null", "") if "none" in choices else ("none", "null", "auto", "")
 
 
 def _units_of_parts(field: FieldInfo, size: int, metres: bool) -> list[tuple[str, str]]:
@@ -264,7 +270,7 @@ def allowed(field: FieldInfo, *, metres: bool = False) -> str:
     text = "Allowed: " + " or ".join(kinds) + (" " + " and ".join(limits) if limits else "")
     unit = "m" if metres and _extra(field, "place") else unit_of(field)
     text += f", in {unit}" if unit not in ("", "1") else ""
-    text += " or none" if type(None) in get_args(field.annotation) else ""
+    text += f" or {words_for_nothing(field)[0]}" if type(None) in get_args(field.annotation) else ""
     # What follows a semicolon is about special cases, which are hard to read in brackets.
     return text + (f" ({field.description.split(';')[0]})" if field.description else "")
 
@@ -388,9 +394,17 @@ def _names_of(section: Any) -> dict[str, FieldInfo]:
     return {field.alias or name: field for name, field in fields_of(section).items()}
 
 
+def gone_keys(section: Any) -> dict[str, str]:
+    """Return what to write in place of keys of a section that earlier versions had, a sentence each."""
+    found: dict[str, str] = getattr(section, "_gone", {})
+    return found
+
+
 def _unknown(place: Place, section: Any, outer: Any) -> tuple[str, str, list[Place]]:
     """Say that a key is not known, and return the places that may have been meant by it."""
     names = [name for name, field in _names_of(section).items() if not _extra(field, "hidden")]
+    if now := gone_keys(section).get(str(place[-1])):
+        return "there is no such parameter any more", now, []
     what, has = getattr(section, "_unknown_key", ("there is no such key", "Allowed here: "))
     hint = nearest(str(place[-1]), names)
     holder = str(place[-2]) if len(place) > 1 else section.__name__

@@ -24,10 +24,10 @@ from riftberg.model import BareModel
 from riftberg.ocean.cells import CORNER_FIELDS, Fields
 from riftberg.ocean.grid import Grid, Staggering, at_corners, wind_from_stress
 from riftberg.ocean.gridded import corners_at_elements
-from riftberg.physics.floating import draft_of
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.fragments.grounding_log import mass_on_floor
 
 
 class Settling:
@@ -477,10 +477,7 @@ class Exchange:
 
     def _on_floor(self, el: Elements) -> Floats:
         """Return the mass of each element that the sea floor bears, kg."""
-        # A berg that touches the floor is borne by the water up to the depth, and by the floor for the rest.
-        afloat = np.minimum(1.0, el.environment.depth / draft_of(el.body.thickness, self.model.parameters.ice.density))
-        borne = el.body.mass * el.life.mass_scaling
-        return np.asarray(borne - borne * np.maximum(afloat, 0.0))
+        return np.asarray(mass_on_floor(el, self.model.constants) * el.life.mass_scaling)
 
     def _look(self, model: LifeModel) -> None:
         """Note where the elements are and what forces have acted, before the melt."""

@@ -12,14 +12,23 @@ breakups : list, one entry per fragment that split from its parent:
     time, lon, lat, area_km2, bonds (broken to free it), grounded (true where a bond broke aground), fragment, parent,
     name and parent_name (empty for bergs without a name)
 bergs : list, one entry per berg of the start, and per one added later: number, name, area_km2 (as it was then), fragments
-    (how many pieces it is in at the end), largest_km2 (of these), areas_km2 (of the six largest), melted_kg, and
-    drift_east_km, drift_north_km (of the largest from where the berg began; round a periodic domain all of the way), lon, lat
-    (of the largest), null where it is gone
+    (how many pieces it is in at the end), largest_km2 (of these), areas_km2 (of the six largest), largest (number of that
+    piece), largest_weight (N), melted_kg, and drift_east_km, drift_north_km (of the largest from where the berg began; round a
+    periodic domain all of the way), lon, lat (of the largest), null where it is gone
 collisions : list, one entry per collision of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
     speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
     azimuth of its long axis in degrees clockwise from north, 0 to 180, null where it has none
 largest_km2, areas_km2 : area of the largest fragment, and of all, largest first, at the end
+ground : what the sea floor did: law, least_clearance (m, water under the keel at the least; negative where it stands deeper
+    than the floor), bathymetry_spacing (m between the nodes of the chart under the berg, null for formulas), first (date of the
+    first touch, null where none), stays: list, one entry per stay of a berg, or of a fragment of 5 % of its berg or more:
+    number, name, first, last, lasts (aground at the end), lon, lat, towards (degrees from north, of the side that touched),
+    hours, times (touches), elements, load (N), capacity (N, friction that could hold it), pressing (N, force of the sea), lift
+    (m, largest rise of the keel), bending_stress (Pa, largest of the ice that the floor lifts), gouge (m, how deep a bed that
+    yields was pressed), way_aground (m), stopped_within (m, null where it did not stop). For all of them together: hours, times,
+    elements, load, capacity, pressing, lift, bending_stress, gouge, way_aground (the longest); with the law seabed the sediment,
+    and capacity_on: what the same load could hold on clay and on rock (N)
 ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process, other gains (kg), and by what part of the
     turnover the ledgers of mass and heat do not close; by_fragment: melt water (kg) by process of each fragment; null where
     nothing melts
@@ -52,6 +61,7 @@ from riftberg.config.units import area_text, count_text
 from riftberg.config.values import finding_text
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, melt_of
+from riftberg.runs.groundings import summarize_ground
 from riftberg.runs.layout import called, forcing_text, read_start
 from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
@@ -93,6 +103,7 @@ def summarize(
         "breakups": breakups(model),
         "bergs": berg_entries(model),
         "collisions": collisions(model),
+        "ground": summarize_ground(model),
         "track": track_table(track),
         "largest_km2": areas[0] if areas else 0.0,
         "areas_km2": areas,
@@ -195,7 +206,8 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
         entry = {
             "number": number, "name": row.name, "area_km2": row.area / 1e6,
             "fragments": len(mine), "largest_km2": mine[0][0] if mine else 0.0, "areas_km2": [size for size, _ in mine[:NAMED]],
-            "melted_kg": melted.get(number, 0.0), **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat")),
+            "melted_kg": melted.get(number, 0.0), "largest": mine[0][1] if mine else 0, "largest_weight": 0.0,
+            **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat")),
         }  # fmt: skip
         if mine:
             inside = e.berg == mine[0][1]
@@ -205,6 +217,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
             here = np.array([gone]), np.array([lat]), np.array([row.lon]), np.array([row.lat])
             east, north = separations(Metric(earth.latlon, earth.radius), *here)
             entry |= {
+                "largest_weight": float(e.mass[inside].sum()) * constants.GRAVITY,
                 "drift_east_km": float(east[0]) / 1e3,
                 "drift_north_km": float(north[0]) / 1e3,
                 "lon": lon,

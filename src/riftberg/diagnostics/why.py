@@ -15,6 +15,7 @@ import numpy as np
 from riftberg.config.units import area_text, count_text, minute_text, place_text
 from riftberg.diagnostics.cut import Breakup, Collision, Cut, FirstBond, iso, members_at_birth
 from riftberg.diagnostics.summary import melt_lines
+from riftberg.runs.groundings import read_stays, why_lines
 from riftberg.runs.scene import SMALL, Scene
 from riftberg.system.atomic_files import write_json
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Reasons:
-    """All break-ups of a run that are large enough to be shown, and what it lost by melting, in words."""
+    """Break-ups of a run that are large enough to be shown, its stays on the sea floor, and what it lost by melting, in words."""
 
     experiment: str
     forcing: str
@@ -32,6 +33,7 @@ class Reasons:
     small: int
     strength: float | None
     melt: list[str] = field(default_factory=list)
+    ground: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, texts, lists and dicts."""
@@ -103,6 +105,7 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         small=small,
         strength=fracture.normal_strength if fracture.enabled else None,
         melt=melt_lines(run),
+        ground=why_lines(read_stays(run, scene.name), scene.parameters, latlon=scene.latlon),
     )
 
 
@@ -153,11 +156,11 @@ def words(reasons: Reasons) -> list[str]:
     small = count_text(reasons.small, "small piece")
     if not reasons.breakups:
         but = f" but {small} (--all lists them)" if reasons.small else ""
-        return [f"Nothing broke off{but}.", *reasons.melt]
+        return [f"Nothing broke off{but}.", *reasons.ground, *reasons.melt]
     lines = [_paragraph(breakup) for breakup in reasons.breakups]
     if reasons.small:
         lines.append(f"{small.replace('small', 'smaller')} broke off too (--all lists them).")
-    return [*lines, *reasons.melt]
+    return [*lines, *reasons.ground, *reasons.melt]
 
 
 def _paragraph(b: Breakup) -> str:

@@ -32,6 +32,7 @@ from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import Shapes, is_channel, lon_of_track
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import on_the_floor
+from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import allow_large, value_shown
 
 if TYPE_CHECKING:
@@ -269,6 +270,7 @@ class MemberTracks:
         self.every, self.lag = every, lag
         self.rows: list[list[float]] = []
         self.first_aground = np.nan  # s
+        self.aground_at = [np.nan, np.nan]  # Where that was, degrees (m on a Cartesian grid)
         # Largest stress over strength of a bond until the first break-up, and from there until the second
         self.stress_ratios = [0.0, 0.0]
 
@@ -281,13 +283,15 @@ class MemberTracks:
         if rows:
             self.first_aground = rows[-1][0] if rows[-1][0] >= 0.0 else np.nan
             self.stress_ratios = rows[-1][1:3]
+            self.aground_at = rows[-1][3:5] if rows[-1][0] >= 0.0 else [np.nan, np.nan]
         self.record(model)
 
     def record(self, model: BareModel) -> None:
         """Note where the fragments are when an interval is over, and in each step what may happen between."""
         touching = _aground(model)
         if np.isnan(self.first_aground) and touching.any():
-            self.first_aground = model.time
+            self.first_aground, e = model.time, model.elements
+            self.aground_at = list(centroid(e.lon[touching], e.lat[touching], e.mass[touching], model.constants.period))
         rows = model.fragments.rows if model.fragments.breakups else []
         over = len(broken_off((row.number, row.parent, row.area, row.birth_time) for row in rows))
         # The step of a break-up ends with the stress of what is left; the ice that broke had reached its strength.
@@ -314,7 +318,8 @@ class MemberTracks:
 
     def kept(self) -> Any:
         """Return all rows as one array of finite numbers, for a saved state; -1 for a berg that has not been aground."""
-        whole = [float(np.nan_to_num(self.first_aground, nan=-1.0)), *self.stress_ratios, *[0.0] * 7]
+        whole = [float(np.nan_to_num(self.first_aground, nan=-1.0)), *self.stress_ratios]
+        whole += [*np.nan_to_num(self.aground_at).tolist(), *[0.0] * 5]
         return np.array([*self.rows, whole], dtype=np.float64)
 
     def finish(self, model: BareModel) -> None:
@@ -466,6 +471,8 @@ def outcome_of(number: int, model: BareModel, track: MemberTracks) -> Outcome:
         "breakups": float(len(model.fragments.breakups)),
         "largest_area": float(area.max()) if area.size else 0.0,
         "first_aground": track.first_aground,
+        "aground_lon": track.aground_at[0],
+        "aground_lat": track.aground_at[1],
         "stress_ratio": track.stress_ratios[0],
         "fresh_water": sum(model.life.balance(model).water.values()) if model.life is not None else 0.0,
     }

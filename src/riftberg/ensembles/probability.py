@@ -610,6 +610,26 @@ def reasons(ds: xr.Dataset) -> list[str]:
     return lines
 
 
+def _first_touch(done: xr.Dataset) -> list[str]:
+    """Return when and where members run aground first, in a line; nothing where none does, or where a file does not say."""
+    if "aground_lon" not in done:
+        return []
+    lon, lat = done["aground_lon"].values, done["aground_lat"].values
+    touched = np.isfinite(lon) & ~np.isnat(done["first_aground"].values)
+    if not touched.any() or "cone_lon" not in done:
+        return []
+    lon, lat = lon[touched], lat[touched]
+    east = (lon - lon[0] + 180.0) % 360.0 - 180.0
+    middle = float(lon[0] + np.median(east)), float(np.median(lat))
+    away = np.hypot((east - np.median(east)) * math.cos(math.radians(middle[1])), lat - middle[1])
+    km, dates = float(np.median(away)) * DEGREE * EARTH_RADIUS_A68 / 1e3, np.sort(done["first_aground"].values[touched])
+    place = place_text(*middle, latlon=True, digits=2)
+    return [
+        f"  of {count_text(int(touched.sum()), 'member')} that ran aground half did by {minute_text(dates[dates.size // 2])}, "
+        f"about {place}, half of them within {km:.0f} km of it"
+    ]
+
+
 def told(ds: xr.Dataset) -> list[str]:
     """Return a forecast in a few lines."""
     done, weight = counted(ds)
@@ -628,6 +648,7 @@ def told(ds: xr.Dataset) -> list[str]:
     for name, word in (("p_broken", "broken up"), ("p_aground", "been aground")):
         p, low, high = last[name]
         lines.append(f"  {p:.0f} % ({low:.0f} to {high:.0f} %) that it has {word}")
+    lines += _first_touch(done)
     at_start = 100.0 * float(ds["p_aground"].values[0])
     if at_start > 5.0:
         doubt = "is that so, or are errors of floor and thickness too large?"

@@ -39,6 +39,14 @@ TOTALS: Final = {
     "largest_area": ("m2", "plan area of the largest piece at the end"),
     "stress_ratio": ("1", "largest stress over strength of a bond until the first break-up"),
     "fresh_water": ("kg", "ice that melted"),
+    "aground_lon": (
+        "degrees_east",
+        "longitude where the sea floor first acted (x in m in Cartesian runs), missing where never",
+    ),
+    "aground_lat": (
+        "degrees_north",
+        "latitude where the sea floor first acted (y in m in Cartesian runs), missing where never",
+    ),
 }
 """Whole numbers and sizes of a member: unit and meaning."""
 

@@ -22,7 +22,8 @@ The files are those of the publication (Huth et al. 2022).
 
 ``a68a-paper``: hourly OSCAR currents, DUACS sea level and NCEP wind of December 2020 on the 1/8 degree grid, the 472 elements
 of the published initial state, and the artificial shoal: all water north-east of one corner. 432 hours from 9 December
-13:00, with the reference's numerics by default. Source: equations 10.5.
+13:00, with the reference's numerics by default. Source: equations 10.5. With Riftberg's numerics the shoal is a bank of sand 1 m
+above the keel that falls off by 1 in 100: the published one is a cliff up to the surface.
 
 ``a68a-oras5``: the same berg and shoal in the mean currents of December 2020 (ORAS5), with JRA-55 wind. Monthly means smooth
 away the eddies that turned and broke the real berg, so only the drift can be compared, and only roughly.
@@ -62,10 +63,13 @@ from riftberg.kid.ncfile import opened_dataset
 from riftberg.kid.restart import read_restart
 from riftberg.model import DEFAULT_START
 from riftberg.ocean.analytic import Steady
+from riftberg.ocean.cells import ZONE_DEPTH
+from riftberg.ocean.forcing import Forcing, WrappedForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.gridded import FieldRules, GriddedForcing
 from riftberg.ocean.story import OWN, REFERENCE, StoryOcean
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Packing, Parameters
+from riftberg.physics.floating import draft_of
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.model import Model
 from riftberg.state import Elements, Floats, Ints
@@ -450,6 +454,12 @@ START_RECORD: Final = 206
 ZONE: Final = (-37.51, -55.2166)
 """Corner (degrees) of the grounding zone, all of the water to its north and east."""
 
+ABOVE_KEEL: Final = 1.0
+"""How far above the keel the bank lies that is the grounding zone with Riftberg's numerics, m."""
+
+FALLS: Final = 0.01
+"""Slope by which that bank falls off outside of the zone."""
+
 FILES: Final = (BERG, GRID, *VARIABLES)
 
 
@@ -486,6 +496,42 @@ def forcing_of(
     )
 
 
+class Bank(WrappedForcing):
+    """The grounding zone of the publication as a bank on which a bed of sediment can carry the berg.
+
+    The published zone is a cliff from 1000 m to the surface, which stops by its drag whatever comes into it. The bank lies
+    `ABOVE_KEEL` above the keel, and falls off outside of the zone by `FALLS`.
+    """
+
+    def __init__(self, forcing: GriddedForcing, draft: float) -> None:
+        assert forcing.rules.zone is not None
+        self.forcing, self._top, self._corner = forcing, draft - ABOVE_KEEL, forcing.rules.zone
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at arrays of points; NaN outside and on land."""
+        degree = DEGREE * EARTH_RADIUS_A68
+        west, south = self._corner
+        east = (np.asarray(lon, np.float64) - west + 180.0) % 360.0 - 180.0
+        away = np.hypot(np.minimum(east * np.cos(np.asarray(lat) * DEGREE), 0.0), np.minimum(lat - south, 0.0)) * degree
+        bank = np.minimum(self._top + FALLS * away, ZONE_DEPTH)
+        return np.asarray(np.where(np.isfinite(self.forcing.depth(lon, lat)), bank, np.nan))
+
+    def sample(self, elements: Elements, time: float) -> None:
+        """Fill the environment of the elements."""
+        self.forcing.sample(elements, time)
+        here = self.depth(elements.lon, elements.lat)
+        elements.depth[:] = np.where(np.isfinite(here), here, elements.depth)
+
+    def describe(self) -> str:
+        """Return what this forcing is."""
+        return f"{self.forcing.describe()}\ngrounding zone: a bank {self._top:.1f} m deep that falls off by {FALLS:g}"
+
+
+def with_bank(forcing: GriddedForcing, berg: Iceberg, density: float) -> Forcing:
+    """Return the forcing with a bank in place of the cliff of its grounding zone; ``density``: of the ice, kg m-3."""
+    return Bank(forcing, float(draft_of(berg.elements.thickness, density).max()))
+
+
 def _check_file(file: HourlyFile, days: float, last: int) -> None:
     """Refuse a file that is too short, of another place, or without believable values."""
     if file.count < last:
@@ -517,7 +563,8 @@ def paper_model(folder: Path, options: Options, *, zone: tuple[float, float] | N
     assert forcing.grid is not None
     parameters = options.apply(A68A_2022 if own else A68A_2022_KID)
     berg = published_berg(folder, forcing.grid, parameters)
-    return Model(berg, forcing, parameters, DEFAULT_START)
+    floor = with_bank(forcing, berg, parameters.ice.density) if own and zone is not None else forcing
+    return Model(berg, floor, parameters, DEFAULT_START)
 
 
 def build_paper(options: Options) -> tuple[Model, Info]:
@@ -578,4 +625,5 @@ def build_oras5(options: Options) -> tuple[Model, Info]:
     parameters = options.apply(A68A_2022 if options.own else A68A_2022_KID)
     berg = published_berg(folder, forcing.grid, parameters)
     title = "A68a in the mean currents of December 2020 (ORAS5)"
-    return Model(berg, forcing, parameters), Info("a68a-oras5", title, days=18.0, output_every_hours=1.0)
+    floor = with_bank(forcing, berg, parameters.ice.density) if options.own else forcing
+    return Model(berg, floor, parameters), Info("a68a-oras5", title, days=18.0, output_every_hours=1.0)

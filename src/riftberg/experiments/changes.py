@@ -22,7 +22,7 @@ from riftberg.bergs.bonding import Metric, give_velocity, separations, turn_rigi
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
-from riftberg.config.values import fields_of, given, sections_in
+from riftberg.config.values import fields_of, given, gone_keys, sections_in
 from riftberg.errors import InputError, nearest, together, without_secrets
 from riftberg.parameters import A68A_2022_KID, Parameters
 from riftberg.plane import EqualAreaPlane
@@ -154,6 +154,8 @@ def find_field(group: str, name: str, *, where: str, settable: Mapping[str, Any]
             remedy=f"{nearest(group, settable)}Groups are {', '.join(settable)}",
         )
     fields = fields_of(settable[group])
+    if now := gone_keys(settable[group]).get(name):
+        raise InputError(f"group {group} has no parameter {name!r} any more", where=where, remedy=now)
     if name not in fields:
         raise InputError(
             f"group {group} has no parameter {name!r}",

@@ -16,7 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.config.values import check_names, given, moment, number, required
-from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY
+from riftberg.constants import DEGREE, EARTH_RADIUS_KID, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
@@ -431,6 +431,18 @@ class DatasetForcing(DescribedForcing):
             raise ForcingError(
                 f"{_named(elements, row)} {what}", where=named(part.records.ds) or part.source, remedy=remedy
             )
+
+    def depth_spacing(self) -> float | None:
+        """Return the usual distance (m) between neighbouring points of the chart of the sea floor; None where there is none."""
+        part = self._part_with("depth_below_surface")
+        if part is None:
+            return None
+        if isinstance(part.mesh, NodeMesh):
+            return float(np.radians(np.median(part.mesh.spacing())) * EARTH_RADIUS_KID)
+        lon, lat = part.mesh.points.lon, part.mesh.points.lat
+        east = (np.diff(lon, axis=0) + 180.0) % 360.0 - 180.0
+        apart = np.hypot(east * np.cos(np.radians(lat[1:])), np.diff(lat, axis=0))
+        return float(np.radians(np.nanmedian(apart)) * EARTH_RADIUS_KID)
 
     def _part_with(self, name: str) -> Part | None:
         return next((part for part in self.parts if name in part.gives), None)

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from riftberg.config.values import finding_text
+from riftberg.config.values import explained
 from riftberg.errors import InputError
-from riftberg.parameters import Parameters
+from riftberg.parameters import Parameters, without_idle_keys
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, Floats, Ints, Variable
 from riftberg.state.population import rows_of
 from riftberg.state.variables import ABOVE_0, GONE, LARGEST, LARGEST_WHOLE
@@ -110,6 +110,36 @@ CONTACT_VARIABLES: Final = (
 )
 """Collisions of bergs, each written as ``contact_<name>``."""
 
+GROUNDING_VARIABLES: Final = (
+    Variable("number", "1", "number of the berg or fragment", dtype="i8", limits=(1, LARGEST_WHOLE)),
+    Variable("time", "s", "start of the long step in which it touched the sea floor first"),
+    Variable("end", "s", "end of the last long step at whose end the sea floor carried it"),
+    Variable("lon", "degrees_east", "longitude where the sea floor carried it first"),
+    Variable("lat", "degrees_north", "latitude where the sea floor carried it first"),
+    Variable("towards", "degrees", "direction of that from its centre, clockwise from north", limits=(0.0, 360.0)),
+    Variable("elements", "1", "elements that touched first", dtype="i8", limits=(0, LARGEST_WHOLE)),
+    Variable("times", "1", "how often it touched", dtype="i8", limits=(1, LARGEST_WHOLE)),
+    Variable("seconds", "s", "time on the sea floor", limits=(0.0, LARGEST)),
+    Variable("carried", "1", "elements that the sea floor carried last", dtype="i8", limits=(0, LARGEST_WHOLE)),
+    Variable("load", "N", "weight that the sea floor carried last", limits=(0.0, LARGEST)),
+    Variable("capacity", "N", "friction that could hold it last; 0 for the laws of drag", limits=(0.0, LARGEST)),
+    Variable("pressing", "N", "force of all else on it in the last of these steps", limits=(0.0, LARGEST)),
+    Variable("lift", "m", "largest rise of its keel", limits=(0.0, LARGEST)),
+    Variable("stress", "Pa", "largest bending stress of the ice that the sea floor lifts", limits=(0.0, LARGEST)),
+    Variable("gouge", "m", "how deep it has pressed a bed that yields, at most", limits=(0.0, LARGEST)),
+    Variable(
+        "way",
+        "m",
+        "way of its centre on the sea floor, with that before the touch in the first step",
+        limits=(0.0, LARGEST),
+    ),
+    Variable("stopped", "m", "the same when it first came to rest; -1 where it never did", limits=(-1.0, LARGEST)),
+)
+"""Stays of bergs and fragments on the sea floor, each written as ``grounding_<name>``."""
+
+TABLES: Final = (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES), ("grounding", GROUNDING_VARIABLES))
+"""Tables of a run file, with a dimension each."""
+
 
 IN_FILE: Final = {"u_sync": "u", "v_sync": "v", "sides": "corners", "first": "bond_first", "second": "bond_second"}
 """Names in a run file of what the state of the model, which has a ``u`` of each stage of a step, calls otherwise."""
@@ -139,7 +169,7 @@ def dimensions_of_variables() -> dict[str, tuple[str, ...]]:
     dims |= {"x": ("trajectory", "time"), "y": ("trajectory", "time")}
     dims |= dict.fromkeys(map(in_file, SHAPE), ("trajectory",)) | dict.fromkeys(map(in_file, BOND_LATEST), ("bond",))
     dims |= dict.fromkeys((*BOND_HISTORY, "damage"), ("bond", "time"))
-    for table, variables in (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES)):
+    for table, variables in TABLES:
         dims |= {f"{table}_{v.name}": (table,) for v in variables}
     return {"time": ("time",), **dims, "fragment_melt_water": ("fragment", "process")}
 
@@ -304,7 +334,7 @@ NEEDED: Final = (
 """Variables of a run file that every reader may use; positions besides. What is added later may be missing."""
 
 _DATES: Final = ("time", "break_time", "fragment_birth_time")
-_DATES_OF_COLLISIONS: Final = ("contact_time", "contact_end")
+_DATES_OF_EVENTS: Final = ("contact_time", "contact_end", "grounding_time", "grounding_end")
 _TEXTS: Final = ("fragment_name",)
 _SHAPE_IN_FILE: Final = ("char_dim_name", "original_shape")
 """What xarray notes of a text in a file, and warns of where a part of the run is written to another file."""
@@ -389,27 +419,27 @@ def parameters_of(run: xr.Dataset, file: Path | None = None) -> Parameters:
     return read_parameters(run.attrs.get("parameters_json"), file or Path(str(run.encoding.get("source", "run"))))
 
 
-def read_parameters(text: Any, file: Path) -> Parameters:
-    """Return parameters from the attribute ``parameters_json`` of a file."""
+def read_parameters(text: Any, file: Path, *, goes_on: bool = False) -> Parameters:
+    """Return parameters from the attribute ``parameters_json`` of a file.
+
+    ``goes_on``: a run goes on with them; else they say what it was, and keys of earlier versions are left out.
+    """
     place = "attribute parameters_json"
     if not isinstance(text, str):
         raise _error("missing, or no text", file, place)
     try:
-        return Parameters.model_validate_json(text)
-    except InputError as error:
+        values = json.loads(text)
+        return Parameters.model_validate(without_idle_keys(values, all_of_them=not goes_on))
+    except json.JSONDecodeError as error:
+        raise _error("no JSON of parameters", file, place) from error
+    except (InputError, ValidationError) as error:
+        fault = error if isinstance(error, InputError) else explained(error, Parameters)
+        what = f"{fault.where}: {fault.what[:400]}" if fault.where else fault.what[:400]
         raise _error(
-            f"no parameters of Riftberg ({error.where}: {error.what[:100]})", file, place,
+            f"no parameters of Riftberg ({what})", file, place,
+            f"{fault.remedy + '. ' if goes_on and fault.remedy else ''}"
             "The file is damaged, or was written by another version of Riftberg",
         ) from error  # fmt: skip
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise _error(
-            f"no parameters of Riftberg ({key}: {finding_text(first)})" if key else "no JSON of parameters",
-            file,
-            place,
-            "The file is damaged, or was written by another version of Riftberg",
-        ) from error
 
 
 def read_start(text: Any, file: Path) -> datetime:
@@ -425,7 +455,7 @@ def read_start(text: Any, file: Path) -> datetime:
 
 def _with_dates(run: xr.Dataset, file: Path) -> xr.Dataset:
     """Return the run with decoded dates."""
-    dates = (*_DATES, *(name for name in _DATES_OF_COLLISIONS if name in run.variables))
+    dates = (*_DATES, *(name for name in _DATES_OF_EVENTS if name in run.variables))
     for name in dates:
         units = run[name].attrs.get("units")
         if not isinstance(units, str) or not units.startswith("seconds since "):
@@ -462,7 +492,8 @@ def _check_values(run: xr.Dataset, file: Path) -> None:
     check_bond_ends(*ends, run.sizes["trajectory"], file, "variable bond_first, bond_second")
     if "corners" in run and not np.isin(np.nan_to_num(run["corners"].values), (0, 4, 6)).all():  # 0: not known
         raise _error("an element has 4 or 6 corners", file, "variable corners")
-    for name, what in (("fragment_birth_time", "a fragment"), ("contact_time", "a collision")):
+    dated = ("fragment_birth_time", "a fragment"), ("contact_time", "a collision"), ("grounding_time", "a grounding")
+    for name, what in dated:
         if name in run.variables and np.isnat(run[name].values).any():
             raise _error(f"{what} without a time", file, f"variable {name}")
     number, parent = run["fragment_number"].values, run["fragment_parent"].values
@@ -506,10 +537,10 @@ def _limits_in_file(latlon: bool) -> dict[str, Allowed]:
     places = {"lon": 1e4, "lat": 90.0} if latlon else dict.fromkeys(("x", "y"), 1e12)
     limits = {name: Allowed(-most, most) for name, most in places.items()}
     states = [v for v in (*ELEMENT_VARIABLES, *BOND_VARIABLES) if in_file(v.name) in _CHECKED]
-    for table, variables in (("", states), ("fragment_", FRAGMENT_VARIABLES), ("contact_", CONTACT_VARIABLES)):
+    for table, variables in (("", states), *TABLES):
         for v in variables:
             if not table or v.limits != (-LARGEST, LARGEST):
-                limits[f"{table}{v.name}" if table else in_file(v.name)] = Allowed(
+                limits[f"{table}_{v.name}" if table else in_file(v.name)] = Allowed(
                     v.limits[0], float(v.limits[1]), v.dtype == "i8"
                 )
     return {**limits, "berg": Allowed(1, LARGEST_WHOLE, whole=True)}

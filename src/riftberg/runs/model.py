@@ -289,6 +289,7 @@ class Model(BareModel):
             state.population(), forcing, state.parameters, state.start, state.time, state.step_number,
             state.fragments, state.bergs, state.contacts, laws,
         )  # fmt: skip
+        model.groundings = state.groundings
         model.remembered = {name: value for name, value in state.extra.items() if name not in OWN_EXTRAS}
         model._stepper.load_state_dict(state.extra)
         return model

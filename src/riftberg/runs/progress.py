@@ -14,6 +14,7 @@ from numba.core.event import TimingListener, register, unregister
 
 from riftberg.config.units import count_text
 from riftberg.constants import SECONDS_PER_DAY
+from riftberg.runs.groundings import GroundTeller
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class Stopwatch:
 
 
 class ProgressRecorder:
-    """Recorder that shows model date, speed, fragments and broken bonds.
+    """Recorder that shows model date, speed, fragments and broken bonds, and says at once what touches the sea floor.
 
     ``days``: length of this run, days.
     """
@@ -79,11 +80,12 @@ class ProgressRecorder:
         self.terminal = sys.stderr.isatty() or self._notebook
         self._bar: Any = None
         self._shown = self._first_day = 0.0
-        self._watch = Stopwatch()
+        self._watch, self._ground = Stopwatch(), GroundTeller()
 
     def start(self, model: BareModel) -> None:
         """Note the time, and put up the bar."""
         self._watch.start(model)
+        self._ground.start(model)
         self._shown, self._first_day = clock.monotonic(), model.time / SECONDS_PER_DAY
         if self.terminal and not self.quiet:
             self._bar = NotebookBar(self.days) if self._notebook else TerminalBar(self.days)
@@ -92,6 +94,8 @@ class ProgressRecorder:
         """Show the state where the last look is long enough ago."""
         now = clock.monotonic()
         self._watch.record(model)
+        if not self.quiet:
+            self._ground.say(model)
         wait = REFRESH_SECONDS if self.terminal else LOG_SECONDS
         if not self.quiet and now - self._shown >= wait:
             self._shown = now

@@ -29,6 +29,7 @@ from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Bonds, Elements, V
 from riftberg.state.population import Population
 from riftberg.state.variables import LARGEST, LARGEST_WHOLE
 from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
+from riftberg.stepping.fragments.grounding_log import GroundingEvent, GroundingLog
 from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import MOST_SUBSTEPS, MOST_VALUES, check_file, reading, shown, value_shown
@@ -68,6 +69,7 @@ class RestartState:
     forcing: str = ""  # Description of the forcing that the run used
     bergs: list[tuple[str, int]] = field(default_factory=list)  # Name and number of elements of each berg of the start
     contacts: ContactLog = field(default_factory=ContactLog)  # Collisions of bergs, and which contacts are none
+    groundings: GroundingLog = field(default_factory=GroundingLog)  # Stays of bergs on the sea floor
 
     def population(self) -> Population:
         """Return the elements and bonds, with the identifiers that come next."""
@@ -103,6 +105,12 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
         quiet = [[*pair, time] for pair, time in model.contacts.suppressed.items()]
         collisions = {"rows": [vars(row) for row in model.contacts.rows], "quiet": quiet}
         file.setncattr("contacts_json", json.dumps(collisions, default=_plain))
+        log = model.groundings
+        stays = {
+            "rows": [vars(row) for row in log.rows],
+            "clearance": log.clearance if log.clearance < LARGEST else None,
+        }
+        file.setncattr("groundings_json", json.dumps(stays, default=_plain))
         _write_extra(file, extra or {})
         seal(file)
     _LOG.info("state of %s saved in %s", f"{model.date:%Y-%m-%d %H:%M}", path)
@@ -152,7 +160,7 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
         state = RestartState(
             elements=_filled(content, "element", ELEMENT_VARIABLES, elements, path),
             bonds=_filled(content, "bond", BOND_VARIABLES, bonds, path),
-            parameters=read_parameters(getattr(file, "parameters_json", None), path),
+            parameters=read_parameters(getattr(file, "parameters_json", None), path, goes_on=True),
             start=read_start(getattr(file, "start", None), path),
             time=float(content["time"]),
             step_number=int(content["step_number"]),
@@ -161,12 +169,22 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             forcing=str(file.getncattr("forcing")),
             bergs=[(str(name), int(count)) for name, count in json.loads(file.bergs_json)],
             contacts=ContactLog([ContactEvent(**row) for row in collisions.get("rows", [])], suppressed),
+            groundings=_groundings(getattr(file, "groundings_json", "{}")),  # files of earlier versions hold none
         )
         if lost := set(str(getattr(file, "extra_variables", "")).split()) - set(state.extra):
             raise InputError(f"variable extra/{min(lost)} is missing", where=str(path), remedy=DAMAGED)
         if check:
             check_restart(state, path)
         return state
+
+
+def _groundings(text: str) -> GroundingLog:
+    """Read the stays on the sea floor."""
+    found = dict(json.loads(text))
+    clearance = found.get("clearance")
+    return GroundingLog(
+        [GroundingEvent(**row) for row in found.get("rows", [])], math.inf if clearance is None else float(clearance)
+    )
 
 
 def _write_table(file: netCDF4.Dataset, dim: str, variables: Iterable[Variable], arrays: Elements | Bonds) -> None:
@@ -275,6 +293,7 @@ def check_restart(state: RestartState, path: Path) -> None:
         raise _damaged("no elements", path)
     check_fragment_rows(state.fragments, path, "attribute fragments_json")
     check_fragment_rows(state.contacts.rows, path, "attribute contacts_json")
+    check_fragment_rows(state.groundings.rows, path, "attribute groundings_json")
     if any(count < 0 for _, count in state.bergs):
         raise _damaged("a berg with less than no elements", path, "attribute bergs_json")
     bonds, count = state.bonds, state.elements.mass.size

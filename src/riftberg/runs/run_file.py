@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import os
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -54,11 +54,10 @@ from riftberg.runs.layout import (
     BOND_HISTORY,
     BOND_LATEST,
     COMMAND,
-    CONTACT_VARIABLES,
     FILE,
-    FRAGMENT_VARIABLES,
     PLACE,
     SHAPE,
+    TABLES,
     Layout,
     counted_from,
     define_texts,
@@ -300,7 +299,7 @@ class RunWriter:
                 raise InputError(gap, where=place, remedy=_ANEW)
             if "u" not in old.variables:
                 raise InputError("a run file of a version before 0.2.0", where=place, remedy=_ANEW)
-            on_bed = ON_BED if model.parameters.grounding.law == "seabed" else ()
+            on_bed = ON_BED if model.parameters.grounding_law == "seabed" else ()
             if lost := [name for name in on_bed if name not in old.variables]:
                 raise InputError(f"a run file of an earlier version, without {lost[0]}", where=place, remedy=_ANEW)
             if self.forces != (APPLIED.variables[0].name in old.variables):
@@ -388,11 +387,8 @@ class RunWriter:
         self._layout.refresh(model.elements, model.bonds, BOND_LATEST)
         for name in BOND_LATEST:
             file[in_file(name)][:] = self._layout.latest[name]
-        fragments, contacts = model.fragments.rows, model.contacts.rows
-        for kind, variables, rows in (
-            ("fragment", FRAGMENT_VARIABLES, fragments),
-            ("contact", CONTACT_VARIABLES, contacts),
-        ):
+        events: tuple[Sequence[Any], ...] = model.fragments.rows, model.contacts.rows, model.groundings.rows
+        for (kind, variables), rows in zip(TABLES, events, strict=True):
             for v in variables if rows else ():
                 values = [getattr(row, v.name) for row in rows]
                 column = texts(values) if v.dtype == "str" else np.array(values, v.dtype)
@@ -466,7 +462,7 @@ class _Record:
 
 def histories(model: BareModel) -> list[Variable]:
     """Return the variables of the elements that every record of this run holds."""
-    return [v for v in element_history() if v.name not in ON_BED or model.parameters.grounding.law == "seabed"]
+    return [v for v in element_history() if v.name not in ON_BED or model.parameters.grounding_law == "seabed"]
 
 
 def bond_history(model: BareModel) -> tuple[str, ...]:
@@ -542,8 +538,8 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
     file.createDimension("trajectory", len(layout.ids))
     file.createDimension("time", None)
     file.createDimension("bond", len(layout.bond_ids))
-    file.createDimension("fragment", None)
-    file.createDimension("contact", None)
+    for kind, _ in TABLES:
+        file.createDimension(kind, None)
     about = {"standard_name": "time", "long_name": "time", **counted_from(model.start), "axis": "T"}
     _create(file, "time", "f8", ("time",), **about)
     # CF before 1.9 knows no 64-bit whole numbers; identifiers that need them are those of no run of ours.
@@ -580,7 +576,7 @@ def _define(file: netCDF4.Dataset, model: BareModel, names: dict[str, str], layo
         if name == "peak_stress":
             attributes["long_name"] = "largest normal_stress of any sub-step since the record before"
         _create(file, name, "f4", ("bond", "time"), layout.gaps, **attributes)
-    for kind, variables in (("fragment", FRAGMENT_VARIABLES), ("contact", CONTACT_VARIABLES)):
+    for kind, variables in TABLES:
         for v in variables:
             attributes = {**_described(v, names), "long_name": v.long_name}
             attributes.pop("axis", None)

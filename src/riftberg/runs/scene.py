@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from riftberg import constants
 from riftberg.errors import InputError, RiftbergError
-from riftberg.parameters import Packing, Parameters
+from riftberg.parameters import Packing
 from riftberg.physics.floating import draft_of
 from riftberg.plane import near
-from riftberg.runs.layout import called
-from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, by_area, family_of, is_channel, zonal_period
+from riftberg.runs.groundings import Stay, read_stays
+from riftberg.runs.layout import called, parameters_of
+from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, family_of, is_channel, zonal_period
 from riftberg.state import Floats, Ints
-from riftberg.stepping.forces.media import on_the_floor
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ class Scene:
                 remedy="Give what Model.run or riftberg.open_run returns",
             )
         self.run = run
-        self.parameters = Parameters.model_validate_json(run.attrs["parameters_json"])
+        self.parameters = parameters_of(run)
         self.latlon = self.parameters.earth.latlon
         self.radius = self.parameters.earth.radius
         x, y = ("lon", "lat") if self.latlon else ("x", "y")
@@ -387,7 +387,7 @@ class Scene:
     def has_floor(self) -> bool:
         """Whether the sea floor acts on the ice at all in this run."""
         p = self.parameters.kernel_values()
-        bed = self.parameters.grounding.law == "seabed"
+        bed = self.parameters.grounding_law == "seabed"
         return bool(bed or p.ground_coefficient > 0.0 or p.ground_quadratic > 0.0)
 
     def chosen_records(self, count: int) -> list[int]:
@@ -435,8 +435,14 @@ class Scene:
         if records is not None:
             state = state.isel(time=list(records))
         thickness, depth = (state[name].values.astype(np.float64) for name in ("thickness", "depth"))
-        load = state[FLOOR_LOAD].values if FLOOR_LOAD in state else 0.0
-        return on_the_floor(thickness, depth, load, self.parameters.kernel_values())
+        return aground_in_file(
+            thickness, depth, state[FLOOR_LOAD].values if FLOOR_LOAD in state else None, self.parameters
+        )
+
+    @cached_property
+    def stays(self) -> list[Stay]:
+        """Stays of bergs and fragments on the sea floor, in order of time."""
+        return read_stays(self.run, self.name)
 
     def draft(self) -> float:
         """Return the draft (m) of the thickest element at the start."""

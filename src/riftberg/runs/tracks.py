@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 
 from riftberg import constants
 from riftberg.parameters import Parameters
-from riftberg.runs.layout import FRAGMENT_VARIABLES, counted_from, define_texts, in_file, position_names, texts
+from riftberg.runs.layout import (
+    FRAGMENT_VARIABLES,
+    counted_from,
+    define_texts,
+    in_file,
+    parameters_of,
+    position_names,
+    texts,
+)
 from riftberg.state import Floats, Ints, Variable
 from riftberg.stepping.forces.media import on_the_floor
 
@@ -305,6 +313,15 @@ def blocks_of(records: int, elements: int) -> Iterator[slice]:
     return (slice(begin, min(begin + step, records)) for begin in range(0, records, step))
 
 
+def aground_in_file(thickness: Floats, depth: Floats, load: Floats | None, p: Parameters) -> NDArray[np.bool_]:
+    """Return which elements of a run file the sea floor acts on; ``load``: what a bed carries, None where the file has none."""
+    values = p.kernel_values()
+    if load is None and p.grounding_law == "seabed":
+        # A file of an earlier version, in which a drag acted where the water was not as deep as the keel.
+        values = values._replace(ground_coefficient=1.0)
+    return on_the_floor(thickness, depth, 0.0 if load is None else load, values)
+
+
 def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) -> dict[str, NDArray[Any]]:
     """Return what a block of records says of each berg, in the order of the records and then of the numbers.
 
@@ -338,8 +355,7 @@ def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) 
     )
     gyration = (length * length + width * width) / 12.0
     u, v, spin = bergs.motion(of("u"), of("v"), of("spin"), gyration)
-    load = of(FLOOR_LOAD) if FLOOR_LOAD in columns else 0.0
-    touching = on_the_floor(of("thickness"), of("depth"), load, p.kernel_values())
+    touching = aground_in_file(of("thickness"), of("depth"), of(FLOOR_LOAD) if FLOOR_LOAD in columns else None, p)
     rows: dict[str, NDArray[Any]] = {
         "number": bergs_at % span,
         "time": time[bergs_at // span],
@@ -470,7 +486,7 @@ def tracks_of(run: xr.Dataset) -> xr.Dataset:
     """Return the tracks of all bergs and fragments of a run that was opened, or of a part of it."""
     import xarray as xr
 
-    parameters = Parameters.model_validate_json(run.attrs["parameters_json"])
+    parameters = parameters_of(run)
     start = np.datetime64(run.attrs["start"])
 
     def seconds(dates: Any) -> Floats:

@@ -11,6 +11,7 @@ from riftberg.parameters import KernelParameters, Parameters
 from riftberg.state import Bonds, Elements
 from riftberg.state.population import Population
 from riftberg.stepping.fragments.contact_log import ContactLog
+from riftberg.stepping.fragments.grounding_log import GroundingLog
 from riftberg.stepping.fragments.tree import FragmentTree
 from riftberg.stepping.laws import Laws
 
@@ -32,6 +33,7 @@ class RunState:
         Any, ...
     ] = ()  # Polygons (shapely) that the ice fills at the start, in the coordinates of positions
     laws: Laws = field(default_factory=Laws)  # Of the user
+    groundings: GroundingLog = field(default_factory=GroundingLog)  # Bergs on the sea floor
 
     @property
     def elements(self) -> Elements:

@@ -50,6 +50,10 @@ class Stepper(Protocol):
     def plastic(self) -> Floats:
         """Plastic work since the start, J: of faces that crush each other, and of friction on a bed of sediment."""
 
+    @property
+    def clearance(self) -> float:
+        """Least water under a keel since the start, m, as a bed of sediment has it; NaN where there is none."""
+
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
 
@@ -67,6 +71,11 @@ class Stateless:
     def plastic(self) -> Floats:
         """See `Stepper.plastic`: none."""
         return np.zeros(2)
+
+    @property
+    def clearance(self) -> float:
+        """See `Stepper.clearance`: none."""
+        return math.nan
 
     def state_dict(self) -> dict[str, Any]:
         """Return nothing."""

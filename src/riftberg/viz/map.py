@@ -269,6 +269,9 @@ class Overview:
         self.panel.draw_ice(records[0], self.colours, alpha=0.35, zorder=2.6)
         self.panel.draw_ice(records[-1], self.colours, zorder=2.8)
         labels = style.Labels(self.ax)
+        for touch in self.touches():
+            self.ax.plot(*touch, "v", ms=9, mfc=colours.GROUND, mec="black", mew=0.8, zorder=9)
+            labels.avoid(*touch, 6.0)
         for number in self.scene.numbers:
             x, y, _ = self.scene.track(number)
             if self.scene.birth(number) is not None:
@@ -311,6 +314,12 @@ class Overview:
                 labels.put(texts[k], *places[k], fontsize=9, fontweight="bold")
                 labelled.append(places[k])
 
+    def touches(self) -> list[tuple[float, float]]:
+        """Return where bergs and fragments touched the sea floor, on the map."""
+        rows = [stay.event for stay in self.scene.stays]
+        x, y = self.panel.placed(np.array([row.lon for row in rows]), np.array([row.lat for row in rows]))
+        return list(zip(x.tolist(), y.tolist(), strict=True))
+
     def handles(self, marks: str = "track and dates of the panels") -> list[Any]:
         """Return what explains fragments and signs in a legend."""
         from matplotlib.lines import Line2D
@@ -323,6 +332,19 @@ class Overview:
         if any(self.scene.birth(n) for n in self.scene.numbers):
             handles.append(
                 Line2D([], [], ls="", marker="*", ms=11, mfc="white", mec="black", label="place of a break-up")
+            )
+        if self.scene.stays:
+            handles.append(
+                Line2D(
+                    [],
+                    [],
+                    ls="",
+                    marker="v",
+                    ms=8,
+                    mfc=colours.GROUND,
+                    mec="black",
+                    label="place of a touch of the sea floor",
+                )
             )
         handles += [
             Patch(fc=colour, ec=colours.SHORE, lw=0.8, label=name)

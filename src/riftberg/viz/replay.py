@@ -172,6 +172,7 @@ class ReplayContent:
             "elements": self._elements(tension),
             "bonds": self._bonds(),
             "fragments": self._fragments(),
+            "stays": self._stays(),
             "peak": quantised(tension.max(axis=1, initial=0.0), "uint16"),
             "water": self._currents(),
             "floor": self._floor(),
@@ -233,6 +234,18 @@ class ReplayContent:
             "time": ((at[rows] - zero) / np.timedelta64(1, "s")).tolist(),
             "total": int(self.run.sizes["bond"]),
         }
+
+    def _stays(self) -> list[dict[str, Any]]:
+        """Return when bergs touched the sea floor and came free (s since the first record shown), in words."""
+        zero, told = self.scene.times[self.records[0]], []
+        for stay in self.scene.stays:
+            whom = f"{stay.name} " if stay.name else ""
+            told.append((stay.began, f"{whom}touches the sea floor"))
+            if not stay.lasts:
+                told.append((stay.ended, f"{whom}comes free of the sea floor"))
+        return [
+            {"time": float((np.datetime64(date) - zero) / np.timedelta64(1, "s")), "text": text} for date, text in told
+        ]
 
     def _fragments(self) -> list[dict[str, Any]]:
         """Return the family tree, largest first at the end."""

@@ -1,25 +1,25 @@
-"""Dynamics of fragments as rigid bodies under the forces on their elements: a step of second order, stable aground.
+"""Dynamics of fragments as rigid bodies under the forces on their elements: a step of second order.
 
 With the velocity q of a fragment (east, north, spin) and that of its elements ``v_k = B_k q``, virtual work gives
 
-    M dq/dt = G(q) - L q,   M = sum m B^T B + I b b^T,   G = sum B^T f,   L = sum m c B^T B
+    M dq/dt = G(q),   M = sum m B^T B + I b b^T,   G = sum B^T f
 
-where f are all forces on an element but the drag c of the sea floor (s-1). A step of h seconds is velocity Verlet:
+where f are all forces on an element but those of contact and the sea floor, which act in sub-steps. A step of h seconds is
+velocity Verlet:
 
-    W q(1/2) = q(0) + (h/2) P M^-1 G(x0, q0)      with z = (h/2) M^-1 L(x0)
-    x1       = x0 moved by h q(1/2)
-    W q(1)   = q(1/2) + (h/2) P M^-1 G(x1, q1)    with z = (h/2) M^-1 L(x1)
+    q(1/2) = q(0) + (h/2) M^-1 G(x0, q0)
+    x1     = x0 moved by h q(1/2)
+    q(1)   = q(1/2) + (h/2) M^-1 G(x1, q1)
 
-``W = 1 + z + z^2 / 2`` and ``P = 1 + z / 2`` are the Pade approximants of exp(z) and of phi_1(z), the mean of exp: the
-drag of the sea floor, which stops an element within a minute, is taken implicitly (L-stable), and with second order
-where the step resolves it. Drag of water, air and ice and the Coriolis force are centred by both halves together. The
-second half is solved by Newton's method. Fragments in contact go through the step in `riftberg.stepping.contact.islands`.
+Drag and the Coriolis force are centred by both halves together. The second half is solved by Newton's method. Fragments in
+contact go through the step in `riftberg.stepping.contact.islands`, those on the sea floor in `riftberg.stepping.ground`. In
+the impacts of explicit schemes the sea floor is a drag ``L = sum m c B^T B`` with the rate c (s-1).
 
 The first half takes drag at the speed of the start. A berg of 30 m has its speed in the water within minutes: in half a
 step of a quarter of an hour it would be flung past it by ten times as much. So what an element loses of its speed through a
 medium beyond `EXPLICIT_PART` in the half step is taken implicitly, with the drag D of that excess:
 
-    (W + (h/2) P M^-1 D) q(1/2) = q(0) + (h/2) P M^-1 (G(x0, q0) + D q0)
+    (1 + (h/2) M^-1 D) q(1/2) = q(0) + (h/2) M^-1 (G(x0, q0) + D q0)
 
 Drag c |v| v per mass has the rate c |v|: at the speed v of the start through the medium, or, where that is less, at
 sqrt(a / c), to which the acceleration a of the start can bring it (`drag_rates`). So v(1/2) is v0 / (1 + h c v0 / 2) of a berg
@@ -242,28 +242,12 @@ def element_velocity(m: Floats, q: Floats) -> tuple[float, float, float]:
 
 
 @kernel
-def accumulate_forces(
-    body: Ints,
-    levers: Floats,
-    floor_rate: Floats,
-    accelerations: Floats,
-    drag_twist: Floats,
-    part: float,
-    applied: Floats,
-) -> None:
-    """Add ``part`` of the accelerations by all forces to ``applied`` (elements, forces, 2).
-
-    ``drag_twist``: velocities of the fragments at which the linear drag of the sea floor has acted (`mean_drag_velocity`).
-    """
+def accumulate_forces(accelerations: Floats, part: float, applied: Floats) -> None:
+    """Add ``part`` of the accelerations by all forces to ``applied`` (elements, forces, 2)."""
     # As rows of numbers, so that the loop vectorises.
     one, other = accelerations.reshape(accelerations.size), applied.reshape(applied.size)
     for k in range(one.size):
         other[k] += part * one[k]
-    for e in range(body.size):
-        if floor_rate[e] > 0.0:
-            u, v, _ = element_velocity(levers[e], drag_twist[body[e]])
-            applied[e, SEA_FLOOR, 0] -= part * floor_rate[e] * u
-            applied[e, SEA_FLOOR, 1] -= part * floor_rate[e] * v
 
 
 @kernel
@@ -396,8 +380,6 @@ def assemble_force_and_jacobian(
 class BodyWorkspace(NamedTuple):
     """Workspace of the two half kicks and of Newton's method."""
 
-    exp_factor: Floats  # W, about exp(z); shape (fragments, 3, 3)
-    phi_factor: Floats  # P M^-1; shape (fragments, 3, 3)
     jacobian: Floats  # Minus the derivatives of the forces; shape (fragments, 3, 3)
     net_force: Floats  # N, N, N m; shape (fragments, 3)
     residual: Floats  # Of the equation of the second half kick; shape (fragments, 3)
@@ -409,10 +391,10 @@ class BodyWorkspace(NamedTuple):
 
 def allocate_body_workspace(count: int) -> BodyWorkspace:
     """Return a workspace for ``count`` fragments."""
-    exp_factor, phi_factor, jacobian = np.empty((3, count, 3, 3))
+    jacobian = np.empty((count, 3, 3))
     net_force, residual, increment = np.empty((3, count, 3))
     return BodyWorkspace(
-        exp_factor, phi_factor, jacobian, net_force, residual, increment, np.empty(count), np.empty(count, np.bool_),
+        jacobian, net_force, residual, increment, np.empty(count), np.empty(count, np.bool_),
         np.empty((4, 3, 3)),
     )  # fmt: skip
 
@@ -421,29 +403,6 @@ def allocate_body_workspace(count: int) -> BodyWorkspace:
 def _is_zero(drag: Floats) -> bool:
     """Whether a drag takes nothing from a fragment: it is positive semi-definite, so its diagonal says it."""
     return bool(drag[0, 0] == 0.0 and drag[1, 1] == 0.0 and drag[2, 2] == 0.0)
-
-
-@kernel
-def pade_factors(matrices: BodyMatrices, half_dt: float, work: BodyWorkspace) -> None:
-    """Find W and P M^-1 of the text above over half a step of ``half_dt`` seconds, for each fragment."""
-    mobility, floor_drag = matrices.mobility, matrices.floor_drag
-    z, square, ahead = work.scratch[0], work.scratch[1], work.scratch[2]
-    for b in range(floor_drag.shape[0]):
-        if _is_zero(floor_drag[b]):  # nearly all bergs, nearly always: W is 1
-            for i in range(3):
-                for j in range(3):
-                    work.exp_factor[b, i, j], work.phi_factor[b, i, j] = 1.0 if i == j else 0.0, mobility[b, i, j]
-            continue
-        multiply(mobility[b], floor_drag[b], z)
-        for i in range(3):
-            for j in range(3):
-                z[i, j] *= half_dt
-        multiply(z, z, square)
-        for i in range(3):
-            for j in range(3):
-                one = 1.0 if i == j else 0.0
-                work.exp_factor[b, i, j], ahead[i, j] = one + z[i, j] + 0.5 * square[i, j], one + 0.5 * z[i, j]
-        multiply(ahead, mobility[b], work.phi_factor[b])
 
 
 @kernel
@@ -558,11 +517,9 @@ def first_half_kick(
 ) -> None:
     """Find the velocities ``new`` at mid-step from those at the start, at which the forces are ``terms``.
 
-    Leaves in ``work.net_force`` the mean force of the half step: that at the start, less what its excess drag D (which
-    stays in ``work.jacobian``) loses with the speed; in ``work.increment`` the acceleration at the start.
+    Leaves its excess drag D in ``work.jacobian``, and in ``work.increment`` the acceleration at the start.
     """
     matrices, net_force, excess_drag = op.matrices, work.net_force, work.jacobian
-    pade_factors(matrices, half_dt, work)
     excess_drag[:, :, :] = 0.0
     add_excess_drag(op, twist, terms, half_dt, work.increment, excess_drag)
     matrix, right = work.scratch[0], work.scratch[1, 0]
@@ -571,26 +528,23 @@ def first_half_kick(
         kept = times(excess_drag[b], twist[b])
         for i in range(3):
             net_force[b, i] = terms.net_force[b, i] if resolved else terms.net_force[b, i] + kept[i]
-        x, y, z = times(work.phi_factor[b], net_force[b])
+        x, y, z = times(matrices.mobility[b], net_force[b])
         right[0], right[1], right[2] = twist[b, 0] + half_dt * x, twist[b, 1] + half_dt * y, twist[b, 2] + half_dt * z
-        if resolved and _is_zero(matrices.floor_drag[b]):
+        if resolved:
             new[b, 0], new[b, 1], new[b, 2] = right[0], right[1], right[2]
             continue
-        multiply(work.phi_factor[b], excess_drag[b], matrix)
+        multiply(matrices.mobility[b], excess_drag[b], matrix)
         for i in range(3):
             for j in range(3):
-                matrix[i, j] = work.exp_factor[b, i, j] + half_dt * matrix[i, j]
+                matrix[i, j] = (1.0 if i == j else 0.0) + half_dt * matrix[i, j]
         new[b, 0], new[b, 1], new[b, 2] = solve(matrix, right)
-        taken = times(excess_drag[b], new[b])
-        for i in range(3):
-            net_force[b, i] -= taken[i]
 
 
 @kernel
 def newton_increment(op: BodyOperators, middle: Floats, new: Floats, half_dt: float, work: BodyWorkspace) -> None:
     """Find the increment of Newton's method for each active fragment, from the velocities ``new``.
 
-    ``work`` holds W and P M^-1 (`pade_factors`); ``middle`` are the velocities at mid-step.
+    ``middle`` are the velocities at mid-step.
     """
     work.net_force[:, :] = 0.0
     work.jacobian[:, :, :] = 0.0
@@ -599,14 +553,14 @@ def newton_increment(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
     for b in range(new.shape[0]):
         if not work.active[b]:
             continue
-        # residual = q(1/2) + h/2 P M^-1 G(q) - W q, and minus its derivative W + h/2 P M^-1 J.
-        kicked, decayed = times(work.phi_factor[b], work.net_force[b]), times(work.exp_factor[b], new[b])
+        # residual = q(1/2) + h/2 M^-1 G(q) - q, and minus its derivative 1 + h/2 M^-1 J.
+        kicked = times(op.matrices.mobility[b], work.net_force[b])
         for i in range(3):
-            work.residual[b, i] = right[i] = middle[b, i] + half_dt * kicked[i] - decayed[i]
-        multiply(work.phi_factor[b], work.jacobian[b], matrix)
+            work.residual[b, i] = right[i] = middle[b, i] + half_dt * kicked[i] - new[b, i]
+        multiply(op.matrices.mobility[b], work.jacobian[b], matrix)
         for i in range(3):
             for j in range(3):
-                matrix[i, j] = work.exp_factor[b, i, j] + half_dt * matrix[i, j]
+                matrix[i, j] = (1.0 if i == j else 0.0) + half_dt * matrix[i, j]
         work.increment[b, 0], work.increment[b, 1], work.increment[b, 2] = solve(matrix, right)
 
 
@@ -640,7 +594,6 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
     Only ``work.active`` fragments take part. Each goes its own number of iterations, so its result does not depend, to
     the last digit, on which others there are. Returns the most iterations, -1 where they do not converge.
     """
-    pade_factors(op.matrices, half_dt, work)
     active, last_change = work.active, work.last_change
     last_change[:] = 0.0
     for n in range(MAX_ITERATIONS):
@@ -660,25 +613,6 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
         if not more:
             return n + 1
     return -1
-
-
-@kernel
-def mean_drag_velocity(
-    matrices: BodyMatrices, net_force: Floats, after: Floats, half_dt: float, drag_twist: Floats, scratch: Floats
-) -> None:
-    """Find the velocities at which the sea floor has acted in half a step to ``after``, under other forces ``net_force``.
-
-    Both half kicks solve ``W v' = v + h P F``, which is ``M (v' - v) = h (F - L (v' + z v' / 2 - h M^-1 F / 2))`` with
-    ``z = h M^-1 L``: the momentum that the floor takes is that of its drag L at the velocities in the brackets.
-    """
-    z = scratch[0]
-    for b in range(after.shape[0]):
-        if _is_zero(matrices.floor_drag[b]):  # nobody asks
-            continue
-        multiply(matrices.mobility[b], matrices.floor_drag[b], z)
-        slowed, pushed = times(z, after[b]), times(matrices.mobility[b], net_force[b])
-        for i in range(3):
-            drag_twist[b, i] = after[b, i] + 0.5 * half_dt * slowed[i] - 0.5 * half_dt * pushed[i]
 
 
 def check_converged(iterations: int) -> None:

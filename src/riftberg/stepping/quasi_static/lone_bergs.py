@@ -1,13 +1,9 @@
 """Bergs of one element that meet nobody in a time step: a path of their own, so that a population costs what it must.
 
 Events cut the time step of the bergs that they happen to: a contact anywhere would otherwise divide the step of all bergs.
-A lone berg has no lattice, and its matrices are numbers: the two half kicks of `riftberg.stepping.bodies.dynamics` with
-
-    W = 1 + z + z^2 / 2,   P = 1 + z / 2,   z = h c / 2
-
-where c is the linear drag of the sea floor (s-1), and with the drag of the other media that a first half kick takes
-implicitly. Its results are those of `TimeStep` to round-off. Where something happens to it, land or a change between afloat
-and aground, it is put back to the start and goes with the others.
+A lone berg has no lattice, and its matrices are numbers: the two half kicks of `riftberg.stepping.bodies.dynamics`, with the
+drag that a first half kick takes implicitly. Its results are those of `TimeStep` to round-off. Where land stops it, it is put
+back to the start and goes with the others.
 """
 
 from __future__ import annotations
@@ -181,7 +177,6 @@ class _Block:
         """Evaluate the forces at the start; returns the longest trial step that they allow, s."""
         self.forcing = allocate_forcing(self.el, self.c)
         self._evaluate()
-        self.aground = self.forcing.aground > 0.0
         return longest_trial_step(self.forcing, self.stepping.time_step)
 
     def predict(self, parts: int) -> None:
@@ -203,8 +198,6 @@ class _Block:
     def correct(self, parts: int) -> None:
         """Take the second half kick, with the forces at the new place and time."""
         self._evaluate()
-        if self.stepping.landing_steps > 1:  # else touch-down is no event
-            self.happened |= (self.forcing.aground > 0.0) != self.aground
         half_dt, twist = 0.5 * self.stepping.time_step / parts, self.bodies.twist
         twist[:] = 2.0 * self.middle - twist  # first guess: the second half changes it as the first has done
         check_converged(
@@ -243,7 +236,7 @@ class _Block:
 def _acceleration(
     forcing: ElementForcing, e: int, u: float, v: float, part: float, applied: Floats
 ) -> tuple[float, float, float, float, float, float, float, float]:
-    """Acceleration (m s-2) of an element by all forces but the linear drag of the sea floor, with what follows from it.
+    """Acceleration (m s-2) of an element by all forces, with what follows from it.
 
     Then come minus its derivatives xx, xy and yy (s-1), the Coriolis parameter, which enters beside xy with both signs, the
     drag per velocity through the media (s-1), and what that grows by with the velocity (m-1).
@@ -275,20 +268,6 @@ def _acceleration(
 
 
 @kernel
-def _apply_floor(
-    forcing: ElementForcing, e: int, u: float, v: float, ax: float, ay: float, half_dt: float, part: float, applied: Floats
-) -> None:  # fmt: skip
-    """Add ``part`` of the linear drag of the sea floor in half a step to (u, v), under other forces (ax, ay).
-
-    At the velocity of `riftberg.stepping.bodies.dynamics.mean_drag_velocity`.
-    """
-    c = forcing.floor_rate[e]
-    if c > 0.0:
-        applied[e, SEA_FLOOR, 0] -= part * c * (u + 0.5 * half_dt * (c * u - ax))
-        applied[e, SEA_FLOOR, 1] -= part * c * (v + 0.5 * half_dt * (c * v - ay))
-
-
-@kernel
 def _kick(
     rows: Ints, twist: Floats, forcing: ElementForcing, half_dt: float, part: float, new: Floats, applied: Floats
 ) -> None:
@@ -304,15 +283,11 @@ def _kick(
             rates = drag_rates(forcing, e, u, v, math.hypot(ax, ay), quadratic)
         spin_rate = max(0.5 * turning / inertia, math.sqrt(forcing.spin_drag[e] * abs(torque / inertia)))
         excess, excess_spin = excess_rate(rates[0], half_dt), excess_rate(spin_rate, half_dt)
-        z, zs = half_dt * forcing.floor_rate[e], half_dt * forcing.floor_spin_rate[e]
-        decay, kick = 1.0 + z + 0.5 * z * z, half_dt * (1.0 + 0.5 * z)
-        decay_spin, kick_spin = 1.0 + zs + 0.5 * zs * zs, half_dt * (1.0 + 0.5 * zs)
-        new[n, 0] = (u + kick * (ax + excess * u)) / (decay + kick * excess)
-        new[n, 1] = (v + kick * (ay + excess * v)) / (decay + kick * excess)
-        new[n, 2] = (w + kick_spin * (torque / inertia + excess_spin * w)) / (decay_spin + kick_spin * excess_spin)
+        new[n, 0] = (u + half_dt * (ax + excess * u)) / (1.0 + half_dt * excess)
+        new[n, 1] = (v + half_dt * (ay + excess * v)) / (1.0 + half_dt * excess)
+        new[n, 2] = (w + half_dt * (torque / inertia + excess_spin * w)) / (1.0 + half_dt * excess_spin)
         du, dv = new[n, 0] - u, new[n, 1] - v
         accumulate_excess(forcing, e, (u, v), (du, dv), rates, half_dt, part, applied)
-        _apply_floor(forcing, e, new[n, 0], new[n, 1], ax - excess * du, ay - excess * dv, half_dt, part, applied)
 
 
 @kernel
@@ -329,20 +304,18 @@ def _solve(
         e = rows[n]
         mass, inertia = forcing.mass[e], forcing.inertia[e]
         arm = math.sqrt(inertia / mass)
-        z, zs = half_dt * forcing.floor_rate[e], half_dt * forcing.floor_spin_rate[e]
-        decay, kick = 1.0 + z + 0.5 * z * z, half_dt * (1.0 + 0.5 * z)
-        decay_spin, kick_spin = 1.0 + zs + 0.5 * zs * zs, half_dt * (1.0 + 0.5 * zs) / inertia
+        kick_spin = half_dt / inertia
         u, v, w, before, iterations = twist[n, 0], twist[n, 1], twist[n, 2], 0.0, 0
         while True:
             if iterations == MAX_ITERATIONS:
                 return -1
             ax, ay, jxx, jxy, jyy, f, _, _ = _acceleration(forcing, e, u, v, 0.0, applied)
             torque, turning = spin_torque(forcing, e, w)
-            rx, ry = middle[n, 0] + kick * ax - decay * u, middle[n, 1] + kick * ay - decay * v
-            xx, xy, yx, yy = decay + kick * jxx, kick * (jxy - f), kick * (jxy + f), decay + kick * jyy
+            rx, ry = middle[n, 0] + half_dt * ax - u, middle[n, 1] + half_dt * ay - v
+            xx, xy, yx, yy = 1.0 + half_dt * jxx, half_dt * (jxy - f), half_dt * (jxy + f), 1.0 + half_dt * jyy
             determinant = xx * yy - xy * yx
             du, dv = (yy * rx - xy * ry) / determinant, (xx * ry - yx * rx) / determinant
-            dw = (middle[n, 2] + kick_spin * torque - decay_spin * w) / (decay_spin + kick_spin * turning)
+            dw = (middle[n, 2] + kick_spin * torque - w) / (1.0 + kick_spin * turning)
             u, v, w = u + du, v + dv, w + dw
             iterations += 1
             change = relative_change(du, dv, dw, u, v, w, arm)
@@ -352,7 +325,6 @@ def _solve(
             before = change
         most = max(most, iterations)
         twist[n, 0], twist[n, 1], twist[n, 2] = u, v, w
-        ax, ay, _, _, _, _, _, _ = _acceleration(forcing, e, u, v, part, applied)
-        _apply_floor(forcing, e, u, v, ax, ay, half_dt, part, applied)
-        spin_rate[n] = spin_torque(forcing, e, w)[0] / inertia - forcing.floor_spin_rate[e] * w
+        _acceleration(forcing, e, u, v, part, applied)
+        spin_rate[n] = spin_torque(forcing, e, w)[0] / inertia
     return most

@@ -34,7 +34,6 @@ from riftberg.stepping.bodies.dynamics import (
     allocate_forcing,
     evaluate_forcing,
     first_half_kick,
-    mean_drag_velocity,
     scatter_velocities,
 )
 from riftberg.stepping.bodies.pose import (
@@ -170,21 +169,16 @@ def remove_rigid_modes(
     return True
 
 
-# Many arguments: the trapezoidal rule needs what moves the bodies, forces and velocities at both ends of the step.
 @borrower
 def accumulate_step_forces(
-    op: BodyOperators, end_op: BodyOperators, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, end_twist: Floats,
-    half_dt: float, part: float, middle: Floats, drag_twist: Floats, applied: Floats, work: BodyWorkspace,
+    op: BodyOperators, terms: ForceTerms, end_terms: ForceTerms, twist: Floats, half_dt: float, part: float, middle: Floats,
+    applied: Floats, work: BodyWorkspace,
 ) -> None:  # fmt: skip
     """Add to ``applied`` the accelerations of a step by the trapezoidal rule: ``part`` of those at each of its ends."""
-    body, levers, rate, matrices = op.body, op.levers, op.forcing.floor_rate, op.matrices
     first_half_kick(op, twist, terms, half_dt, middle, work)
-    mean_drag_velocity(matrices, work.net_force, middle, half_dt, drag_twist, work.scratch)
-    accumulate_forces(body, levers, rate, terms.accelerations, drag_twist, part, applied)
+    accumulate_forces(terms.accelerations, part, applied)
     accumulate_excess_drag(op, twist, terms, middle, half_dt, part, applied, work)
-    levers, rate, matrices = end_op.levers, end_op.forcing.floor_rate, end_op.matrices
-    mean_drag_velocity(matrices, end_terms.net_force, end_twist, half_dt, drag_twist, work.scratch)
-    accumulate_forces(body, levers, rate, end_terms.accelerations, drag_twist, part, applied)
+    accumulate_forces(end_terms.accelerations, part, applied)
 
 
 # ---- between two steps ----

@@ -4,7 +4,7 @@ A time step is a sequence of trial steps, each up to the first event in it (`Tim
 
 1. checkpoint: what a trial changes in the model is copied;
 2. trial step: contact in sub-steps, predictor, constraint of land, forcing at the new place, corrector, equilibrium;
-3. events: touch-down on the sea floor, fracture by contact, overload; the trial is rolled back and taken again to the first;
+3. events: fracture by contact or the sea floor, overload; the trial is rolled back and taken again to the first;
 4. fracture: bonds break one by one under fixed loads until none is overloaded, and pieces become bodies of their own;
 5. acceptance: forces and peak stresses of the step are recorded.
 
@@ -43,7 +43,7 @@ MAX_CRACKS_PER_STEP = 64
 
 EVENT_TOLERANCE = 1.0 / 64.0
 """Events are located to this part of the shortest interval between two of them: the shortest sub-step for fracture by contact,
-the shortest interval between two cracks for touch-down and overload (under half a second in a step of half an hour)."""
+the shortest interval between two cracks for overload (under half a second in a step of half an hour)."""
 
 LONGEST_CONTACT_STEP = 1800.0
 """Longest trial step (s) in which fragments touch: in longer ones the loads at its end are not those of the impact."""
@@ -117,25 +117,20 @@ class TimeStep:
 
         The order in which events are looked for is the order in which one invalidates what the trial shows about the next:
 
-        1. The set of grounded elements changes in a step that is too long to resolve the drag of the sea floor, or fragments
-           touch in one of hours. All loads of the trial are then wrong, so it is rejected whatever else is in it, and the
-           rest of the time step is taken in shorter steps, in which all events are looked for again.
-        2. Touch-down. The floor acts at once and with full force, and stress is largest at that moment. Before a bond is
-           judged, the step must end either just before the touch or just after it: in a longer step the load at its end
-           would be that of a fragment that the floor has slowed already.
-        3. Fracture by contact. Its loads peak within the step, so it comes before what the end of the step shows.
-        4. Overload under the loads at the end, which grow evenly from the start of the step.
+        1. Fragments touch in a step of hours, or one slides over the sea floor that others press. All loads of the trial are
+           then wrong, so it is rejected whatever else is in it, and the rest of the time step is taken in shorter steps, in
+           which all events are looked for again.
+        2. Fracture by contact or the sea floor. Their loads peak within the step, so it comes before what the end of the step
+           shows.
+        3. Overload under the loads at the end, which grow evenly from the start of the step.
 
-        A step that ends before a touch-down may still hold a fracture; a fracture always ends the step, as the pieces are
-        other bodies. No bond is overloaded at its start: the crack of the step before ran until none was.
+        A fracture always ends the step, as the pieces are other bodies. No bond is overloaded at its start: the crack of the
+        step before ran until none was.
         """
-        # On a bed of sediment the load of a landing grows from nothing, in sub-steps of its own.
-        grounding_dt = math.inf if self.laws.seabed else self.dt / self.model.parameters.stepping.landing_steps
         tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
         self._checkpoint()
         trial = self.motion.trial(self.state, h)
         too_long = (
-            (grounding_dt, self._grounded_set_changed(trial)),
             (LONGEST_CONTACT_STEP, trial.contact is not None and trial.contact.first.size > 0),
             (LONGEST_SLIDING_STEP, trial.slides),
         )
@@ -145,11 +140,6 @@ class TimeStep:
                 self._max_dt = min(self._max_dt, longest)
                 return math.inf
 
-        touched_down = False
-        if grounding_dt < self.dt and self._touch_down(trial) > 0.0:
-            first = self._any_event if may_break else self._touch_down
-            trial = self._located(trial, first, tolerance)
-            touched_down = self._touch_down(trial) > 0.0
         if not may_break:
             self._accept(trial)
             return math.inf
@@ -178,19 +168,17 @@ class TimeStep:
         if self.lattice.overload(self._equilibrium(trial.state)) <= 0.0:
             self._accept(trial)
             return 8.0 * trial.h if self.cracked and trial.contact is not None else math.inf
-        first_broken = -1
-        if not touched_down:  # the load of a touch-down sets in at its end, not evenly over the step
-            start, end, h = self._equilibrium(self.state), self._equilibrium(trial.state), trial.h
-            after = first_moment(
-                lambda t: self.lattice.overload(self._between(start, end, t / h)),
-                (0.0, self.lattice.overload(start)),
-                (h, self.lattice.overload(end)),
-                tolerance,
-            )
-            first_broken = self.lattice.critical_bond(self._between(start, end, after / h))[0]
-            if (short := max(after, least)) < h * (1.0 - 1e-9):
-                self._rollback()
-                trial = self.motion.trial(self.state, short)
+        start, end, h = self._equilibrium(self.state), self._equilibrium(trial.state), trial.h
+        after = first_moment(
+            lambda t: self.lattice.overload(self._between(start, end, t / h)),
+            (0.0, self.lattice.overload(start)),
+            (h, self.lattice.overload(end)),
+            tolerance,
+        )
+        first_broken = self.lattice.critical_bond(self._between(start, end, after / h))[0]
+        if (short := max(after, least)) < h * (1.0 - 1e-9):
+            self._rollback()
+            trial = self.motion.trial(self.state, short)
         self._accept(trial, cracks=True)
         # In the located step the loads may fall short of those between its ends by a little: the bond that was found there
         # breaks in any case.
@@ -203,8 +191,7 @@ class TimeStep:
         """Return a trial that ends at most ``tolerance`` s after the first event in ``trial``.
 
         ``event`` is above 0 where a trial holds one. In the first ``least`` s none is located. Trials without an event become
-        the state, and what is returned starts from there: touch-down must be met in a step that is short itself, as half of it
-        is taken with the floor, and an impact need not be gone through from its start each time.
+        the state, and what is returned starts from there: an impact need not be gone through from its start each time.
         """
         done, latest = 0.0, (trial.h, trial)
 
@@ -252,11 +239,10 @@ class TimeStep:
         self.state = end
         before = self.applied[contact.rows] if contact else self.applied[:0]
         part = 0.5 * trial.h / self.dt
-        middle, drag_twist = np.empty_like(start.bodies.twist), np.empty_like(start.bodies.twist)
+        middle = np.empty_like(start.bodies.twist)
         accumulate_step_forces(
-            start.operators, end.operators, start.terms, end.terms, start.bodies.twist, end.bodies.twist, 0.5 * trial.h, part,
-            middle, drag_twist, self.applied, work,
-        )  # fmt: skip
+            start.operators, start.terms, end.terms, start.bodies.twist, 0.5 * trial.h, part, middle, self.applied, work
+        )
         if contact is not None:
             # In contact the impulses of all forces were summed over the sub-steps instead.
             self.applied[contact.rows] = before + contact.applied / self.dt
@@ -277,22 +263,6 @@ class TimeStep:
         return max(
             self.lattice.overload(self._peak_equilibrium(trial)), self.lattice.overload(self._equilibrium(trial.state))
         )
-
-    def _touch_down(self, trial: Trial) -> float:
-        """Event function of touch-down: above 0 where an element touches the floor that did not at the start."""
-        # A step and no slope: on a shoal the first to touch may be any of many.
-        now, before = trial.state.operators.forcing.aground, self.state.operators.forcing.aground
-        # Afloat, as nearly always, the bytes are the same, and compared quickly.
-        return 1.0 if now.tobytes() != before.tobytes() and ((now > 0.0) & (before == 0.0)).any() else -1.0
-
-    def _grounded_set_changed(self, trial: Trial) -> bool:
-        """Whether an element has touched down, or come off."""
-        now, before = trial.state.operators.forcing.aground, self.state.operators.forcing.aground
-        return now.tobytes() != before.tobytes() and bool(((now > 0.0) != (before > 0.0)).any())
-
-    def _any_event(self, trial: Trial) -> float:
-        """Event function of all events."""
-        return max(self._touch_down(trial), self._overload_in(trial))
 
     def _between(self, start: Equilibrium, end: Equilibrium, share: float) -> Equilibrium:
         """Return the equilibrium at a part of a trial: loads change linearly from start to end, and displacements with them."""

@@ -64,7 +64,7 @@ class QuasiStaticStepper:
             self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
         self._footprints = FootprintBook(model)
         self._faces = FaceContact(model, self._footprints)
-        aground = model.parameters.grounding.law == "seabed"
+        aground = model.parameters.grounding_law == "seabed"
         self._seabed = Seabed(model, self._footprints) if aground else None
         self._laws = LawsWithMemory(self._seabed, self._faces)
         self._lattice: BrittleLattice | None = None
@@ -84,6 +84,11 @@ class QuasiStaticStepper:
     def plastic(self) -> Floats:
         """See `riftberg.stepping.stepper.Stepper.plastic`."""
         return np.append(self._faces.pairs.dissipated, np.zeros(1) if self._seabed is None else self._seabed.rubbed)
+
+    @property
+    def clearance(self) -> float:
+        """See `riftberg.stepping.stepper.Stepper.clearance`."""
+        return math.nan if self._seabed is None else float(self._seabed.clearance[0])
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""

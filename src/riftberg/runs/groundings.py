@@ -1,0 +1,373 @@
+"""Stays of bergs on the sea floor in words: as they happen, at the end of a run, and from its file.
+
+What a stay holds stands in `riftberg.stepping.fragments.grounding_log`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from riftberg.config.units import POINTS, duration_text, minute_text, place_text
+from riftberg.parameters import Grounding, Parameters
+from riftberg.physics.floating import draft_of
+from riftberg.runs.layout import called
+from riftberg.stepping.forces.media import on_the_floor
+from riftberg.stepping.fragments.grounding_log import AFLOAT_TIME, GroundingEvent
+from riftberg.stepping.ground.seabed import bed_of
+from riftberg.system.process import say
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from riftberg.model import BareModel
+
+MOST_TOLD: Final = 10
+"""Touches that are told while a run goes on; of a field of bergs the others stand in its summary."""
+
+DEEP_KEEL: Final = 5.0
+"""Depth (m) of a keel below the sea floor from which on a law of drag is told to hold nothing."""
+
+OTHER_BEDS: Final = ("clay", "rock")
+"""Beds for which a run says what the same load could hold."""
+
+USUAL_FLEXURAL_STRENGTH: Final = 0.3e6
+"""Bending stress (Pa) that glacier ice bears at most (Vaughan 1993: 90 to 320 kPa)."""
+
+NEARBY: Final = 20e3
+"""Distance (m) about the berg at the start in which the least depth is told."""
+
+AROUND_POINTS: Final = 41
+"""Points along each side of that, by which it is found."""
+
+NO_FLOOR: Final = 5000.0
+"""Depth (m) from which on nothing is said of the sea floor."""
+
+DOUBTFUL_CLEARANCE: Final = 50.0
+"""Clearance (m) below which a run says how good charts are."""
+
+
+@dataclass(frozen=True)
+class Stay:
+    """One stay on the sea floor, with dates in place of seconds."""
+
+    name: str  # Of the berg or fragment; empty where there is but one, without a name
+    began: str  # ISO 8601
+    ended: str
+    lasts: bool  # Whether it was aground at the last date
+    event: GroundingEvent
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as the summary has it."""
+        row = self.event
+        return {
+            "number": row.number, "name": self.name, "first": self.began, "last": self.ended, "lasts": self.lasts,
+            "lon": row.lon, "lat": row.lat, "towards": row.towards, "hours": row.seconds / 3600.0, "times": row.times,
+            "elements": row.carried, "load": row.load, "capacity": row.capacity, "pressing": row.pressing,
+            "lift": row.lift, "bending_stress": row.stress, "gouge": row.gouge, "way_aground": row.way,
+            "stopped_within": None if row.stopped < 0.0 else row.stopped,
+        }  # fmt: skip
+
+
+def list_stays(model: BareModel) -> list[Stay]:
+    """Return the stays of a run so far, in order of time."""
+    rows = {row.number: row for row in model.fragments.rows}
+    several = sum(row.parent <= 0 for row in rows.values()) > 1
+
+    def fragment_name(number: int) -> str:
+        row = rows.get(number)
+        if row is None:
+            return ""
+        return called(number, row.parent, row.name) if row.parent > 0 or row.name or several else ""
+
+    def date(seconds: float) -> str:
+        return (model.start + timedelta(seconds=seconds)).isoformat()
+
+    return [
+        Stay(fragment_name(row.number), date(row.time), date(row.end), row.end >= model.time - 1e-6, row)
+        for row in model.groundings.rows
+    ]
+
+
+def read_stays(run: xr.Dataset, names: Any) -> list[Stay]:
+    """Return the stays in a run file; ``names`` gives the name of a fragment by its number."""
+    if "grounding_time" not in run or run.sizes.get("grounding", 0) == 0:
+        return []
+    zero, last = np.datetime64(str(run.attrs["start"])), run["time"].values[-1]
+    places = {"lon": "lon" if "grounding_lon" in run else "x", "lat": "lat" if "grounding_lat" in run else "y"}
+    stays = []
+    for k in range(run.sizes["grounding"]):
+        began, ended = (run[f"grounding_{name}"].values[k] for name in ("time", "end"))
+        values: dict[str, Any] = {
+            name: run[f"grounding_{places.get(name, name)}"].values[k].item()
+            for name in GroundingEvent.__dataclass_fields__ if name not in ("time", "end")
+        }  # fmt: skip
+        values |= {
+            name: float((date - zero) / np.timedelta64(1, "s")) for name, date in (("time", began), ("end", ended))
+        }
+        event = GroundingEvent(**values)
+        stays.append(Stay(names(event.number), str(began)[:19], str(ended)[:19], bool(ended >= last), event))
+    return stays
+
+
+def summarize_ground(model: BareModel) -> dict[str, Any]:
+    """Return what the sea floor did in a run, as the summary holds it."""
+    stays, p = list_stays(model), model.parameters
+    clearance = model.groundings.clearance
+    spacing = getattr(model.forcing, "depth_spacing", None)
+    found: dict[str, Any] = {
+        "law": p.grounding_law,
+        "least_clearance": None if math.isinf(clearance) else clearance,
+        "bathymetry_spacing": None if spacing is None else spacing(),
+        "first": None,
+        "stays": [stay.as_dict() for stay in stays],
+    }
+    if not stays:
+        return found
+    # What is aground now, or where nothing is, what came free last.
+    now = [stay.event for stay in stays if stay.lasts] or [max(stays, key=lambda stay: stay.ended).event]
+    load = sum(row.load for row in now)
+    found |= {
+        "first": min(stay.began for stay in stays),
+        "hours": sum(stay.event.seconds for stay in stays) / 3600.0,
+        "times": sum(stay.event.times for stay in stays),
+        "elements": sum(row.carried for row in now),
+        "load": load,
+        "capacity": sum(row.capacity for row in now),
+        "pressing": sum(row.pressing for row in now),
+        **{
+            key: max(getattr(stay.event, name) for stay in stays)
+            for key, name in (("lift", "lift"), ("bending_stress", "stress"), ("gouge", "gouge"))
+        },
+        "way_aground": max(stay.event.way for stay in stays),
+    }
+    if p.grounding_law == "seabed":
+        found["sediment"] = p.grounding.sediment
+        found["capacity_on"] = {name: load * holding(name) for name in OTHER_BEDS if name != p.grounding.sediment}
+    return found
+
+
+def holding(sediment: str) -> float:
+    """Return which part of a load a bed can hold by friction where it bears as much as it can.
+
+    ``min(mu, alpha s_u / q_u)``: on clay the keel is as wide as the bearing strength asks for.
+    """
+    bed = bed_of(Grounding(sediment=sediment))
+    adhesion = bed.shear_strength / bed.strength if bed.shear_strength > 0.0 else math.inf
+    return min(bed.friction, adhesion)
+
+
+def force_text(newtons: float) -> str:
+    """Return a force to two digits."""
+    return f"{newtons:.2g} N"
+
+
+def short_date(moment: str) -> str:
+    """Return day, month and time of an ISO date, such as ``28 Feb 07:10``."""
+    date = datetime.fromisoformat(moment)
+    return f"{date.day} {date:%b %H:%M}"
+
+
+def touch_line(stay: Stay, elements: int, *, latlon: bool) -> str:
+    """Return that a berg touched, in a line; ``elements``: how many it has."""
+    row, whom = stay.event, f"{stay.name} " if stay.name else ""
+    place = place_text(row.lon, row.lat, latlon=latlon, digits=2)
+    lifted = f", keel lifted by up to {row.lift:.2g} m" if row.lift > 0.0 else ""
+    return f"{minute_text(stay.began)}  {whom}aground at {place}: {row.elements} of {elements} elements{lifted}"
+
+
+def free_line(stay: Stay) -> str:
+    """Return that a berg came free, in a line."""
+    days = (np.datetime64(stay.ended) - np.datetime64(stay.began)) / np.timedelta64(1, "D")
+    return f"{minute_text(stay.ended)}  {stay.name + ' ' if stay.name else ''}afloat again after {_length(float(days))}"
+
+
+def _length(days: float) -> str:
+    return duration_text(float(f"{days:.1f}") if days >= 1.0 else days)
+
+
+def stay_words(entry: dict[str, Any], weight: float) -> str:
+    """Return where a berg stands at the end of a run, for the line of its results.
+
+    ``entry``: of the stay in a summary; ``weight``: of the berg, N.
+    """
+    if not entry["lasts"]:
+        hours = duration_text(float(f"{entry['hours'] / 24.0:.3g}"))
+        return f"aground for {hours} from {short_date(entry['first'])} on, afloat since {short_date(entry['last'])}"
+    share = f", {100.0 * entry['load'] / weight:.2g} % of its weight" if weight > 0.0 else ""
+    inside = (
+        f"{entry['elements']} element{'s' if entry['elements'] != 1 else ''}, load {force_text(entry['load'])}{share}"
+    )
+    held = f"; the bed can hold {force_text(entry['capacity'])}" if entry["capacity"] > 0.0 else ""
+    pressed = f"{',' if held else ';'} the sea presses with {force_text(entry['pressing'])}"
+    return f"aground since {short_date(entry['first'])} ({inside}{held}{pressed})"
+
+
+def ground_lines(ground: dict[str, Any]) -> list[str]:
+    """Return what else a run says of the sea floor at its end: other beds, or how near it came."""
+    lines = []
+    if any(stay["lasts"] for stay in ground["stays"]) and ground.get("capacity_on"):
+        beds = ", ".join(f"{force_text(force)} on {name}" for name, force in ground["capacity_on"].items())
+        lines.append(
+            f"  the bed is taken to be {ground['sediment']}; the same load could hold {beds} (grounding.sediment)"
+        )
+    if ground.get("bending_stress", 0.0) > USUAL_FLEXURAL_STRENGTH:
+        lines.append(
+            f"  the ice would bend by {_megapascals(ground['bending_stress'])}, more than it bears: a berg that has lain there "
+            "for weeks bears less (grounding.ice_modulus, fracture.flexural_strength)"
+        )
+    clearance, spacing = ground["least_clearance"], ground["bathymetry_spacing"]
+    if ground["first"] is None and clearance is not None and clearance < DOUBTFUL_CLEARANCE:
+        nodes = f" and has a node every {_kilometres(spacing)} here" if spacing else ""
+        lines.append(
+            f"  the keel passed {max(clearance, 0.0):.0f} m above the floor; a chart is good to some tens of metres{nodes}"
+        )
+    return lines
+
+
+def keel_line(model: BareModel) -> str:
+    """Return how deep the keel is at the start, and the chart under the berg and near it; nothing where no depth is known."""
+    el, p = model.elements, model.parameters
+    if p.grounding_law == "none" or el.size == 0:
+        return ""
+    draft = float(draft_of(el.thickness, p.ice.density).max())
+    earth, lon0, lat0 = p.earth, float(el.lon.mean()), float(el.lat.mean())
+    scale = math.radians(1.0) * earth.radius if earth.latlon else 1.0
+    along = scale * (math.cos(math.radians(lat0)) if earth.latlon else 1.0)
+    reach = np.linspace(-1.0, 1.0, AROUND_POINTS)
+    half_x, half_y = NEARBY + 0.5 * along * np.ptp(el.lon), NEARBY + 0.5 * scale * np.ptp(el.lat)
+    around = np.meshgrid(lon0 + reach * half_x / along, lat0 + reach * half_y / scale)
+    under, near = (np.asarray(model.forcing.depth(*places), float) for places in ((el.lon, el.lat), around))
+    if not np.isfinite(under).any() or not np.nanmin(under) < NO_FLOOR:
+        return ""
+    spacing = getattr(model.forcing, "depth_spacing", lambda: None)()
+    chart = f"the chart, with a node every {_kilometres(spacing)}," if spacing else "the sea floor"
+    gap = float(np.nanmin(under)) - draft
+    said = (
+        f"{gap:.0f} m of water below the keel"
+        if gap >= 0.0
+        else f"the keel stands {-gap:.0f} m deeper: it starts aground"
+    )
+    least = f"; within {NEARBY / 1e3:.0f} km of it at least {np.nanmin(near):.0f} m" if np.isfinite(near).any() else ""
+    return (
+        f"the keel is {draft:.0f} m deep; {chart} has at least {np.nanmin(under):.0f} m under the berg ({said}){least}"
+    )
+
+
+def _kilometres(metres: float) -> str:
+    return f"{metres / 1e3:.3g} km" if metres >= 1e3 else f"{metres:.0f} m"
+
+
+def why_lines(stays: list[Stay], parameters: Parameters, *, latlon: bool) -> list[str]:
+    """Return in a sentence for each stay where the berg touched, how far it went, and what holds it against what."""
+    lines = []
+    for stay in stays:
+        row = stay.event
+        whom = f"{stay.name} was aground" if stay.name else "Aground"
+        until = "the end" if stay.lasts else minute_text(stay.ended)
+        place = place_text(row.lon, row.lat, latlon=latlon, digits=2)
+        said = [f"{whom} {minute_text(stay.began)} to {until}: touched with its {_side(row.towards)} at {place}"]
+        if row.times > 1:
+            said.append(f"touched {row.times} times and stood for {_length(row.seconds / 86400.0)} in all")
+        said.append(
+            f"stopped within {_metres(row.stopped)}"
+            if row.stopped >= 0.0
+            else f"slid {_metres(row.way)} and did not stop"
+        )
+        if row.capacity > 0.0:
+            said.append(f"held by up to {force_text(row.capacity)} against {force_text(row.pressing)}")
+        else:
+            law = parameters.grounding_law
+            said.append(f"the law {law} brakes it and holds nothing; the sea presses with {force_text(row.pressing)}")
+        if row.stress > 0.0:
+            said.append(bending_words(row.stress, parameters))
+        lines.append("; ".join(said) + ".")
+    return lines
+
+
+def bending_words(stress: float, parameters: Parameters) -> str:
+    """Return how much the ice bends on the floor, and what it bears; ``stress``: the largest, Pa."""
+    strength = parameters.fracture.flexural_strength
+    said = f"bending of the ice {_megapascals(stress)}"
+    if strength is not None:
+        return f"{said} (breaks at {_megapascals(strength)})"
+    if stress <= USUAL_FLEXURAL_STRENGTH:
+        return said
+    return (
+        f"{said}, more than it bears (some {_megapascals(USUAL_FLEXURAL_STRENGTH)}; fracture.flexural_strength is off): a berg "
+        "that has lain there for weeks bears less, with grounding.ice_modulus 0.1 GPa"
+    )
+
+
+def _megapascals(stress: float) -> str:
+    return f"{stress / 1e6:.2g} MPa"
+
+
+def _metres(way: float) -> str:
+    return f"{way:.0f} m" if way < 1e4 else f"{way / 1e3:.0f} km"
+
+
+def _side(towards: float) -> str:
+    """Return the side of a berg that lies in a direction, such as ``north-eastern side``."""
+    return f"{POINTS[round(towards / 45.0) % 8]}ern side"
+
+
+class GroundTeller:
+    """Says while a run goes on which bergs touch the sea floor and come free, each once."""
+
+    def __init__(self) -> None:
+        self._told = self._freed = 0
+        self._open: set[int] = set()
+        self._deep = False
+
+    def start(self, model: BareModel) -> None:
+        """Take what happened before as told."""
+        self._told = len(model.groundings.rows)
+        self._open = {k for k, row in enumerate(model.groundings.rows) if row.end >= model.time - 1e-6}
+
+    def lines(self, model: BareModel) -> list[str]:
+        """Return what is new after a step."""
+        rows = model.groundings.rows
+        said = self._deep_keel(model)
+        over = [k for k in sorted(self._open) if model.time - rows[k].end >= AFLOAT_TIME]
+        if len(rows) == self._told and not over:
+            return said
+        stays, berg, latlon = list_stays(model), model.elements.berg, model.parameters.earth.latlon
+        for k in range(self._told, len(rows)):
+            if k < MOST_TOLD:
+                said.append(touch_line(stays[k], int((berg == rows[k].number).sum()), latlon=latlon))
+                self._open.add(k)
+            elif k == MOST_TOLD:
+                said.append("More bergs touch the sea floor: see summary.json")
+        self._told = len(rows)
+        for k in over:
+            self._open.discard(k)
+            if (berg == rows[k].number).any():  # else it has melted, or gone to pieces
+                said.append(free_line(stays[k]))
+        return said
+
+    def say(self, model: BareModel) -> None:
+        """Say what is new after a step."""
+        for line in self.lines(model):
+            say(line)
+
+    def _deep_keel(self, model: BareModel) -> list[str]:
+        """Return once that a law of drag lets a keel far below the floor."""
+        p, el = model.parameters, model.elements
+        if self._deep or p.stepping.scheme == "quasi_static":
+            return []
+        below = draft_of(el.thickness, p.ice.density) - el.environment.depth
+        if not (below > DEEP_KEEL).any():
+            return []
+        below = np.where(on_the_floor(el.thickness, el.environment.depth, 0.0, p.kernel_values()), below, 0.0)
+        if below.max() <= DEEP_KEEL:  # the law lets the sea floor do nothing there
+            return []
+        self._deep = True
+        return [
+            f"the keel is up to {below.max():.0f} m below the floor: the law {p.grounding_law} does not hold it "
+            "(grounding.law)"
+        ]

@@ -1,0 +1,296 @@
+"""Stays on the sea floor: one notion of aground, as events, in words, in run files and restarts."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fakes import FakeModel
+from riftberg import Forcing, Iceberg, Model, Parameters
+from riftberg.constants import GRAVITY
+from riftberg.diagnostics.summary import summarize
+from riftberg.diagnostics.why import explain, words
+from riftberg.runs.groundings import (
+    GroundTeller,
+    ground_lines,
+    keel_line,
+    list_stays,
+    read_stays,
+    stay_words,
+    summarize_ground,
+)
+from riftberg.runs.restart import load_state
+from riftberg.runs.run_file import RunWriter, open_run
+from riftberg.runs.scene import Scene
+from riftberg.stepping.forces.media import FORCES, on_the_floor
+from riftberg.stepping.fragments.grounding_log import GroundingEvent, GroundingLog, mass_on_floor
+
+HOUR = 3600.0
+
+
+def model_of(depth: float = 500.0, scheme: str = "quasi_static", law: str | None = None, **grounding: Any) -> Model:
+    """Two by four elements of 200 m: a draft of 165.9 m."""
+    berg = Iceberg.rectangle(12e3, 6e3, thickness=200.0, radius=1500.0, placement=(-37.0, -55.0), velocity=(0.1, 0.0))
+    parameters = Parameters(
+        grounding={"law": law, **grounding} if law else grounding, stepping={"scheme": scheme, "time_step": HOUR}
+    )
+    model = Model(berg, Forcing.uniform((0.1, 0.0), depth=depth), parameters, "2025-02-28 06:00")
+    model._first_visit()
+    return model
+
+
+def after(
+    model: Model,
+    hours: float,
+    *,
+    loads: dict[int, float],
+    east: float = 0.0,
+    speed: float = 0.0,
+    clearance: float = math.nan,
+) -> None:
+    """Let the log see a step at whose end the floor carries ``loads`` (N, by row); the berg has gone ``east`` (m)."""
+    before, began = model.elements.copy(), model.time
+    el = model.elements
+    el.lon[:] += east / (math.radians(1.0) * 6_371_229.0 * math.cos(math.radians(55.0)))
+    el.u_sync[:], el.v_sync[:] = speed, 0.0
+    for array in el.keel:
+        array[:] = 0.0
+    for row, load in loads.items():
+        el.keel.floor_load[row], el.keel.floor_hold[row] = load, 0.5 * load
+        el.keel.floor_lift[row], el.keel.floor_stress[row], el.keel.floor_yield[row] = (
+            1e-10 * load,
+            1e-4 * load,
+            2e-11 * load,
+        )
+    model.time += hours * HOUR
+    forces = np.zeros((el.size, len(FORCES), 2))
+    forces[:, FORCES.index("water"), 0], forces[:, FORCES.index("sea_floor"), 0] = 2e6, -1e9
+    model.groundings.update(
+        before, el, (began, model.time), model.fragments, model.constants, lambda: forces, clearance
+    )
+
+
+def test_a_stay_begins_at_the_touch_and_lasts_until_the_floor_carries_nothing() -> None:
+    model = model_of()
+    after(model, 1, loads={}, east=360.0, speed=0.1)
+    assert model.groundings.rows == []
+    assert model.groundings.clearance == pytest.approx(500.0 - 200.0 * 850.0 / 1025.0, abs=0.1)
+    after(model, 1, loads={7: 4e9}, east=200.0, speed=0.05)
+    after(model, 1, loads={6: 1e9, 7: 6e9}, east=30.0, speed=1e-6)
+    after(model, 1, loads={7: 5e9}, east=1.0, speed=1e-6)
+    after(model, 1, loads={})
+    (row,) = model.groundings.rows
+    assert (row.number, row.time, row.end, row.seconds) == (1, 1 * HOUR, 4 * HOUR, 3 * HOUR)
+    assert (row.elements, row.carried, row.times) == (1, 1, 1)
+    assert (row.load, row.capacity) == (5e9, 2.5e9)
+    assert (row.lift, row.stress, row.gouge) == pytest.approx((0.6, 6e5, 0.12))  # the largest, when it bore most
+    assert row.pressing == pytest.approx(8 * 2e6)  # all forces but that of the floor
+    assert row.way == pytest.approx(231.0, rel=3e-3)
+    assert row.stopped == pytest.approx(230.0, rel=3e-3)
+    # Element 7 is the north-eastern one: three quarters of the length east of the centre, half of the width north.
+    assert row.towards == pytest.approx(math.degrees(math.atan2(4500.0, 1500.0)), abs=0.5)
+
+
+def test_a_tide_that_lifts_the_berg_for_a_while_belongs_to_the_stay() -> None:
+    """Sisters: off for five hours, and for seven."""
+    for off, stays, times in ((5, 1, 2), (7, 2, 1)):
+        model = model_of()
+        after(model, 1, loads={0: 1e9})
+        after(model, off, loads={})
+        after(model, 1, loads={0: 1e9})
+        rows = model.groundings.rows
+        assert [row.times for row in rows] == [times] * stays
+        assert sum(row.seconds for row in rows) == 2 * HOUR
+
+
+def test_small_fragments_have_no_events() -> None:
+    """A piece of an eighth has, a piece of a berg whose first area was thirty times as large has not."""
+    for first_area, told in ((8.0, 1), (30.0, 0)):
+        model = model_of()
+        berg = model.fragments.rows[0]
+        model.fragments.rows[0] = type(berg)(**{**vars(berg), "area": first_area * 9e6})
+        model.fragments.rows.append(type(berg)(**{**vars(berg), "number": 2, "parent": 1, "area": 9e6}))
+        model.elements.berg[3] = 2
+        after(model, 1, loads={3: 1e9})
+        assert len(model.groundings.rows) == told
+
+
+def test_what_a_bed_carries_is_the_one_notion_of_aground() -> None:
+    """Deep water at the centre and a load at its edge: aground by the bed; shallow water at the centre and none: afloat."""
+    for depth, loads in ((500.0, {2: 3e9}), (100.0, {})):
+        model = model_of(depth)
+        after(model, 1, loads=loads)
+        el, p = model.elements, model.constants
+        touching = on_the_floor(el.thickness, el.environment.depth, el.keel.floor_load, p)
+        assert np.flatnonzero(touching).tolist() == list(loads)
+        assert mass_on_floor(el, p).sum() == pytest.approx(sum(loads.values()) / GRAVITY)
+
+
+def test_with_a_drag_the_floor_carries_what_the_water_does_not() -> None:
+    draft = 200.0 * 850.0 / 1025.0
+    for coefficient, share in ((1e4, 1.0 - 100.0 / draft), (0.0, 0.0)):
+        model = model_of(100.0, "mts", coefficient=coefficient)
+        mass = mass_on_floor(model.elements, model.constants)
+        np.testing.assert_allclose(mass, share * model.elements.mass, rtol=1e-3)
+    assert not mass_on_floor(model_of(100.0, law="none").elements, model_of(100.0, law="none").constants).any()
+
+
+def test_touches_and_coming_free_are_told_once() -> None:
+    model, teller = model_of(), GroundTeller()
+    teller.start(model)
+    after(model, 1, loads={6: 1e9, 7: 4e9})
+    assert teller.lines(model) == [
+        "2025-02-28 06:00  aground at 54.99 S, 36.93 W: 2 of 8 elements, keel lifted by up to 0.4 m"
+    ]
+    after(model, 24, loads={7: 4e9})
+    assert teller.lines(model) == []
+    after(model, 1, loads={})
+    assert teller.lines(model) == []  # a tide may set it down again
+    after(model, 6, loads={})
+    assert teller.lines(model) == ["2025-03-01 07:00  afloat again after 1 day"]
+    after(model, 6, loads={})
+    assert teller.lines(model) == []
+    again = GroundTeller()
+    again.start(model)  # as after a restart
+    assert again.lines(model) == []
+
+
+@pytest.mark.parametrize("scheme", ["mts", "runge_kutta"])
+def test_a_keel_deep_inside_the_floor_is_told_once_where_a_drag_holds_nothing(scheme: str) -> None:
+    bonds = {"law": "spring", "spring": 1e-7} if scheme == "runge_kutta" else {}
+    berg = Iceberg.rectangle(6e3, 3e3, thickness=200.0, radius=1500.0, placement=(-37.0, -55.0))
+    fracture = {"enabled": False}
+    for depth, said in ((140.0, True), (163.0, False)):
+        parameters = Parameters(bonds=bonds, fracture=fracture, stepping={"scheme": scheme, "time_step": 600.0})
+        model = Model(berg, Forcing.uniform((0.1, 0.0), depth=depth), parameters)
+        model._first_visit()
+        teller = GroundTeller()
+        teller.start(model)
+        words = "the keel is up to 26 m below the floor: the law linear does not hold it (grounding.law)"
+        assert teller.lines(model) == ([words] if said else [])
+        assert teller.lines(model) == []
+
+
+def test_the_summary_says_what_holds_and_what_other_beds_would() -> None:
+    model = model_of()
+    after(model, 1, loads={7: 4e11}, east=300.0, speed=0.0)
+    ground = summarize_ground(model)
+    assert (ground["law"], ground["sediment"], ground["first"]) == ("seabed", "sand", "2025-02-28T06:00:00")
+    assert (ground["load"], ground["capacity"], ground["hours"], ground["times"]) == (4e11, 2e11, 1.0, 1)
+    assert ground["way_aground"] == pytest.approx(300.0, rel=3e-3)
+    # On clay a keel is as wide as 6 s_u asks for: a sixth of the load, where sand and rock hold half of it.
+    assert ground["capacity_on"] == {"clay": pytest.approx(4e11 / 6.0), "rock": pytest.approx(2e11)}
+    weight = float(model.elements.mass.sum()) * GRAVITY
+    assert stay_words(ground["stays"][0], weight) == (
+        f"aground since 28 Feb 06:00 (1 element, load 4e+11 N, {100 * 4e11 / weight:.2g} % of its weight; "
+        "the bed can hold 2e+11 N, the sea presses with 1.6e+07 N)"
+    )
+    assert ground_lines(ground) == [
+        "  the bed is taken to be sand; the same load could hold 6.7e+10 N on clay, 2e+11 N on rock (grounding.sediment)",
+        "  the ice would bend by 40 MPa, more than it bears: a berg that has lain there for weeks bears less "
+        "(grounding.ice_modulus, fracture.flexural_strength)",
+    ]
+    after(model, 8, loads={})
+    assert (
+        stay_words(summarize_ground(model)["stays"][0], weight)
+        == "aground for 60 min from 28 Feb 06:00 on, afloat since 28 Feb 07:00"
+    )
+
+
+def test_a_run_that_passes_near_the_floor_says_how_near() -> None:
+    for depth, said in (
+        (178.0, ["  the keel passed 12 m above the floor; a chart is good to some tens of metres"]),
+        (800.0, []),
+    ):
+        model = model_of(depth)
+        after(model, 1, loads={})
+        assert ground_lines(summarize_ground(model)) == said
+
+
+def test_keel_and_floor_at_the_start_are_named() -> None:
+    assert keel_line(model_of(200.0)) == (
+        "the keel is 166 m deep; the sea floor has at least 200 m under the berg (34 m of water below the keel); within 20 km of "
+        "it at least 200 m"
+    )
+    assert "the keel stands 16 m deeper: it starts aground" in keel_line(model_of(150.0))
+    assert keel_line(model_of(1e4)) == keel_line(model_of(150.0, law="none")) == ""
+
+
+ROW = GroundingEvent(
+    1, HOUR, 5 * HOUR, -38.9, -55.0, 45.0, 3, 2, 4 * HOUR, 5, 4e11, 2e11, 3e9, 0.4, 2.5e5, 0.1, 900.0, 310.0
+)
+
+
+def run_with(rows: list[GroundingEvent], path: Path, *, latlon: bool = True) -> FakeModel:
+    model = FakeModel(4, 2, latlon=latlon, parameters=Parameters(stepping={"time_step": HOUR}))
+    writer = RunWriter(path, every_hours=1.0)
+    writer.start(model)  # type: ignore[arg-type]
+    for _ in range(6):
+        model.step()
+        model.groundings = GroundingLog(rows)
+        writer.record(model)  # type: ignore[arg-type]
+    writer.finish(model)  # type: ignore[arg-type]
+    return model
+
+
+@pytest.mark.parametrize("latlon", [True, False])
+def test_run_file_and_why_know_the_stays(tmp_path: Path, latlon: bool) -> None:
+    model = run_with([ROW], tmp_path / "run.nc", latlon=latlon)
+    with open_run(tmp_path / "run.nc") as run:
+        (stay,) = read_stays(run, Scene(run).name)
+        assert stay.event == ROW
+        assert stay.as_dict() == {**list_stays(model)[0].as_dict(), "name": stay.name}  # type: ignore[arg-type]
+        told = words(explain(run))[1]
+        place = "55.00 S, 38.90 W" if latlon else "x -38.9 m, y -55 m"
+        assert told.endswith(
+            f"ground 2020-12-09 14:00 to 2020-12-09 18:00: touched with its north-eastern side at {place}; touched 2 times and "
+            "stood for 4 h in all; stopped within 310 m; held by up to 2e+11 N against 3e+09 N; bending of the ice 0.25 MPa."
+        ), told
+
+
+def test_restarts_keep_the_stays_bit_for_bit(tmp_path: Path) -> None:
+    model = model_of()
+    after(model, 1, loads={7: 1.0 / 3.0})
+    state = load_state(model.save(tmp_path / "a.restart.nc"), check=False)
+    assert state.groundings.rows == model.groundings.rows
+    assert state.groundings.clearance == model.groundings.clearance
+
+
+def test_a_step_that_is_taken_back_takes_back_the_stay() -> None:
+    model = model_of()
+    go_back = model.checkpoint()
+    after(model, 1, loads={7: 1e9})
+    go_back()
+    assert model.groundings.rows == []
+
+
+@pytest.mark.compiled
+def test_a_landing_is_told_at_once_and_stands_in_all_that_a_run_leaves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    draft = 250.0 * 850.0 / 1025.0
+    berg = Iceberg.rectangle(
+        6e3, 3e3, thickness=250.0, radius=750.0, placement=(0.0, 0.0), density=850.0, latlon=False, velocity=(0.3, 0.0)
+    )
+    plane: dict[str, Any] = {"latlon": False, "latitude": 0.0}
+    rising = Forcing.slope((3e3 + 20.0, 0.0), 90.0, -1e-3, draft, (1.0, 5000.0), latlon=False)
+    model = Model(berg, Forcing.uniform((0.0, 0.0), **plane) + rising, Parameters(
+        ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0}, fracture={"enabled": False},
+        grounding={"bending": False}, stepping={"time_step": 600.0},
+    ))  # fmt: skip
+    run = model.run(steps=6, output=tmp_path / "run.nc", every_hours=1.0, progress=True)
+    assert "aground at x 2" in capsys.readouterr().err
+    summary = summarize(model)
+    (stay,) = summary["ground"]["stays"]
+    assert stay["lasts"]
+    assert 100.0 < stay["stopped_within"] < 200.0
+    assert stay["load"] == pytest.approx(float(model.elements.keel.floor_load.sum()))
+    assert stay["towards"] == pytest.approx(90.0, abs=1.0)
+    with run:
+        assert run["grounding_load"].values.tolist() == [stay["load"]]
+        assert Scene(run).aground()[-1].sum() == stay["elements"] > 0
+        assert "touched with its eastern side" in words(explain(run))[-1]
