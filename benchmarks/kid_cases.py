@@ -11,7 +11,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from riftberg.diagnostics.speed import measure
+from bench import measure
+
 from riftberg.kid.run import load_case
 
 DAYS = 10.0

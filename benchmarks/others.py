@@ -25,8 +25,9 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from bench import square_berg, substeps_per_day
+
 from riftberg import Forcing, Iceberg, Model, Parameters
-from riftberg.diagnostics.speed import square_berg, substeps_per_day
 
 SIZES = (500, 10_000)
 """Elements of the lattices."""

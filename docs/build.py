@@ -236,15 +236,13 @@ def _entry_default(value: Any) -> str:
 
 def summary_page() -> str:
     """Return the page of the keys of summary.json, from the docstring of its module."""
-    from riftberg.diagnostics import speed, summary
+    from riftberg.diagnostics import summary
 
     return "\n".join(
         [
             "# Keys of `summary.json`\n",
             "Every `riftberg run` writes one; `riftberg.diagnostics.summary.summarize` makes the same dictionary in Python.\n",
             table(("key", "meaning"), _keys(summary.__doc__ or "")),
-            "# Keys of `riftberg bench --json`\n",
-            table(("key", "meaning"), _keys(speed.__doc__ or "")),
         ]
     )
 

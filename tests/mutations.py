@@ -73,6 +73,9 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
 SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Lt: "<", ast.Gt: ">", ast.LtE: "<=", ast.GtE: ">=",
          ast.Eq: "==", ast.NotEq: "!=", ast.And: "and", ast.Or: "or"}  # fmt: skip
 CALLS = {"min": "max", "max": "min", "sin": "cos", "cos": "sin", "minimum": "maximum", "maximum": "minimum"}
+LONGEST = 1e6
+"""Seconds that are waited for tests at most: beyond some 24 days, as for ``inf``, Python raises OverflowError."""
+
 QUIET = ("raise", "warn", "logger", "InputError", "ForcingError", "BergError", "RunError", "print", "echo")
 """What a line with one of these says is a message, not a result."""
 
@@ -220,6 +223,8 @@ class Tree:
             "no:cacheprovider",
             "-p",
             "no:xdist",
+            "-o",
+            "timeout_func_only=true",  # set-ups compile, for a minute under load: an error of theirs is no notice of a change
             "--tb=no",
             "-rfE",
         ]
@@ -228,7 +233,7 @@ class Tree:
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
         )  # fmt: skip
         try:
-            text, _ = process.communicate(timeout=seconds)
+            text, _ = process.communicate(timeout=min(seconds, LONGEST))
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.communicate()

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import resource
 import shutil
 import subprocess
 import sys
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from riftberg.cli.main import app
 from riftberg.cli.options import check_folder, check_output, results_folder
+from riftberg.compiled.kernels import cache_folder
 from riftberg.errors import InputError
 from riftberg.runs.run_file import RunWriter
 from riftberg.system.atomic_files import OneWriter
@@ -152,6 +156,83 @@ def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path, place: s
     assert result == "42.0"
     assert "riftberg-kernels-" in folder
     assert not Path(folder).exists()
+
+
+@pytest.fixture
+def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[[Path], Path]]:
+    """Give the folder of machine code that is chosen where RIFTBERG_CACHE names a folder."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+
+    def choose(folder: Path) -> Path:
+        monkeypatch.setenv("RIFTBERG_CACHE", str(folder))
+        cache_folder.cache_clear()
+        return cache_folder()
+
+    yield choose
+    cache_folder.cache_clear()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of POSIX")
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777, 0o2770])
+@pytest.mark.parametrize("depth", [0, 1, 2], ids=["folder", "parent", "grandparent"])
+def test_a_cache_that_others_can_write_to_is_refused_with_a_notice(
+    mode: int, depth: int, tmp_path: Path, chosen: Callable[[Path], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Bug: whoever could write there had code run as the user, without a word."""
+    base = tmp_path / "a" / "shared"
+    inner = chosen(base)
+    assert inner.is_relative_to(base)
+    assert capsys.readouterr().err == ""
+    open_one = [inner, inner.parent, base.parent][depth]
+    open_one.chmod(mode)
+    trusted = mode == 0o1777 and depth > 0  # in a sticky folder nobody moves what is another's
+    found = chosen(base)
+    assert found.is_relative_to(base if trusted else tmp_path / "home")
+    said = capsys.readouterr().err
+    assert said == "" if trusted else str(open_one) in said
+    (tmp_path / "link").symlink_to(base)
+    assert chosen(tmp_path / "link") == found
+    open_one.chmod(0o755)
+    assert chosen(base) == inner
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="root alone gives folders away")
+@pytest.mark.parametrize("depth", [0, 2])
+def test_a_cache_of_another_user_is_refused(depth: int, tmp_path: Path, chosen: Callable[[Path], Path]) -> None:
+    inner = chosen(tmp_path / "shared")
+    os.chown([inner, *inner.parents][depth], 65534, 65534)
+    assert chosen(tmp_path / "shared").is_relative_to(tmp_path / "home")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of POSIX")
+def test_machine_code_that_others_can_write_to_is_not_run(tmp_path: Path, kept: Path) -> None:
+    """Of a file alone, as a umask of 0 leaves it, and of a folder; the code in it is that of somebody else."""
+    for mode, folder_mode, run in (
+        (0o644, 0o755, True),
+        (0o666, 0o755, False),
+        (0o664, 0o755, False),
+        (0o644, 0o777, False),
+    ):
+        cache = tmp_path / f"{mode:o}-{folder_mode:o}"
+        shutil.copytree(kept / "cache", cache)
+        marker = tmp_path / f"{cache.name}.ran"
+        for path in cache.rglob("*.code"):
+            planted = pickle.dumps(Planted(marker))
+            path.write_bytes(planted + hashlib.sha256(planted).digest())
+            path.chmod(mode)
+            path.parent.chmod(folder_mode)
+        assert cached(tmp_path, RIFTBERG_CACHE=str(cache), XDG_CACHE_HOME=str(tmp_path / "home"))[0] == "42.0"
+        assert marker.exists() == run
+
+
+class Planted:
+    """What makes a file where it is read."""
+
+    def __init__(self, marker: Path) -> None:
+        self.marker = marker
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (self.marker,)
 
 
 @pytest.mark.parametrize("home", [None, "/nonexistent", "/dev/null"])

@@ -90,10 +90,46 @@ def test_every_unit_of_a_parameter_or_a_key_can_be_written_behind_its_value() ->
             assert to_unit(f"2.5 {one}", unit) == 2.5
 
 
-@pytest.mark.parametrize(("unit", "meant"), [("dys", "days"), ("kilometrs", "kilometres"), ("kPA", "kPa")])
-def test_the_nearest_unit_is_offered(unit: str, meant: str) -> None:
-    with pytest.raises(ValueError, match=f"did you mean '{meant}'"):
-        to_unit(f"3 {unit}", "m")
+@pytest.mark.parametrize(
+    ("unit", "wanted", "meant"),
+    [
+        ("dys", "s", "days"), ("kilometrs", "m", "kilometres"), ("kPA", "Pa", "kPa"), ("Km", "m", "km"), ("KPa", "Pa", "kPa"),
+        ("KM/H", "m s-1", "km/h"), ("KN", "N", "kN"), ("KN", "m s-1", "kn"), ("KG/M3", "kg m-3", "kg/m3"),
+        ("milimetres", "m", "millimetres"), ("HPA", "Pa", "hPa"), ("knotts", "m s-1", "knots"),
+    ],
+)  # fmt: skip
+def test_the_same_word_in_other_case_or_with_a_slip_is_offered(unit: str, wanted: str, meant: str) -> None:
+    """Bug: for 9 Km 'm' was offered, for 25 KPa 'Pa', for 9 KM 'K': who followed got a berg of 9 m."""
+    with pytest.raises(ValueError, match=rf"did you mean '{meant}'\?"):
+        to_unit(f"3 {unit}", wanted)
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted"),
+    [
+        ("Mm", "m"), ("mPa", "Pa"), ("MM", "m"), ("nm", "m"), ("dPa", "Pa"), ("micrometre", "m"), ("decametre", "m"),
+        ("terapascal", "Pa"), ("dys", "m"), ("KPa", "m"), ("KN", "kg"), ("league", "m"), ("lb", "kg"),
+    ],
+)  # fmt: skip
+def test_no_unit_of_another_dimension_or_magnitude_is_offered(unit: str, wanted: str) -> None:
+    with pytest.raises(ValueError, match="is not a unit that Riftberg knows; it knows"):
+        to_unit(f"3 {unit}", wanted)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("9 ft", "m", 2.7432), ("9 feet", "m", 2.7432), ("2 mile", "m", 3218.688), ("2 Miles", "m", 3218.688),
+        ("2 nmi", "m", 3704.0), ("2 NM", "m", 3704.0), ("2 nautical miles", "m", 3704.0), ("100 fathoms", "m", 182.88),
+        ("18 kts", "m s-1", 9.26), ("18 kt", "m s-1", 9.26), ("18 Knots", "m s-1", 9.26), ("36 kph", "m s-1", 10.0),
+        ("10 mph", "m s-1", 4.4704), ("3 degrees C", "degC", 3.0), ("3 ℃", "degC", 3.0), ("3 deg_C", "degC", 3.0),
+        ("3 Celsius", "degC", 3.0), ("3 C", "degC", 3.0), ("3 Kelvin", "K", 3.0), ("5 kilopascals", "Pa", 5000.0),
+        ("3 m s⁻¹", "m s-1", 3.0), ("3 km²", "m2", 3e6), ("2 Days", "s", 172_800.0), ("2 weeks", "s", 1_209_600.0),
+        ("2 gigatonnes", "kg", 2e12),
+    ],
+)  # fmt: skip
+def test_units_as_people_at_sea_write_them(text: str, unit: str, value: float) -> None:
+    assert to_unit(text, unit) == value
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

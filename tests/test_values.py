@@ -44,6 +44,47 @@ def test_dates_of_every_kind(given: Any) -> None:
     assert Model(block(), Steady(), start=given).start == NOON
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "2020-12-09 12:00 UTC", "2020-12-09 12:00 GMT", "2020-12-09 15:00 +03:00", "2020-12-09T12", "2020-12-09 12:00z",
+        "2020-12-09 09:00 -03", "2020-12-09  12:00:00utc", "2020/12/09 12:00", "2020-12-09T1200Z",
+    ],
+)  # fmt: skip
+def test_dates_are_read_as_people_write_them_in_python_and_in_a_file(text: str, tmp_path: Path) -> None:
+    """Bug: 'is not possible. Allowed: a date', for a date."""
+    from riftberg.experiments.yaml_file import read_file
+
+    file = tmp_path / "e.yaml"
+    file.write_text(f"name: e\nstart: \"{text}\"\ndays: 1\nforcing: {{kind: constant, current: [0.1, 0.0]}}\n"
+                    "berg: {thickness: 200, rectangle: {length: 9 km, width: 6 km}, placement: [-37, -56]}\n")  # fmt: skip
+    assert read_file(file)[0].start == moment(text, where="start") == NOON
+    assert moment("2020-12-09 6:00", where="start") == NOON.replace(hour=6)
+
+
+@pytest.mark.parametrize("text", ["2020-12-09 12:00 EST", "2020-12-09 6 am", "2020-12-09 25:00", "9 Dec 2020"])
+def test_a_date_that_cannot_be_read_is_answered_with_an_example(text: str, tmp_path: Path) -> None:
+    from riftberg.experiments.yaml_file import read_file
+
+    file = tmp_path / "e.yaml"
+    file.write_text(f'name: e\nstart: "{text}"\ndays: 1\n')
+    with pytest.raises(InputError, match=rf"start: .*'{text}' is not a date.*Write it like 2020-12-09 13:00"):
+        read_file(file)
+
+
+@pytest.mark.parametrize("key", ["title", "name"])
+@pytest.mark.parametrize("control", ["\\e[31m", "\\a", "\\u202e", "\\x9b"])
+def test_text_that_steers_a_terminal_is_refused_and_shown(key: str, control: str, tmp_path: Path) -> None:
+    """Bug: ``title`` was taken, and a warning of matplotlib came out."""
+    from riftberg.experiments.yaml_file import read_file
+
+    file = tmp_path / "e.yaml"
+    file.write_text(f'{key}: "a{control}b"\nstart: 2020-12-09\ndays: 1\n')
+    with pytest.raises(InputError, match=f"{key}: control characters stand in") as caught:
+        read_file(file)
+    assert all(c.isprintable() or c == "\n" for c in str(caught.value))
+
+
 def test_a_day_begins_at_midnight() -> None:
     assert moment(date(2020, 12, 9), where="start") == moment("2020-12-09", where="start") == datetime(2020, 12, 9)
 

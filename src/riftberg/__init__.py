@@ -17,7 +17,6 @@ import importlib
 import logging
 from typing import TYPE_CHECKING, Any
 
-from riftberg.errors import with_nearest_names
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -107,6 +106,5 @@ def __getattr__(name: str) -> Any:
     """Load a public name from its home on first use."""
     if name not in _HOMES:
         raise AttributeError(f"module 'riftberg' has no attribute {name!r}")
-    found = with_nearest_names(getattr(importlib.import_module(_HOMES[name]), name))
-    globals()[name] = found
-    return found
+    globals()[name] = public = getattr(importlib.import_module(_HOMES[name]), name)
+    return public

@@ -3,23 +3,73 @@
 from __future__ import annotations
 
 import difflib
-import functools
-import inspect
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Final
 
 _LONG: Final = re.compile(r"\S{400,}")
 """Words that a person would not read to their end; paths may be long."""
+
+
+CUT: Final = "***"
+"""What stands in addresses in the place of what nobody else is to know."""
+
+_USER: Final = re.compile(r"(://)[^\s/'\"<>]*@")
+_QUERY: Final = re.compile(r"(\w://[^\s?#'\"<>]*)([?#][^\s'\"<>]*[^\s'\"<>\])},.:;])")
+_HARMLESS: Final = re.compile(r"#mode=[\w,]+")
+_SECRET: Final = re.compile(
+    r"((?:authorization|passw(?:or)?d|secret|(?:access|api|account)[_-]?key|token|signature|credentials?)\w*[\"']?\s*[:=]\s*"
+    r"[\"']?(?!(?:(?:bearer|basic)\s+)?\*\*\*)(?:(?:bearer|basic)\s+)?)[^\s\"',;&)}\]]+",
+    re.IGNORECASE,
+)
+
+
+def without_secrets(text: str) -> str:
+    """Return a text without what addresses in it hold of user names, passwords, tokens and signatures, for files and messages.
+
+    Cut are user information, the values of a query and the fragment of an address, and what is called a password, token or
+    the like elsewhere.
+    """
+    text = _QUERY.sub(lambda found: found[1] + _cut_query(found[2]), _USER.sub(rf"\1{CUT}@", text))
+    return _SECRET.sub(rf"\1{CUT}", text)
+
+
+def _cut_query(query: str) -> str:
+    """Return a query and a fragment with the names of their values alone; ``#mode=bytes`` tells netCDF how to read."""
+    parts = re.split(r"([?&;#])", query)
+    pairs = zip(parts[1::2], parts[2::2], strict=True)
+    return "".join(
+        sign + (value if _HARMLESS.fullmatch(sign + value) else f"{name}={CUT}" if equals else CUT if name else "")
+        for sign, value in pairs
+        for name, equals, _ in [value.partition("=")]
+    )
 
 
 def _ends(word: re.Match[str]) -> str:
     return f"{word[0][:60]} ... {word[0][-15:]}"
 
 
+_CONTROL: Final = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028-\\u202e\\u2066-\\u2069]")
+"""Characters that steer a terminal, or turn the direction of a line; ends of lines and tabs are not among them."""
+
+
+def visible(text: str) -> str:
+    r"""Return a text whose control characters are written out, so that no server and no file steers the terminal.
+
+    Examples
+    --------
+    >>> visible("\x1b[2JBAD")
+    '\\x1b[2JBAD'
+    """
+    return _CONTROL.sub(lambda control: ascii(control[0])[1:-1], text)
+
+
 class RiftbergError(Exception):
     """Base of all errors that Riftberg raises on purpose."""
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__(visible(text))
 
 
 class InputError(RiftbergError):
@@ -41,7 +91,7 @@ class InputError(RiftbergError):
     """
 
     def __init__(self, what: str, *, where: str = "", remedy: str = "") -> None:
-        what, where, remedy = (_LONG.sub(_ends, part) for part in (what, where, remedy))
+        what, where, remedy = (_LONG.sub(_ends, without_secrets(part)) for part in (what, where, remedy))
         self.what, self.where, self.remedy = what, where, remedy
         self.faults: list[InputError] = [self]
         text = f"{where}: {what}" if where else what
@@ -120,49 +170,3 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     """Return a question that names the most similar choice, or nothing where none is similar."""
     alike = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.6)
     return f"Did you mean {alike[0]!r}? " if alike else ""
-
-
-def with_nearest_names(public: Any) -> Any:
-    """Return a function, or a class with its methods, whose refusal of an unknown keyword names the nearest one.
-
-    Python names it from version 3.13 on, and not where a function takes further keywords.
-    """
-    if not isinstance(public, type):
-        return _naming(public) if inspect.isfunction(public) else public
-    for kind in public.__mro__:
-        own = vars(kind) if kind.__module__.startswith("riftberg") and not hasattr(kind, "model_fields") else {}
-        for name, method in list(own.items()):
-            plain = getattr(method, "__func__", method)
-            if inspect.isfunction(plain) and (name == "__init__" or not name.startswith("_")):
-                wrapped = _naming(plain)
-                setattr(kind, name, wrapped if plain is method else type(method)(wrapped))
-    return public
-
-
-def _naming(function: Any) -> Any:
-    if hasattr(function, "names_nearest"):
-        return function
-
-    @functools.wraps(function)
-    def call(*values: Any, **options: Any) -> Any:
-        try:
-            return function(*values, **options)
-        except TypeError as error:
-            text, known = str(error), list(inspect.signature(function).parameters)
-            absent = re.findall(r"'(\w+)'", text) if "required" in text and "missing" in text else known
-            unknown = re.search(r"unexpected keyword argument '(\w+)'", text)
-            names = [unknown[1]] if unknown else [name for name in options if name not in known and absent is not known]
-            hints = [(name, hint) for name in names if name in options and (hint := nearest(name, absent))]
-            if not hints and unknown and unknown[1] in options and "It may be" not in text:
-                hints = [(unknown[1], "")]
-            if not hints or "Did you mean" in text:
-                raise
-            name, hint = hints[0]
-            rest = (
-                text.partition(f"'{name}'. ")[2]
-                or f"It takes {', '.join(n for n in known if n not in ('self', 'cls', 'options'))}"
-            )
-            raise TypeError(f"unexpected keyword argument {name!r}. {hint}{rest}") from error
-
-    call.names_nearest = True  # type: ignore[attr-defined]
-    return call

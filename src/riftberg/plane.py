@@ -160,3 +160,9 @@ def ellipses(ds: Any, part: float) -> list[Floats]:
     sizes = (ds[name].sel(cone=part).values for name in ("cone_major", "cone_minor"))
     rows = np.column_stack([ds["cone_lon"], ds["cone_lat"], *sizes, ds["cone_azimuth"]]).tolist()
     return [ellipse(*row) for row in rows]
+
+
+def ranges(ds: Any) -> list[Floats]:
+    """Return the range of the members' positions in a forecast as closed lines of longitude and latitude, NaN for none."""
+    rows = np.column_stack([ds[f"members_{side}"] for side in ("west", "south", "east", "north")])
+    return [np.array([(w, s), (e, s), (e, n), (w, n), (w, s)]) for w, s, e, n in rows]

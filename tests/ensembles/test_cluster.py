@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -157,3 +158,83 @@ def test_a_function_that_cannot_travel_is_refused(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "cloudpickle", None)
     with pytest.raises(InputError, match="cannot be sent to other processes"):
         _packed(local, 1)
+
+
+PLAIN = """
+import sys
+sys.modules["cloudpickle"] = None
+"""
+"""Of a script that has not got cloudpickle."""
+
+OF_ELSEWHERE = """
+import math
+from riftberg.ensembles.cluster import pooled
+from riftberg.system.process import Hold
+print("script", flush=True)
+print(sorted(future.result() for future, _ in pooled(math.sqrt, [4.0, 9.0], 2, Hold())))
+"""
+OF_ITS_OWN = """
+from riftberg.ensembles.cluster import pooled
+from riftberg.system.process import Hold
+print("script", flush=True)
+def half(x):
+    return x / 2
+{}print(sorted(future.result() for future, _ in pooled(half, [4.0, 6.0], 2, Hold())))
+"""
+UNGUARDED, GUARDED = OF_ITS_OWN.format(""), OF_ITS_OWN.format('if __name__ == "__main__": ')
+MEMBERS = """
+import riftberg
+print("script", flush=True)
+vary = {"fracture.normal_strength": ["16 kPa", "24 kPa"]}
+ds = riftberg.sweep("e.yaml", vary, workers=2, output="sweep")
+print(ds["status"].values.tolist())
+ds = riftberg.forecast("e.yaml", {"start.thickness": "normal(1, 5 %)"}, members=2, workers=2, output="forecast")
+print(ds["status"].values.tolist())
+"""
+
+
+def ran(script: str, folder: Path, how: str) -> subprocess.CompletedProcess[str]:
+    """Run a script of a user: a file, from a pipe, or as words of the command line."""
+    (folder / "script.py").write_text(script)
+    words, given = {"file": (["script.py"], ""), "pipe": (["-"], script), "words": (["-c", script], "")}[how]
+    return subprocess.run(
+        [sys.executable, *words], input=given, cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("script", "how"),
+    [(UNGUARDED, "file"), (UNGUARDED, "pipe"), (PLAIN + OF_ELSEWHERE, "words")],
+    ids=["file", "pipe", "words"],
+)
+def test_a_script_without_a_main_guard_is_run_once(script: str, how: str, tmp_path: Path) -> None:
+    """Bug: each worker ran the script anew and died of it, and after minutes all members were 'killed, or out of memory'."""
+    done = ran(script, tmp_path, how)
+    assert done.stdout.split("\n")[:-1] == ["script", "[2.0, 3.0]"], done.stderr
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize(("how", "words"), [("file", "no worker has begun"), ("pipe", "in no file")])
+def test_a_script_that_workers_must_read_is_told_at_once_to_guard_its_call(
+    how: str, words: str, tmp_path: Path
+) -> None:
+    """Without cloudpickle processes find a function of the script in the script alone."""
+    done = ran(PLAIN + UNGUARDED, tmp_path, how)
+    assert done.returncode == 1
+    assert words in done.stderr.splitlines()[-1]
+    assert "install cloudpickle, or give workers=0" in done.stderr.splitlines()[-1]
+    assert done.stdout.count("script") <= 3
+
+
+def test_a_script_with_a_main_guard_needs_nothing_else(tmp_path: Path) -> None:
+    done = ran(PLAIN + GUARDED, tmp_path, "file")
+    assert "[2.0, 3.0]" in done.stdout, done.stderr
+
+
+def test_a_sweep_and_a_forecast_in_a_script_without_a_main_guard(tmp_path: Path) -> None:
+    (tmp_path / "e.yaml").write_text(
+        "name: e\nstart: 2020-12-09\ndays: 0.05\nforcing: {kind: constant, current: [0.1, 0.0]}\n"
+        "berg: {thickness: 200, rectangle: {length: 9 km, width: 6 km}, placement: [-37, -56]}\n"
+    )
+    done = ran(MEMBERS, tmp_path, "file")
+    assert done.stdout.split("\n")[:-1] == ["script", "[0, 0]", "[0, 0]"], done.stderr

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from riftberg.cli.ensembles import _distance
 from riftberg.cli.main import app
 from riftberg.ensembles.hazard import approach, geojson, ice_limits, positions, smallest_line
-from riftberg.ensembles.probability import wilson
+from riftberg.ensembles.probability import told, wilson
 from riftberg.ensembles.result import write_sweep
 
 from .made import forecast_of, outcome
@@ -45,7 +45,7 @@ def test_the_limit_holds_whole_members_and_is_no_contour_of_presence() -> None:
 
 
 def test_all_ice_of_a_member_lies_inside_also_its_pieces() -> None:
-    members = [outcome(k, [-37.0] * 3, [-56.0] * 3, broken=1) for k in range(4)]
+    members = [outcome(k, [-37.0] * 3, [-56.0] * 3, broken=1) for k in range(12)]
     limits = ice_limits(forecast_of(members, 2))
     whole = next(limit for limit in limits if limit.percent == 90 and limit.date is None)
     shape = shapely.Polygon(whole.line)
@@ -60,7 +60,7 @@ def test_all_ice_of_a_member_lies_inside_also_its_pieces() -> None:
 
 def test_the_limit_of_half_holds_one_of_two_groups_far_apart() -> None:
     """Leaving out one member after another took them from both groups in turn, and the line joined what was left."""
-    ends = [-37.0, -36.8, -36.6, -20.0, -19.8, -19.6]
+    ends = [-37.0, -36.8, -36.6, -20.0, -19.8, -19.6] * 2
     found = ice_limits(forecast_of([outcome(k, [lon] * 2, [-55.0] * 2) for k, lon in enumerate(ends)], 1))
     half = next(limit for limit in found if limit.percent == 50)
     assert np.ptp(half.line[:, 0]) < 1.0
@@ -119,7 +119,7 @@ def test_positions_have_the_radii_that_hold_half_and_most_of_the_members() -> No
 
 def test_ice_near_a_place_is_found_between_the_tracks_times() -> None:
     """Bergs that pass north of a point within a day: the closest approach lies between two positions."""
-    north = [0.1, 0.2, 0.4, 0.8]
+    north = [0.1, 0.2, 0.4, 0.8] * 3
     members = [outcome(k, [-38.0, -36.0], [-56.0 + d] * 2, area=4e6) for k, d in enumerate(north)]
     found = approach(forecast_of(members, 1), "rig", shapely.Point(-37.0, -56.0), 25e3)
     radius = np.sqrt(4.0 / np.pi)
@@ -196,8 +196,8 @@ def test_the_files_can_be_read_by_others(folder: Path, tmp_path: Path) -> None:
 def members_at(lon: float) -> list[Any]:
     """Return members that start at a longitude and drift to the east, some of them losing a piece."""
     return [
-        outcome(k, [lon, lon + 0.2 + 0.02 * (k % 2), lon + 0.4], [-56.0, -56.0 + 0.02 * k, -56.1], broken=1 if k < 2 else None)
-        for k in range(5)
+        outcome(k, [lon, lon + 0.2 + 0.02 * (k % 2), lon + 0.4], [-56.0, -56.0 + 0.01 * k, -56.1], broken=1 if k < 4 else None)
+        for k in range(10)
     ]  # fmt: skip
 
 
@@ -298,6 +298,80 @@ def test_bad_places_are_refused_and_nothing_is_written(
     assert not (tmp_path / "h").exists()
 
 
+FEW: dict[str, tuple[int, list[float] | None]] = {
+    "one of three": (3, [1.0, 1e-9, 1e-9]), "nine": (9, None),
+    "one of forty": (40, [1.0] + [1e-6] * 39), "two of thirty": (30, [1.0, 1.0] + [0.0] * 28),
+}  # fmt: skip
+"""Members and their weights, which are those of fewer than ten."""
+
+
+def spread_out(number: int, weight: list[float] | None) -> xr.Dataset:
+    """Return a forecast whose members drift apart and break up, one a day after the other."""
+    members = [
+        outcome(k, [-37.0, -36.5 + 0.1 * k, -36.0 + 0.2 * k], [-56.0, -56.0, -56.0 + 0.1 * k], broken=1 + k % 2)
+        for k in range(number)
+    ]
+    return forecast_of(members, 2, weight=weight)
+
+
+@pytest.mark.parametrize("kind", FEW)
+def test_where_few_members_count_no_file_and_no_line_tells_a_spread(kind: str, tmp_path: Path) -> None:
+    """Bug: after sightings that one member met, 90 % lay within an ellipse of 0 by 0 km, and one line was all limits of ice."""
+    number, weight = FEW[kind]
+    counting = [k for k in range(number) if weight is None or weight[k] > 0.0]
+    ds = spread_out(number, weight)
+    write_sweep(ds, tmp_path / "forecast.nc")
+    said = " ".join([*told(ds), CliRunner().invoke(app, ["hazard", str(tmp_path)]).output])
+    assert "ellipse of" not in said
+    assert "% limit of ice" not in said
+    assert "with 50 %" not in said
+    assert f"first break-up in {len(counting)} of {len(counting)} members, 2020-12-10 00:00 to 2020-12-11 00:00" in said
+    assert "range of the members" in said
+    assert "range of all ice of the members" in said
+    features = json.loads((tmp_path / "hazard" / "hazard.geojson").read_text())["features"]
+    kinds = [feature["properties"]["kind"] for feature in features]
+    assert set(kinds) == {"position", "range of the members' ice"}
+    assert not any("percent" in feature["properties"] for feature in features)
+    whole = shapely.from_geojson(json.dumps(features[kinds.index("position") - 1]["geometry"]))
+    assert all(whole.contains(shapely.Point(-36.0 + 0.2 * k, -56.0 + 0.1 * k)) for k in counting)
+    assert (
+        "range of the members&#" in (text := (tmp_path / "hazard" / "hazard.kml").read_text())
+        or "range of the members'" in text
+    )
+    last = list(csv.DictReader((tmp_path / "hazard" / "hazard.csv").read_text().splitlines()))[-1]
+    assert (last["radius_50_km"], last["radius_90_km"]) == ("", "")
+    assert float(last["members_east"]) == pytest.approx(-36.0 + 0.2 * counting[-1])
+    assert float(last["members_south"]) == pytest.approx(-56.0)
+    with (
+        xr.open_dataset(tmp_path / "hazard" / "hazard.nc") as grid,
+        xr.open_dataset(tmp_path / "forecast.nc") as forecast,
+    ):
+        assert not any(name in grid for name in ("cone_major", "cone_minor", "cone_azimuth"))
+        assert np.isnan(forecast["cone_major"].values).all()
+        for file in (grid, forecast):
+            assert float(file["members_north"][-1]) == pytest.approx(-56.0 + 0.1 * counting[-1])
+
+
+def test_few_members_that_come_near_have_a_first_and_a_last_date_and_ten_have_shares() -> None:
+    point = shapely.Point(-35.9, -56.0)
+    few, many = (approach(spread_out(number, None), "rig", point, 60e3) for number in (3, 10))
+    assert [name for name in few.rows()[-1] if name.startswith("arrival")] == ["arrival_first", "arrival_last"]
+    assert few.first_arrival[0] < few.first_arrival[1]
+    assert "half of these by" not in few.told()
+    assert "median" not in few.told()
+    assert few.first_arrival[0].astype("datetime64[m]").item().strftime("%Y-%m-%d %H:%M") in few.told()
+    assert "half of these by" in many.told()
+    assert [name for name in many.rows()[-1] if name.startswith("arrival")][1] == "arrival_50_percent"
+
+
+def test_ten_members_have_limits_radii_and_ellipses() -> None:
+    ds = spread_out(10, None)
+    assert {limit.percent for limit in ice_limits(ds)} == {50, 90, 99}
+    assert positions(ds)[-1]["radius_90_km"] > 0.0
+    assert any("90 % within an ellipse of" in line for line in told(ds))
+    assert ds["members_west"].values[-1] == pytest.approx(-36.0)
+
+
 @pytest.mark.parametrize("text", ["5nm", "5 NM", " 5.0 nmi", "9.26 km", "9260m", "9.26e3 m"])
 def test_nautical_miles_as_ships_write_them(text: str) -> None:
     assert _distance(text) == pytest.approx(9260.0)
@@ -312,16 +386,16 @@ def test_a_sweep_is_no_forecast(tmp_path: Path) -> None:
 
 def test_members_without_weight_come_near_nothing() -> None:
     """Bug: after ``riftberg update`` members of weight 0 still told when, and how near, ice comes."""
-    ds = standing([-38.0] * 2 + [-40.0] * 8)
-    ds["weight"] = "member", [5.0] * 2 + [0.0] * 8
+    ds = standing([-38.0] * 10 + [-40.0] * 8)
+    ds["weight"] = "member", [5.0] * 10 + [0.0] * 8
     found = approach(ds, "rig", shapely.Point(-40.0, -56.0), 20e3)
     assert found.probability[-1] == 0.0
     assert np.isnat(found.first_arrival).all()
     km = 2 * DEGREE * np.cos(np.deg2rad(56.0)) - np.sqrt(100 / np.pi)
-    assert found.closest / 1e3 == pytest.approx([km] * 2, abs=0.5)
+    assert found.closest / 1e3 == pytest.approx([km] * 10, abs=0.5)
     assert f"closest approach {km:.0f} km, median {km:.0f} km" in found.told()
     # The median is that of the weight, not of the number of members.
-    ds["weight"] = "member", [4.0] * 2 + [0.25] * 8
+    ds["weight"] = "member", [4.0] * 10 + [0.25] * 8
     assert f"closest approach 0 km, median {km:.0f} km" in approach(ds, "rig", shapely.Point(-40.0, -56.0), 20e3).told()
 
 

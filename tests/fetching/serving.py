@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socketserver import StreamRequestHandler, ThreadingTCPServer
 
 
 class Shelf:
@@ -38,6 +39,8 @@ class Shelf:
         Whether ``Content-Length`` is sent, which servers that make a file on the fly do not.
     chunked : bool
         Whether files are sent in chunks, as such servers do.
+    most : int
+        Bytes of a range that are sent at a time; 0 = all.
     """
 
     def __init__(self) -> None:
@@ -47,7 +50,7 @@ class Shelf:
         self.requests: list[tuple[str, str]] = []
         self.heads: list[str] = []
         self.ranges, self.if_range, self.spans, self.lengths = True, True, True, True
-        self.chunked = False
+        self.chunked, self.most = False, 0
         self.etag: dict[str, str] = {}
         self.modified: dict[str, str] = {}
 
@@ -75,8 +78,8 @@ def serving(shelf: Shelf) -> Iterator[str]:
             if start >= len(content) > 0:
                 self.headers_of(416, 0, f"bytes */{len(content)}")
                 return
-            rest = content[start:]
-            span = f"bytes {start}-{len(content) - 1}/{len(content)}" if start else ""
+            rest = content[start:][: shelf.most or None] if start else content
+            span = f"bytes {start}-{start + len(rest) - 1}/{len(content)}" if start else ""
             self.headers_of(206 if start else 200, len(rest), span)
             if shelf.cuts:
                 shelf.cuts -= 1
@@ -119,3 +122,23 @@ def serving(shelf: Shelf) -> Iterator[str]:
         server.shutdown()
         server.server_close()
         thread.join()
+
+
+@contextmanager
+def answering(answer: bytes) -> Iterator[str]:
+    """Answer whatever is asked with these bytes and close the connection; yields the base address."""
+
+    class Handler(StreamRequestHandler):
+        def handle(self) -> None:
+            while self.rfile.readline() not in (b"\r\n", b""):
+                pass
+            self.wfile.write(answer)
+
+    with ThreadingTCPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_address[1]}/"
+        finally:
+            server.shutdown()
+            thread.join()

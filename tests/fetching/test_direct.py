@@ -221,7 +221,7 @@ def test_gebco_answers_that_are_not_the_box_are_refused(erddap: Shelf, base: str
     for content, words in (
         (gebco(made, centres(-38.05, -37.9), centres(-55.1, -55.0)).read_bytes(), "its longitudes run from -38"),
         (gebco(made, centres(-38.1, -37.9), centres(-55.1, -55.0), "tid").read_bytes(), "holds no elevations"),
-        (b"<html>Please wait</html>", "cannot be read"),
+        (b"<html>Please wait</html>", "sent a web page in place of the file"),
     ):
         erddap.files[key] = content
         with pytest.raises(ForcingError, match=words):

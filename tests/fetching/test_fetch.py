@@ -97,7 +97,7 @@ def test_values_out_of_range_are_refused(shelf: Shelf, base: str, tmp_path: Path
 def test_damaged_part_is_removed_and_fetched_again(shelf: Shelf, base: str, tmp_path: Path) -> None:
     stock(shelf, tmp_path)
     name = "/tests/a68/data/split_files/ocean000002.nc"
-    right, shelf.files[name] = shelf.files[name], b"<html>maintenance</html>"
+    right, shelf.files[name] = shelf.files[name], b"\x89HDF, cut"
     folder = tmp_path / "a"
     with pytest.raises(ForcingError, match="this part is damaged"):
         fetch_a68a(folder, base_url=base, hourly=[SMALL], files={}, progress=False)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import known_at, read_berg, read_observed
-from riftberg.errors import InputError
+from riftberg.errors import ForcingError, InputError
 from riftberg.experiments.yaml_file import build_berg, read_file
 from riftberg.fetching import fetch
 
@@ -167,6 +167,74 @@ def test_fetched_tables_are_unpacked_into_one_folder(tmp_path: Path, monkeypatch
     assert "2 tables" in result.output
     assert sorted(path.name for path in (tmp_path / "byu").glob("*.csv")) == ["outside.csv", "x1.csv"]
     assert len(read_berg("X1", tmp_path / "byu")) == 5
+
+
+def zipped(path: Path, members: dict[str, str]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in members.items():
+            archive.writestr(name, text)
+    return path
+
+
+def test_a_file_of_the_user_is_not_overwritten_by_a_table_of_its_name(tmp_path: Path) -> None:
+    """Bug: it was, and through a link a file in another folder."""
+    (tmp_path / "mine.csv").write_text("PRECIOUS")
+    (tmp_path / "victim.txt").write_text("PRECIOUS")
+    (tmp_path / "link.csv").symlink_to(tmp_path / "victim.txt")
+    (tmp_path / "nowhere.csv").symlink_to(tmp_path / "made.txt")
+    for name in ("mine", "MINE", "link", "nowhere"):
+        archive = zipped(tmp_path / "d.zip", {"a/new.csv": "new", f"a/{name}.csv": "other"})
+        with pytest.raises(ForcingError, match=rf"{name.lower()}\.csv: is there already.*Move it away"):
+            fetch.unpacked_tables(archive, tmp_path)
+        assert not (tmp_path / "new.csv").exists()
+    assert (tmp_path / "mine.csv").read_text() == (tmp_path / "victim.txt").read_text() == "PRECIOUS"
+    assert not (tmp_path / "made.txt").exists()
+
+
+def test_tables_of_a_newer_database_take_the_place_of_the_older_ones_but_not_of_edited_ones(tmp_path: Path) -> None:
+    for text in ("first", "second", "second"):
+        (table,) = fetch.unpacked_tables(zipped(tmp_path / "d.zip", {"a/x.csv": text}), tmp_path)
+        assert table.read_text() == text
+    table.write_text("edited")
+    with pytest.raises(ForcingError, match=r"x\.csv: is there already"):
+        fetch.unpacked_tables(zipped(tmp_path / "d.zip", {"a/x.csv": "third"}), tmp_path)
+    assert table.read_text() == "edited"
+
+
+@pytest.mark.parametrize("fault", ["flipped", "cut", "lies of its size", "not of this kind"])
+def test_a_damaged_database_is_removed_and_told(fault: str, tmp_path: Path) -> None:
+    """Bug: a bare BadZipFile, or a cut archive taken for a table."""
+    archive = zipped(tmp_path / "d.zip", {"a.csv": "hello world" * 1000})
+    raw = bytearray(archive.read_bytes())
+    if fault == "flipped":
+        raw[50] ^= 0xFF
+    elif fault == "cut":
+        del raw[-10:]
+    elif fault == "lies of its size":
+        place = raw.rfind(b"PK\x01\x02")
+        raw[place + 24 : place + 28] = (10).to_bytes(4, "little")
+    else:
+        raw[8] = raw[raw.rfind(b"PK\x01\x02") + 10] = 77  # a method of compression that nobody has
+    archive.write_bytes(raw)
+    with pytest.raises(
+        ForcingError, match=r"d\.zip: a damaged zip archive.*It was removed: run the same command again"
+    ):
+        fetch.unpacked_tables(archive, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("members", "words"),
+    [
+        ({"a/b.csv": "one", "c/B.CSV": "two"}, r"holds b\.csv twice"),
+        ({"readme.txt": "words"}, r"holds no \.csv files"),
+        ({"a.csv": "0" * 250_000_000}, r"holds 250 MB of \.csv files"),
+    ],
+)
+def test_a_database_that_cannot_be_unpacked_is_refused(members: dict[str, str], words: str, tmp_path: Path) -> None:
+    with pytest.raises(ForcingError, match=words):
+        fetch.unpacked_tables(zipped(tmp_path / "d.zip", members), tmp_path)
+    assert not list(tmp_path.glob("*.csv"))
 
 
 def test_an_experiment_is_written_that_reads_and_has_the_listed_size(folder: Path) -> None:

@@ -18,7 +18,7 @@ import xarray as xr
 
 from fuzz.base_files import EXPERIMENT, TRACK, changed_nc, copied
 from fuzz.judging import SOON, Kind, Truth, call
-from fuzz.kinds import RESUME
+from fuzz.kinds import RESUME, resealed
 
 LONG = EXPERIMENT.replace("days: 0.0625", "days: 12").replace("output_every_hours: 0.5", "output_every_hours: 0.5")
 RUN = ["run", "good.yaml", "-o", "out", "-q", "--no-map"]
@@ -290,6 +290,7 @@ def _restart(change: Callable[[dict[str, Any], dict[str, int], dict[str, Any]], 
     def make(folder: Path) -> list[str]:
         copied(folder, "good.restart.nc", "good.yaml")
         changed_nc(folder / "good.restart.nc", change)
+        resealed(folder / "good.restart.nc")
         (folder / "good.restart.nc").rename(folder / "bad.restart.nc")
         return RESUME
 

@@ -297,7 +297,7 @@ def calls() -> Iterator[Kind]:
         ["plot"], ["plot", "run.nc", "run.nc"], ["plot", "run.nc", "--date", "2020-12-10", "--kind", "timeline", "--kind", "x"], ["plot", "whole", "--observed"], ["plot", "seen.csv"], ["animate"], ["animate", "run.nc", "-o", "film.xyz"], ["animate", "run.nc", "-o", "film"],
         ["animate", "seen.csv"], ["replay"], ["replay", "seen.csv"], ["replay", "run.nc", "-o", "r.nc"], ["replay", "run.nc", "-o", "."], ["score", "run.nc"], ["score"], ["score", "seen.csv", "run.nc"], ["score", "run.nc", "seen.csv", "--between", "2020-12-10"],
         ["compare", "whole"], ["compare"], ["compare", "whole", "nowhere"], ["compare", "run.nc", "seen.csv"], ["compare", "whole", "whole", "whole", "nowhere"], ["why"], ["why", "seen.csv"], ["why", "nowhere"], ["doctor"], ["doctor", "*.none"], ["doctor", "--for", "good.yaml"],
-        ["doctor", "ocean.nc", "--for", "good.yaml", "--for", "none"], ["kid"], ["kid", "good.yaml"], ["kid", "nowhere"], ["kid", "case", "case"], ["bench"], ["bench", "nothing"], ["fetch"], ["fetch", "nothing"], ["fetch", "glorys"], ["nothing"], ["--nothing"], [""],
+        ["doctor", "ocean.nc", "--for", "good.yaml", "--for", "none"], ["kid"], ["kid", "good.yaml"], ["kid", "nowhere"], ["kid", "case", "case"], ["fetch"], ["fetch", "nothing"], ["fetch", "glorys"], ["nothing"], ["--nothing"], [""],
         ["experiments", "x"], ["-o", "x"],
     ):  # fmt: skip
 

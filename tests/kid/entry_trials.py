@@ -244,6 +244,7 @@ ICEBERGS: Final[dict[str, Trial]] = {
     "utide_icebergs": Trial(0.1, given=SHELF),
     "ustar_icebergs_bg": Trial(0.5, given=SHELF),
     "cdrag_icebergs": Trial(0.003, given=SHELF),
+    "read_ocean_depth_from_file": Trial(where="same"),  # there is no file; with one: test_driver_corners.py
     "melt_cutoff": Trial(200.0, "ocean", given={**SHELF, "apply_thickness_cutoff_to_bergs_melt": True}),
     "apply_thickness_cutoff_to_bergs_melt": Trial(scene="ocean", given={**SHELF, "melt_cutoff": 200.0}),
     "apply_thickness_cutoff_to_gridded_melt": _ocean(given={"melt_cutoff": 200.0, "pass_fields_to_ocean_model": True}),

@@ -148,8 +148,11 @@ def test_an_entry_without_effect_has_none(group: str, entry: Entry, scheme: str)
 
 @pytest.mark.parametrize(("group", "entry", "scheme"), cases(REFUSED, every=1))
 def test_a_refused_entry_is_named_with_what_to_write(group: str, entry: Entry, scheme: str) -> None:
+    # One of them makes bergs where there is no restart.
+    absent = entry.name == "generate_test_icebergs"
+    remove = {"prepare": lambda folder: (folder / "INPUT" / "icebergs.res.nc").unlink()} if absent else {}
     with pytest.raises(InputError, match=f"{entry.name} = .true.: .*Remedy: .*{entry.name}: set it to .false."):
-        scenes.run("berg", scheme, {}, {entry.name: not entry.accepted})
+        scenes.run("berg", scheme, {}, {entry.name: not entry.accepted}, **remove)
 
 
 OF_THE_DATA = ("ni", "nj", "gridres", "ibuo", "ibvo", "ibua", "ibuy", "collision_test", "big_grounding_test", "fl_test")
@@ -169,9 +172,11 @@ def test_the_a68_case_takes_grid_and_fields_from_its_data(name: str) -> None:
 
 def test_an_entry_that_lacks_another_one_is_told_which() -> None:
     """Three examples: DEM bonds without multiple steps, footloose calving that is off, an ocean that is not there."""
-    found = scenes.run("berg", "verlet", {}, {"dem_spring_coef": 1e6, "fl_strength": 18.0, "tau_calving": 2.0})
+    found = scenes.run(
+        "berg", "verlet", {}, {"dem_spring_coef": 1e6, "fl_strength": 18.0, "tau_calving": 2.0, "passive_mode": True}
+    )
     assert found.said("dem_spring_coef") == (
         "no effect here: it acts with mts = .true. and dem = .true. and iceberg_bonds_on = .true. only"
     )
     assert found.said("fl_strength") == "no effect here: it acts with footloose = .true. only"
-    assert found.said("tau_calving").startswith("no effect here: in cases that exchange with an ocean")
+    assert found.said("tau_calving").startswith("no effect here: in cases with an ocean")

@@ -224,8 +224,8 @@ def test_missing_folder_namelist_and_restart(case: Path, tmp_path: Path) -> None
 
 def test_a_refused_run_writes_nothing(case: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    with pytest.raises(NamelistError, match="generate_test_icebergs"):
-        run_kid(change(case, generate_test_icebergs=True), out / "t.nc")
+    with pytest.raises(NamelistError, match="add_iceberg_thickness_to_SSH"):
+        run_kid(change(case, add_iceberg_thickness_to_SSH=True), out / "t.nc")
     assert not out.exists()
 
 

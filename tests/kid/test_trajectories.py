@@ -180,15 +180,15 @@ def test_selection_by_area_bonds_year_and_class(tmp_path: Path) -> None:
     e, group = model.elements, model.namelist.icebergs
     e.bond_count[:] = 1, 0, 0
     e.mass[2] *= 2.0
-    assert recorded(e, group, 850.0, 1).tolist() == [True, False, True]
+    assert recorded(model, group, 1).tolist() == [True, False, True]
     late = namelist(tmp_path, traj_area_thres=0.2, save_all_traj_year=1.0).icebergs
-    assert recorded(e, late, 850.0, 2).all()
-    assert not recorded(e, late, 850.0, 1).all()
+    assert recorded(model, late, 2).all()
+    assert not recorded(model, late, 1).all()
     by_class = {"traj_area_thres": 0.2, "save_nonfl_traj_by_class": True}
     light = namelist(tmp_path, save_traj_by_class_start_mass_thres_n=6.0, **by_class).icebergs
-    assert not recorded(e, light, 850.0, 1).all()
+    assert not recorded(model, light, 1).all()
     heavy = namelist(tmp_path, save_traj_by_class_start_mass_thres_n=5.0, **by_class).icebergs
-    assert recorded(e, heavy, 850.0, 1).all()
+    assert recorded(model, heavy, 1).all()
 
 
 @pytest.mark.parametrize("hours", [0.0, -2.0])

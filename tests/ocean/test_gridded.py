@@ -12,7 +12,7 @@ from ocean.grids import degrees, random_fields, scattered, square_lakes, without
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import DepthAtPoint, Fields, sample_gridded
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import FieldRules, GriddedForcing, add_tidal_drift
+from riftberg.ocean.gridded import FieldRules, GriddedForcing, add_tidal_drift, tidal_draws
 from riftberg.state import Environment
 
 ENVIRONMENT = tuple(
@@ -137,7 +137,7 @@ def test_drift_near_land_is_added(scene):
     grid, states, e = scene
     clean = without_gaps(states[0], grid.arrays.mask)
     sample_gridded(e, grid.arrays, clean, DepthAtPoint(0, 0.0, 0.0, False), 0.4, False)
-    add_tidal_drift(e, grid.arrays, clean.ssh, 0.3)
+    add_tidal_drift(e, grid.arrays, tidal_draws(e.cell_i, e.cell_j, clean.ssh, grid.arrays.halo), 0.3)
     expected = environment(e).copy()
     GriddedForcing(grid, states[0], rules=FieldRules(depth_rule="cell", coastal_drift=0.4, tidal_drift=0.3)).sample(
         e, 0.0

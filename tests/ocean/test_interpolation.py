@@ -17,7 +17,7 @@ from riftberg.ocean.cells import (
     zone_depth,
 )
 from riftberg.ocean.grid import Grid
-from riftberg.ocean.gridded import _draws, add_tidal_drift, cell_seed
+from riftberg.ocean.gridded import add_tidal_drift, cell_seed, tidal_draws
 from riftberg.state import new_elements
 from twins import cells as plain_cells
 from twins import fields as twin
@@ -225,7 +225,7 @@ def test_random_words_are_those_of_the_published_generator():
     ssh = rng.normal(size=grid.arrays.mask.shape)
     e = new_elements(5)
     e.cell_i[:], e.cell_j[:] = (6, 7, 6, 6, 7), (5, 5, 5, 5, 9)
-    east, north = _draws(e.cell_i, e.cell_j, ssh, 4)
+    east, north = tidal_draws(e.cell_i, e.cell_j, ssh, 4)
     for (i, j), rows in {(6, 5): (3, 2, 0), (7, 5): (1,), (7, 9): (4,)}.items():
         start = twin.seed(i - 3, j - 3, ssh[j, i])
         assert cell_seed(i, j, ssh[j, i], 4) == start
@@ -243,8 +243,8 @@ def test_tidal_drift_agrees_with_twin(make):
     fields, e = random_fields(grid, rng), scattered(grid, 80, rng)
     sampled(grid, fields, e, coastal=0.4)
     still = e.uo.copy()
-    add_tidal_drift(e, grid.arrays, fields.ssh, 0.3)
-    east, north = _draws(e.cell_i, e.cell_j, fields.ssh, grid.arrays.halo)
+    east, north = tidal_draws(e.cell_i, e.cell_j, fields.ssh, grid.arrays.halo)
+    add_tidal_drift(e, grid.arrays, (east, north), 0.3)
     for n in range(80):
         values = expected(grid, fields, e, n, coastal=0.4, tidal=(0.3 * east[n], 0.3 * north[n]))
         for name in ("uo", "vo", "ui", "vi", "ua"):
@@ -261,7 +261,7 @@ def test_tidal_drift_is_the_same_in_every_repetition_and_absent_at_sea():
     results = []
     for _ in range(2):
         sampled(grid, fields, e)
-        add_tidal_drift(e, grid.arrays, fields.ssh, 0.3)
+        add_tidal_drift(e, grid.arrays, tidal_draws(e.cell_i, e.cell_j, fields.ssh, grid.arrays.halo), 0.3)
         results.append((e.uo.copy(), e.vo.copy()))
     np.testing.assert_array_equal(results[0], results[1])
     assert e.uo[0] == 0.1

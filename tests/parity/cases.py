@@ -103,17 +103,42 @@ MELTING: Final = {
 MASS_AND_SHAPE: Final = 1e-9
 """Largest difference of mass, sizes and bits of an element in these, relative."""
 
+
+@dataclass(frozen=True)
+class MixedCase:
+    """A case with options mixed, which shows a rule of its own.
+
+    Attributes
+    ----------
+    folder : str
+        Under the reference data.
+    ranks : tuple of int
+        Processes of the reference along x and y.
+    latlon : bool
+        Whether positions are degrees.
+    """
+
+    folder: str = "reference/more"
+    ranks: tuple[int, int] = (1, 1)
+    latlon: bool = False
+
+
 MIXED: Final = {
-    "contact_big": (1, 1),
-    "drv_ice_land": (1, 1),
-    "fl_inter_bits": (2, 2),
-    "leave_north": (1, 1),
-    "melt_rk4_wide": (1, 1),
-    "override_rk": (1, 1),
-    "rk_bonded_pc": (1, 1),
-    "vt_T": (1, 1),
+    "contact_big": MixedCase(),
+    "drv_ice_land": MixedCase(),
+    "fl_inter_bits": MixedCase(ranks=(2, 2)),
+    "leave_north": MixedCase(),
+    "melt_rk4_wide": MixedCase(),
+    "override_rk": MixedCase(),
+    "rk_bonded_pc": MixedCase(),
+    "vt_T": MixedCase(),
+    "a68_dt3600": MixedCase("mixed2", latlon=True),
+    "births_standalone_melt": MixedCase("mixed2"),
+    "calving_restart_on_top": MixedCase("mixed2"),
+    "ll_leaves_east_west": MixedCase("mixed2", latlon=True),
+    "melt_cutoff_cell_depth": MixedCase("mixed2"),
+    "nbonds_broken_first_step": MixedCase("mixed2"),
 }
-"""Cases of ``reference/more``, with options mixed, and the processes of the reference; each shows a rule of its own."""
 
 POSITION_MIXED: Final = 1e-6
 """Largest difference of position (m) in these, to the end of the run."""

@@ -306,5 +306,5 @@ def test_values_that_cannot_be_read_name_their_file(tmp_path: Path) -> None:
     for file in (tmp_path / "ocean.zarr" / "vo").iterdir():
         if not file.name.startswith(".z"):
             file.write_bytes(file.read_bytes()[:20])
-    with pytest.raises(ForcingError, match=r"cf \(ocean\.zarr\): values of vo cannot be read .* fetch it again"):
+    with pytest.raises(ForcingError, match=r"cf \(ocean\.zarr\): values of vo cannot be read\. .*fetch it again"):
         forcing_of(tmp_path, "ocean.zarr").check(elements(), 0.0, 8640.0)

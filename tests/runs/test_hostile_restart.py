@@ -15,7 +15,7 @@ from riftberg import Iceberg, Model, Parameters
 from riftberg.coupling.exchange import Exchange, ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.errors import InputError, RiftbergError
-from riftberg.runs.restart import load_state
+from riftberg.runs.restart import load_state, seal
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES
 from riftberg.state.variables import LARGEST
 
@@ -80,6 +80,7 @@ def spoil(path: Path, name: str, value: float) -> None:
         values = np.array(variable[...])
         values.flat[values.size // 2] = np.asarray(value).astype(values.dtype)  # what the type can hold of it
         variable[...] = values
+        seal(ds)
 
 
 def test_every_whole_number_of_the_state_has_its_bounds() -> None:
@@ -166,6 +167,7 @@ def test_arrays_of_another_shape_are_refused(file: Path, name: str, shape: tuple
             group.createDimension(f"other_{k}", size)
             dims.append(f"other_{k}")
         group.createVariable(name, kind, dims)[...] = np.ones(shape)
+        seal(ds)
     with pytest.raises(InputError, match=f"extra/{name}.*{word}|{word}.*extra/{name}"):
         Model.resume(file, ocean())
 
@@ -177,6 +179,7 @@ def test_texts_in_the_place_of_numbers_are_refused(file: Path, name: str) -> Non
         if name in group.variables:
             group.renameVariable(name, f"old_{name}")
         group.createVariable(name, str, ())[...] = "many"
+        seal(ds)
     with pytest.raises(InputError, match=f"numbers are needed.*|.*extra/{name}"):
         load_state(file)
 
@@ -198,6 +201,7 @@ def test_rows_of_fragments_that_cannot_be(file: Path, attribute: str, before: st
         else:
             assert before in text
             ds.setncattr(attribute, text.replace(before, after))
+        seal(ds)
     with pytest.raises(InputError, match=rf"{attribute}|damaged restart file"):
         load_state(file)
 
@@ -228,6 +232,7 @@ def test_an_array_that_the_run_needs_and_that_is_gone_is_missed(file: Path, name
     with netCDF4.Dataset(file, "a") as ds:
         found = next(n for n in ds["extra"].variables if n.startswith(name))
         ds["extra"].renameVariable(found, "a_users_own")
+        seal(ds)
     with pytest.raises(InputError, match=f"variable extra/{found} is missing"):
         load_state(file)
 
@@ -238,10 +243,12 @@ def test_identifiers_stand_once_and_are_some_that_were_given(file: Path, name: s
         name = next(n for n in ds["extra"].variables if n.startswith(name))
         values = np.array(ds["extra"][name][...])
         ds["extra"][name][1] = values[0]
+        seal(ds)
     with pytest.raises(InputError, match=f"extra/{name}.*two entries are the same"):
         load_state(file)
     with netCDF4.Dataset(file, "a") as ds:
         ds["extra"][name][1] = 10**9
+        seal(ds)
     with pytest.raises(InputError, match=rf"extra/{name}.*entry 2 is 1e\+09, not a whole number from 0 to"):
         load_state(file)
 

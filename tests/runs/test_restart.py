@@ -86,6 +86,7 @@ def test_a_variable_that_was_added_later_takes_its_default(tmp_path: Path) -> No
             file.renameVariable(f"{table}_{name}", f"{table}_nothing")
             names = str(file.getncattr(f"{table}_variables")).split()
             file.setncattr(f"{table}_variables", " ".join(n for n in names if n != name))
+        restart.seal(file)
     state = restart.load_state(path)
     assert set(state.elements.wave_height) == {-1.0}
     assert set(state.bonds.damage) == {0.0}
@@ -95,6 +96,7 @@ def test_other_layouts_and_missing_variables_are_refused(tmp_path: Path) -> None
     path = restart.save(FakeModel(), tmp_path / "a.nc")
     with netCDF4.Dataset(path, "a") as file:
         file.renameVariable("element_spin", "element_twist")
+        restart.seal(file)
     with pytest.raises(InputError, match="element_spin"):
         restart.load_state(path)
     with netCDF4.Dataset(path, "a") as file:
@@ -105,6 +107,6 @@ def test_other_layouts_and_missing_variables_are_refused(tmp_path: Path) -> None
         file.riftberg_restart_format = restart.FORMAT - 1
     with pytest.raises(
         InputError,
-        match=r"layout 5 is older than this Riftberg .*Use the Riftberg that wrote it .*, or make the run again",
+        match=r"layout 6 is older than this Riftberg .*Use the Riftberg that wrote it .*, or make the run again",
     ):
         restart.load_state(path)

@@ -9,10 +9,12 @@ import weakref
 import numpy as np
 import pytest
 
-from riftberg.diagnostics.speed import square_berg
 from riftberg.errors import InputError
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, GROUPS, new_bonds, new_elements
 from riftberg.state.population import Population, cut_out, put_back
+from scripts import loaded
+
+square_berg = loaded("benchmarks/bench.py").square_berg
 
 
 def line(count):

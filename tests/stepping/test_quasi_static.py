@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.diagnostics.speed import square_berg
 from riftberg.errors import RunError
 from riftberg.ocean.analytic import Steady
 from riftberg.ocean.datasets import Forcing
@@ -41,7 +40,10 @@ from riftberg.stepping.lattice.equilibrium import (
     elastic_energy,
     find_lattice,
 )
+from scripts import loaded
 from twins import equilibrium as twin
+
+square_berg = loaded("benchmarks/bench.py").square_berg
 
 EARTH = 6_363_827.0
 

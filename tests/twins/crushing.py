@@ -40,3 +40,29 @@ def overlap(one, two):
 def distance(one, two):
     """Distance of two polygons."""
     return shapely.distance(shapely.Polygon(one), shapely.Polygon(two))
+
+
+def pressed_flat(push, mass, chord, thickness, strength, depth, ratio, step):
+    """Ways and crushing work of a block on a wall that pushes (N), one after the other, press for a step (s) each, at rest.
+
+    Overlap and place go on by the new velocity (backward Euler); the force answers the damped overlap of the end.
+    """
+    stiffness = strength * thickness / depth
+    x = v = crushed = work = force_before = 0.0
+    places = []
+    for p in push:
+        free = v + step * p / mass
+        per_speed = chord * (step + 2.0 / np.sqrt(stiffness * chord / mass))
+        f = force(
+            chord * x + per_speed * free, 0.0, crushed, stiffness, ratio, strength * thickness * chord,
+            per_speed * step / mass,
+        )  # fmt: skip
+        v = free - step * f / mass
+        x += step * v
+        if f > 0.0 and chord * x - f / (ratio * stiffness) > crushed:
+            crushed = chord * x - f / (ratio * stiffness)
+            stored = 0.5 * (f**2 - force_before**2) / (ratio * stiffness * chord)
+            work += max(step * f * v - stored, 0.0)
+        force_before = f
+        places.append(x)
+    return np.array(places), work

@@ -53,3 +53,14 @@ def spin(inertia, radius, scale):
     dr = radius * weights / 2
     stress = RHO_WATER * 0.0012 * scale * (1.0 * r) ** 2
     return np.sum(stress * r * 2 * np.pi * r * dr) / inertia
+
+
+def side_spin(inertia, length, width, draft, scale):
+    """Torque on the four sides of a rectangle at unit spin over the inertia: panels of pairs of sides, each pair once."""
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    torque = 0.0
+    for side in (length, width):
+        x = side / 2 * (nodes + 1) / 2
+        pressure = 0.5 * RHO_WATER * 0.9 * scale * (1.0 * x) ** 2
+        torque += 2 * np.sum(pressure * draft * x * side / 4 * weights)
+    return torque / inertia

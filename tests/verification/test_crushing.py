@@ -65,7 +65,7 @@ def speeds(model: Model) -> tuple[float, float]:
 def totals(model: Model) -> tuple[np.ndarray, float, float]:
     """Momentum (N s), angular momentum (N m s) and kinetic energy (J)."""
     el, mass = model.elements, model.elements.mass
-    inertia = 0.5 * mass * 1000.0**2
+    inertia = mass * 2000.0**2 / 6.0
     momentum = np.array([mass @ el.u, mass @ el.v])
     angular = mass @ (el.lon_pair * el.v - el.lat_pair * el.u) + inertia @ el.spin
     return momentum, float(angular), float(0.5 * (mass @ (el.u**2 + el.v**2) + inertia @ el.spin**2))
@@ -434,7 +434,8 @@ def test_elastic_bergs_rebound_at_a_tenth_too(speed: float, dt: float) -> None:
     restitution, momentum, angular, spent = after_impact(in_mts(speed, dt, 1e9), speed)
     assert 0.05 < restitution < 0.15
     assert abs(momentum) < 1e-12
-    assert abs(angular) < 1e-11
+    # Levers are those of the predicted middle. Bodies at rest go on by their new velocity, which is off by the square of theirs.
+    assert abs(angular) < 2e-11
     assert spent == pytest.approx(1.0, abs=0.01)
 
 

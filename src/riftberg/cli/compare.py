@@ -35,13 +35,15 @@ from riftberg.cli.options import (
     results_folder,
     say,
     table,
+    tell,
     within,
     words_without,
 )
 from riftberg.cli.pictures import Format, Run, check_picture_format, folder_beside
 from riftberg.config.units import count_text, minute_text
-from riftberg.errors import InputError
-from riftberg.system.input_files import check_file, is_folder, value_shown
+from riftberg.errors import CUT, InputError
+from riftberg.system.atomic_files import write_text
+from riftberg.system.input_files import ADDRESSES, check_file, is_folder, value_shown
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,7 +81,7 @@ def compare(
         check_folder(output, PICTURES)
     result = comparison(runs, names_of(runs), observed)
     if as_json:
-        typer.echo(json.dumps(result.as_dict(), indent=1))
+        tell(json.dumps(result.as_dict(), indent=1))
     else:
         show(result)
     if output is not None:
@@ -278,8 +280,12 @@ def run_again(
         raise InputError("another experiment has this file", where=str(file), remedy="Name another folder by --output")
     with results_folder(folder):
         if FILE in kept:
-            file.write_text(kept[FILE], encoding="utf-8")
+            write_text(file, kept[FILE])
             experiment = str(file)
+            if CUT in kept[FILE]:
+                say(
+                    f"Notice: {CUT} in its addresses was cut when it was stored; the whole addresses are read from {ADDRESSES}"
+                )
         try:
             say("riftberg " + shlex.join([command, experiment, *words]))
             code = app([command, experiment, *words], standalone_mode=False)
@@ -325,10 +331,10 @@ def why(
         if controls:
             add_controls(run, dataset, reasons, quiet=quiet, data=data)
         if as_json:
-            typer.echo(json.dumps(reasons.as_dict(), indent=1))
+            tell(json.dumps(reasons.as_dict(), indent=1))
         else:
             for k, paragraph in enumerate(words(reasons)):
-                typer.echo(paragraph)
+                tell(paragraph)
                 if k < len(reasons.breakups):
                     _print_breakup(reasons.breakups[k])
         written = [reasons.write(folder / "why.json")]
@@ -382,7 +388,6 @@ def add_controls(path: Path, run: xr.Dataset, reasons: Reasons, *, quiet: bool, 
 
 def _print_breakup(b: Breakup) -> None:
     """Print the budget and the load of one break-up as tables."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=f"Fragment {b.fragment}: forces at {minute_text(b.decisive.time)}")
@@ -415,8 +420,7 @@ def _print_breakup(b: Breakup) -> None:
     total = (sum(load.tension.values()) / 1e9, sum(load.couple.values()) / 1e12, load.nominal / 1e3)
     table.add_row("all, if rigid", "", "", "", "", *(f"{v:+.3f}" for v in total))
     table.add_row("recorded", "", "", "", "", *recorded)
-    console = Console()
-    (console if console.is_terminal else Console(width=120)).print(table)
+    console(120).print(table)
 
 
 @reported
@@ -472,7 +476,7 @@ def score(
         )
         title = figure_title(dataset, f"run against {observed.name}")
         if as_json:
-            typer.echo(json.dumps(result.as_dict(), indent=1))
+            tell(json.dumps(result.as_dict(), indent=1))
         else:
             out = console(120)
             out.print(table_of(result))

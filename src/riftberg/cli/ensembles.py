@@ -38,6 +38,7 @@ from riftberg.cli.options import (
     reported,
     results_folder,
     say,
+    tell,
     with_ensemble_options,
     within,
 )
@@ -218,8 +219,8 @@ def _run(store: Store, shared: EnsembleOptions, *, draw: bool) -> None:
         draw_sweep(result, store.folder / "sweep.png")
         files.append("sweep.png")
     for line in summary_lines(result):
-        typer.echo(line)
-    typer.echo(f"Written to {store.folder}: {', '.join(files)}")
+        tell(line)
+    tell(f"Written to {store.folder}: {', '.join(files)}")
     if store.own and not (result["status"] == 0).any():
         raise RunError("no member came to its end")
 
@@ -324,8 +325,8 @@ def forecast(
             draw_forecast(result, store.folder / "forecast.png", notes=notes(result))
             files.append("forecast.png")
         for line in told(result):
-            typer.echo(line)
-        typer.echo(f"Written to {store.folder}: {', '.join(files)}")
+            tell(line)
+        tell(f"Written to {store.folder}: {', '.join(files)}")
 
 
 def first_picture(result: xr.Dataset, path: Path) -> None:
@@ -349,9 +350,9 @@ def product_errors(
     from riftberg.ensembles.uncertain import estimated
 
     found = estimated(first, second, longitude=pair(lon, "--lon"), latitude=pair(lat, "--lat"))
-    typer.echo(f"{found.points} points, {found.records} dates; half of the squared difference, if both err alike:")
-    typer.echo("  " + " ".join(f"--vary '{text}'" for text in found.vary))
-    typer.echo("  A lower bound: errors that both products share are not in their difference.")
+    tell(f"{found.points} points, {found.records} dates; half of the squared difference, if both err alike:")
+    tell("  " + " ".join(f"--vary '{text}'" for text in found.vary))
+    tell("  A lower bound: errors that both products share are not in their difference.")
 
 
 @reported
@@ -438,8 +439,8 @@ def update(
         around = f"around {parents} of the old ones" if parents > 1 else "around a single one, with its random fields"
         say(f"New members {around}: {number:.1f} of {count_of(known)} count")
     for line in told(open_sweep(store.file)):
-        typer.echo(line)
-    typer.echo(f"Written to {store.folder}: {store.file.name}, weights.json")
+        tell(line)
+    tell(f"Written to {store.folder}: {store.file.name}, weights.json")
 
 
 HAZARDS = ("hazard.geojson", "hazard.kml", "hazard.nc", "hazard.csv", "near.csv")
@@ -487,19 +488,22 @@ def hazard(
         write_dataset(gridded, out / "hazard.nc", encoding=encoding)
         files = list(HAZARDS[:-1])
         for limit in limits:
-            if limit.date is None:
-                typer.echo(f"{limit.percent} % limit of ice, whole time: {products.area_km2(limit.line):.0f} km2, "
+            if limit.date is None and limit.percent is None:
+                tell(f"range of all ice of the members, whole time: {products.area_km2(limit.line):.0f} km2; "
+                     "too few members count for limits of ice")  # fmt: skip
+            elif limit.date is None:
+                tell(f"{limit.percent} % limit of ice, whole time: {products.area_km2(limit.line):.0f} km2, "
                            f"all ice of {100 * limit.inside:.0f} % of the members inside")  # fmt: skip
         if places:
             rows = []
             for name, shape in places:
                 found = products.approach(result, name, shape, distance)
-                typer.echo(found.told())
+                tell(found.told())
                 rows += found.rows()
             write_text(out / "near.csv", _table(rows))
             files.append("near.csv")
-        typer.echo(f"Not covered: {result.attrs.get('not_covered', 'ice smaller than an element')}")
-        typer.echo(f"Written to {out}: {', '.join(files)}")
+        tell(f"Not covered: {result.attrs.get('not_covered', 'ice smaller than an element')}")
+        tell(f"Written to {out}: {', '.join(files)}")
 
 
 def _distance(text: str) -> float:

@@ -26,6 +26,7 @@ from riftberg.cli.options import (
     positive,
     reported,
     results_folder,
+    tell,
     within,
 )
 from riftberg.errors import InputError, RiftbergError
@@ -93,7 +94,7 @@ def doctor(
         report.refusal, report.assumed = _tried(experiment, named, choices)
     elif not experiment and not run and box[0] and box[1] and days:
         report.refusal = _served(named, (box[0], box[1]), days, choices) or None
-    typer.echo(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
+    tell(json.dumps(report.as_dict(), indent=1, default=str) if as_json else report.text())
     if not report.ready:
         raise typer.Exit(EXIT_LACKING)
 
@@ -270,7 +271,7 @@ def fetch(
 
         with results_folder(folder):
             paths = fetch_positions(what, folder, progress=not quiet)
-        typer.echo(f"{SOURCES[what].title}: {len(paths)} tables in {folder}; 'riftberg new BERG --date DAY' reads them")
+        tell(f"{SOURCES[what].title}: {len(paths)} tables in {folder}; 'riftberg new BERG --date DAY' reads them")
         return
     elif what in PRODUCTS:
         from riftberg.fetching.services import fetch_product
@@ -290,7 +291,7 @@ def fetch(
             f"{what!r} is not known", where="fetch", remedy=f"Use a68a, {', '.join((*PRODUCTS, *POSITIONS))}"
         )
     for path in paths:
-        typer.echo(path)
+        tell(path)
 
 
 SPEED: Final = 60.0
@@ -332,6 +333,7 @@ def new(
     from riftberg.config.values import number, parse_date
     from riftberg.diagnostics.observed import known_at, read_berg
     from riftberg.experiments.yaml_file import read_file
+    from riftberg.system.atomic_files import write_text
 
     positive(days, "--days", "days", most=400.0)
     start = parse_date(date, where="--date")[0]
@@ -357,14 +359,14 @@ def new(
     axes = given or (known.size.axes if known.size else None)
     text, ring = _experiment(berg, start, days, known, axes, shape, outline, azimuth, metres, file)
     if ring:
-        ring_file(file).write_text("lon,lat\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in ring), encoding="utf-8")
-    file.write_text(text, encoding="utf-8")
+        write_text(ring_file(file), "lon,lat\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in ring))
+    write_text(file, text)
     read_file(file)
-    typer.echo(f"Written: {file}" + (f", {ring_file(file)}" if ring else ""))
+    tell(f"Written: {file}" + (f", {ring_file(file)}" if ring else ""))
     for line in text.splitlines():
         if line.startswith("# "):
-            typer.echo(line[2:])
-    typer.echo(f"Then: riftberg doctor --for {file}; riftberg run {file}")
+            tell(line[2:])
+    tell(f"Then: riftberg doctor --for {file}; riftberg run {file}")
 
 
 def _axes_given(size: str) -> tuple[float, float]:

@@ -31,6 +31,7 @@ from riftberg.cli.options import (
     reported,
     results_folder,
     say,
+    tell,
     with_ensemble_options,
     within,
 )
@@ -123,8 +124,8 @@ def sensitivity(
                     found, store.folder / "sensitivity.png", title=f"{plan.named}, {len(plan.members)} runs"
                 )
         for line in summary_lines(found):
-            typer.echo(line)
-        typer.echo(f"Written to {store.folder}: {', '.join(RESULTS if figure else RESULTS[:-1])}")
+            tell(line)
+        tell(f"Written to {store.folder}: {', '.join(RESULTS if figure else RESULTS[:-1])}")
 
 
 def summary_lines(found: Any) -> list[str]:
@@ -258,8 +259,8 @@ def calibrate(
             raise
         write_results(found, folder, figure=figure)
     for line in told(found, errors):
-        typer.echo(line)
-    typer.echo(f"Written to {folder}: {', '.join(names)}")
+        tell(line)
+    tell(f"Written to {folder}: {', '.join(names)}")
 
 
 def _asked(folder: Path) -> dict[str, Any]:

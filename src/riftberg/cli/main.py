@@ -34,7 +34,6 @@ SUMMARIES: Final = {
     "product-errors": "Estimate the error of the current by the differences of two products: size, length, time.",
     "experiments": "List the built-in experiments.",
     "kid": "Run a KID or iKID case from its namelist; write trajectory, restart and bond files.",
-    "bench": "Measure seconds per simulated day, compilation and memory, relative to a reference workload.",
     "plot": "Draw maps at chosen dates with observed outlines, stress and damage of the bonds, and the history of the fragments.",
     "animate": "Write a film of a run.",
     "replay": "Write one web page that plays the run offline, with scrubbing and zoom; of a forecast with all its members.",

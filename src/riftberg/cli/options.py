@@ -8,13 +8,12 @@ An error is one clear message and a code for scripts; with ``--verbose`` the log
 
 from __future__ import annotations
 
+import errno
 import functools
 import inspect
 import logging
 import math
-import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -24,10 +23,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, ParamSpec, TypeVar, cas
 
 import typer
 
-from riftberg.errors import InputError, RiftbergError, nearest
+from riftberg.errors import InputError, RiftbergError, nearest, visible
 from riftberg.system.atomic_files import only_writer, refusal
-from riftberg.system.input_files import human, in_folder, is_folder, shown, value_shown
-from riftberg.system.process import advice, insisting, when_stuck
+from riftberg.system.input_files import at_home, human, in_folder, is_folder, shown, value_shown
+from riftberg.system.process import insisting
 from riftberg.system.process import say as say
 
 if TYPE_CHECKING:
@@ -433,8 +432,12 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        # A shell writes ~ out, but not in --output=~/run nor between quotes.
+        for key, value in kwargs.items():
+            if isinstance(value, str | Path):
+                kwargs[key] = at_home(value) if isinstance(value, str) else Path(at_home(str(value)))
         try:
-            with insisting(), when_stuck(_give_up):
+            with insisting():
                 return command(*args, **kwargs)
         except RiftbergError as error:
             say(f"Error: {error}")
@@ -455,18 +458,11 @@ def reported(command: Callable[P, R]) -> Callable[P, R]:
     return wrapped
 
 
-def _give_up(path: str) -> None:
-    """End the process, whose main thread will never come back from the library that opens this file."""
-    say(f"Error: {path}: {advice()}")
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(EXIT_ERROR)
-
-
 def _refused(error: OSError) -> str:
     """Say what the machine refused, and for which file."""
     place = f"{error.filename}: " if error.filename is not None else ""
-    return f"{place}{refusal(error)}. Name a place that can be used, with room on its disk"
+    remedy = "" if error.errno == errno.ENOLCK else ". Name a place that can be used, with room on its disk"
+    return f"{place}{refusal(error)}{remedy}"
 
 
 def announce_compilation(quiet: bool = False) -> None:
@@ -477,12 +473,21 @@ def announce_compilation(quiet: bool = False) -> None:
         say("First run with this version: compiling takes about a minute on a free core, once.")
 
 
+def tell(text: object) -> None:
+    """Write a result to standard output; names in files of others are shown, and do not steer the terminal."""
+    typer.echo(visible(str(text)))
+
+
 def console(width: int) -> Console:
     """Return where tables are printed: the terminal, or a file or pipe, which has no width of its own, as wide as given."""
     from rich.console import Console
 
-    found = Console()
-    return found if found.is_terminal else Console(width=width)
+    class Plain(Console):
+        def render_str(self, text: str, **options: Any) -> Any:
+            return super().render_str(visible(text), **options)
+
+    found = Plain(markup=False)
+    return found if found.is_terminal else Plain(width=width, markup=False)
 
 
 def table(title: str, columns: Iterable[str], texts: Collection[str] = ()) -> Table:

@@ -17,6 +17,7 @@ from riftberg.cli.options import (
     positive,
     reported,
     results_folder,
+    tell,
     within,
 )
 from riftberg.errors import InputError
@@ -162,7 +163,7 @@ def plot(
         shown = observations.rings_by_day()
         with results_folder(folder_beside(run, output), files, taken=files) as folder:
             for name in kinds:
-                typer.echo(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
+                tell(_drawn(name, dataset, folder / f"{name}.{picture}", when, shown, known(projection), dpi))
 
 
 def known(name: str) -> Projection:
@@ -234,7 +235,7 @@ def animate(
     ):
         check_frames(dataset["time"].values, hours)
         path = _filmed(dataset, goal, hours, fps, dpi, shown, known(projection), quiet)
-    typer.echo(path)
+    tell(path)
 
 
 MOST_FRAMES = 20_000
@@ -300,7 +301,7 @@ def replay(
         picture_path(run, output, "replay.html", observed=observed) as goal,
     ):
         path = write_replay(dataset, goal, title=title, observed=shown, largest=largest * 1e6, members=members)
-    typer.echo(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
+    tell(f"{path} ({path.stat().st_size / 1e6:.1f} MB)")
     if show:
         typer.launch(str(path))
 

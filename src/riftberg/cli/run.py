@@ -32,6 +32,7 @@ from riftberg.cli.options import (
     reported,
     results_folder,
     say,
+    tell,
     within,
     words_without,
 )
@@ -262,7 +263,7 @@ def _run_both(experiment: str, options: Options, wanted: RunOptions, resume: Pat
         from riftberg.viz.score import draw_compared
 
         files.append(draw_compared(table.runs, table.fixes, folder / "tracks.png"))
-    typer.echo(f"Written to {folder}: {', '.join(path.name for path in files)}")
+    tell(f"Written to {folder}: {', '.join(path.name for path in files)}")
 
 
 def _print_notices(info: Info, model: Model, options: Options, wanted: RunOptions) -> None:
@@ -312,7 +313,7 @@ def experiments() -> None:
     width = max(len(entry.name) for entry in EXPERIMENTS)
     for entry in EXPERIMENTS:
         parts = f"  (--without {' | '.join(entry.parts)})" if entry.parts else ""
-        typer.echo(f"{entry.name:{width}}  {entry.summary}{parts}")
+        tell(f"{entry.name:{width}}  {entry.summary}{parts}")
 
 
 def _beside(folder: Path) -> Path:
@@ -393,10 +394,10 @@ class Session:
         # Compression leaves half of the single precision; the ledgers, in double precision, have some 300 bytes a record.
         record = 0.5 * 4.0 * (histories * elements + 3.0 * bonds) + 300.0
         state = 8.0 * (elements * len(ELEMENT_VARIABLES) + bonds * len(BOND_VARIABLES))
-        # Names and units of its variables take 300 kB of a run file, and 140 kB of a restart file.
+        # Names, units and checksums of its variables take 400 kB of a run file, and 140 kB of a restart file.
         there = self.folder / "run.nc"
         return (
-            2.0 * (records * record + 3e5) + 3.0 * (state + 1.4e5) - (there.stat().st_size if there.is_file() else 0.0)
+            2.0 * (records * record + 4e5) + 3.0 * (state + 1.4e5) - (there.stat().st_size if there.is_file() else 0.0)
         )
 
     def run(self, days: float, every_hours: float) -> None:
@@ -507,10 +508,10 @@ class Session:
                     say(f"Notice: {ashore}")
             files.append("map.png")
         for line in short_summary(summary):
-            typer.echo(line)
+            tell(line)
         for line in ledger_lines(summary):
             logging.getLogger(__name__).info(line)
-        typer.echo(f"Written to {self.folder}: {', '.join(files)}")
+        tell(f"Written to {self.folder}: {', '.join(files)}")
 
 
 def berg_line(model: Model) -> str:
@@ -658,4 +659,4 @@ def kid(
                 say(f"Notice: {note}")
             clock = loaded.clock
             progress = ProgressRecorder(clock.steps * clock.dt / 86400.0, quiet=quiet)
-            typer.echo(run_kid(loaded, output, progress=progress).describe(entries=not quiet))
+            tell(run_kid(loaded, output, progress=progress).describe(entries=not quiet))

@@ -21,6 +21,7 @@ from riftberg.cli.options import (
     results_folder,
     say,
     table,
+    tell,
     within,
 )
 from riftberg.config.units import minute_text
@@ -95,7 +96,7 @@ def verify(
     ]  # fmt: skip
     result = report(forecasts, error)
     if as_json:
-        typer.echo(json.dumps(result, indent=1))
+        tell(json.dumps(result, indent=1))
     else:
         _show(result)
     with results_folder(folder, names, taken=names):
@@ -237,7 +238,7 @@ def verify_tracks(
         models[forecasts.name] = read_forecasts(forecasts)
     result = _scored(models, cases, bergs, error)
     if as_json:
-        typer.echo(json.dumps(result, indent=1))
+        tell(json.dumps(result, indent=1))
     else:
         _show_tracks(result)
     if output is not None:

@@ -26,6 +26,10 @@ A file is written beside its place and moved there, so that a process that is ki
 compile the same at once write the same. Each ends with a checksum of its content: a flipped bit in machine code would else
 be run. What is damaged is compiled anew, and what cannot be written is done without.
 
+Machine code is run as whoever loads it. So a folder counts only if nobody but the user and root can put files into it: owner and
+mode of the folder and of all above it, as ssh judges its keys. Else the user's own folder is taken, or a passing one, with a
+notice. The code in an installed wheel must not be open to more people than the package beside it.
+
 An installed wheel may bring files of its own (``benchmarks/machine_code.py``). They are looked up first, and are used by
 whoever has the same Python, numba and kind of processor; how other functions are compiled does not change.
 """
@@ -35,14 +39,16 @@ from __future__ import annotations
 import atexit
 import contextlib
 import hashlib
+import multiprocessing
 import os
 import pickle
 import platform
 import re
 import shutil
+import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cache, cached_property
 from itertools import accumulate
@@ -160,8 +166,10 @@ class KernelCache(NullCache):
             return None
         for folder in self._folders():
             # A damaged file makes the reader raise whatever it likes.
-            with suppress(Exception):
-                data = (folder / self._name(sig)).read_bytes()
+            with suppress(Exception), (folder / self._name(sig)).open("rb") as file:
+                if not as_closed(os.fstat(file.fileno()), folder.stat()):
+                    continue
+                data = file.read()
                 if hashlib.sha256(data[:-_DIGEST]).digest() == data[-_DIGEST:]:
                     return _rebuilt(pickle.loads(data[:-_DIGEST]), target_context)
         return None
@@ -174,6 +182,7 @@ class KernelCache(NullCache):
 
         data = serialize.dumps(_reduced(cres, self._linked))
         with suppress(OSError), replacing(self._folders()[-1] / self._name(sig)) as path:
+            path.touch(mode=0o644)  # no group may write it, whatever the umask says
             path.write_bytes(data + hashlib.sha256(data).digest())
 
 
@@ -260,9 +269,67 @@ def cache_folder() -> Path:
         name = llvm.get_host_cpu_name()
     if features is None:
         features = llvm.get_host_cpu_features().flatten()
-    base = os.environ.get("RIFTBERG_CACHE")
-    home = Path(base) if base else user_cache_path("riftberg")
-    return _writable(home / "kernels" / toolchain_digest(f"{name} {features}"))
+    below = Path("kernels", toolchain_digest(f"{name} {features}"))
+    named, home = os.environ.get("RIFTBERG_CACHE"), user_cache_path("riftberg")
+    doubts: list[str] = []
+    folder = _usable([*([Path(named)] if named else []), home], below, doubts)
+    if doubts and multiprocessing.parent_process() is None:  # workers say nothing: who started them has said it
+        from riftberg.system.process import say
+
+        say(
+            f"Notice: machine code is not taken from {'; '.join(doubts)}: whoever can write there could run programs as you. "
+            f"It is kept in {folder} instead. To use yours, take the right to write from others (chmod -R go-w)"
+        )
+    return folder
+
+
+def _usable(bases: Sequence[Path], below: Path, doubts: list[str]) -> Path:
+    """Return the folder below the first base that can be trusted and written, else a passing one; note why others were refused.
+
+    A passing one serves in read-only places, on full disks and for users without a home, with what is kept there already.
+    """
+    trusted = None
+    for folder in (base / below for base in bases):
+        try:
+            if not folder.is_absolute() and folder.parts[:1] == ("~",):
+                raise OSError("no home")
+            for place in reversed((folder, *folder.parents)):
+                if not place.is_dir():
+                    place.mkdir(mode=0o755, exist_ok=True)
+            real = folder.resolve()  # what was judged is used: a link could be turned meanwhile
+            if doubt := _doubt(real):
+                doubts.append(doubt)
+                continue
+            trusted = real
+            with tempfile.TemporaryFile(dir=real) as file:
+                file.write(b"riftberg")
+            return real
+        except OSError:
+            break
+    passing = Path(tempfile.mkdtemp(prefix="riftberg-kernels-"))
+    atexit.register(shutil.rmtree, passing, ignore_errors=True)
+    if trusted is not None:
+        with contextlib.suppress(OSError, shutil.Error):
+            shutil.copytree(trusted, passing, dirs_exist_ok=True)
+    return passing
+
+
+def as_closed(about: os.stat_result, like: os.stat_result) -> bool:
+    """Whether a file or folder is root's, the user's own or its like's owner's, and is not open to more people than its like."""
+    user = getattr(os, "geteuid", int)()
+    return about.st_uid in (user, 0, like.st_uid) and not about.st_mode & ~like.st_mode & 0o022
+
+
+def _doubt(folder: Path) -> str:
+    """Return why others than the user and root can put files into a folder without links in its path; empty if they cannot."""
+    for place in (folder, *folder.parents) if os.name == "posix" else ():
+        about = place.stat()
+        if about.st_uid not in (os.geteuid(), 0):
+            return f"{folder} ({place} belongs to another user)"
+        # In a sticky folder nobody puts something in the place of what is another's.
+        if about.st_mode & 0o022 and (place == folder or not about.st_mode & stat.S_ISVTX):
+            return f"{folder} (others may write to {place})"
+    return ""
 
 
 @cache
@@ -272,31 +339,16 @@ def shipped_folder() -> Path | None:
     if not level or not SHIPPED.is_dir() or config.CPU_NAME is not None:  # type: ignore[attr-defined]
         return None
     folder = SHIPPED / toolchain_digest(f"{level} ")
+    if not folder.is_dir() or not all(as_closed(one.stat(), SHIPPED.parent.stat()) for one in (SHIPPED, folder)):
+        return None
     has = llvm.get_host_cpu_features()
-    return folder if folder.is_dir() and all(has.get(feature, False) for feature in needed) else None
+    return folder if all(has.get(feature, False) for feature in needed) else None
 
 
 def code_folders() -> list[Path]:
     """Folders of machine code, in the order in which they are looked through; what is new is kept in the last."""
     shipped = shipped_folder()
     return [*([shipped] if shipped else []), cache_folder()]
-
-
-def _writable(folder: Path) -> Path:
-    """Return a folder if files can be kept in it; else a passing one: read-only places, full disks, users without a home."""
-    try:
-        if not folder.is_absolute() and folder.parts[:1] == ("~",):
-            raise OSError("no home")
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(b"riftberg")
-        return folder
-    except OSError:
-        passing = Path(tempfile.mkdtemp(prefix="riftberg-kernels-"))
-        atexit.register(shutil.rmtree, passing, ignore_errors=True)
-        with contextlib.suppress(OSError, shutil.Error):
-            shutil.copytree(folder, passing, dirs_exist_ok=True)
-        return passing
 
 
 def is_warm() -> bool:

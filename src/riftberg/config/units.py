@@ -1,8 +1,8 @@
 """Quantities as people write them: numbers with units that are read, and places, areas and lengths of time in messages.
 
-Input files and the command line may say ``18 kPa``, ``1.5 km``, ``30 min``, ``0.22 m/s``. Only multiples of SI units that
-occur in iceberg modelling are known. The unit is checked against the one that the parameter has; a plain number is taken
-in that unit.
+Input files and the command line may say ``18 kPa``, ``1.5 km``, ``30 min``, ``0.22 m/s``, ``5 nmi``, ``300 ft``. Known are
+multiples of SI units that occur in iceberg modelling, and what people at sea write; a ``mile`` is the statute mile, as for
+UDUNITS. The unit is checked against the one that the parameter has; a plain number is taken in that unit.
 """
 
 from __future__ import annotations
@@ -10,8 +10,11 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping
+import unicodedata
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
+from itertools import product
 from typing import Any, Final, NamedTuple
 
 Powers = dict[str, Fraction]
@@ -29,10 +32,15 @@ _UNITS: Final[Mapping[str, Unit]] = {
     "km": Unit(1e3, {"m": 1}),
     "cm": Unit(1e-2, {"m": 1}),
     "mm": Unit(1e-3, {"m": 1}),
+    "dm": Unit(0.1, {"m": 1}),
     "nmi": Unit(1852.0, {"m": 1}),
+    "mile": Unit(1609.344, {"m": 1}),
+    "ft": Unit(0.3048, {"m": 1}),
+    "fathom": Unit(1.8288, {"m": 1}),
     "kg": Unit(1.0, {"kg": 1}),
     "t": Unit(1e3, {"kg": 1}),
     "g": Unit(1e-3, {"kg": 1}),
+    "Mt": Unit(1e9, {"kg": 1}),
     "Gt": Unit(1e12, {"kg": 1}),
     "s": Unit(1.0, {"s": 1}),
     "min": Unit(60.0, {"s": 1}),
@@ -42,6 +50,7 @@ _UNITS: Final[Mapping[str, Unit]] = {
     "d": Unit(86400.0, {"s": 1}),
     "day": Unit(86400.0, {"s": 1}),
     "days": Unit(86400.0, {"s": 1}),
+    "week": Unit(604800.0, {"s": 1}),
     "Pa": Unit(1.0, {"kg": 1, "m": -1, "s": -2}),
     "hPa": Unit(1e2, {"kg": 1, "m": -1, "s": -2}),
     "kPa": Unit(1e3, {"kg": 1, "m": -1, "s": -2}),
@@ -49,7 +58,11 @@ _UNITS: Final[Mapping[str, Unit]] = {
     "GPa": Unit(1e9, {"kg": 1, "m": -1, "s": -2}),
     "N": Unit(1.0, {"kg": 1, "m": 1, "s": -2}),
     "kN": Unit(1e3, {"kg": 1, "m": 1, "s": -2}),
+    "MN": Unit(1e6, {"kg": 1, "m": 1, "s": -2}),
+    "dyn": Unit(1e-5, {"kg": 1, "m": 1, "s": -2}),
     "kn": Unit(1852.0 / 3600.0, {"m": 1, "s": -1}),
+    "mph": Unit(0.44704, {"m": 1, "s": -1}),
+    "kph": Unit(1.0 / 3.6, {"m": 1, "s": -1}),
     "rad": Unit(57.29577951308232, {"degree": 1}),
     "deg": Unit(1.0, {"degree": 1}),
     "degree": Unit(1.0, {"degree": 1}),
@@ -62,17 +75,42 @@ _UNITS: Final[Mapping[str, Unit]] = {
     "%": Unit(1e-2, {}),
 }
 
-_NO_DECIMAL: Final[Mapping[str, Fraction]] = {"kn": Fraction(1852, 3600)}
+_NO_DECIMAL: Final[Mapping[str, Fraction]] = {"kn": Fraction(1852, 3600), "kph": Fraction(10, 36)}
 """Sizes that no decimal number is."""
 
+_PREFIXES: Final = {
+    "milli": "m",
+    "centi": "c",
+    "deci": "d",
+    "": "",
+    "hecto": "h",
+    "kilo": "k",
+    "mega": "M",
+    "giga": "G",
+}
 _WORDS: Final[Mapping[str, str]] = {
-    "metre": "m", "metres": "m", "meter": "m", "meters": "m",
-    "kilometre": "km", "kilometres": "km", "kilometer": "km", "kilometers": "km",
-    "second": "s", "seconds": "s", "sec": "s", "minute": "min", "minutes": "min", "hr": "h", "hrs": "h",
-    "tonne": "t", "tonnes": "t", "knot": "kn", "knots": "kn", "°C": "degC", "degree_Celsius": "degC",
+    f"{prefix}{word}{ending}": f"{letter}{symbol}"
+    for prefix, letter in _PREFIXES.items()
+    for word, symbol in (
+        ("metre", "m"), ("meter", "m"), ("gram", "g"), ("tonne", "t"), ("newton", "N"), ("pascal", "Pa"), ("radian", "rad")
+    )
+    for ending in ("", "s")
+    if f"{letter}{symbol}" in _UNITS
+} | {
+    "second": "s", "seconds": "s", "sec": "s", "secs": "s", "minute": "min", "minutes": "min", "mins": "min",
+    "hr": "h", "hrs": "h", "weeks": "week", "knot": "kn", "knots": "kn", "kt": "kn", "kts": "kn", "kmh": "kph",
+    "foot": "ft", "feet": "ft", "fathoms": "fathom", "miles": "mile", "mi": "mile", "kelvin": "K",
+    "celsius": "degC", "C": "degC", "dyne": "dyn",
     "percent": "%", "psu": "1e-3",
 }  # fmt: skip
 """Other words for units."""
+
+_SPACED: Final = (
+    (re.compile(r"(?:\bdeg(?:rees?)?[ _]?|°)C(?:elsius)?\b", re.IGNORECASE), "degC"),
+    (re.compile(r"(?:\bdeg(?:rees?)?[ _]?|°)K(?:elvin)?\b", re.IGNORECASE), "K"),
+    (re.compile(r"\bNM\b|\b[Nn]autical[ _][Mm]iles?\b"), "nmi"),
+)
+"""Units of two words, or with a sign."""
 
 _NUMBER: Final = re.compile(r"\s*([+\N{MINUS SIGN}-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+\N{MINUS SIGN}-]?\d+)?)\s*(.*?)\s*$")
 _FACTOR: Final = re.compile(r"([A-Za-z_°%]+|1e-3|1)\^?([+-]?\d+(?:[.:]\d+)?)?$")
@@ -91,23 +129,65 @@ def parse_unit(text: str) -> Unit:
     return Unit(float(factor), powers)
 
 
-def _exact(text: str) -> tuple[float | Fraction, Powers]:
-    """Return the size of a unit, as a fraction unless a root is in it, and its powers."""
+def _unit_name(word: str) -> str:
+    """Return the unit that a word stands for, empty for none; long words may have capitals, in symbols these have a meaning."""
+    spellings = [word, word.lower()] if len(word) > 3 else [word]
+    return next((name for name in (_WORDS.get(one, one) for one in spellings) if name in _UNITS), "")
+
+
+def _alike(word: str) -> list[str]:
+    """Return words for units that may have been meant by one that is none: in other case, or a long one with a slip.
+
+    None of another magnitude: m and M are not taken for each other before a unit, nor kilo for centi.
+    """
+    known, lower = [*_UNITS, *_WORDS], word.lower()
+    found = [
+        name
+        for name in known
+        if name.lower() == lower and not ({name[0], word[0]} == {"m", "M"} and name[1:] in _UNITS)
+    ]
+    if len(word) > 2 and not found:
+        prefix = _PREFIX.match(lower)
+        long = [name for name in known if len(name) > 3 and name.startswith(prefix[0] if prefix else lower[0])]
+        found = difflib.get_close_matches(lower[:40], long, n=1, cutoff=0.85)
+    return found
+
+
+_PREFIX: Final = re.compile("milli|centi|dec[ai]|deka|hecto|kilo|mega|giga|tera|peta|micro|nano|pico")
+
+
+def _meant(text: str, wanted: Sequence[Powers]) -> str:
+    """Return the question whether a known unit was meant by one that is none, never one of another dimension."""
+    words = re.findall("[A-Za-z]+", text)[:6]
+    for names in product(*([word] if _unit_name(word) else _alike(word) for word in words)):
+        meant = text
+        for word, name in zip(words, names, strict=True):
+            meant = re.sub(rf"(?<![A-Za-z]){word}(?![A-Za-z])", name, meant)
+        with suppress(ValueError):
+            if meant != text and (not wanted or _exact(meant)[1] in wanted):
+                return f" (did you mean {meant[:40]!r}?)"
+    return ""
+
+
+def _exact(text: str, wanted: Sequence[Powers] = ()) -> tuple[float | Fraction, Powers]:
+    """Return the size of a unit, as a fraction unless a root is in it, and its powers; ``wanted``: those that are asked for."""
     factor: float | Fraction = Fraction(1)
     powers, sign = Powers(), 1
-    plain = _PART.sub(r"^\1:\2", _ROOT.sub(r"\1^1:2", text.replace("**", "^")))
+    # Superscripts become digits, and the minus of word processors that of keyboards.
+    plain = unicodedata.normalize("NFKC", text.replace("º", "°")).replace("\N{MINUS SIGN}", "-")
+    for spaced, name in _SPACED:
+        plain = spaced.sub(name, plain)
+    plain = _PART.sub(r"^\1:\2", _ROOT.sub(r"\1^1:2", plain.replace("**", "^")))
     for piece in re.findall(r"/|[^\s/*·]+", plain):
         if piece == "/":
             sign = -1
             continue
         match = _FACTOR.match(piece)
-        name = "" if match is None else _WORDS.get(match[1], match[1])
-        if match is None or name not in _UNITS:
+        name = "" if match is None else _unit_name(match[1])
+        if match is None or not name:
             unknown = piece if match is None else match[1]
-            close = difflib.get_close_matches(unknown, [*_UNITS, *_WORDS], n=1)
-            meant = f" (did you mean {close[0]!r}?)" if close else ""
             raise ValueError(
-                f"{_brief(unknown)} is not a unit that Riftberg knows{meant}; it knows {', '.join(_UNITS)}"
+                f"{_brief(unknown)} is not a unit that Riftberg knows{_meant(text, wanted)}; it knows {', '.join(_UNITS)}"
             )
         # A power is 2, -1, 0.5, or 1:2 for a half.
         over, _, under = (stated := match[2] or "1").partition(":")
@@ -138,8 +218,9 @@ def to_unit(text: str, unit: str) -> float:
     number = float(digits)
     if not match[2]:
         return number
-    size, powers = _exact(match[2])
-    fits = [wanted for wanted, asked in map(_exact, (unit or "1").split(" or ")) if powers == asked]
+    asked = [_exact(one) for one in (unit or "1").split(" or ")]
+    size, powers = _exact(match[2], [dimension for _, dimension in asked])
+    fits = [factor for factor, dimension in asked if powers == dimension]
     if not fits:
         raise ValueError(f"{_brief(text)} is in {match[2][:40]}, but this is measured in {unit or 'no unit'}")
     factor = size / fits[0]

@@ -32,7 +32,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from riftberg.config.units import looks_like_quantity, to_unit
-from riftberg.errors import InputError, nearest, together
+from riftberg.errors import InputError, nearest, together, visible
 from riftberg.system.input_files import value_shown
 
 DATE_REMEDY: Final = "Write it like 2020-12-09 13:00"
@@ -146,8 +146,14 @@ def plain_value(value: Any, field: FieldInfo, *, metres: bool = False) -> Any:
     for item in value if isinstance(value, list | tuple) else [value]:
         if isinstance(item, bool) and not any(kind in (bool, Any) for kind in kinds):
             raise UnfitError(f"{str(item).lower()} is no number, word or date", allowed(field))
-    written = isinstance(value, date) or (isinstance(value, str) and re.match(r"\d{4}-\d\d-\d\d(\D|$)", value))
-    if datetime in kinds and not written:
+        if isinstance(item, str) and visible(item) != item:
+            raise UnfitError(f"control characters stand in {visible(item[:60])!r}", "Remove them")
+    if datetime in kinds and isinstance(value, str) and (str not in kinds or _DATED.match(value)):
+        try:
+            return parse_date(value.strip(), model_years=True)[0]
+        except InputError as error:
+            raise UnfitError(error.what, f"{allowed(field)}. {error.remedy}") from error
+    if datetime in kinds and not isinstance(value, date):
         raise UnfitError(f"{value_shown(value)} is not a date", f"{allowed(field)}. {DATE_REMEDY}")
     if isinstance(value, date) and datetime not in kinds:
         raise UnfitError(f"{value} is a date", f"{allowed(field)}. Write it in quotes if it is meant as a text")
@@ -464,8 +470,14 @@ def parse_date(text: str, *, where: str = "", model_years: bool = False) -> tupl
         elif text.isdigit() and len(text) == 8:
             when = datetime.strptime(text, "%Y%m%d")
         else:
-            text = text.replace("/", "-") if re.match(r"\d{4}/\d\d/\d\d", text) else text
-            when, day_only = datetime.fromisoformat(text.replace("Z", "+00:00")), len(text) <= 10
+            plain = text.replace("/", "-") if re.match(r"\d{4}/\d\d/\d\d", text) else text
+            hours = _HOURS.fullmatch(plain)
+            if hours is not None:  # "6:00", "06:00 UTC", "09:00 +03:00"
+                day, hour, rest, zone = hours.groups(default="")
+                plain = (
+                    f"{day}T{int(hour):02d}{rest or ':00'}{'+00:00' if zone.upper() in ('Z', 'UTC', 'GMT') else zone}"
+                )
+            when, day_only = datetime.fromisoformat(plain), len(plain) <= 10
     except (ValueError, OverflowError) as error:
         raise InputError(f"{value_shown(text)} is not a date", where=where, remedy=DATE_REMEDY) from error
     when = moment(when, where=where)
@@ -473,6 +485,13 @@ def parse_date(text: str, *, where: str = "", model_years: bool = False) -> tupl
         nanoseconds(when, where=where)
     return when, day_only
 
+
+_DATED: Final = re.compile(r"\s*\d{4}[-/]\d\d[-/]\d\d(\D|$)")
+_HOURS: Final = re.compile(
+    r"(\d{4}-\d\d-\d\d)(?:\s*T\s*|\s+)(\d{1,2})(:\d\d(?::\d\d(?:[.,]\d+)?)?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
+    re.IGNORECASE,
+)
+"""A day and a time on it as people write them; other forms of ISO 8601 are left to Python."""
 
 FIRST_YEAR: Final = 1678
 LAST_YEAR: Final = 2261

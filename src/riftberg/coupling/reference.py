@@ -20,6 +20,7 @@ from riftberg.life.process import LifeModel, LifeProcess
 from riftberg.model import BareModel
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
+from riftberg.ocean.gridded import GriddedForcing
 from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import separation
 from riftberg.physics.spreading import hexagon_shares, rectangle_shares, wet_part
@@ -197,12 +198,14 @@ class ReferenceExchange:
     """Bergs beside an ocean, stepped and returned as in the reference."""
 
     def __init__(self, model: BareModel, calving: FluxCalving, rules: ReturnRules) -> None:
-        if model.life is None or not isinstance(model.forcing, OceanForcing):
-            raise InputError("a model without melt or without the fields of an ocean", where="ReferenceExchange")
+        forcing = model.forcing
+        if model.life is None or not isinstance(forcing, GriddedForcing) or forcing.grid is None:
+            raise InputError("a model without melt or without fields on a grid", where="ReferenceExchange")
         self.model, self.calving, self.rules = model, calving, rules
-        self.forcing: OceanForcing = model.forcing
+        self.forcing: GriddedForcing = forcing
         self.life: LifeProcess = model.life
-        self.grid = model.forcing.ocean_grid
+        self.grid = forcing.grid
+        self._held: Ints = np.zeros(0, np.int64)  # born in this step, and not moved by it
         self.values = life_values(model.parameters)
         self._before = np.zeros_like(self.grid.arrays.area)
         self._fields: Fields | None = None
@@ -211,15 +214,24 @@ class ReferenceExchange:
     def step(self, fields: Fields, flux: Floats, heat_flux: Floats, born: tuple[int, float]) -> Returned:
         """Take one step with the ocean (files, 5.2).
 
-        ``flux``, ``heat_flux``: ice (kg m-2 s-1) and heat (W m-2) that leave the land (shape (nj, ni)).
+        ``fields``: of this step; ``flux``, ``heat_flux``: ice (kg m-2 s-1) and heat (W m-2) that leave the land (shape
+        (nj, ni)).
         """
         dt = self.model.parameters.stepping.time_step
-        self._fields = self.forcing.put(fields)
+        self._fields = self.forcing.put(fields) if isinstance(self.forcing, OceanForcing) else fields
         taken = self.calving.take(flux, heat_flux, dt)
         elements, ids = self.calving.bear(*born, dt)
         if ids.size:
             self.model.append(elements, ids=ids)
-        self.model.step()
+            # With multiple time steps a berg belongs to no conglomerate, and does not move, until the end of the step in which
+            # it is born; in the first step conglomerates are found after the births (files, 5.2).
+            if self.model.parameters.stepping.scheme == "mts" and self.model.step_number > 0:
+                self._held = ids
+                self.model.elements.static[-ids.size :] = 1.0
+        try:
+            self.model.step()
+        finally:
+            self._let_go()
         assert self.life.last is not None
         area = self.grid.arrays.area[self.grid.domain]
         melt, heat = self._melt(self.life.last.melt, dt)
@@ -235,8 +247,15 @@ class ReferenceExchange:
         )
         return Returned(water, heat, on_ocean, ustar, cover, on_ocean.copy(), stock, -stock * LATENT_HEAT_KID)
 
+    def _let_go(self) -> None:
+        """Let bergs move that were held in the step of their birth."""
+        if self._held.size:
+            self.model.elements.static[np.isin(self.model.elements.id, self._held)] = 0.0
+            self._held = self._held[:0]
+
     def _look_around(self, model: LifeModel) -> None:
         """Before the melt: see to the environment, and note the mass on the ocean where the melt is found from it."""
+        self._let_go()
         if self._look is not None:
             self._look(model)
         if self.rules.melt_by_mass:

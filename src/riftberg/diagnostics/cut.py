@@ -531,10 +531,9 @@ class _Geometry:
         x, y = plane.forward(lon, lat)
         self.x, self.y = x - np.average(x[body], weights=weight), y - np.average(y[body], weights=weight)
         self.angle = plane.eastward(lon, lat)
-        # Each element turns with the body, as a disc of its area.
+        # Each element turns with the body, as a square of its area.
         area = scene.areas[record]
-        disc = area[body] / (2.0 * np.pi)
-        self.inertia = float((weight * (self.x[body] ** 2 + self.y[body] ** 2 + disc)).sum())
+        self.inertia = float((weight * (self.x[body] ** 2 + self.y[body] ** 2 + area[body] / 6.0)).sum())
         # The cut is the line through the middles of its bonds; its normal points to the fragment.
         first, second = run["bond_first"].values[cut.bonds], run["bond_second"].values[cut.bonds]
         inner, outer = np.where(self.inside[first], (first, second), (second, first))

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -13,11 +14,13 @@ from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from itertools import islice
+from multiprocessing import spawn
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, Final
 
 from riftberg.ensembles.member import Job, Outcome, run_member
 from riftberg.errors import InputError
-from riftberg.system.process import SIGNALS, Hold
+from riftberg.system.process import SETTINGS, SIGNALS, Hold
 
 WAIT_SECONDS = 0.1
 """Wall time between two looks for members that are done."""
@@ -90,7 +93,7 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
     As many jobs are under way as there are processes, so that of a lost process it is known which jobs may have ended it:
     these are done again by others, up to `LOST_TIMES` times. A signal lets those under way come to their end, and no more begin.
     """
-    # A process that is being spawned reads the script anew; without the guard each would start processes of its own.
+    # A process that reads the script anew would, where the guard is missing, start processes of its own.
     if getattr(multiprocessing.current_process(), "_inheriting", False):
         raise InputError(
             "a worker read the script that starts the sweep, and would start another", where="sweep",
@@ -99,11 +102,19 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
     # Of jobs that are made when they are asked for, there are no more in memory than processes have.
     waiting, lost = Line(jobs), Counter[int]()
     before = set(multiprocessing.active_children())
+    script = _script_needed(function, waiting)
+    context = multiprocessing.get_context("spawn") if script else _Apart()
+    begun = context.Event()
     with _environment(ALONE):
         while waiting and not hold.requested:
-            executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin_worker)
+            executor = ProcessPoolExecutor(workers, context, initializer=_begin_worker, initargs=(begun,))
             try:
                 for future, job in _through(executor, function, waiting, workers, hold):
+                    if script and future.exception() is not None and not begun.is_set():
+                        raise InputError(
+                            f"no worker has begun: each reads {script} anew, and that failed", where="sweep",
+                            remedy='Put the call under if __name__ == "__main__":, install cloudpickle, or give workers=0',
+                        )  # fmt: skip
                     if isinstance(future.exception(), BrokenProcessPool) and lost[id(job)] < LOST_TIMES:
                         lost[id(job)] += 1
                         waiting.again.append(job)
@@ -116,6 +127,49 @@ def pooled(function: Callable[[Any], Any], jobs: Iterable[Any], workers: int, ho
                 raise
             finally:
                 executor.shutdown(cancel_futures=True)
+
+
+class _Process(SpawnProcess):
+    """Process that does not read the script that starts it: a script without a main guard would do all its work anew in it."""
+
+    @staticmethod
+    def _Popen(process_obj: Any) -> Any:  # noqa: N802
+        with SETTINGS:
+            whole, thread = spawn.get_preparation_data, threading.get_ident()
+
+            def without_script(name: str) -> dict[str, Any]:
+                data = whole(name)
+                return {
+                    k: v for k, v in data.items() if not k.startswith("init_main") or threading.get_ident() != thread
+                }
+
+            spawn.get_preparation_data = without_script
+            try:
+                return SpawnProcess._Popen(process_obj)
+            finally:
+                spawn.get_preparation_data = whole
+
+
+class _Apart(SpawnContext):
+    Process = _Process
+
+
+def _script_needed(function: Callable[[Any], Any], waiting: Line) -> str:
+    """Return the script that processes must read for the jobs; empty where jobs name nothing of it, or bring it along."""
+    if not waiting:
+        return ""
+    first = waiting.next()
+    waiting.again.append(first)
+    if b"__main__" not in _packed(function, first) or sys.modules.get("cloudpickle") is not None:
+        return ""
+    main = sys.modules["__main__"]
+    script = getattr(main, "__file__", None)
+    if script is None or not os.path.exists(script):  # a notebook, a prompt, a script from a pipe
+        raise InputError(
+            "the function that makes the models stands in no file that other processes could read", where="sweep",
+            remedy="Define it in a module, install cloudpickle, or give workers=0",
+        )  # fmt: skip
+    return str(script)
 
 
 class Line:
@@ -175,8 +229,9 @@ def _called(packed: bytes) -> Any:
     return function(job)
 
 
-def _begin_worker() -> None:
+def _begin_worker(begun: Any) -> None:
     """Leave Ctrl-C and hang-ups to the process that started the sweep, which asks the members to stop; end with it."""
+    begun.set()
     for number in SIGNALS:
         if number != signal.SIGTERM:  # by which the members are ended
             signal.signal(number, signal.SIG_IGN)

@@ -4,6 +4,9 @@ The p % limit of ice is the smallest line such that in p % of the members all ic
 presence, which with members far apart would hold all of them at 50 %. The line is a convex hull. It is sought around several
 members, then by exchanging one member for another, so it need not be the very smallest: of nine members it was in nine cases of
 ten, and 1 % too large on average.
+
+Where fewer than ten members count (effective number, as after sightings that most members miss), there are no limits, radii,
+ellipses and dates of shares: they would say how well the few agree, not where the ice is. The range of the members is given.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from riftberg.ensembles.probability import (
     axes_of,
     counted,
     effective,
+    enough,
     out_of_sight,
     quantiles,
     share_until,
@@ -48,7 +52,7 @@ HOURS: Final = 1.0
 class IceLimit:
     """A line, and what lies inside of it."""
 
-    percent: int
+    percent: int | None  # None for the range of the members: too few count for a limit
     date: np.datetime64 | None  # None for the whole time
     line: Floats  # Longitude and latitude of its corners (closed), shape (n, 2)
     inside: float  # Weight of the members whose ice lies inside, all of it
@@ -66,10 +70,16 @@ def ice_limits(ds: xr.Dataset) -> list[IceLimit]:
     for where in [*([k] for k in days), list(range(len(time)))]:
         # Of the members that are known until then.
         known = np.flatnonzero(~beyond[:, where[-1]])
+        known = known[weight[known] > 0.0]
         points = [corners[m][:, where][np.isfinite(area[m][:, where])].reshape(-1, 2) for m in known]
         whole = len(where) > 1 or len(time) == 1
+        share_of = weight[known] / weight[known].sum()
+        if not enough(share_of):  # all of them, however little each weighs
+            line, inside = smallest_line(points, np.full(len(points), 1.0 / max(len(points), 1)), 1.0)
+            found.append(IceLimit(None, None if whole else time[where[0]], line, inside))
+            continue
         for percent in LIMITS:
-            line, inside = smallest_line(points, weight[known] / weight[known].sum(), percent / 100.0)
+            line, inside = smallest_line(points, share_of, percent / 100.0)
             found.append(IceLimit(percent, None if whole else time[where[0]], line, inside))
     return found
 
@@ -200,7 +210,10 @@ def area_km2(line: Floats) -> float:
 
 
 def positions(ds: xr.Dataset) -> list[dict[str, Any]]:
-    """Return the position of the first berg by date, with the radii within which 50 and 90 % of the members lie."""
+    """Return the position of the first berg by date, the range of the members, and the radii that hold 50 and 90 % of them.
+
+    No radii where too few count.
+    """
     done, weight = counted(ds)
     rows = []
     for k, time in enumerate(ds["time"].values):
@@ -215,8 +228,12 @@ def positions(ds: xr.Dataset) -> list[dict[str, Any]]:
             "lon": round((lon + 180) % 360 - 180, 5),
             "lat": round(lat, 5),
         }
-        radii = quantiles(distance, weight, (0.5, 0.9))
-        row |= {f"radius_{p}_km": round(float(r), 2) for p, r in zip((50, 90), radii, strict=True)}
+        known = np.isfinite(distance) & (weight > 0.0)
+        lons, lats = near(done["lon"].values[known, 0, k], lon), done["lat"].values[known, 0, k]
+        ends = {"west": lons.min(), "east": lons.max(), "south": lats.min(), "north": lats.max()}
+        row |= {f"members_{side}": round((float(end) + 180) % 360 - 180, 5) for side, end in ends.items()}
+        radii = quantiles(distance, weight, (0.5, 0.9)) if enough(weight[known]) else (None, None)
+        row |= {f"radius_{p}_km": r if r is None else round(float(r), 2) for p, r in zip((50, 90), radii, strict=True)}
         for name in ("p_broken", "p_aground"):
             row |= {f"{name}{end}": round(float(ds[f"{name}{end}"].values[k]), 4) for end in ("", "_low", "_high")}
         rows.append(row)
@@ -236,24 +253,31 @@ class Approach:
     probability: Floats  # That ice has come that near until then
     low: Floats  # Ends of Wilson's interval, with what is not known of unfinished members as no and as yes
     high: Floats
-    first_arrival: Any  # Dates by which 10, 50 and 90 % of the members that arrive have arrived; NaT where none does
+    # Dates by which 10, 50 and 90 % of the members that arrive have arrived, or, where too few count, the first and the last
+    # has; NaT where none does
+    first_arrival: Any
     closest: Floats  # Closest approach of each member that counts, m; 0 where ice lies over it
     weight: Floats  # Of these members
 
     def told(self) -> str:
         """Return it in a line."""
         p, low, high = (100.0 * float(a[-1]) for a in (self.probability, self.low, self.high))
-        median = float(quantiles(self.closest, self.weight, 0.5))
-        near_by = f"closest approach {self.closest.min() / 1e3:.0f} km, median {median / 1e3:.0f} km"
-        half = self.first_arrival[1]
-        arrival = "" if np.isnat(half) else f", half of these by {minute_text(half)}"
+        first, *half, last = self.first_arrival
+        least, middle, most = self.closest.min(), float(quantiles(self.closest, self.weight, 0.5)), self.closest.max()
+        far = f" km, median {middle / 1e3:.0f}" if half else f" to {most / 1e3:.0f}"
+        near_by = f"closest approach {least / 1e3:.0f}{far} km"
+        arrival = (
+            f", half of these by {minute_text(half[0])}" if half else f", {minute_text(first)} to {minute_text(last)}"
+        )
+        arrival = "" if np.isnat(first) else arrival
         chance = f"{self.name}: {p:.0f} % ({low:.0f} to {high:.0f} %) that ice comes within {self.within / 1e3:.1f} km"
         return f"{chance}{arrival}; {near_by}"
 
     def rows(self) -> list[dict[str, Any]]:
         """Return it by date, for a table."""
-        dates = dict(zip(("10", "50", "90"), (str(d)[:16] for d in self.first_arrival), strict=True))
-        arrival = {f"arrival_{part}_percent": "" if date == "NaT" else f"{date}Z" for part, date in dates.items()}
+        names = ("10_percent", "50_percent", "90_percent") if len(self.first_arrival) == 3 else ("first", "last")
+        dates = dict(zip(names, (str(d)[:16] for d in self.first_arrival), strict=True))
+        arrival = {f"arrival_{name}": "" if date == "NaT" else f"{date}Z" for name, date in dates.items()}
         return [
             {"place": self.name, "within_km": self.within / 1e3, "date": f"{str(time)[:16]}Z", "probability": round(float(p), 4),
              "low": round(float(low), 4), "high": round(float(high), 4), **arrival,
@@ -316,9 +340,10 @@ def approach(ds: xr.Dataset, name: str, shape: Any, within: float) -> Approach:
     share, low, high = with_interval(share, effective(weight), unknown)
     came = np.isfinite(arrived)
     start = ds["time"].values[0]
-    dates = np.full(3, np.datetime64("NaT", "s"))
+    parts = (0.1, 0.5, 0.9) if enough(weight) else (0.0, 1.0)
+    dates = np.full(len(parts), np.datetime64("NaT", "s"))
     if came.any():
-        seconds = np.rint(3600.0 * quantiles(arrived, weight, (0.1, 0.5, 0.9)))
+        seconds = np.rint(3600.0 * quantiles(arrived, weight, parts))
         dates = start.astype("datetime64[s]") + seconds.astype("timedelta64[s]")
     return Approach(name, within, ds["time"].values, share, low, high, dates, closest, weight)
 
@@ -337,13 +362,11 @@ def geojson(ds: xr.Dataset, limits: list[IceLimit]) -> dict[str, Any]:
     for limit in limits:
         if len(limit.line) > 3:
             date = "whole time" if limit.date is None else f"{str(limit.date)[:16]}Z"
-            add(
-                "limit of ice",
-                _polygon(limit.line),
-                percent=limit.percent,
-                date=date,
-                members_inside=round(limit.inside, 4),
-            )
+            about: dict[str, Any]
+            kind, about = "limit of ice", {"percent": limit.percent, "members_inside": round(limit.inside, 4)}
+            if limit.percent is None:
+                kind, about = "range of the members' ice", {"comment": "too few members count for limits of ice"}
+            add(kind, _polygon(limit.line), date=date, **about)
     rows = positions(ds)
     for row in rows:
         add("position", {"type": "Point", "coordinates": [row["lon"], row["lat"]]}, **row)
@@ -407,7 +430,13 @@ def _kml_shape(geometry: dict[str, Any]) -> str:
 
 def gridded(ds: xr.Dataset) -> xr.Dataset:
     """Return the probabilities on cells and by date as a CF dataset, whose maps other systems find where they belong."""
-    names = [name for name in ds.data_vars if str(name).startswith(("p_", "presence", "passes", "cone_", "area_class"))]
+    names = [
+        name
+        for name in ds.data_vars
+        if str(name).startswith(("p_", "presence", "passes", "cone_", "members_", "area_class"))
+    ]
+    if not enough(counted(ds)[1]):  # the range of the members stands in the place of ellipses
+        names = [name for name in names if name not in ("cone_major", "cone_minor", "cone_azimuth")]
     grid = ds[names].drop_vars("weight", errors="ignore").rename(cell_lon="lon", cell_lat="lat")
     for axis, name in (("X", "lon"), ("Y", "lat")):
         grid[name].attrs |= {

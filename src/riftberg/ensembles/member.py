@@ -22,7 +22,7 @@ from riftberg.config.units import duration_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.ensembles.uncertain import is_uncertain, with_errors
 from riftberg.ensembles.vary import grouped
-from riftberg.errors import InputError, RiftbergError
+from riftberg.errors import InputError, RiftbergError, without_secrets
 from riftberg.experiments.registry import Options
 from riftberg.ocean.errors import UncertainForcing
 from riftberg.ocean.files_forcing import sharing_forcings
@@ -135,7 +135,9 @@ def digest_of(experiment: str | Maker) -> str:
     """Return the checksum of an experiment file; empty for other experiments."""
     if not isinstance(experiment, str) or not experiment.endswith((".yaml", ".yml")) or not Path(experiment).is_file():
         return ""
-    return hashlib.sha256(Path(experiment).read_bytes()).hexdigest()
+    # A token may be renewed.
+    text = without_secrets(Path(experiment).read_text("utf-8-sig", errors="replace"))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def build_member(job: Job) -> Model:

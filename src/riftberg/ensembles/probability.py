@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from riftberg.compiled.kernels import kernel
-from riftberg.config.units import count_text, duration_text, minute_text, place_text
+from riftberg.config.units import box_text, count_text, duration_text, minute_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.ensembles.member import broken_off
 from riftberg.ensembles.result import MEANS, MOST_LISTED, STATUS
@@ -30,6 +30,9 @@ AREA_CLASSES: Final = (1e5, 1e6, 1e7, 1e8, 1e9, 1e12)
 
 CONES: Final = (0.5, 0.9)
 """Parts of the probability that the ellipses of the position hold."""
+
+ENOUGH: Final = 10.0
+"""Effective members below which an ensemble says nothing of a spread: no ellipse, radius, limit of ice, date of a share."""
 
 MOST_CELLS: Final = 120
 """Cells of the map of presence along its longer side."""
@@ -91,6 +94,11 @@ def axes_of(part: xr.Dataset) -> tuple[Floats, Floats, Floats]:
 def effective(weight: Floats) -> float:
     """Return the number of equal members that would be as good as these."""
     return float(weight.sum() ** 2 / (weight**2).sum()) if weight.size else 0.0
+
+
+def enough(weight: Floats) -> bool:
+    """Whether members of these weights count as many (`ENOUGH`)."""
+    return effective(weight) >= ENOUGH - 1e-6
 
 
 def with_probabilities(
@@ -286,10 +294,14 @@ def _add_presence(ds: xr.Dataset, of: xr.Dataset, weight: Floats) -> None:
 
 
 def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
-    """Add the ellipses of the position of the first berg: normal distribution with the members' mean and covariance."""
+    """Add mean and range of the position of the first berg, and its ellipses where enough members count.
+
+    Of a normal distribution with the members' mean and covariance.
+    """
     times, metres = done.sizes["time"], DEGREE * EARTH_RADIUS_A68
     first = float(done["lon"].isel(member=0, fragment=0, time=0))
-    total, count, middle, squares = np.zeros(times), np.zeros(times), np.zeros((2, times)), np.zeros((times, 2, 2))
+    total, middle, squares = np.zeros((2, times)), np.zeros((2, times)), np.zeros((times, 2, 2))
+    least, most = np.full((2, times), np.inf), np.full((2, times), -np.inf)
 
     def places() -> Iterator[tuple[Floats, Floats]]:
         for w, part in parts_of(done, weight):
@@ -299,17 +311,19 @@ def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
             yield w[:, None] * known, np.where(known, place, middle[:, None])  # nothing where nobody is
 
     for w, place in places():
-        total, count = total + w.sum(axis=0), count + (w > 0.0).sum(axis=0)
+        total += [w.sum(axis=0), (w**2).sum(axis=0)]
         middle = middle + (w * place).sum(axis=1)
+        least = np.minimum(least, np.where(w > 0.0, place, np.inf).min(axis=1))
+        most = np.maximum(most, np.where(w > 0.0, place, -np.inf).max(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
-        middle = np.where(total > 0.0, middle / total, np.nan)
+        middle = np.where(total[0] > 0.0, middle / total[0], np.nan)
+        several = total[0] ** 2 / total[1] >= ENOUGH - 1e-6
     for w, place in places():
         away = metres * (place - middle[:, None])
         away[0] *= np.cos(middle[1] * DEGREE)
         squares += np.einsum("mt,imt,jmt->tij", w, np.nan_to_num(away), np.nan_to_num(away))
     axes = np.full((3, times), np.nan)
-    several = count > 1  # one place says nothing of the spread
-    values, vectors = np.linalg.eigh(squares[several] / total[several, None, None])
+    values, vectors = np.linalg.eigh(squares[several] / total[0, several, None, None])
     axes[:2, several] = np.sqrt(np.maximum(values[:, ::-1].T, 0.0))
     axes[2, several] = np.rad2deg(np.arctan2(vectors[:, 0, 1], vectors[:, 1, 1])) % 180.0
     # Within r standard deviations of a normal distribution in two dimensions lies 1 - exp(-r2 / 2).
@@ -327,8 +341,15 @@ def _add_cones(ds: xr.Dataset, done: xr.Dataset, weight: Floats) -> None:
             values,
             {"units": unit, "standard_name": word, "long_name": f"mean {word} of the first berg"},
         )
+    for side, ends, unit, word in (
+        ("west", least[0], "degrees_east", "longitude"), ("east", most[0], "degrees_east", "longitude"),
+        ("south", least[1], "degrees_north", "latitude"), ("north", most[1], "degrees_north", "latitude"),
+    ):  # fmt: skip
+        about = {"units": unit, "long_name": f"range of the members: {side}ernmost {word} of the first berg"}
+        ds[f"members_{side}"] = ("time", np.where(np.isfinite(ends), ends, np.nan), about)
     for name, row, word in (("cone_major", 0, "major"), ("cone_minor", 1, "minor")):
-        about = {"units": "m", "long_name": f"semi-{word} axis of the ellipse of the position"}
+        about = {"units": "m", "long_name": f"semi-{word} axis of the ellipse of the position",
+                 "comment": f"missing where fewer than {ENOUGH:.0f} members count (effective number)"}  # fmt: skip
         ds[name] = (("cone", "time"), factor[:, None] * axes[row], about)
     about = {"units": "degree", "long_name": "direction of the major axis, clockwise from north"}
     ds["cone_azimuth"] = ("time", axes[2], about)
@@ -523,7 +544,7 @@ def sources(ds: xr.Dataset) -> dict[str, float]:
     lon, lat = (done[name].isel(fragment=0, time=-1).values for name in ("lon", "lat"))
     known = np.isfinite(lon) & (weight > 0.0)
     number = effective(weight[known])
-    if number < 10.0:  # of fewer anything explains the spread
+    if not enough(weight[known]):  # of fewer anything explains the spread
         return {}
     lon, root = near(lon[known], float(lon[known][0])), np.sqrt(weight[known] / weight[known].sum())
     target = np.column_stack([lon * np.cos(np.mean(lat[known]) * DEGREE), lat[known]])
@@ -561,6 +582,14 @@ def notes(ds: xr.Dataset) -> list[str]:
 
 
 # ---- in words ---------------------------------------------------------------------------------------------------------
+
+
+def range_text(ds: xr.Dataset) -> str:
+    """Return the range of the members' last positions."""
+    lon, lat = (
+        [float(ds[f"members_{side}"].values[-1]) for side in ends] for ends in (("west", "east"), ("south", "north"))
+    )
+    return f"range of the members {box_text(*(round(c, 2) for c in (*lon, *lat)))}"
 
 
 def fates(ds: xr.Dataset) -> str:
@@ -607,17 +636,25 @@ def told(ds: xr.Dataset) -> list[str]:
     dates = begun["first_breakup"].values
     order = np.argsort(dates)
     half = np.flatnonzero((np.cumsum(share_of[order]) >= 0.5) & ~np.isnat(dates[order]))
-    if half.size:
+    broke = dates[~np.isnat(dates) & (share_of > 0.0)]
+    if not enough(share_of) and broke.size:
+        count = f"{broke.size} of {count_text(int((share_of > 0.0).sum()), 'member')}"
+        lines.append(f"  first break-up in {count}, {minute_text(broke.min())} to {minute_text(broke.max())}")
+    elif half.size:
         lines.append(f"  first break-up by {minute_text(dates[order][half[0]])} with 50 %")
     if _unfinished_share(ds) > 0.0:
         lines.append("  unfinished members count above as far as they came, then both ways; below are the others")
     if "cone_major" in ds:
         major, minor = (float(ds[name].sel(cone=0.9).values[-1]) / 1e3 for name in ("cone_major", "cone_minor"))
         lat, lon = (float(ds[name].values[-1]) for name in ("cone_lat", "cone_lon"))
-        if math.isfinite(major):
+        if math.isfinite(major) and counting >= ENOUGH - 1e-6:
             spread = f"90 % within an ellipse of {major:.0f} by {minor:.0f} km (semi-axes)"
         else:
-            spread = "one member says nothing of the spread"
+            spread = (
+                f"{range_text(ds)}: too few members count for an ellipse"
+                if number > 1
+                else "one member says nothing of the spread"
+            )
         bergs = int((done["fragment_parent"].isel(member=0).values == 0.0).sum())
         whose = f" of the first of {bergs} bergs" if bergs > 1 else ""
         lines.append(f"  position{whose} {place_text(lon, lat, latlon=True, digits=2)}; {spread}")

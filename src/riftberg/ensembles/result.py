@@ -23,7 +23,7 @@ from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import GOES_ON
 from riftberg.state import Floats
 from riftberg.system.input_files import check_file, is_folder, reading
-from riftberg.system.netcdf_lock import open_lazily, open_netcdf, write_dataset
+from riftberg.system.netcdf_lock import fixed_texts, open_lazily, open_netcdf, write_dataset
 from riftberg.version import __version__
 
 STATUS: Final = {"done": 0, "failed": 1, "waiting": 2, "unfinished": 3}
@@ -285,18 +285,27 @@ def write_sweep(ds: xr.Dataset, path: str | Path, *, more: bool = False) -> Path
     return path
 
 
-def write_blocks(blocks: Iterable[xr.Dataset], path: Path) -> None:
-    """Write the result of a sweep from blocks of its members, one after another."""
-    for k, ds in enumerate(blocks):
+def longest_text(members: Iterable[Mapping[str, Any]]) -> int:
+    """Return the length (bytes) of the longest text among the values of members."""
+    return max((len(_text(value).encode()) for member in members for value in member.values()), default=1)
+
+
+def write_blocks(blocks: Iterable[xr.Dataset], path: Path, width: int) -> None:
+    """Write the result of a sweep from blocks of its members, one after another; ``width``: bytes of the longest text."""
+    for k, block in enumerate(blocks):
+        ds = fixed_texts(block, width)
         if k == 0:
             write_dataset(ds, path, encoding=_in_chunks(ds), unlimited_dims=["member"])
             continue
         zero = ds["time"].values[0]
         with open_netcdf(path, "a") as file:
             first = len(file.dimensions["member"])
+            file.set_auto_chartostring(False)
             for name, variable in ds.variables.items():
                 if "member" in variable.dims:
                     values = variable.values
+                    if values.dtype.kind == "S":
+                        values = np.ascontiguousarray(values).view("S1").reshape(len(values), -1)
                     if values.dtype.kind == "M":  # as `_encoding` says
                         values = np.where(np.isnat(values), np.nan, (values - zero) / np.timedelta64(1, "s"))
                     file[str(name)][first : first + len(values)] = values
@@ -316,6 +325,9 @@ def _in_chunks(ds: xr.Dataset) -> dict[str, dict[str, Any]]:
             sizes = tuple(
                 min(together, 250) if dim == "member" else max(variable.sizes[dim], 1) for dim in variable.dims
             )
+            if variable.dtype.kind == "S":
+                sizes = (*sizes, variable.dtype.itemsize)
+                encoding.setdefault(str(name), {}).update(zlib=True, complevel=1)
             encoding.setdefault(str(name), {})["chunksizes"] = sizes
     return encoding
 

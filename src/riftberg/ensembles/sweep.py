@@ -7,6 +7,7 @@ import logging
 import math
 import re
 import shutil
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
@@ -36,10 +37,18 @@ from riftberg.ensembles.member import (
     with_values,
 )
 from riftberg.ensembles.probability import Breaks, with_probabilities
-from riftberg.ensembles.result import MEANS, MOST_LISTED, dataset_of, open_sweep, write_blocks, write_sweep
+from riftberg.ensembles.result import (
+    MEANS,
+    MOST_LISTED,
+    dataset_of,
+    longest_text,
+    open_sweep,
+    write_blocks,
+    write_sweep,
+)
 from riftberg.ensembles.uncertain import check_sizes, with_errors
 from riftberg.ensembles.vary import Draws, Varied, designed, grouped, members_of, varied_of, vary_with_file
-from riftberg.errors import InputError
+from riftberg.errors import InputError, without_secrets
 from riftberg.experiments.changes import changed, origin, settings_of
 from riftberg.experiments.registry import Options
 from riftberg.ocean.files_forcing import forget_forcings
@@ -410,6 +419,11 @@ def _member_text(values: Mapping[str, Any]) -> str:
     return f"--vary, member with {said}"
 
 
+def _digest(kept: Mapping[str, Any]) -> int:
+    """Return a checksum over what is kept of a member, by which a bit that has flipped is noticed."""
+    return zlib.crc32(json.dumps(kept, sort_keys=True).encode())
+
+
 class Store:
     """The folder of a sweep: its plan, and what is done."""
 
@@ -426,9 +440,9 @@ class Store:
         self.file = folder / ("forecast.nc" if plan.forecast else "sweep.nc")
         self.look: Callable[[xr.Dataset], None] | None = None  # What is done with the result of the first members
         self.done: dict[int, str] = {}  # Status of the members that were run; what they came to is in their files
-        self._fragments, self._means = 0, set[str]()  # What the result has room for
+        self._fragments, self._means, self._message = 0, set[str](), 1  # What the result has room for
         # Through JSON, as the plan that is read back: a tuple would differ from the list that it became.
-        described = json.loads(json.dumps(plan.described(), default=str))
+        described = json.loads(without_secrets(json.dumps(plan.described(), default=str)))
         where = str(folder)
         if (folder / PLAN).exists():
             known = read_plan(folder)
@@ -480,19 +494,23 @@ class Store:
     def outcome(self, number: int) -> Outcome | None:
         """Return what a member came to; what cannot be read is done again."""
         try:
-            return Outcome(**json.loads((self.members / f"{number:05d}.json").read_text("utf-8")))
+            kept = dict(json.loads((self.members / f"{number:05d}.json").read_text("utf-8")))
+            digest = kept.pop("digest", None)  # one of an earlier version has none
+            return Outcome(**kept) if digest in (None, _digest(kept)) else None
         except (ValueError, TypeError, OSError):
             return None
 
     def keep(self, outcome: Outcome) -> None:
         """Keep what a member came to."""
-        write_text(self.members / f"{outcome.number:05d}.json", json.dumps(vars(outcome)))
+        kept = vars(outcome)
+        write_text(self.members / f"{outcome.number:05d}.json", json.dumps({**kept, "digest": _digest(kept)}))
         self._count(outcome)
 
     def _count(self, outcome: Outcome) -> None:
         self.done[outcome.number] = outcome.status
         self._fragments = max(self._fragments, min(len(outcome.fragments.get("number", ())), MOST_LISTED))
         self._means.update(name for name in MEANS if name in outcome.totals)
+        self._message = max(self._message, len(outcome.message.encode()))
 
     def waiting(self) -> list[int]:
         """Return the members that are still to be run; those that failed are tried again, unfinished ones go on."""
@@ -531,7 +549,7 @@ class Store:
                 yield ds
 
         with replacing(self.file) as part:
-            write_blocks(blocks(), part)
+            write_blocks(blocks(), part, max(self._message, longest_text(plan.members)))
             if breaks is not None:
                 known = open_sweep(part, tracks=False)
                 ds = with_probabilities(known, breaks, weight).assign(self._control(common))

@@ -23,7 +23,7 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.bergs.keys import BergKeys
 from riftberg.bergs.regions import turned
 from riftberg.config.values import fields_of, given, sections_in
-from riftberg.errors import InputError, nearest, together
+from riftberg.errors import InputError, nearest, together, without_secrets
 from riftberg.parameters import A68A_2022_KID, Parameters
 from riftberg.plane import EqualAreaPlane
 from riftberg.runs.layout import COMMAND, FILE, PLACE
@@ -201,7 +201,8 @@ def origin(
         found[FILE], home = path.read_text("utf-8-sig"), home or path.parent
     if home is not None:
         found[PLACE] = os.path.relpath(home.resolve(), folder.resolve())
-    return found
+    # Nobody else is to find passwords in a file.
+    return {name: without_secrets(text) for name, text in found.items()}
 
 
 def setting(name: str, value: Any) -> str:

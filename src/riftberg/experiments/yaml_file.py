@@ -39,7 +39,7 @@ from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.formulas import Sum
 from riftberg.parameters import Earth, Parameters
-from riftberg.system.input_files import MOST_YAML, check_file, shown, value_shown
+from riftberg.system.input_files import MOST_YAML, check_file, in_folder, shown, value_shown
 from riftberg.system.netcdf_lock import closing_files
 
 if TYPE_CHECKING:
@@ -370,7 +370,7 @@ def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path, draw
 
             source: Any = rift.points
             if rift.file is not None:
-                path = folder / rift.file
+                path = Path(in_folder(folder, rift.file))
                 source = read_raster(path, rift.variable) if is_map(path) else path
             made = made.with_rifts(
                 source, strength=rift.strength, broken=rift.broken, crs=rift.crs, threshold=rift.threshold
@@ -395,7 +395,7 @@ def _with_strength(berg: Iceberg, strength: Strength, folder: Path, drawn: Count
     from riftberg.bergs.raster import read_raster
 
     if strength.file is not None:
-        return berg.with_strength(read_raster(folder / strength.file, strength.variable))
+        return berg.with_strength(read_raster(Path(in_folder(folder, strength.file)), strength.variable))
     seed = _own_seed(strength.seed, drawn)
     if strength.weibull is not None:
         return berg.with_strength("weibull", shape=strength.weibull, seed=seed)
@@ -407,7 +407,7 @@ def _with_strength(berg: Iceberg, strength: Strength, folder: Path, drawn: Count
 def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
 
-    thickness = berg.thickness if isinstance(berg.thickness, float) else folder / berg.thickness
+    thickness = berg.thickness if isinstance(berg.thickness, float) else Path(in_folder(folder, berg.thickness))
     common: dict[str, Any] = {
         "thickness": thickness, "radius": berg.radius, "packing": berg.packing, "density": parameters.ice.density,
         "velocity": berg.velocity, "spin": berg.spin, "rotation": berg.rotation,
@@ -416,13 +416,13 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
     if berg.outline is not None:
         outline = berg.outline
         return Iceberg.from_outline(
-            folder / outline.file, feature=outline.feature, date=outline.date, crs=outline.crs, repair=outline.repair,
-            placement=berg.placement, shift=berg.shift, **common,
+            Path(in_folder(folder, outline.file)), feature=outline.feature, date=outline.date, crs=outline.crs,
+            repair=outline.repair, placement=berg.placement, shift=berg.shift, **common,
         )  # fmt: skip
     if berg.mask is not None:
         mask = berg.mask
         return Iceberg.from_mask(
-            folder / mask.file, variable=mask.variable, threshold=mask.threshold, date=mask.date,
+            Path(in_folder(folder, mask.file)), variable=mask.variable, threshold=mask.threshold, date=mask.date,
             placement=berg.placement, shift=berg.shift, **common,
         )  # fmt: skip
     if berg.shelf is not None:
@@ -440,7 +440,7 @@ def _from_shelf(berg: Berg, shelf: Shelf, parameters: Parameters, folder: Path) 
     from riftberg.bergs.bonding import Metric, turn_rigidly
     from riftberg.coupling.shelf import IceShelf
 
-    path = folder / shelf.file
+    path = Path(in_folder(folder, shelf.file))
     ice = IceShelf.from_raster(
         path, None if shelf.mask is None else path, variable=shelf.variable, mask_variable=shelf.mask, date=shelf.date,
         crs=shelf.crs, density=parameters.ice.density, earth_radius=parameters.earth.radius,

@@ -10,10 +10,12 @@ from __future__ import annotations
 import errno
 import hashlib
 import json
+import math
 import os
 import re
 import shutil
 import time
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -25,6 +27,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from riftberg.errors import ForcingError
 from riftberg.system.atomic_files import only_writer
+from riftberg.system.input_files import reading, value_shown
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -83,8 +86,8 @@ class Resuming:
         self.progress, self.attempts, self.timeout = progress, attempts, timeout
         self.large_files, self.pause = large_files, pause
 
-    def __call__(self, url: str, target: Path) -> None:
-        """Fetch ``url`` into a file."""
+    def __call__(self, url: str, target: Path, *, checked: bool = False) -> None:
+        """Fetch ``url`` into a file; ``checked``: the caller finds out whether it is whole, by a checksum or its content."""
         if find_spec("requests") is None or find_spec("tqdm") is None:
             raise missing_package("requests or tqdm", "fetch", "to fetch files")
         path = part_of(target.parent, url)
@@ -95,7 +98,7 @@ class Resuming:
                 part = PartFile(path, url)
             else:  # an earlier run has followed the pointer already, and noted its checksum
                 part.sha256 = part.version.sha256
-            self.fetch(part)
+            self.fetch(part, checked=checked or bool(part.sha256))
             # The server has sent the pointer instead of the file that it stands for.
             if part.url != large and is_pointer(path):
                 # The sha256 that a pointer of Git LFS names; empty where it names none.
@@ -104,7 +107,13 @@ class Resuming:
                 )
                 part = PartFile(path, large, (match[1] if match else ""))
                 part.drop()
-                self.fetch(part)
+                self.fetch(part, checked=checked or bool(part.sha256))
+            if message := _server_message(path):
+                part.drop()
+                raise ForcingError(
+                    f"the server sent {message} in place of the file", where=part.url,
+                    remedy="Run again later; if it stays so, the file is not to be had there, or not without a login",
+                )  # fmt: skip
             if not part.is_whole():
                 part.drop()
                 raise ForcingError(
@@ -113,7 +122,7 @@ class Resuming:
                 )  # fmt: skip
             part.finish(target)
 
-    def fetch(self, part: PartFile) -> None:
+    def fetch(self, part: PartFile, *, checked: bool) -> None:
         """Fetch the whole of a part's file, continuing what is there if it is of the version that the server has."""
         import requests
 
@@ -125,7 +134,7 @@ class Resuming:
         while vain < self.attempts:
             before = part.size
             try:
-                if self._continue(part):
+                if self._continue(part, checked=checked):
                     return
             except requests.RequestException as error:
                 reason = error
@@ -164,9 +173,9 @@ class Resuming:
         try:
             answer = requests.head(url, headers=asking, allow_redirects=True, timeout=min(self.timeout, 15.0))
             answer.raise_for_status()
-        except requests.RequestException:
+            have, size = path.stat(), _length(answer)
+        except (requests.RequestException, ForcingError):
             return None
-        have, size = path.stat(), _length(answer)
         dated = seconds(answer.headers.get("Last-Modified", ""))
         if size and size != have.st_size:
             return f"{size:,} bytes there, {have.st_size:,} here"
@@ -174,7 +183,7 @@ class Resuming:
             return f"it was written anew there on {answer.headers['Last-Modified']}"
         return "" if size or dated is not None else None
 
-    def _continue(self, part: PartFile) -> bool:
+    def _continue(self, part: PartFile, *, checked: bool) -> bool:
         """Fetch the rest of a file; tell whether it is complete."""
         import requests
 
@@ -197,12 +206,19 @@ class Resuming:
                     return True  # nothing is left to fetch
                 if code == 416 or first != have or other:
                     part.drop()
-                    return self._continue(part)
-            _check_status(answer, part.url)
+                    return self._continue(part, checked=checked)
+            _check_status(answer, part.url, part_asked="Range" in headers)
             # A server that does not know ranges answers 200 with the whole file.
             start = have if code == 206 else 0
             length = _length(answer)
-            total = start + length if length else 0
+            if not checked and not _tells_end(answer):
+                raise ForcingError(
+                    "the server does not say where the file ends, so a cut connection would pass for its end",
+                    where=part.url, remedy="Fetch it with a browser or by hand, and compare its size with the source",
+                )  # fmt: skip
+            # A server may send less than the rest that was asked for.
+            promised = [known.total, content_range(answer.headers)[1]] if start and known is not None else []
+            total = max(start + length, *promised, 0) if length else max(promised, default=0)
             # Refuse a download that cannot fit before it fills the disk.
             free = shutil.disk_usage(part.path.parent).free
             if length > free:
@@ -210,6 +226,9 @@ class Resuming:
             if start == 0:
                 part.begin(Version.told(part.url, answer.headers, total))
             written = self._write(answer, part.path, start, total)
+        if not written:
+            part.drop()
+            raise ForcingError("the server sent an empty file", where=part.url, remedy="Run again later")
         return total == 0 or written >= total
 
     def _write(self, answer: requests.Response, path: Path, start: int, total: int) -> int:
@@ -233,9 +252,20 @@ def opened_part(path: Path, start: int) -> BinaryIO:
 
 def _length(answer: requests.Response) -> int:
     """Return how many bytes are to come; 0 = not told, or told of a coded form of the file."""
-    if answer.headers.get("Content-Encoding", "identity") != "identity":
-        return 0
-    return int(answer.headers.get("Content-Length", 0))
+    told = answer.headers.get("Content-Length", "0").strip()
+    if not re.fullmatch("[0-9]{1,18}", told):
+        raise ForcingError(
+            f"the server gives {value_shown(told)} for the length of the file",
+            where=answer.url,
+            remedy="Run again later",
+        )
+    return 0 if answer.headers.get("Content-Encoding", "identity") != "identity" else int(told)
+
+
+def _tells_end(answer: requests.Response) -> bool:
+    """Whether a cut connection can be told from the end of an answer: by its length, or the last of its chunks."""
+    chunked = "chunked" in answer.headers.get("Transfer-Encoding", "").lower()
+    return chunked or "Content-Length" in answer.headers
 
 
 def part_of(folder: Path, url: str) -> Path:
@@ -249,7 +279,20 @@ def is_pointer(path: Path) -> bool:
         return stream.read(len(_POINTER)) == _POINTER
 
 
-def _check_status(answer: requests.Response, url: str) -> None:
+_PAGE: Final = re.compile(rb"(\xef\xbb\xbf)?\s*<(!doctype|!--|html|head|body|script|\?xml|error)\b", re.IGNORECASE)
+_JSON: Final = re.compile(rb"(\xef\xbb\xbf)?\s*\{\s*\"")
+
+
+def _server_message(path: Path) -> str:
+    """Return what stands in a file where a message of the server has come in its place, with a status of success."""
+    with path.open("rb") as stream:
+        begin = stream.read(512)
+    if begin.startswith(_POINTER):
+        return "a pointer of Git LFS"
+    return "a web page" if _PAGE.match(begin) else "a message" if _JSON.match(begin) else ""
+
+
+def _check_status(answer: requests.Response, url: str, *, part_asked: bool) -> None:
     code = answer.status_code
     if code in (401, 403):
         raise ForcingError(
@@ -262,6 +305,9 @@ def _check_status(answer: requests.Response, url: str) -> None:
             remedy="Check the base address, or whether the source has moved",
         )
     answer.raise_for_status()
+    if code != 200 and not (code == 206 and part_asked):
+        what = "a part of the file that was not asked for" if code == 206 else "no file"
+        raise ForcingError(f"the server sent {what} (HTTP {code})", where=url, remedy="Run again later")
 
 
 class Bar:
@@ -331,9 +377,9 @@ def fetch_one(
             tell(f"{target.name} has changed at its source ({changed}): it is fetched again")
             downloader(url, target)
         return target
-    if digest is None or not target.exists() or _sha256(target) != digest:
-        downloader(url, target)
-    if digest is not None and (got := _sha256(target)) != digest:
+    if digest is None or not target.exists() or checksum(target) != digest:
+        downloader(url, target, checked=digest is not None)
+    if digest is not None and (got := checksum(target)) != digest:
         target.unlink()
         raise ForcingError(
             f"its checksum is wrong: sha256 is {got[:12]}... and not {digest[:12]}...",
@@ -343,7 +389,27 @@ def fetch_one(
     return target
 
 
-def _sha256(path: Path) -> str:
+def unpacked(archive: Path, ending: str, most: float = math.inf) -> list[tuple[str, bytes]]:
+    """Return names and contents of the files with an ending in a fetched zip archive; a useless one is removed.
+
+    ``most``: bytes that they may have together.
+    """
+    remedy = "It was removed: run the same command again"
+    try:
+        with reading(archive, "a damaged zip archive", remedy, ForcingError), zipfile.ZipFile(archive) as opened:
+            members = [m for m in opened.infolist() if not m.is_dir() and m.filename.lower().endswith(ending)]
+            size = sum(member.file_size for member in members)
+            if not members or size > most:
+                what = f"{size / 1e6:.0f} MB of {ending} files" if members else f"no {ending} files"
+                raise ForcingError(f"the archive holds {what}", where=str(archive), remedy=remedy)
+            return [(member.filename, opened.read(member)) for member in members]
+    except ForcingError:
+        archive.unlink(missing_ok=True)
+        raise
+
+
+def checksum(path: Path) -> str:
+    """Return the checksum of a file."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
@@ -408,7 +474,7 @@ class PartFile:
 
     def is_whole(self) -> bool:
         """Whether the bytes have the checksum that was told for them, if one was."""
-        return not self.sha256 or _sha256(self.path) == self.sha256
+        return not self.sha256 or checksum(self.path) == self.sha256
 
     def drop(self) -> None:
         """Throw away what is there; the bytes first, so that no record is left beside bytes of another version."""

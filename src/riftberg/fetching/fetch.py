@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-import zipfile
+import hashlib
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +16,10 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
-from riftberg.errors import ForcingError, InputError
-from riftberg.fetching.download import Progress, Resuming, fetch_one, is_pointer, made, progressing
+from riftberg.errors import ForcingError
+from riftberg.fetching.download import Progress, Resuming, checksum, fetch_one, is_pointer, made, progressing, unpacked
 from riftberg.fetching.services import fetch_product
-from riftberg.system.atomic_files import only_writer, refusal
+from riftberg.system.atomic_files import only_writer, refusal, replacing, write_text
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 __all__ = ["BASE_URL", "FILES", "HOURLY", "Hourly", "check_hourly", "fetch_a68a", "fetch_product", "merge_hourly"]
@@ -117,22 +118,13 @@ def _fetch_hourly(field: Hourly, folder: Path, base_url: str, downloader: Resumi
 
 def merge_hourly(parts: Sequence[Path], target: Path, field: Hourly) -> None:
     """Join the parts of an hourly field in order of time, check them, and write one file."""
-    unfinished = target.with_suffix(".unfinished")
-    try:
-        _join(_in_order(parts), unfinished)
-    except ForcingError:
-        unfinished.unlink(missing_ok=True)
-        raise
-    except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
-        unfinished.unlink(missing_ok=True)
-        remedy = "Free some space, or choose another folder: the parts are kept"
-        raise ForcingError(f"could not be written ({refusal(error)})", where=str(target), remedy=remedy) from error
-    try:
-        check_hourly(unfinished, field)
-    except ForcingError:
-        unfinished.unlink()
-        raise
-    unfinished.replace(target)
+    with replacing(target) as part:
+        try:
+            _join(_in_order(parts), part)
+        except (OSError, RuntimeError) as error:  # the latter is how the NetCDF library tells of a full disk
+            remedy = "Free some space, or choose another folder: the parts are kept"
+            raise ForcingError(f"could not be written ({refusal(error)})", where=str(target), remedy=remedy) from error
+        check_hourly(part, field)
 
 
 def _in_order(parts: Sequence[Path]) -> list[Path]:
@@ -267,20 +259,35 @@ def fetch_positions(what: str, folder: str | Path, *, progress: Progress | bool 
     source, folder = SOURCES[what], made(Path(folder))
     with progressing(progress) as show:
         path = fetch_one(source.name, None, folder, source.base, Resuming(show), renew=True)
-    return unpacked_tables(path, folder) if zipfile.is_zipfile(path) else [path]
+    with path.open("rb") as stream:
+        return unpacked_tables(path, folder) if stream.read(2) == b"PK" else [path]
 
 
 def unpacked_tables(path: Path, folder: Path) -> list[Path]:
-    """Unpack the tables of a database, all into one folder."""
-    tables = []
-    with zipfile.ZipFile(path) as archive:
-        members = [m for m in archive.infolist() if not m.is_dir() and m.filename.lower().endswith(".csv")]
-        if not members or sum(m.file_size for m in members) > LARGEST_ZIP:
-            raise InputError(
-                "not a database of bergs: no tables, or far too many bytes", where=str(path), remedy="Fetch it again"
+    """Unpack the tables of a database, all into one folder; a file there that it did not unpack before is not touched."""
+    record = folder / f".{path.name}.json"
+    written: dict[str, str] = json.loads(record.read_text()) if record.exists() else {}
+    tables: dict[Path, bytes] = {}
+    for name, content in unpacked(path, ".csv", LARGEST_ZIP):
+        target = folder / Path(name.replace("\\", "/")).name.lower()
+        if target in tables:
+            remedy = "Unpack it by hand, into several folders"
+            raise ForcingError(f"the archive holds {target.name} twice", where=str(path), remedy=remedy)
+        there = target.is_symlink() or target.exists()
+        if there and (
+            target.is_symlink()
+            or checksum(target) not in (written.get(target.name), hashlib.sha256(content).hexdigest())
+        ):
+            remedy = "Move it away, or name another folder"
+            raise ForcingError(
+                "is there already, and is another file than the archive's", where=str(target), remedy=remedy
             )
-        for member in members:
-            target = folder / Path(member.filename).name.lower()
-            target.write_bytes(archive.read(member))
-            tables.append(target)
-    return tables
+        tables[target] = content
+    for target, content in tables.items():
+        with replacing(target) as part:
+            part.write_bytes(content)
+    write_text(
+        record,
+        json.dumps({target.name: hashlib.sha256(content).hexdigest() for target, content in tables.items()}) + "\n",
+    )
+    return list(tables)

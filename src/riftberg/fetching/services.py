@@ -11,7 +11,6 @@ import base64
 import configparser
 import netrc
 import os
-import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -31,9 +30,10 @@ from riftberg.fetching.download import (
     missing_package,
     progressing,
     tell_terminal,
+    unpacked,
 )
 from riftberg.products.mesh import utc
-from riftberg.system.atomic_files import only_writer
+from riftberg.system.atomic_files import only_writer, replacing
 from riftberg.system.netcdf_lock import open_netcdf
 
 Service = Literal["oscar", "glorys", "duacs", "era5", "ncep-r1", "gebco"]
@@ -258,13 +258,15 @@ def _fetch_era5(wanted: Wanted) -> list[Path]:
 
 def _unpacked(answer: Path, target: Path) -> list[Path]:
     """Put an answer in its place; of an archive, each file that is in it."""
-    if not zipfile.is_zipfile(answer):
-        return [answer.replace(target)]
-    with zipfile.ZipFile(answer) as archive:
-        names = [name for name in archive.namelist() if name.endswith(".nc")]
-        targets = [target] if len(names) == 1 else [target.with_suffix(f".{number}.nc") for number in range(len(names))]
-        for name, path in zip(names, targets, strict=True):
-            path.write_bytes(archive.read(name))
+    with answer.open("rb") as stream:
+        if stream.read(2) != b"PK":
+            return [answer.replace(target)]
+    contents = [content for _, content in unpacked(answer, ".nc")]
+    many = len(contents) > 1
+    targets = [target.with_suffix(f".{number}.nc") if many else target for number in range(len(contents))]
+    for content, path in zip(contents, targets, strict=True):
+        with replacing(path) as part:
+            part.write_bytes(content)
     answer.unlink()
     return targets
 
@@ -312,7 +314,7 @@ def fetch_gebco(
         )
     tell(f"{target.name}: {cells[0]} x {cells[1]} cells, {size / 1e6:.1f} MB")
     with progressing(progress) as show:
-        Resuming(show)(base_url + gebco_query(lon, lat), target)
+        Resuming(show)(base_url + gebco_query(lon, lat), target, checked=True)
     fault = _fault_of_floor(target, lon, lat)
     if fault:
         target.unlink()

@@ -1,7 +1,7 @@
 """Grid and forcing files of the driver's A68 test (dynamics, section 10.5; files, section 8.7).
 
 The files hold hourly records; one record means forcing that is constant in time. Packed integers are unpacked in
-double precision. Step n, counted from 1, uses hour (n - 1) / 2 after the start index; at half hours currents and wind
+double precision. A step uses the hour, counted from the start index, at which it begins; at half hours currents and wind
 are the mean of two records and the sea level is that of the earlier one.
 
 Hourly files are read in blocks of a few MiB, so that a file is opened and unpacked once for many hours; records are
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from datetime import timedelta
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -23,9 +24,9 @@ from numpy.typing import NDArray
 
 from riftberg.errors import ForcingError
 from riftberg.kid.ncfile import missing, opened_dataset, packing_of, raw_values, shape_of, true_values, unpacked
-from riftberg.kid.parameters import LATE_START, NamelistGroup, date_after
+from riftberg.kid.parameters import LATE_START, NamelistGroup, date_after, with_depth_of_file
 from riftberg.ocean.cells import Fields
-from riftberg.ocean.grid import Grid, celsius, wind_from_stress
+from riftberg.ocean.grid import Grid, celsius, haversine, wind_from_stress
 from riftberg.state import Floats
 from riftberg.system.input_files import MEANT, extreme_allowed
 
@@ -194,7 +195,8 @@ class HourlyFile:
                     f"record {k + 1} is of {one}, record {k + 2} of {other}", where=f"{self.path}, variable time",
                     remedy="KID takes the records as hour after hour, whatever their dates: give each hour once, in order",
                 )  # fmt: skip
-        return [f"{date:%Y-%m-%d %H:%M}" for date in dates]
+        # The nearest minute: an hour counted in days is a little before or after itself.
+        return [f"{date + timedelta(seconds=30):%Y-%m-%d %H:%M}" for date in dates]
 
     def _length(self) -> int:
         return len(next(iter(self._held.values())))
@@ -234,7 +236,10 @@ OCEAN_FILE: Final = "a68_experiment_ocean_surf_vel_oscar_dec2020_HOURLY_ll_p125.
 SEA_LEVEL_FILE: Final = "a68_experiment_ssh_duacs_dec2020_HOURLY_ll_p125.nc"
 
 HALF_HOUR: Final = 1800.0
-"""The long step for which the rule of half hours is made, s."""
+"""A long step is a multiple of it: the driver has a rule for whole and half hours, s."""
+
+CELL: Final = 0.125
+"""Side of the driver's cells, degrees."""
 
 UNKNOWN_DEPTH: Final = 1000.0
 """Depth where the driver sets none, m."""
@@ -251,9 +256,18 @@ def case_data(driver: NamelistGroup, case: Path) -> Path:
 def a68_grid(driver: NamelistGroup, case: Path, period: float) -> Grid:
     """Return the grid of the data file: corners at its longitudes + 360 and its latitudes.
 
-    ``period``: zonal period, degrees.
+    ``period``: zonal period, degrees. The driver fills its arrays in the domain alone: around it lies water, into which
+    elements leave, with the sides of a cell at 0 degrees. What is beyond an edge counts in the cells along it.
     """
-    return read_grid(case_data(driver, case) / GRID_FILE, radius=driver.number("REarth"), period=period)
+    radius = driver.number("REarth")
+    grid = read_grid(case_data(driver, case) / GRID_FILE, radius=radius, period=period)
+    g = grid.arrays
+    rows, columns = (slice(s.start - 1, s.stop + 1) for s in grid.domain)
+    g.mask[rows, columns] = 1.0
+    outside = np.ones(g.mask.shape, bool)
+    outside[grid.domain] = False
+    g.dx[outside] = g.dy[outside] = haversine(-CELL, 0.0, 0.0, 0.0, radius)
+    return grid
 
 
 def read_grid(path: Path, *, radius: float, period: float = 360.0) -> Grid:
@@ -350,11 +364,13 @@ def a68_records(
         stamp=lambda number: f"{date_after(begin + 3600.0 * (number + 1 - start))} of the run",
     )
     varying = [file for file in files if file.count > 1]
-    if varying and dt != HALF_HOUR:
-        remedy = f"The driver's rule of half hours needs ibdt = {HALF_HOUR}"
-        raise driver.error(f"ibdt = {dt} with hourly A68 data", remedy)
-    # Two steps an hour; the last half hour takes the mean with the hour after it.
-    last = start + steps // 2
+    if varying and dt % HALF_HOUR != 0.0:
+        raise driver.error(
+            f"ibdt = {dt} with hourly A68 data: steps begin between whole and half hours, for which the driver has no rule",
+            f"Give a multiple of {HALF_HOUR}, such as 1800 or 3600",
+        )
+    # A step at a half hour takes the mean with the hour after it.
+    last = start + math.ceil((steps - 1) * dt / 3600.0)
     for file in varying:
         if last > file.count:
             raise ForcingError(
@@ -377,22 +393,26 @@ def a68_records(
         ui=driver.number("ibui"), vi=driver.number("ibvi"), sst=driver.number("sst"), depth=UNKNOWN_DEPTH
     )
     still = still._replace(sst=celsius(still.sst, grid.arrays.mask))
-    return hourly_records(files, Assembler(grid, still, icebergs.flag("tau_is_velocity")), start)
+    still = with_depth_of_file(still, icebergs, case / icebergs.text("restart_input_dir"), grid)
+    return hourly_records(files, Assembler(grid, still, icebergs.flag("tau_is_velocity"), "zero"), start)
 
 
 class Assembler:
-    """Makes `Fields` of the records of one hour; ice, temperature and depth are shared."""
+    """Makes `Fields` of the records of one hour; ice, temperature and depth are shared.
 
-    def __init__(self, grid: Grid, still: Fields, is_velocity: bool = True) -> None:
-        self._grid, self._still, self._is_velocity = grid, still, is_velocity
+    ``beyond``: currents beyond the edges of the grid: ``zero``, as in the driver, or the ``nearest``.
+    """
+
+    def __init__(self, grid: Grid, still: Fields, is_velocity: bool = True, beyond: str = "nearest") -> None:
+        self._grid, self._still, self._is_velocity, self._beyond = grid, still, is_velocity, beyond
 
     def __call__(self, hour: dict[str, Floats]) -> Fields:
         """Return the state of one hour from its records by name."""
         ua, va = self._wind(hour["ua"], hour["va"])
         extended = self._grid.extended
         return self._still._replace(
-            uo=extended(np.nan_to_num(hour["uo"])),
-            vo=extended(np.nan_to_num(hour["vo"])),
+            uo=extended(np.nan_to_num(hour["uo"]), self._beyond),
+            vo=extended(np.nan_to_num(hour["vo"]), self._beyond),
             ua=extended(ua, "zero"),
             va=extended(va, "zero"),
             ssh=extended(hour["SSH"], "zero"),

@@ -16,7 +16,6 @@ from typing import Final
 
 import numpy as np
 
-from riftberg.bergs.bonding import Metric
 from riftberg.coupling.fields import OceanForcing
 from riftberg.coupling.reference import NineCellRules, ReferenceExchange, Returned, ReturnRules
 from riftberg.errors import InputError, NamelistError
@@ -26,12 +25,21 @@ from riftberg.kid.parameters import (
     Clock,
     KidNamelist,
     NamelistGroup,
-    check_distances,
+    depth_notes,
     namelist_period,
     time_step,
     to_parameters,
+    with_depth_of_file,
 )
-from riftberg.kid.restart import CALVING_FILE, IdentifierCounter, as_iceberg, read_restart, read_stores, write_stores
+from riftberg.kid.restart import (
+    CALVING_FILE,
+    RESTART,
+    IdentifierCounter,
+    as_iceberg,
+    read_restart,
+    read_stores,
+    write_stores,
+)
 from riftberg.kid.trajectories import resample_environment
 from riftberg.life.calving import FluxCalving, Stores, check_flux
 from riftberg.life.footloose import ReferenceDraws
@@ -127,7 +135,7 @@ def build_grid(namelist: KidNamelist, case: Path) -> Grid:
             "Make them equal, or set Lx = -1 for closed ends",
         )
     seamount = driver.flag("big_grounding_test")
-    if seamount and spacing != SEAMOUNT["spacing"]:
+    if seamount and not math.isclose(spacing, SEAMOUNT["spacing"]):
         raise driver.error(f"big_grounding_test with gridres = {spacing}", "The seamount is made for gridres = 5000")
     mask = np.ones((nj + 2, ni + 2))
     if seamount:
@@ -154,6 +162,7 @@ def driver_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) 
     ``sample`` at the start time of a step gives the fields that the driver hands over in that step.
     """
     driver, icebergs = namelist.driver, namelist.icebergs
+    restarts = case / icebergs.text("restart_input_dir")
     # The artificial depth of A68 has a zone, with multiple time steps alone.
     zoned = icebergs.flag("mts") and icebergs.flag("A68_test")
     rules = field_rules(icebergs)
@@ -164,7 +173,7 @@ def driver_forcing(namelist: KidNamelist, grid: Grid, case: Path, clock: Clock) 
         records, times = a68_records(driver, icebergs, grid, case, clock.dt, clock.steps)
         source = f"the A68 data of {driver.text('data_dir')}"
         return GriddedForcing(grid, records, times, replace(rules, stepwise=("ssh",)), source=source)
-    fields = uniform_fields(driver, icebergs, grid)
+    fields = with_depth_of_file(uniform_fields(driver, icebergs, grid), icebergs, restarts, grid)
     return GriddedForcing(grid, fields, rules=rules, source="KID's stand-alone driver")
 
 
@@ -278,9 +287,10 @@ def attach_life(model: Model, group: NamelistGroup, clock: Clock, restarts: Path
             resample_environment(m, (m.step_number - 1) * clock.dt, group)
 
     life.born, life.look_around = born, look
+    if isinstance(model.forcing, GriddedForcing):
+        # That of the cell, without the sea level, whatever depth the forces take (files, 1.4).
+        life.floor = model.forcing.fields_at(0.0).depth
 
-
-RESTART: Final = "icebergs.res.nc"
 
 LAND: Final = (7, slice(4, 7))
 """Column and rows of the land, counted from 1."""
@@ -361,7 +371,81 @@ def land_ice(driver: NamelistGroup, grid: Grid, step: int) -> tuple[Floats, Floa
     return flux, heat
 
 
-class CoupledRun:
+class ExchangeRun:
+    """A run of KID's in which water goes to an ocean, or to the driver, in each step and land ice comes from there."""
+
+    def __init__(self, model: Model, group: NamelistGroup, grid: Grid, clock: Clock, restarts: Path) -> None:
+        parameters = model.parameters
+        stores = read_stores(restarts / CALVING_FILE, grid, len(parameters.calving.south.mass))
+        calving = FluxCalving(parameters, grid)
+        random = Stores.random(calving.south, calving.north, grid, by_column=not group.flag("make_calving_reproduce"))
+        calving.stores = random if stores is None else stores
+        counter = getattr(getattr(model.life, "names", None), "__self__", None)
+        if counter is not None:
+            # Births by calving and by the footloose mechanism draw from one counter in each cell.
+            np.maximum(counter.counts, calving.stores.counter, out=counter.counts)
+            calving.stores.counter = counter.counts
+        self.model, self.grid, self.clock = model, grid, clock
+        self.exchange = ReferenceExchange(model, calving, _return_rules(group))
+        self.returned: list[Returned] = []
+        self.notes = (
+            [] if stores is not None else ["stores of land ice filled at random, as KID does without calving.res.nc"]
+        )
+
+    def advance(self, recorders: Sequence[Recorder]) -> None:
+        """Take all steps, calling the recorders; Ctrl-C takes effect between two steps."""
+        with held() as hold:
+            started: list[Recorder] = []
+            failed: BaseException | None = None
+            try:
+                for recorder in recorders:
+                    recorder.start(self.model)
+                    started.append(recorder)
+                while self.model.step_number < self.clock.steps and not hold.requested:
+                    self.returned.append(self.step())
+                    for recorder in recorders:
+                        recorder.record(self.model)
+            except BaseException as error:
+                failed = error
+                raise
+            finally:
+                finish_all(started, self.model, failed)
+            hold.check()
+
+    def step(self) -> Returned:
+        """Take a step, and return what the ocean gets of it."""
+        raise NotImplementedError
+
+    def born(self) -> tuple[int, float]:
+        """Return year and day of the year at the start of the step."""
+        date = self.clock.date(self.model.step_number * self.clock.dt)
+        return date.year, date.year_day()
+
+    def write_stores(self, path: Path) -> None:
+        """Write the stores of land ice."""
+        write_stores(path, self.exchange.calving.stores)
+
+
+class FedBackRun(ExchangeRun):
+    """A run of the stand-alone driver, which takes the water that bergs return for the land ice of the next step (quirk T42)."""
+
+    def __init__(self, model: Model, group: NamelistGroup, grid: Grid, clock: Clock, restarts: Path) -> None:
+        super().__init__(model, group, grid, clock, restarts)
+        self.notes += [
+            "passive_mode = .false.: KID's driver takes the melt water for land ice, so bergs calve where ice melts"
+        ]
+
+    def step(self) -> Returned:
+        """Take a step with what the last one returned; no other is kept."""
+        fields = self.exchange.forcing.fields_at(self.model.step_number * self.clock.dt)
+        still = np.zeros((self.grid.arrays.nj, self.grid.arrays.ni))
+        if not self.returned:
+            return self.exchange.step(fields, still, still, self.born())
+        last = self.returned.pop()
+        return self.exchange.step(fields, last.calving, last.calving_hflx, self.born())
+
+
+class CoupledRun(ExchangeRun):
     """A case with an ocean, read and checked, ready to run; nothing is written."""
 
     def __init__(self, folder: Path, namelist: KidNamelist, ranks: tuple[int, int]) -> None:
@@ -380,65 +464,26 @@ class CoupledRun:
         clock, grid = Clock(time_step(namelist), steps, 0.0), _grid(driver, group)
         restarts = folder / group.text("restart_input_dir")
         elements = _bergs(restarts / RESTART, grid, group)
-        earth = parameters.earth
-        if elements.size > 1:
-            check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
         check_medium(driver, group)
-        first = ocean_fields(driver, group, grid)
-        forcing = OceanForcing(grid, first, rules=field_rules(group), source="KID's driver with an ocean")
+        self._fields = with_depth_of_file(ocean_fields(driver, group, grid), group, restarts, grid)
+        forcing = OceanForcing(grid, self._fields, rules=field_rules(group), source="KID's driver with an ocean")
         for flux in (land_ice(driver, grid, 1), land_ice(driver, grid, clock.steps)):
             check_flux(*flux, np.ones_like(flux[0]), driver.where)
         model = Model(as_iceberg(elements, None, parameters, restarts), forcing, parameters, datetime(1, 1, 1))
         attach_life(model, group, clock, restarts, ranks)
-        stores = read_stores(restarts / CALVING_FILE, grid, len(parameters.calving.south.mass))
-        calving = FluxCalving(parameters, grid)
-        random = Stores.random(calving.south, calving.north, grid, by_column=not group.flag("make_calving_reproduce"))
-        calving.stores = random if stores is None else stores
-        counter = getattr(getattr(model.life, "names", None), "__self__", None)
-        if counter is not None:
-            # Births by calving and by the footloose mechanism draw from one counter in each cell.
-            np.maximum(counter.counts, calving.stores.counter, out=counter.counts)
-            calving.stores.counter = counter.counts
-        self.namelist, self.parameters, self.clock, self.grid, self.model = namelist, parameters, clock, grid, model
-        self.exchange = ReferenceExchange(model, calving, _return_rules(group))
-        self.returned: list[Returned] = []
-        self.notes = (
-            [] if stores is not None else ["stores of land ice filled at random, as KID does without calving.res.nc"]
-        )
+        super().__init__(model, group, grid, clock, restarts)
+        self.parameters, self._driver = parameters, driver
+        self.notes += depth_notes(group, restarts)
 
-    def advance(self, recorders: Sequence[Recorder]) -> None:
-        """Take all steps, calling the recorders; Ctrl-C takes effect between two steps."""
-        with held() as hold:
-            started: list[Recorder] = []
-            failed: BaseException | None = None
-            try:
-                for recorder in recorders:
-                    recorder.start(self.model)
-                    started.append(recorder)
-                while self.model.step_number < self.clock.steps and not hold.requested:
-                    self._step()
-                    for recorder in recorders:
-                        recorder.record(self.model)
-            except BaseException as error:
-                failed = error
-                raise
-            finally:
-                finish_all(started, self.model, failed)
-            hold.check()
+    def step(self) -> Returned:
+        """Take a step with the fields and the flux of the driver."""
+        flux = land_ice(self._driver, self.grid, self.model.step_number + 1)
+        return self.exchange.step(self._fields, *flux, self.born())
 
-    def _step(self) -> None:
-        driver, group = self.namelist.driver, self.namelist.icebergs
-        done = self.model.step_number
-        date = self.clock.date(done * self.clock.dt)
-        flux = land_ice(driver, self.grid, done + 1)
-        fields = ocean_fields(driver, group, self.grid)
-        self.returned.append(self.exchange.step(fields, *flux, (date.year, date.year_day())))
-
-    def write(self, ocean: Path, stores: Path) -> None:
-        """Write what the ocean got so far, in the layout of the reference's ``ocean.nc``, and the stores of land ice."""
+    def write_ocean(self, path: Path) -> None:
+        """Write what the ocean got so far, in the layout of the reference's ``ocean.nc``."""
         if self.returned:
-            _write_ocean(ocean, self.returned)
-        write_stores(stores, self.exchange.calving.stores)
+            _write_ocean(path, self.returned)
 
 
 def _bergs(path: Path, grid: Grid, group: NamelistGroup) -> Elements:

@@ -30,8 +30,12 @@ HONOURED: Final = "honoured"
 REFUSED: Final = "refused"
 REPORTED: Final = "reported"
 
-CALVING: Final = "in cases that exchange with an ocean (group drv_nml); otherwise no ice leaves the land"
-OCEAN: Final = "in cases that exchange with an ocean (group drv_nml); otherwise there is none to return anything to"
+CALVING: Final = (
+    "in cases with an ocean (group drv_nml) or with melt and passive_mode = .false.; else no ice leaves the land"
+)
+OCEAN: Final = (
+    "in cases with an ocean (group drv_nml) or with melt and passive_mode = .false.; else nothing is returned to any"
+)
 MESSAGES: Final = "messages and checks of the reference; progress is shown instead"
 ONE_PROCESS: Final = "the run is a single process with one file"
 
@@ -159,8 +163,8 @@ ICEBERGS: Final[tuple[Entry, ...]] = (
     _yes("A68_test", LOGICAL, False, "", "artificial depth: 0 in a quadrant, 1000 m elsewhere"),
     _yes("A68_xdisp", REAL, 0.0, "degree", "western limit (-360 convention) of that quadrant"),
     _yes("A68_ydisp", REAL, 0.0, "degree", "southern limit"),
-    _not("read_ocean_depth_from_file", LOGICAL, False, "", "depth from topog.nc", "depths from topog.nc are not read",
-         False, "set it to .false."),
+    _yes("read_ocean_depth_from_file", LOGICAL, False, "", "depth from topog.nc",
+         "of the folder of restarts; where it is not there, the depth stays that of the driver"),
     _yes("use_operator_splitting", LOGICAL, True, "", "sequential melt update"),
     _yes("sicn_shift", REAL, 0.0, "1", "added to ice concentration in the erosion law"),
     _yes("bergy_bit_erosion_fraction", REAL, 0.0, "1", "part of erosion turned into bits"),
@@ -219,7 +223,8 @@ ICEBERGS: Final[tuple[Entry, ...]] = (
          "bergs have no bonds in cases that exchange with an ocean"),
     _yes("use_old_spreading", LOGICAL, True, "", "every rectangular berg one cell wide", OCEAN),
     _not("add_iceberg_thickness_to_SSH", LOGICAL, False, "", "replace ssh by berg contribution",
-         "the weight of bergs is not added to the sea level", False, "set it to .false."),
+         "the weight of bergs is not added to the sea level; accepted where there is neither weight nor sea level", False,
+         "set it to .false."),
     _nil("old_bug_rotated_weights", LOGICAL, False, "", "no component swap at the tri-polar fold", OCEAN),
     _yes("restart_input_dir", TEXT, "INPUT/", "", "restart directory"),
     _nil("ignore_ij_restart", LOGICAL, False, "", "locate bergs by position, not stored indices",
@@ -228,7 +233,8 @@ ICEBERGS: Final[tuple[Entry, ...]] = (
     _nil("require_restart", LOGICAL, False, "", "stop without a restart",
          "a missing restart file is always an error"),
     _not("generate_test_icebergs", LOGICAL, False, "", "make test bergs if no restart",
-         "bergs are read from a restart file only", False, "set it to .false. and give INPUT/icebergs.res.nc"),
+         "bergs are read from a restart file only; accepted where there is one", False,
+         "set it to .false. and give INPUT/icebergs.res.nc"),
     _nil("fix_restart_dates", LOGICAL, True, "", "shift start years", "start dates are carried through unchanged"),
     _nil("read_old_restarts", LOGICAL, False, "", "obsolete: warning only", "obsolete in the reference too"),
     _not("orig_read", LOGICAL, False, "", "obsolete: fatal if T", "the reference stops with this entry as well",

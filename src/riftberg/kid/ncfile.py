@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from riftberg.errors import InputError, RunError
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import refusal, replacing
-from riftberg.system.input_files import MOST_VALUES, check_file, reading, refuse_large, value_shown
-from riftberg.system.netcdf_lock import NETCDF, open_netcdf, whole_size
-from riftberg.system.process import opening
+from riftberg.system.input_files import MOST_VALUES, because, check_file, reading, refuse_large, value_shown
+from riftberg.system.netcdf_lock import open_netcdf, whole_size
 
 _UNPACK: Final = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
@@ -39,16 +38,12 @@ class Column(NamedTuple):
 def opened_dataset(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open a NetCDF file for reading; errors of the library become `InputError` with the file's name."""
     check_file(path, remedy="Put it there, or correct the path in the namelist")
-    with NETCDF, reading(path, "cannot be read", _AGAIN):
+    with reading(path, "cannot be read", _AGAIN):
         # The library reads zeros beyond the end of a classic file that was cut short; a run would start from them.
         if (short := (whole_size(str(path)) or 0) - path.stat().st_size) > 0:
             raise _unreadable(path, EOFError(f"the file is at least {short} bytes short"))
-        with opening(path):
-            dataset = netCDF4.Dataset(str(path))
-        try:
+        with open_netcdf(path) as dataset:
             yield dataset
-        finally:
-            dataset.close()
 
 
 _AGAIN: Final = "Not NetCDF, damaged or cut short: copy or write it again"
@@ -62,7 +57,7 @@ MOST_RECORDS: Final = 20_000_000
 
 def _unreadable(path: Path, error: Exception, name: str = "") -> InputError:
     where = f"{path}, variable {name}" if name else str(path)
-    return InputError(f"cannot be read ({error})", where=where, remedy=_AGAIN)
+    return InputError(f"cannot be read{because(error)}", where=where, remedy=_AGAIN)
 
 
 def records_in(dataset: netCDF4.Dataset, path: Path) -> int:

@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 import f90nml
 import numpy as np
 
-from riftberg.bergs.bonding import BondRule, Metric, form_bonds
+from riftberg.bergs.bonding import inscribed_share
 from riftberg.errors import BergError, InputError, NamelistError
 from riftberg.kid.entries import (
     CALVING,
@@ -37,7 +37,17 @@ from riftberg.kid.entries import (
     lacking,
     refused_entries,
 )
-from riftberg.kid.restart import CALVING_FILE, DENSITIES, id_text, read_stores, split_id
+from riftberg.kid.restart import (
+    CALVING_FILE,
+    DENSITIES,
+    DEPTH_FILE,
+    RESTART,
+    id_text,
+    read_depth,
+    read_stores,
+    split_id,
+)
+from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
 from riftberg.parameters import Compatibility, Packing, Parameters, Scheme
 from riftberg.state import Bonds, Elements
@@ -171,26 +181,50 @@ class KidNamelist:
         """Whether the case exchanges with an ocean."""
         return self.driver.name == "drv_nml"
 
+    @property
+    def restarts(self) -> Path:
+        """Folder of the restarts."""
+        return self.path.parent / self.icebergs.text("restart_input_dir")
+
+    @property
+    def fed_back(self) -> bool:
+        """Whether the stand-alone driver gets melt water back, which it takes for land ice (quirk T42)."""
+        group = self.icebergs
+        bits = group.flag("footloose") or group.number("bergy_bit_erosion_fraction") > 0.0
+        return not (self.coupled or group.flag("passive_mode")) and (bits or not group.flag("set_melt_rates_to_zero"))
+
+    def idle(self, name: str) -> str:
+        """Return why a refused entry does nothing in this case, whatever its value; empty where it acts."""
+        group = self.icebergs
+        if name == "generate_test_icebergs" and (self.restarts / RESTART).is_file():
+            return "there is a restart to read bergs from"
+        weighed = group.flag("add_weight_to_ocean") or group.flag("find_melt_using_spread_mass")
+        if name == "add_iceberg_thickness_to_SSH" and not (self.coupled or self.driver.flag("a68_test") or weighed):
+            return "there is no weight of bergs, and no sea level that it would replace"
+        return ""
+
     def report(self) -> list[str]:
         """Return one line for each entry of the file, each refused or noteworthy default, and each ignored group."""
-        lines = [line for group in (self.driver, self.icebergs) for line in _group_report(group, self.coupled)]
+        lines = [line for group in (self.driver, self.icebergs) for line in self._group_report(group)]
         return lines + [f"&{name}: ignored, it is not about icebergs" for name in self.ignored_groups]
 
-
-def _group_report(group: NamelistGroup, coupled: bool) -> Iterator[str]:
-    for entry in GROUPS[group.name]:
-        if entry.name in group.given or entry.name == "add_weight_to_ocean":
-            known = entry
-            if entry.note in (CALVING, OCEAN):  # of effect only with an ocean and a flux of land ice
-                known = replace(entry, note="") if coupled else replace(entry, treatment=REPORTED)
-            if known.treatment == HONOURED and (lack := lacking(entry.name, group.values)):
-                known = replace(entry, treatment=REPORTED, note=lack)
-            value = group.values[known.name]
-            accepted = known.treatment == REFUSED and value == known.accepted
-            state = {REPORTED: "no effect here", REFUSED: "accepted" if accepted else "refused"}
-            origin = "" if known.name in group.given else " (default)"
-            note = f": {known.note}" if known.note and not accepted else ""
-            yield f"{known.name} = {value!r}{origin}: {state.get(known.treatment, 'honoured')}{note}"
+    def _group_report(self, group: NamelistGroup) -> Iterator[str]:
+        returns = self.coupled or self.fed_back
+        for entry in GROUPS[group.name]:
+            if entry.name in group.given or entry.name == "add_weight_to_ocean":
+                known = entry
+                if entry.note in (CALVING, OCEAN):  # of effect only with an ocean and a flux of land ice
+                    known = replace(entry, note="") if returns else replace(entry, treatment=REPORTED)
+                if known.treatment == HONOURED and (lack := lacking(entry.name, group.values)):
+                    known = replace(entry, treatment=REPORTED, note=lack)
+                value = group.values[known.name]
+                accepted = known.treatment == REFUSED and value == known.accepted
+                if known.treatment == REFUSED and not accepted and (why := self.idle(entry.name)):
+                    known = replace(entry, treatment=REPORTED, note=why)
+                state = {REPORTED: "no effect here", REFUSED: "accepted" if accepted else "refused"}
+                origin = "" if known.name in group.given else " (default)"
+                note = f": {known.note}" if known.note and not accepted else ""
+                yield f"{known.name} = {value!r}{origin}: {state.get(known.treatment, 'honoured')}{note}"
 
 
 def read_namelist(path: Path) -> KidNamelist:
@@ -223,7 +257,7 @@ def read_namelist(path: Path) -> KidNamelist:
 def check_supported(namelist: KidNamelist) -> None:
     """Raise `NamelistError` if an active entry asks for something that Riftberg does not do, naming all of them."""
     group = namelist.icebergs
-    refusals = refused_entries(GROUPS[group.name], group.values)
+    refusals = [pair for pair in refused_entries(GROUPS[group.name], group.values) if not namelist.idle(pair[0].name)]
     if refusals:
         written = {True: ".true.", False: ".false."}
         shown = [(e, written[value] if isinstance(value, bool) else value) for e, value in refusals]
@@ -594,6 +628,23 @@ def _groups_of_life(group: NamelistGroup) -> dict[str, dict[str, Any]]:
     }
 
 
+def with_depth_of_file(fields: Fields, group: NamelistGroup, restarts: Path, grid: Grid) -> Fields:
+    """Return fields with the depth of ``topog.nc`` in the domain, if the namelist asks for it and there is such a file."""
+    depth = read_depth(restarts / DEPTH_FILE, grid) if group.flag("read_ocean_depth_from_file") else None
+    if depth is None:
+        return fields
+    whole = fields.depth.copy()
+    whole[grid.domain] = depth
+    return fields._replace(depth=whole)
+
+
+def depth_notes(group: NamelistGroup, restarts: Path) -> list[str]:
+    """Say that depths are the driver's where the file that the namelist wants is not there."""
+    if not group.flag("read_ocean_depth_from_file") or (restarts / DEPTH_FILE).is_file():
+        return []
+    return [f"read_ocean_depth_from_file = .true., but there is no {restarts / DEPTH_FILE}: depths are the driver's"]
+
+
 def check_calving_store(folder: Path, group: NamelistGroup, grid: Grid) -> None:
     """Refuse a store of calved ice that is large enough to release a berg."""
     path = folder / CALVING_FILE
@@ -613,20 +664,30 @@ def check_calving_store(folder: Path, group: NamelistGroup, grid: Grid) -> None:
 
 
 TOO_CLOSE: Final = 0.01
-"""Distance of two elements, in sums of their radii, that no run can start from."""
+"""Length of a bond, in sums of the radii of its ends, that no run can start from."""
 
 
-def check_distances(elements: Elements, packing: Packing, metric: Metric) -> None:
-    """Refuse elements that lie on top of each other: contact and bonds have no direction between them."""
-    near = form_bonds(elements, BondRule(packing=packing, radii_factor=TOO_CLOSE), metric)
-    if len(near.first):
-        names = " and ".join(id_text(elements.id[rows[0]]) for rows in (near.first, near.second))
+def check_bond_lengths(elements: Elements, bonds: Bonds, packing: Packing) -> None:
+    """Refuse bonds between elements that lie on top of each other: their force would have no direction.
+
+    Elements without a bond may lie so: bergs that calve in one cell are born on one spot.
+    """
+    share = inscribed_share(elements, packing)
+    radius = np.sqrt(share * elements.length * elements.width)
+    close = bonds.bond_length < TOO_CLOSE * (radius[bonds.first] + radius[bonds.second])
+    if close.any():
+        k = int(np.argmax(close))
+        one, other = bonds.first[k], bonds.second[k]
         raise BergError(
-            f"two elements lie on top of each other, {near.bond_length[0]:.3g} m apart at "
-            f"{elements.lon[near.first[0]]:g}, {elements.lat[near.first[0]]:g}",
-            where=f"elements {names}",
+            f"two elements with a bond lie on top of each other, {bonds.bond_length[k]:.3g} m apart at "
+            f"{elements.lon[one]:g}, {elements.lat[one]:g}",
+            where=f"elements {id_text(elements.id[one])} and {id_text(elements.id[other])}",
             remedy="Remove one of them from the iceberg restart",
         )
+
+
+ROUND_OFF: Final = 1e-9
+"""Relative difference up to which two sizes of elements are one size: those of KID's own lattices differ by some 1e-16."""
 
 
 def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: Parameters) -> None:
@@ -638,8 +699,9 @@ def check_both_sides(elements: Elements, bonds: Bonds, group: NamelistGroup, p: 
         return
     body, i, j = elements.body, bonds.first, bonds.second
     melts = p.melt.enabled and not p.compatibility.zero_rates  # elements with bonds never roll
-    alike = p.bonds.constant_size | (body.length[i] * body.width[i] == body.length[j] * body.width[j])
-    unequal = alike & ((body.thickness[i] != body.thickness[j]) | melts)
+    area = body.length * body.width
+    alike = p.bonds.constant_size | np.isclose(area[i], area[j], rtol=ROUND_OFF, atol=0.0)
+    unequal = alike & (~np.isclose(body.thickness[i], body.thickness[j], rtol=ROUND_OFF, atol=0.0) | melts)
     if unequal.any():
         k = int(np.argmax(unequal))
         (one, other), thickness = (split_id(elements.id[[i[k], j[k]]])), body.thickness

@@ -497,6 +497,9 @@ def write_bonds(path: Path, elements: Elements, bonds: Bonds, grid: Grid, *, dem
     write_restart_file(Path(path), columns, len(both["first"]), counter=False)
 
 
+RESTART: Final = "icebergs.res.nc"
+"""Restart file of elements."""
+
 CALVING_FILE: Final = "calving.res.nc"
 """Restart file of calving; it keeps the counters of the cells too."""
 
@@ -537,6 +540,18 @@ def read_counter(path: Path, grid: Grid) -> Ints:
             "a count below 0, or no whole number", where=f"{path}, variable {name}", remedy="Correct the file"
         )
     return counter.astype(np.int64)
+
+
+DEPTH_FILE: Final = "topog.nc"
+"""File of the depth of water, in the folder of restarts."""
+
+
+def read_depth(path: Path, grid: Grid) -> Floats | None:
+    """Return the depth of water (m) in the cells of the domain (files, 6.4); None without a file."""
+    if not path.is_file():
+        return None
+    with opened_dataset(path) as dataset:
+        return _field(dataset, path, "depth", (grid.arrays.nj, grid.arrays.ni))
 
 
 def _field(dataset: netCDF4.Dataset, path: Path, name: str, size: tuple[int, ...]) -> Floats:

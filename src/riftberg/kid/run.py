@@ -13,20 +13,39 @@ import numpy as np
 from riftberg.bergs.bonding import BondRule, Metric, count_bonds, form_bonds
 from riftberg.errors import InputError, RiftbergError, RunError, SpeedError
 from riftberg.kid.a68 import place_note
-from riftberg.kid.driver import CoupledRun, attach_life, build_clock, build_grid, driver_forcing, without_idle_life
+from riftberg.kid.driver import (
+    CoupledRun,
+    ExchangeRun,
+    FedBackRun,
+    attach_life,
+    build_clock,
+    build_grid,
+    driver_forcing,
+    without_idle_life,
+)
 from riftberg.kid.parameters import (
     Clock,
     KidNamelist,
     NamelistGroup,
+    check_bond_lengths,
     check_both_sides,
     check_calving_store,
-    check_distances,
     check_footloose,
+    depth_notes,
     order_sides,
     read_namelist,
     to_parameters,
 )
-from riftberg.kid.restart import CALVING_FILE, as_iceberg, id_text, read_bonds, read_restart, write_bonds, write_restart
+from riftberg.kid.restart import (
+    CALVING_FILE,
+    RESTART,
+    as_iceberg,
+    id_text,
+    read_bonds,
+    read_restart,
+    write_bonds,
+    write_restart,
+)
 from riftberg.kid.trajectories import BondRecorder, TrajectoryRecorder
 from riftberg.model import Recorder
 from riftberg.ocean.grid import Grid
@@ -40,7 +59,6 @@ from riftberg.system.process import held, say
 _LOG = logging.getLogger(__name__)
 
 NAMELIST: Final = "input.nml"
-RESTART: Final = "icebergs.res.nc"
 BOND_RESTART: Final = "bonds_iceberg.res.nc"
 
 Writer = TrajectoryRecorder | BondRecorder
@@ -57,7 +75,9 @@ class KidCase:
     grid: Grid  # The driver's grid
     model: Model  # The model at its initial state
     notes: list[str] = field(default_factory=list)  # What was done beyond the namelist
-    coupled: CoupledRun | None = None  # The run, where the case exchanges with an ocean (group ``drv_nml``)
+    exchange: ExchangeRun | None = (
+        None  # The run, where water goes to an ocean (group ``drv_nml``) or back to the driver
+    )
 
 
 @dataclass(frozen=True)
@@ -99,16 +119,15 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     clock = build_clock(namelist)
     grid = build_grid(namelist, folder)
     forcing = driver_forcing(namelist, grid, folder, clock)
-    restarts = folder / namelist.icebergs.text("restart_input_dir")
+    restarts = namelist.restarts
     earth = parameters.earth
     elements = read_restart(restarts / RESTART, grid, seam=not earth.latlon and earth.period <= 0.0)
-    check_distances(elements, parameters.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
     bonds = _formed_or_read(elements, namelist.icebergs, parameters, restarts)
+    check_bond_lengths(elements, bonds, parameters.bonds.packing)
     check_footloose(elements, namelist.icebergs)
     parameters = without_idle_life(parameters, elements, bonds, namelist.icebergs.flag("passive_mode"))
     check_both_sides(elements, bonds, namelist.icebergs, parameters)
-    check_calving_store(restarts, namelist.icebergs, grid)
-    notes = []
+    notes = depth_notes(namelist.icebergs, restarts)
     # Melt orders the sides itself, in every step.
     ordered = parameters.melt.enabled or namelist.icebergs.flag("Iceberg_melt_without_decay")
     if not ordered and (turned := order_sides(elements)):
@@ -120,7 +139,13 @@ def load_case(case_dir: Path, ranks: tuple[int, int] = (1, 1)) -> KidCase:
     start = datetime(1, 1, 1) + timedelta(seconds=clock.offset)
     model = Model(berg, forcing, parameters, start)
     attach_life(model, namelist.icebergs, clock, restarts, ranks)
-    return KidCase(folder, namelist, parameters, clock, grid, model, notes)
+    fed_back = None
+    if model.life is not None and not namelist.icebergs.flag("passive_mode"):
+        fed_back = FedBackRun(model, namelist.icebergs, grid, clock, restarts)
+        notes += fed_back.notes
+    else:
+        check_calving_store(restarts, namelist.icebergs, grid)
+    return KidCase(folder, namelist, parameters, clock, grid, model, notes, fed_back)
 
 
 def _formed_or_read(elements: Elements, group: NamelistGroup, parameters: Parameters, restarts: Path) -> Bonds:
@@ -213,10 +238,10 @@ def _run(case_dir: Path | KidCase, output: Path, progress: Recorder | None, rank
 def _advance(case: KidCase, recorders: list[Recorder], paths: dict[str, Path], writers: list[Writer]) -> None:
     """Take all steps; where the run ends before, write its state and say how to go on."""
     try:
-        if case.coupled is None:
+        if case.exchange is None:
             case.model.advance(steps=case.clock.steps, recorders=recorders)
         else:
-            case.coupled.advance(recorders)
+            case.exchange.advance(recorders)
     except (KeyboardInterrupt, SystemExit):
         done = f"{case.model.step_number} of {case.clock.steps} steps"
         say(f"Stopped after {done}; {_rescued(case, paths)}")
@@ -249,16 +274,16 @@ def _how_to_go_on(case: KidCase, saved: list[Path]) -> str:
     folder, done, driver = "a copy of the run folder", case.model.step_number, case.namelist.driver
     rest = f"set nmax = {case.clock.steps - done}"
     if driver.flag("a68_test"):
-        rest += f" and transient_a68_data_start_ind = {driver.whole('transient_a68_data_start_ind') + done // 2}"
-        rest += done % 2 * ", whose hour begins half an hour before this state"
-    if any(path.name == "ocean.nc" for path in saved):
+        hours = done * case.clock.dt / 3600.0
+        rest += f" and transient_a68_data_start_ind = {driver.whole('transient_a68_data_start_ind') + int(hours)}"
+        rest += ", whose hour begins half an hour before this state" if hours % 1.0 else ""
+    if case.namelist.coupled:
         return f"To go on, put the first two into {folder} as INPUT/{RESTART} and INPUT/{CALVING_FILE}"
-    if len(saved) == 1:
-        return f"To go on, put it into {folder} as INPUT/{RESTART}, and {rest}"
-    return (
-        f"To go on, put them into {folder} as INPUT/{RESTART} and INPUT/{BOND_RESTART}, set "
-        f"manually_initialize_bonds = .false., and {rest}"
-    )
+    stores = [] if case.exchange is None else [f"INPUT/{CALVING_FILE}"]
+    bonds = [] if case.parameters.bonds.law == "none" else [f"INPUT/{BOND_RESTART}"]
+    names = " and ".join([f"INPUT/{RESTART}", *stores, *bonds])
+    rest = f"set manually_initialize_bonds = .false., and {rest}" if bonds else f"and {rest}"
+    return f"To go on, put {'it' if len(saved) == 1 else 'them'} into {folder} as {names}, {rest}"
 
 
 def _output_paths(case: KidCase, output: Path) -> dict[str, Path]:
@@ -288,16 +313,19 @@ def _writers(case: KidCase, paths: dict[str, Path]) -> list[Writer]:
 
 
 def _restart_paths(case: KidCase, paths: dict[str, Path]) -> list[Path]:
-    if case.coupled is not None:
-        return [paths["restart"], paths["calving"], paths["ocean"]]
-    return [paths["restart"], *([] if case.parameters.bonds.law == "none" else [paths["bonds_restart"]])]
+    exchange = [] if case.exchange is None else [paths["calving"]]
+    if case.namelist.coupled:
+        return [paths["restart"], *exchange, paths["ocean"]]
+    return [paths["restart"], *exchange, *([] if case.parameters.bonds.law == "none" else [paths["bonds_restart"]])]
 
 
 def _write_restarts(case: KidCase, paths: dict[str, Path]) -> list[Path]:
     model, p = case.model, case.parameters
     write_restart(paths["restart"], model.elements, case.grid, p)
-    if case.coupled is not None:
-        case.coupled.write(paths["ocean"], paths["calving"])
+    if case.exchange is not None:
+        case.exchange.write_stores(paths["calving"])
+    if isinstance(case.exchange, CoupledRun):
+        case.exchange.write_ocean(paths["ocean"])
     elif p.bonds.law != "none":
         dem = case.namelist.icebergs.flag("dem")
         write_bonds(paths["bonds_restart"], model.elements, model.bonds, case.grid, dem=dem)

@@ -19,7 +19,7 @@ from riftberg.life.process import LifeModel
 from riftberg.model import BareModel
 from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import Parameters
-from riftberg.state import Elements, Floats
+from riftberg.state import Floats, Ints
 from riftberg.state.population import by_identifier
 from riftberg.state.variables import GONE
 
@@ -100,7 +100,6 @@ FIELDS: Final = {
     "cn": "ice_fraction",
     "hi": "ice_thickness",
     "od": "depth",
-    "n_bonds": "bond_count",
 }
 """Variables of the trajectory and the fields of `Elements` that they come from."""
 
@@ -129,13 +128,23 @@ def sampling_hours(group: NamelistGroup) -> float:
     return hours
 
 
-def recorded(elements: Elements, group: NamelistGroup, density: float, year: int) -> NDArray[np.bool_]:
+def listed_bonds(model: BareModel) -> Ints:
+    """Return how many bonds KID lists at each element: intact ones, and broken ones that it has not dropped (quirk Q9)."""
+    elements, bonds = model.elements, model.bonds
+    if model.parameters.fracture.broken_as_contact:
+        return elements.bond_count
+    left = bonds.status == 1
+    return elements.bond_count + np.bincount(np.append(bonds.first[left], bonds.second[left]), minlength=elements.size)
+
+
+def recorded(model: BareModel, group: NamelistGroup, year: int) -> NDArray[np.bool_]:
     """Return which elements KID records: large enough, bonded, late enough, or of a chosen class of initial mass.
 
     Children of footloose calving have a threshold of their own too, but a lower threshold for all applies to them too.
     """
-    area = elements.mass / (density * elements.thickness)
-    chosen = (area >= group.number("traj_area_thres") * KM2) | (elements.bond_count > 0)
+    elements = model.elements
+    area = elements.mass / (model.parameters.ice.density * elements.thickness)
+    chosen = (area >= group.number("traj_area_thres") * KM2) | (listed_bonds(model) > 0)
     if year > group.number("save_all_traj_year"):
         chosen[:] = True
     if group.flag("save_nonfl_traj_by_class"):
@@ -203,11 +212,11 @@ class TrajectoryRecorder(_Sampler):
         if model.parameters.stepping.scheme != "mts":
             resample_environment(model, (model.step_number - 1) * self.clock.dt, self.group)
         e = model.elements
-        rows = np.flatnonzero(recorded(e, self.group, model.parameters.ice.density, date.year))
+        rows = np.flatnonzero(recorded(model, self.group, date.year))
         columns: dict[str, NDArray[Any]] = {name: getattr(e, field)[rows] for name, field in FIELDS.items()}
         columns.update(_stamp_of_file(date, len(rows)))
         columns["id_cnt"], columns["id_ij"] = split_id(e.id[rows])
-        columns["halo_berg"] = np.zeros(len(rows))
+        columns["halo_berg"], columns["n_bonds"] = np.zeros(len(rows)), listed_bonds(model)[rows]
         return columns
 
 
@@ -267,7 +276,7 @@ class BondRecorder(_Sampler):
         if p.bonds.law != "dem":
             length = by_identifier(self._first_bonds, self._first_length, model.bonds.id)
         columns["length"] = np.tile(length[model.bonds.status != GONE], 2)
-        keep = recorded(e, self.group, p.ice.density, date.year)[columns["first"]]
+        keep = recorded(model, self.group, date.year)[columns["first"]]
         columns = {name: values[keep] for name, values in columns.items()}
         a, b = columns["first"], columns["other"]
         metric = Metric(p.earth.latlon, p.earth.radius, p.earth.period)

@@ -329,14 +329,15 @@ def melt_footloose_bits(
 
 
 @kernel
-def _melt_all(el: Elements, span: Floats, own: Floats, values: LifeValues) -> Floats:
+def _melt_all(el: Elements, span: Floats, depth: Floats, own: Floats, values: LifeValues) -> Floats:
     """Melt all elements; rows are the columns of `Melted`. Arrays are taken out first: each access counts references.
 
-    ``own``: rates (m s-1) by the law of a user, shape (3, elements) or (3, 0); NaN where the built-in law holds.
+    ``depth``: of the floor under the elements, m; ``own``: rates (m s-1) by the law of a user, shape (3, elements) or
+    (3, 0); NaN where the built-in law holds.
     """
     body, life, around, u, v, lat = el.body, el.life, el.environment, el.motion.u, el.motion.v, el.place.lat
     mass, thickness, width, length = body.mass, body.thickness, body.width, body.length
-    bond_count, static, depth, ice = body.bond_count, body.static, around.depth, around.ice_fraction
+    bond_count, static, ice = body.bond_count, body.static, around.ice_fraction
     uo, vo, ua, va, sst, sss = around.uo, around.vo, around.ua, around.va, around.sst, around.sss
     keel, keel_salinity = around.keel_temperature, around.keel_salinity
     bits, foot, fl_bits, bergy = life.mass_of_bits, life.fl_k, life.mass_of_fl_bits, life.mass_of_fl_bergy_bits
@@ -371,9 +372,10 @@ def _melt_all(el: Elements, span: Floats, own: Floats, values: LifeValues) -> Fl
     return out
 
 
-def melted(elements: Elements, values: LifeValues, own: Floats = NO_RATES) -> Melted:
+def melted(elements: Elements, values: LifeValues, own: Floats = NO_RATES, depth: Floats | None = None) -> Melted:
     """Return what one long step of melt does to the elements, which stay as they are."""
-    return Melted(*_melt_all(elements, base_spans(elements, values), own, values))
+    depth = elements.environment.depth if depth is None else depth
+    return Melted(*_melt_all(elements, base_spans(elements, values), depth, own, values))
 
 
 def base_spans(elements: Elements, values: LifeValues) -> Floats:
@@ -407,10 +409,15 @@ class MeltStep(NamedTuple):
         return self.melted.water * self.scaling
 
 
-def melt_step(elements: Elements, values: LifeValues, born: tuple[int, float], own: Floats = NO_RATES) -> MeltStep:
-    """Melt all elements by one long step and change them; those of which nothing is left are marked, not removed."""
+def melt_step(
+    elements: Elements, values: LifeValues, born: tuple[int, float], own: Floats = NO_RATES, depth: Floats | None = None
+) -> MeltStep:
+    """Melt all elements by one long step and change them; those of which nothing is left are marked, not removed.
+
+    ``depth``: of the floor under the elements, m, where it is not that of their environment.
+    """
     body, life = elements.body, elements.life
-    result = melted(elements, values, own)
+    result = melted(elements, values, own, depth)
     place = Place(*(getattr(elements, name).copy() for name in Place._fields))
     step = MeltStep(
         body.id.copy(), place, life.mass_scaling.copy(), life.heat_density.copy(), life.start_mass.copy(),

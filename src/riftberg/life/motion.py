@@ -14,7 +14,6 @@ scheme keeps its own axes on its way, which turn against east and north: that sh
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -30,7 +29,7 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
 from riftberg.stepping.explicit.stability import stiffness_parts
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, OWN, SEA_FLOOR
-from riftberg.stepping.forces.sizes import interaction_sizes
+from riftberg.stepping.forces.sizes import disc_inertia, interaction_sizes, radius_of, rectangle_inertia
 from riftberg.stepping.lattice.diagonals import with_diagonals
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ START, NOW, BONDS = range(len(GIVERS), len(GIVERS) + 3)
 crushing."""
 
 KEPT, KEPT_ON_BED = "motion_ledger", "motion_on_bed"
-"""Names under which a restart keeps the ledger, and the work of friction and gouges on a bed of sediment beside it."""
+"""Names under which a restart keeps the ledger, and the work of friction on a bed of sediment beside it."""
 
 CLOSES: Final = 1e-9
 """Largest part of the momentum given that may be left over between bonded elements."""
@@ -71,8 +70,7 @@ class MotionBalance(NamedTuple):
     crushed: (
         float  # Plastic work and friction of faces that crush each other, J: a part of what is lost between elements
     )
-    rubbed: float  # Work of friction on a bed of sediment, J: a part of that of the sea floor, as the next one
-    gouged: float  # Work that makes gouges in it, J
+    rubbed: float  # Work of friction on a bed of sediment, J: a part of that of the sea floor
     # Momentum (N s, east and north) and work (J) of each of several laws of one's own; together those of "own".
     own: dict[str, tuple[float, float, float]]
 
@@ -111,8 +109,8 @@ class MotionBalance(NamedTuple):
             for name, (x, y) in self.impulse.items() if name != "elements" and (x or y)
         ]  # fmt: skip
         work = [f"{_shown(name)} {w:+.3g}" for name, w in self.work.items() if name != "elements" and w]
-        if self.rubbed or self.gouged:
-            work.append(f"of that of the sea floor friction {-self.rubbed:+.3g}, gouges {-self.gouged:+.3g}")
+        if self.rubbed:
+            work.append(f"of that of the sea floor friction {-self.rubbed:+.3g}")
         given += [f"of it {name} {x:+.3g}, {y:+.3g}" for name, (x, y, _) in self.own.items()]
         work += [f"of it {name} {w:+.3g}" for name, (_, _, w) in self.own.items()]
         ends = [f"kinetic {self.kinetic_start:.3g} to {self.kinetic_now:.3g}"]
@@ -148,6 +146,7 @@ class _Ice(NamedTuple):
     sides: Ints
     length: Floats
     width: Floats
+    rigid_bodies: bool
 
 
 class _Moving(NamedTuple):
@@ -160,8 +159,9 @@ class _Moving(NamedTuple):
     spin: Floats
 
 
-def _ice(el: Elements) -> _Ice:
-    return _Ice(el.body.mass, el.life.mass_scaling, el.body.sides, el.body.length, el.body.width)
+def _ice(el: Elements, p: Parameters) -> _Ice:
+    rigid_bodies = p.stepping.scheme == "quasi_static"
+    return _Ice(el.body.mass, el.life.mass_scaling, el.body.sides, el.body.length, el.body.width, rigid_bodies)
 
 
 def _moving(el: Elements) -> _Moving:
@@ -174,16 +174,19 @@ def stock(elements: Elements, p: Parameters) -> Floats:
     if p.stepping.scheme == "mts":
         fast = _Moving(motion.u, motion.v, kicks.ax_fast, kicks.ay_fast, motion.spin)
         implicit = kicks.bx_fast, kicks.by_fast, kicks.spin_rate
-        _vibrating(_ice(elements), fast, *implicit, elements.body.substeps, dt, out)
+        _vibrating(_ice(elements, p), fast, *implicit, elements.body.substeps, dt, out)
     else:
-        _gliding(_ice(elements), _moving(elements), dt, out)
+        _gliding(_ice(elements, p), _moving(elements), dt, out)
     return out
 
 
-@kernel
-def _radius_squared(sides: int, length: float, width: float) -> float:
-    """Square (m2) of the radius of the disc as which an element spins (equations 5.4)."""
-    return (1.0 / (2.0 * math.sqrt(3.0)) if sides == 6 else 0.25) * length * width
+@borrower
+def _inertia(ice: _Ice, e: int, mass: float) -> float:
+    """Moment of inertia (kg m2) with which an element spins (equations 6.5)."""
+    length, width = ice.length[e], ice.width[e]
+    if ice.rigid_bodies:
+        return rectangle_inertia(mass, length, width)
+    return disc_inertia(mass, radius_of(length * width, ice.sides[e] == 6, True))
 
 
 @borrower
@@ -196,8 +199,7 @@ def _vibrating(
         turning = now.spin[e] - half * spin_rate[e]
         out[0] += m * (u + half * (now.ax[e] + bx[e]))
         out[1] += m * (v + half * (now.ay[e] + by[e]))
-        square = _radius_squared(ice.sides[e], ice.length[e], ice.width[e])
-        out[2] += 0.5 * m * (u * u + v * v + 0.5 * square * turning * turning)
+        out[2] += 0.5 * m * (u * u + v * v) + 0.5 * _inertia(ice, e, m) * turning * turning
 
 
 @borrower
@@ -208,8 +210,7 @@ def _gliding(ice: _Ice, now: _Moving, dt: float, out: Floats) -> None:
         uu, vv = now.u[e] + 0.5 * dt * now.ax[e], now.v[e] + 0.5 * dt * now.ay[e]
         out[0] += m * uu
         out[1] += m * vv
-        square = _radius_squared(ice.sides[e], ice.length[e], ice.width[e])
-        out[2] += 0.5 * m * (uu * uu + vv * vv + 0.5 * square * now.spin[e] * now.spin[e])
+        out[2] += 0.5 * m * (uu * uu + vv * vv) + 0.5 * _inertia(ice, e, m) * now.spin[e] * now.spin[e]
 
 
 @kernel
@@ -257,7 +258,7 @@ def _entries_in_steps(before: Elements, now: Elements, applied: Floats, run: Run
     """Return the stock before and after a single step, and what each force gave, shape (forces, 3)."""
     entries, kicks = np.zeros((2 + applied.shape[1], 3)), np.zeros(applied.shape[1], np.bool_)
     dt, room = run.parameters.stepping.time_step, np.empty((4, now.size))
-    _add_entries(_ice(now), _moving(before), _moving(now), applied, kicks, dt, room, entries)
+    _add_entries(_ice(now, run.parameters), _moving(before), _moving(now), applied, kicks, dt, room, entries)
     return entries[0], entries[1], entries[2:]
 
 
@@ -369,13 +370,13 @@ class MotionLedger:
             kept[BONDS, 0] = elastic or 0.0
         _enter(kept, "other", now)
         rows = kept.tolist()
-        rubbed, gouged = remembered.get(KEPT_ON_BED, np.zeros(2)).tolist()
+        rubbed = float(remembered.get(KEPT_ON_BED, np.zeros(1))[0])
         return MotionBalance(
             (rows[START][0], rows[START][1]), (rows[NOW][0], rows[NOW][1]),
             {name: (row[0], row[1]) for name, row in zip(GIVERS, rows, strict=False)}, rows[START][2], rows[NOW][2],
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
             None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[BONDS][2],
-            rubbed, gouged, {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[BONDS + 1 :], strict=True)},
+            rubbed, {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[BONDS + 1 :], strict=True)},
         )  # fmt: skip
 
     def _known(self, remembered: Mapping[str, Floats]) -> Floats | None:

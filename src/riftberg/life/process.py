@@ -275,6 +275,8 @@ class LifeProcess:
         own = parameters.footloose
         self.last: LifeStep | None = None
         self.look_around: Callable[[LifeModel], None] | None = None
+        # Depth of the floor of each cell (m), against which ``melt.least_gap`` is held; None for that at the elements.
+        self.floor: Floats | None = None
         self.born: Callable[[LifeModel], tuple[int, float]] = date_of_birth
         self.draws: CalvingDraws = OwnDraws(own.seed, parameters.compatibility.one_draw)
         self.ranks: tuple[int, int] = (1, 1)
@@ -299,7 +301,9 @@ class LifeProcess:
         self.follow_outlines(model)
         fragment = model.elements.body.berg.copy()
         rates = NO_RATES if self.law is None else law_values(self.law, model.elements, model.time, "melt", MELTS, 0.0)
-        step = melt_step(model.elements, self.values, born, rates)
+        place = model.elements.place
+        depth = None if self.floor is None else self.floor[place.cell_j, place.cell_i]
+        step = melt_step(model.elements, self.values, born, rates, depth)
         water = water_by_process(step)
         add_melt(model.remembered, fragment, water)
         if step.gone.any():

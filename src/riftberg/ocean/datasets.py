@@ -35,6 +35,7 @@ from riftberg.ocean.product_records import (
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.mesh import Mesh, NodeMesh, Places, mesh_of
+from riftberg.products.place import nominal_axes
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES
 from riftberg.products.records import WAVES, check_pairs, doubtful_units, idle_fields, in_python, named, named_remarks
@@ -378,7 +379,8 @@ class DatasetForcing(DescribedForcing):
             outside = np.flatnonzero(places.row < 0)
             if outside.size:
                 raise ForcingError(
-                    f"{_named(elements, int(outside[0]))} is outside of the data of {', '.join(part.gives)}",
+                    f"{_named(elements, int(outside[0]))} is outside of the data of {', '.join(part.gives)}"
+                    f"{nominal_axes(part.records.ds)}",
                     where=part.source,
                     remedy="Give data that cover it, or fewer days"
                     if in_python(part.records.ds)

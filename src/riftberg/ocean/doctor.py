@@ -34,6 +34,7 @@ from riftberg.products.records import (
 from riftberg.products.registry import Choice, expand, joined_files, product_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.products.vectors import paired_vectors
+from riftberg.system.input_files import because
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 Flags = NDArray[np.bool_]
@@ -91,7 +92,9 @@ def doctor(
         except ForcingError as error:
             report.unreadable[str(ds.attrs["source"])] = _without_place(error)
         except Exception as error:  # values that a damaged file does not give up
-            report.unreadable[str(ds.attrs["source"])] = f"its values cannot be read ({error}). Fetch the file again"
+            report.unreadable[str(ds.attrs["source"])] = (
+                f"its values cannot be read{because(error)}. Fetch the file again"
+            )
     report.notes += idle_fields(opened)
     wishes = (ASSUMED if needed is NEEDED else ()) if wished is None else wished
     _conclude(report, list(dict.fromkeys(needed)), [name for name in wishes if name not in needed])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -41,7 +40,7 @@ from riftberg.products.reading import members_in, open_raw
 from riftberg.products.registry import Choice, open_named, read_named
 from riftberg.products.repair import VALID
 from riftberg.state import Floats
-from riftberg.system.input_files import is_address, refuse_large
+from riftberg.system.input_files import files_matching, refuse_large
 from riftberg.system.netcdf_lock import closing_files
 
 MARGIN = 3
@@ -407,10 +406,7 @@ def _check_size(settings: FileForcing, run: Run) -> None:
 
 def _paths(entries: list[NamedFiles], folder: Path) -> list[tuple[str, Choice]]:
     """Return all files with the product or names that are given for them."""
-    files = [
-        (entry, [entry.file] if is_address(entry.file) else sorted(glob.glob(str(folder / entry.file))))
-        for entry in entries
-    ]
+    files = [(entry, files_matching(entry.file, folder)) for entry in entries]
     for entry, matches in files:
         if not matches:
             raise ForcingError(

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from riftberg.config.values import Pair, Section, UnfitError, key
 from riftberg.errors import ForcingError
+from riftberg.system.input_files import hidden
 
 if TYPE_CHECKING:
     from riftberg.products.registry import Choice
@@ -27,6 +28,7 @@ class NamedFiles(Section):
     @classmethod
     def chosen(cls, file: str, choice: Choice) -> NamedFiles:
         """Return files with their product, or names, as the readers take them; these are not checked."""
+        file = hidden(file)
         if choice is None or isinstance(choice, str):
             return cls.model_construct(file=file, product=choice, names={})
         if isinstance(choice, Mapping):
@@ -39,6 +41,11 @@ class NamedFiles(Section):
         from riftberg.products.registry import choice_of
 
         return choice_of(self.product, self.names, where=f"names of {self.file}")
+
+    @field_validator("file")
+    @classmethod
+    def _hidden(cls, file: str) -> str:
+        return hidden(file)
 
     @model_validator(mode="after")
     def _known(self) -> NamedFiles:
@@ -97,6 +104,11 @@ class FileForcing(Section):
         "of files with members of an ensemble the one that is read, from 0; riftberg forecast takes them in turn",
         ge=0,
     )
+
+    @field_validator("files")
+    @classmethod
+    def _hidden(cls, files: list[str | NamedFiles]) -> list[str | NamedFiles]:
+        return [hidden(entry) if isinstance(entry, str) else entry for entry in files]
 
     @model_validator(mode="after")
     def _a_box(self) -> FileForcing:

@@ -217,7 +217,9 @@ class GriddedForcing(DescribedForcing):
         blend_around(i, j, MARGIN, before, after, np.where(same, -1.0, weight), blended)
         return blended
 
-    def sample(self, elements: Elements, time: float, *, tide: bool = True) -> None:
+    def sample(
+        self, elements: Elements, time: float, *, tide: bool = True, drawn_in: tuple[Ints, Ints] | None = None
+    ) -> None:
         """Fill the environment of the elements (``uo`` ... ``vorticity``) at their positions and cells.
 
         Parameters
@@ -228,6 +230,9 @@ class GriddedForcing(DescribedForcing):
             Seconds since the start of the run.
         tide : bool, optional
             With the random current near land.
+        drawn_in : tuple of int arrays, optional
+            Columns and rows of the cells in which the elements draw the numbers of that current; those in which they are if
+            left out. In a stage of a step they are those of its start.
         """
         if elements.lon.size == 0:
             return
@@ -235,8 +240,10 @@ class GriddedForcing(DescribedForcing):
         rules = self.rules
         sample_gridded(elements, grid, fields, self._depth_rule, rules.coastal_drift, bool(rules.mirrored))
         if tide and rules.tidal_drift > 0.0:
-            order = listed(elements) if rules.listed_draws else None
-            add_tidal_drift(elements, grid, fields.ssh, rules.tidal_drift, bool(rules.mirrored), order)
+            columns, rows = (elements.cell_i, elements.cell_j) if drawn_in is None else drawn_in
+            order = listed(elements, columns, rows) if rules.listed_draws else None
+            draws = tidal_draws(columns, rows, fields.ssh, grid.halo, order)
+            add_tidal_drift(elements, grid, draws, rules.tidal_drift, bool(rules.mirrored))
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless the forcing covers these elements from ``start`` to ``end`` (s).
@@ -432,7 +439,7 @@ def cell_seed(i: int, j: int, ssh: float, halo: int) -> int:
     return (i - halo + 1) + 10_000 * (j - halo + 1) + int(16384.0 * abs(math.sin(262144.0 * ssh)))
 
 
-def _draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int, order: Ints | None = None) -> tuple[Floats, Floats]:
+def tidal_draws(cell_i: Ints, cell_j: Ints, ssh: Floats, halo: int, order: Ints | None = None) -> tuple[Floats, Floats]:
     """Two numbers in [-1, 1] per element; those of a cell draw as ``order`` says, or the last row first (equations 1.6)."""
     east, north = np.empty(cell_i.size), np.empty(cell_i.size)
     members: dict[tuple[int, int], list[int]] = {}
@@ -464,20 +471,14 @@ def corners_at_elements(q: Floats, e: Elements, mirrored: bool) -> Floats:
 
 
 def add_tidal_drift(
-    elements: Elements,
-    grid: GridArrays,
-    ssh: Floats,
-    amplitude: float,
-    mirrored: bool = False,
-    order: Ints | None = None,
+    elements: Elements, grid: GridArrays, draws: tuple[Floats, Floats], amplitude: float, mirrored: bool = False
 ) -> None:
     """Add the random current near land to sampled currents ``uo vo ui vi`` (equations 3.2 tidal drift).
 
-    ``ssh``: sea level, which seeds the random numbers of each cell, m; ``amplitude``: largest current added, m s-1.
+    ``draws``: two random numbers in [-1, 1] of each element; ``amplitude``: largest current added, m s-1.
     """
     e = elements
-    east, north = _draws(e.cell_i, e.cell_j, ssh, grid.halo, order)
-    along, across = (amplitude * q for q in tidal_increment(grid.mask, e.cell_i, e.cell_j, east, north))
+    along, across = (amplitude * q for q in tidal_increment(grid.mask, e.cell_i, e.cell_j, *draws))
     c, s = corners_at_elements(grid.cos_angle, e, mirrored), corners_at_elements(grid.sin_angle, e, mirrored)
     du, dv = c * along + s * across, c * across - s * along
     e.uo[:] += du

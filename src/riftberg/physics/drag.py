@@ -100,6 +100,28 @@ def spin_drag(inertia: float, radius: float, scale: float) -> float:
     return (2.0 * math.pi / 5.0) * RHO_SEAWATER * OCEAN_DRAG_BASE * scale * radius**5 / inertia
 
 
+@kernel
+def side_spin_drag(inertia: float, length: float, width: float, draft_open: float, scale: float) -> float:
+    """Rotational drag of the water on the sides of a rectangle, rad-1; it adds to `spin_drag`.
+
+    A side of length L that turns about its middle at w relative to the water meets it at ``w x``; the drag
+    ``0.5 rho_w C_wv s_o D (w x)^2`` times the lever x, integrated over both halves, is ``rho_w C_wv s_o D L^4 w^2 / 64``.
+    Each pair of opposite sides counts once, as on the way of a berg. The reference has no such term.
+
+    Parameters
+    ----------
+    inertia : float
+        Moment of inertia, kg m2.
+    length, width : float
+        Plan sizes, m.
+    draft_open : float
+        Draft D below the sea ice, m.
+    scale : float
+        Factor s_o on the ocean drag coefficients.
+    """
+    return RHO_SEAWATER * OCEAN_DRAG_SIDE * scale * draft_open * (length**4 + width**4) / (64.0 * inertia)
+
+
 class Waves(NamedTuple):
     """Given waves at an element.
 

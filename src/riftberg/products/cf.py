@@ -17,11 +17,14 @@ import xarray as xr
 
 from riftberg.errors import ForcingError
 from riftberg.products.product import Product, Source
-from riftberg.products.quantities import QUANTITIES
+from riftberg.products.quantities import QUANTITIES, unit_change
 
 # Coordinates: latitude, longitude, map axis, date, level, member.
 
 Role = Literal["lat", "lon", "x", "y", "time", "level", "member", ""]
+
+NAMED = "named_by_user"
+"""Attribute of a coordinate that the user names: it goes before all that a file says."""
 
 _CRITERIA = cf.coordinate_criteria
 _MEMBERS = {"realization", "realization_weights"}
@@ -206,6 +209,8 @@ def _candidates(ds: xr.Dataset, quantity: str) -> list[str]:
             return by_name
     usual = [name for name in row.usual if name in ds.variables and name not in ds.dims]
     usual = [name for name in usual if name != "elevation" or ds.variables[name].ndim > 1]
+    # Names such as t02 are those of temperatures too.
+    usual = [n for n in usual if quantity != "wave_period" or unit_change(units_of(ds.variables[n]), "s") is not None]
     usual = [name for name in usual if quantity != "ssh" or not above_ellipsoid(ds.variables[name])]
     return [name for name in usual if standard_name(ds.variables[name]) in ("", "unknown") or _near_enough(ds, name)]
 
@@ -219,7 +224,8 @@ def by_standard_name(ds: xr.Dataset, quantity: str) -> str:
 
 def _near_enough(ds: xr.Dataset, name: str) -> bool:
     """Tell whether a standard name that is not in the tables leaves a usual name believable: no tides, no Stokes drift."""
-    return not _OTHERS.search(standard_name(ds.variables[name]))
+    # WAVEWATCH III calls the waves of the whole spectrum wind waves there.
+    return name in ("t01", "t02", "t0m1") or not _OTHERS.search(standard_name(ds.variables[name]))
 
 
 def above_ellipsoid(variable: xr.Variable | xr.DataArray) -> bool:
@@ -254,6 +260,9 @@ def strange_height(variable: xr.Variable | xr.DataArray) -> bool:
 
 _FAMILIES: dict[str, tuple[tuple[str, ...], re.Pattern[str]]] = {
     "sea state": (("wave_height",), re.compile(r"(?<!long)(?<!short)_waves?_|swell|significant_\w*height")),
+    "wave period": (("wave_period",), re.compile(
+        r"wave\w*_(period|frequency)|^(fp|[rv]?tpk?|pp1d|perpw(sfc)?|rtpeak|tpsmoo|tps|tper)_|(peak|dominant)_(period|frequency)"
+    )),
     "current": (("uo",), re.compile(r"sea_water_(\w+_)?(velocity|speed)|sea_water_speed|\bcurrents?\b")),
     "sea level": (("ssh",), re.compile(r"sea_surface_(height|elevation)|sea_level|dynamic_topography")),
     "wind": (("ua", "taux"), re.compile(r"wind|surface_(downward|upward)_\w*stress")),
@@ -277,12 +286,18 @@ def unread(ds: xr.Dataset, quantities: Iterable[str], names: Iterable[str]) -> l
         if name in read or variable.ndim < 2 or variable.dtype.kind not in "iuf":
             continue
         words = (standard_name(variable) or f"{name} {variable.attrs.get('long_name', '')}").lower().replace(" ", "_")
-        if not _ASIDE.search(words):
+        if not _ASIDE.search(words.replace("_period_at_", "_period ")):
             said.setdefault(_family(name, words, taken), []).append(
                 f"{name} ({stated})" if (stated := standard_name(variable)) else name
             )
     said.pop("", None)
-    return [f"no {family} is taken from this file; not read: {', '.join(held[:4])}" for family, held in said.items()]
+    if "wave_height" not in taken:
+        said.pop("wave period", None)
+    why = {"wave period": ": a mean of all waves is wanted, and it follows from the height"}
+    return [
+        f"no {family} is taken from this file; not read: {', '.join(held[:4])}{why.get(family, '')}"
+        for family, held in said.items()
+    ]
 
 
 def _family(name: str, words: str, taken: set[str]) -> str:

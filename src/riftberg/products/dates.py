@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,22 @@ from numpy.typing import NDArray
 
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError
-from riftberg.products.cf import bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
+from riftberg.products.cf import NAMED, bounds_of, coordinates_of, holds_dates, role_of_name, standard_name, units_of
 from riftberg.products.product import noted
 from riftberg.products.quantities import unit_change
 from riftberg.products.records import MEAN_OF, named, usual_interval
 from riftberg.products.repair import CALENDARS, date_in_seconds
 
-_NOT_VALID = re.compile(r"reference|initial|issue|creation|production|analysis")
+_ISSUED = re.compile(
+    r"\b(ref|ref(erence)?_?(time|date)?|init\w*|issue\w*|creat\w*|production|produced|analys[ie]s|base|base_?(time|date)|run|"
+    r"run_?(time|date)|cycle|processing|processed|origin|launch|publi\w*|updated?|generat\w*|received|written)\b"
+)
+"""Words of dates at which something was made rather than holds."""
+_VALID = re.compile(r"\b(valid\w*|val|valtime|verif\w*)\b")
+_START = re.compile(r"\b(start\w*|begin\w*|first|lower|from|t1)\b")
+_END = re.compile(r"\b(end\w*|stop\w*|last|upper|to|until|t2)\b")
+_LEAD = re.compile(r"^(step|tau|lead|lead_?times?|forecast_?(period|hours?|lead|lead_?time|time\d*)|fhour)$")
+"""Names of the time by which a forecast runs ahead of its date of issue."""
 _COVERAGE = (
     ("time_coverage_start", "time_coverage_end"), ("start_date", "stop_date"), ("start_time", "stop_time"),
     ("StartTime", "StopTime"), ("RangeBeginningDate", "RangeEndingDate"), ("first_date", "last_date"),
@@ -29,14 +39,14 @@ _POINT = re.compile(r"\btime\s*:\s*(\w+\s*:\s*)*point\b")
 _MEAN = re.compile(r"\b(\w*time\w*|t)\s*:\s*(\w+\s*:\s*)*mean\b", re.I)
 
 
-def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray:
-    """Return a field with its dates on the dimension ``time``, or without any if the file tells none."""
+def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> tuple[xr.DataArray, str]:
+    """Return a field with its dates on the dimension ``time``, or without any if the file tells none, and a remark."""
     field = ds[name]
     stamps = _stamps(ds, name, where)
     stamped = [c for c in stamps if ds[c].ndim == 1]
     dims = [str(dim) for dim in field.dims if any(ds[c].dims == (dim,) for c in stamped) or role_of_name(dim) == "time"]
     if not moves:
-        return field.isel({dim: 0 for dim in dims}, drop=True).drop_vars("time", errors="ignore")
+        return field.isel({dim: 0 for dim in dims}, drop=True).drop_vars("time", errors="ignore"), ""
     if len(dims) > 1:
         raise ForcingError(
             f"{name} has {len(dims)} dimensions of time ({', '.join(dims)})",
@@ -44,34 +54,33 @@ def dated(ds: xr.Dataset, name: str, *, where: str, moves: bool) -> xr.DataArray
             remedy=f"Choose one entry first, in Python: ds.isel({dims[-1]}=0)",
         )
     if dims:
-        chosen = _best(ds, [c for c in stamped if ds[c].dims == (dims[0],)], dims[0])
-        undated = field.sizes[dims[0]] == 1 and (chosen is None or bool(ds[chosen].isnull().all()))
+        along = [c for c in stamped if ds[c].dims == (dims[0],)]
+        undated = field.sizes[dims[0]] == 1 and all(bool(ds[c].isnull().all()) for c in along)
         if undated and (covered := _covered(ds)) is not None:  # of one record the heading may say when it was
             field = field.drop_vars("time", errors="ignore").rename({dims[0]: "time"})
-            return _with_dates(field, xr.DataArray([covered], dims="time"))
-        if chosen is None and (text := dict(ds.encoding.get("texts", {})).get(dims[0])):
+            return _with_dates(field, xr.DataArray([covered], dims="time")), ""
+        if not along and (text := dict(ds.encoding.get("texts", {})).get(dims[0])):
             raise ForcingError(
                 f"the dates of {name} are text that is not understood: {text}", where=where,
                 remedy=f"Write them like 2020-12-16T06:00, or as dates in Python: ds.assign_coords({dims[0]}=dates)",
             )  # fmt: skip
-        if chosen is None:
+        if not along:
             raise ForcingError(
                 f"the dimension {dims[0]} of {name} ({field.sizes[dims[0]]} records) has no variable with dates",
                 where=where,
                 remedy=f"Write one, in Python: ds.assign_coords({dims[0]}=dates).to_netcdf('dated.nc')",
             )
-        values, means = _valid(ds, chosen, name)
+        values, means, remark = _valid(ds, along, name, where)
         if dims[0] != "time":  # a single date of that name is when a forecast was issued
             field = field.drop_vars("time", errors="ignore").rename({dims[0]: "time"})
-        return _with_dates(field, values, means)
-    single = _best(ds, [c for c in stamps if ds[c].ndim == 0], "")
-    if single is not None:
-        value, means = _valid(ds, single, name)
-        bare = field.drop_vars("time", errors="ignore").expand_dims("time")
-        return _with_dates(bare, value.expand_dims("time"), means)
-    covered = _covered(ds)
+        return _with_dates(field, values, means), remark
     bare = field.drop_vars("time", errors="ignore")
-    return bare if covered is None else _with_dates(bare.expand_dims("time"), xr.DataArray([covered], dims="time"))
+    if single := [c for c in stamps if ds[c].ndim == 0]:
+        value, means, remark = _valid(ds, single, name, where)
+        return _with_dates(bare.expand_dims("time"), value.expand_dims("time"), means), remark
+    if (covered := _covered(ds)) is None:
+        return bare, ""
+    return _with_dates(bare.expand_dims("time"), xr.DataArray([covered], dims="time")), ""
 
 
 def _stamps(ds: xr.Dataset, name: str, where: str) -> list[str]:
@@ -133,44 +142,115 @@ def _counted(variable: xr.DataArray) -> Any:
     return dates.astype("datetime64[s]").astype("datetime64[ns]").reshape(variable.shape)
 
 
-def _best(ds: xr.Dataset, names: list[str], dim: str) -> str | None:
-    """Return the coordinate that says when a field is valid, rather than when its forecast was issued."""
+def _valid(ds: xr.Dataset, names: list[str], field: str, where: str) -> tuple[xr.DataArray, Any, str]:
+    """Return the dates at which the records of a field hold, the time (s) that each is a mean of, and a remark on the choice.
 
-    def rank(name: str) -> tuple[bool, bool, bool, bool]:
-        metadata_name = standard_name(ds[name])
-        issued = bool(_NOT_VALID.search(f"{metadata_name} {name.lower()}"))
-        # Dates of validity before dates of issue; then by standard name, and by the name itself.
-        return issued, metadata_name != "time", name != dim, name != "time"
+    Of several coordinates with dates the one counts that the user names, then the one that metadata and names call valid.
+    One that lies ahead of another by the length of the forecast is that other's date of validity; start and end are bounds.
+    """
+    names = [name for name in names if not ds[name].isnull().all()] or names
+    lead = _lead(ds, ds[names[0]])
+    ahead = [] if lead is None else [a for a in names for b in names if a != b and _same(_later(ds[a], lead), ds[b])]
 
-    return min(names, key=rank, default=None)
+    def doubts(name: str) -> tuple[bool, ...]:
+        said, words = standard_name(ds[name]), _words(ds[name], name)
+        issued = name in ahead or said == "forecast_reference_time" or bool(_ISSUED.search(words))
+        axis = name in ds.dims or ds[name].attrs.get("axis") == "T"
+        return (
+            NAMED not in ds[name].attrs, issued, bool(_START.search(words) or _END.search(words)),
+            not _VALID.search(words), said != "time", not axis, name != "time",
+        )  # fmt: skip
+
+    best, *others = sorted(names, key=doubts)
+    others = [name for name in others if not _same(ds[name], ds[best])]
+    start, end = ([name for name in names if kind.search(_words(ds[name], name))] for kind in (_START, _END))
+    bounds = bounds_of(ds, ds[best])
+    remark = f"the dates of the records are those of {best}, not of {', '.join(others)}" if others else ""
+    edges = (
+        bounds is None
+        and NAMED not in ds[best].attrs
+        and len(start) == len(end) == 1
+        and _follow(ds[start[0]], ds[end[0]])
+    )
+    if edges:
+        pair = np.stack([ds[start[0]].values, ds[end[0]].values], axis=-1)
+        bounds = xr.Variable((*ds[best].dims, "bounds"), pair)
+    dates, means = _middles(ds, ds[best], bounds, field)
+    if edges and means is not None:
+        remark = f"the records are means from {start[0]} to {end[0]}, and hold in the middle of these"
+    elif rivals := [name for name in others if doubts(name) == doubts(best)]:
+        first = [str(np.ravel(ds[name].values)[0])[:16] for name in (best, rivals[0])]
+        raise ForcingError(
+            f"{best} and {rivals[0]} both hold dates of the records of {field}, the first {first[0]} and {first[1]}, and nothing "
+            "says which of them the values hold at", where=where,
+            remedy=f"Name it: names: {{time: {best}}}, or --names time={best}, or give it the standard name time",
+        )  # fmt: skip
+    if not doubts(best)[1] or standard_name(dates) == "time":
+        return dates, means, remark
+    if lead is not None:
+        return _later(dates, lead), means, remark
+    if "analys" not in _words(ds[best], best):
+        remark = remark or f"the dates of the records are those of {best}, and nothing says how far ahead they hold"
+    return dates, means, remark
 
 
-def _valid(ds: xr.Dataset, name: str, field: str) -> tuple[xr.DataArray, Any]:
-    """Return dates of validity, and the time (s) that each is a mean of; a forecast's issue gets its length added."""
-    dates, means = _middles(ds, ds[name], field)
-    if not _NOT_VALID.search(f"{standard_name(dates)} {name.lower()}"):
-        return dates, means
-    for other in ("step", "forecast_period", "leadtime", "lead_time", "forecast_hour"):
-        if other in ds.variables and ds[other].ndim == 0:
-            ahead: Any = ds[other].values
-            if ahead.dtype.kind != "m":
-                # Without a unit that is known the length of a forecast is in hours.
-                ahead = np.timedelta64(round(float(ahead) * (_seconds_in(units_of(ds[other])) or 3600.0)), "s")
-            # In microseconds, so that a length beyond all years is met as such and does not come back as another.
-            return dates.copy(data=dates.values.astype("datetime64[us]") + ahead.astype("timedelta64[us]")), means
-    return dates, means
+def _words(variable: xr.DataArray, name: str) -> str:
+    """Return what a coordinate says of itself, in words; since when it counts is left out."""
+    title = re.split(r"\b(since|after|relative)\b", str(variable.attrs.get("long_name", "")).lower())[0]
+    return " ".join(re.split(r"[\W_]+", f"{standard_name(variable)} {name.lower()} {title}"))
 
 
-def _middles(ds: xr.Dataset, dates: xr.DataArray, field: str) -> tuple[xr.DataArray, Any]:
+def _lead(ds: xr.Dataset, dates: xr.DataArray) -> Any:
+    """Return how far ahead of their issue the dates of a forecast are, as the file says; None if it does not, or by nothing."""
+    for name, variable in ds.variables.items():
+        if standard_name(variable) != "forecast_period" and not _LEAD.search(str(name).lower()):
+            continue
+        if variable.dtype.kind not in "iufm" or not (variable.size == 1 or variable.dims == dates.dims):
+            continue
+        ahead: Any = np.asarray(variable.values)
+        if ahead.dtype.kind != "m":
+            # Without a unit that is known the length of a forecast is in hours.
+            seconds = _seconds_in(units_of(variable).split(" since ")[0]) or 3600.0
+            ahead = np.round(np.where(np.isfinite(ahead), ahead, 0.0) * seconds).astype("timedelta64[s]")
+        # In microseconds, so that a length beyond all years is met as such and does not come back as another.
+        ahead = ahead.astype("timedelta64[us]")
+        if ahead.any():
+            return ahead if variable.dims == dates.dims else ahead.ravel()[0]
+    return None
+
+
+def _later(dates: xr.DataArray, lead: Any) -> xr.DataArray:
+    """Return dates that lie later by a length of time."""
+    if dates.dtype == object:
+        return dates.copy(data=dates.values + np.asarray(lead).astype(object))
+    return dates.copy(data=dates.values.astype("datetime64[us]") + lead)
+
+
+def _same(a: xr.DataArray, b: xr.DataArray) -> bool:
+    """Tell whether two coordinates hold the same dates, to the second."""
+    if (a.dtype.kind == "M") != (b.dtype.kind == "M") or a.shape != b.shape:
+        return False
+    near = timedelta(seconds=1) if a.dtype == object else np.timedelta64(1, "s")
+    return bool(np.all(np.abs(a.values - b.values) < near))
+
+
+def _follow(start: xr.DataArray, end: xr.DataArray) -> bool:
+    """Tell whether records that begin and end at these dates follow one another, as means do, rather than all begin at once."""
+    first, last = start.values, end.values
+    return first.dtype == last.dtype and bool(
+        (last > first).all() and (np.ndim(first) == 0 or (first[1:] > first[:-1]).all())
+    )
+
+
+def _middles(ds: xr.Dataset, dates: xr.DataArray, bounds: xr.Variable | None, field: str) -> tuple[xr.DataArray, Any]:
     """Return dates in the middle of their bounds, and the length (s) of these; None where values are no means over them.
 
     Bounds that do not hold their dates are not believed. Bounds without width (the first record of some models) stay.
     """
-    bounds = bounds_of(ds, dates)
     kinds = {dates.dtype.kind, bounds.dtype.kind} if bounds is not None else set()
     if bounds is None or kinds not in ({"M"}, {"O"}) or _POINT.search(str(ds[field].attrs.get("cell_methods", ""))):
         return dates, None
-    first, last = bounds.values[..., 0], bounds.values[..., 1]
+    first, last = bounds.values.min(axis=-1), bounds.values.max(axis=-1)  # some files write the end first
     wide = np.asarray(last > first, bool)
     inside = (first <= dates.values) & (dates.values <= last)
     if not wide.any() or not inside[wide].all():

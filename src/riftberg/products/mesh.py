@@ -25,7 +25,7 @@ from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
 from riftberg.physics.geometry import inverse_bilinear
 from riftberg.plane import unit_vectors
-from riftberg.products.place import EAST, NORTH, goes_round, on_branch, to_degrees, to_projection
+from riftberg.products.place import EAST, NORTH, goes_round, nominal_axes, on_branch, to_degrees, to_projection
 from riftberg.products.records import cover_of
 from riftberg.state import Floats, Ints
 
@@ -384,7 +384,7 @@ def window(
         part = near.isel(lat=slice_around(near["lat"].values, south, north), lon=columns)
     if not all(part.sizes[name] for name in ("lat", "lon", "y", "x", "node") if name in part.dims):
         raise ForcingError(
-            f"nothing lies in {box_text(west, east, south, north)}: the data cover {extent_text(ds)}",
+            f"nothing lies in {box_text(west, east, south, north)}: the data cover {extent_text(ds)}{nominal_axes(ds)}",
             where=str(ds.attrs.get("source", "")),
             remedy="Give a file that covers the box; check the sign of west longitudes",
         )

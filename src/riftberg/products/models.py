@@ -161,7 +161,7 @@ _ERA5_FIELDS = (
     Source("sst", ("sst", "sea_surface_temperature"), "K"),
     Source("ice_fraction", ("siconc", "ci", "sea_ice_cover"), "1", "documentation"),
     Source("wave_height", ("swh", "significant_height_of_combined_wind_waves_and_swell"), "m", "documentation"),
-    Source("wave_period", ("mwp", "mean_wave_period"), "s", "documentation"),
+    Source("wave_period", ("mwp", "mean_wave_period", "mp2", "mp1"), "s", "documentation"),
     Source("wave_direction", ("mwd", "mean_wave_direction"), "degree", "documentation"),
 )
 _ERA5_NAMES = {"u10", "v10", "swh", "mwp", "mwd", "iews", "inss", "siconc", "ci", "sst"}

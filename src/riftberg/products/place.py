@@ -13,8 +13,9 @@ import xarray as xr
 
 from riftberg.config.values import nanoseconds
 from riftberg.errors import ForcingError
-from riftberg.products.cf import coordinates_of, role_of_name, standard_name, units_of
+from riftberg.products.cf import NAMED, coordinates_of, role_of_name, standard_name, units_of
 from riftberg.products.product import noted
+from riftberg.products.quantities import unit_change
 from riftberg.state import Floats
 
 EAST = {"standard_name": "longitude", "units": "degrees_east", "axis": "X"}
@@ -34,6 +35,16 @@ CLOSE = 11.0
 LOST_RADIUS = 50e3
 """A radius of the Earth that a grid mapping does not state explains no larger distance, m."""
 
+SEAM = 60.0
+"""Latitude (degrees) up to which nominal axes of tripolar grids are positions; beyond, rows bend towards poles on land."""
+
+_NOMINAL = re.compile(r"nominal|^[xy][hq](_\w+)?$|^(grid_)?[xy][tu]?_ocean")
+"""Words and names of axes that tell where rows and columns would be without that bend, such as those of MOM."""
+
+_NO_POSITIONS = f"{{}} and {{}} are nominal axes: north of {SEAM:g} N, where tripolar grids bend, they are no positions"
+
+_ROTATED = re.compile(r"rotat|^r_?l(at|on)|grid_l(at|ong)itude")
+
 STRAIGHT = 1e-5
 """Two-dimensional positions that differ by less (degrees) along a row or column make ordinary axes."""
 
@@ -45,7 +56,7 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
     projected = _projected(ds, name, field, rest, coordinates)
     if projected is not None:
         return projected
-    lat, lon = _pair(ds, coordinates, rest, name, where)
+    lat, lon, aside = _pair(ds, coordinates, rest, name, where)
     north, east = (_checked_degrees(ds[c], where) for c in (lat, lon))
     low, high = float(north.min()), float(north.max())
     if low < -90.001 or high > 90.001:
@@ -58,13 +69,14 @@ def positioned(ds: xr.Dataset, name: str, field: xr.DataArray, *, where: str) ->
         _check_axes(ds, lat, lon, north, east, where)
         # By way of names that no file has: a file may call its columns lat.
         bare = bare.rename({str(north.dims[0]): "lat_", str(east.dims[0]): "lon_"}).rename(lat_="lat", lon_="lon")
-        return bare.assign_coords(lat=("lat", north.values, NORTH), lon=("lon", east.values, EAST))
+        bare = bare.assign_coords(lat=("lat", north.values, NORTH), lon=("lon", east.values, EAST))
+        return _south_of_seam(bare, aside, where) if aside else bare
     if north.ndim == 1:
         bare = bare.rename({str(north.dims[0]): "node"})
         return bare.assign_coords(lat=("node", north.values, NORTH), lon=("node", east.values, EAST))
     north, east = _without_origin(north, east.transpose(*north.dims), lat, lon, where)
     rows, columns = (str(dim) for dim in north.dims)
-    bare = bare.rename({rows: "y", columns: "x"}) if (rows, columns) != ("y", "x") else bare
+    bare = bare.rename({rows: "y_", columns: "x_"}).rename(y_="y", x_="x").assign_attrs(placed=aside)
     lat2, lon2 = north.values, east.values
     axes = _straight(lat2, lon2)
     if axes is not None:
@@ -116,13 +128,17 @@ def _without_singles(ds: xr.Dataset, name: str, field: xr.DataArray, where: str)
 
 def _pair(
     ds: xr.Dataset, coordinates: list[tuple[str, Any, bool]], rest: list[str], name: str, where: str
-) -> tuple[str, str]:
-    """Return the names of the latitude and the longitude that belong to a field, together on all dims of place."""
+) -> tuple[str, str, str]:
+    """Return the names of the latitude and the longitude that belong to a field, together on all dims of place, and a remark.
+
+    Axes that lie aside of two-dimensional positions on the same dimensions are nominal ones: the latter are taken.
+    """
     lats = [(declared, c) for c, role, declared in coordinates if role == "lat" and ds[c].ndim in (1, 2)]
     lons = [(declared, c) for c, role, declared in coordinates if role == "lon" and ds[c].ndim in (1, 2)]
     listed = str(ds[name].encoding.get("coordinates", "")).split()
     fitting = [
-        (not (lat in listed and lon in listed), not (d1 and d2), ds[lat].ndim, lat, lon)
+        (any(NAMED not in ds[c].attrs for c in (lat, lon)), not (lat in listed and lon in listed), not (d1 and d2),
+         ds[lat].ndim, lat, lon)
         for d1, lat in lats for d2, lon in lons
         if {*map(str, ds[lat].dims), *map(str, ds[lon].dims)} == set(rest) and ds[lat].ndim == ds[lon].ndim
         and ds[lat].size > 0
@@ -130,7 +146,34 @@ def _pair(
     if fitting:
         # First pairs that the variable names itself, then those declared as coordinates, then axes before
         # two-dimensional positions.
-        return min(fitting)[3:]
+        lat, lon = min(fitting)[4:]
+        if ds[lat].ndim == 2 or ds[lat].dims == ds[lon].dims:
+            return lat, lon, ""
+        # Those that the user or the variable names are meant, unless they are called nominal, or rotated.
+        true = [pair[4:] for pair in sorted(fitting) if pair[3] == 2]
+        strange = _is_nominal(ds, lat, lon) or any(_ROTATED.search(_said(ds, c)) for c in (lat, lon))
+        if NAMED in ds[lat].attrs or (lat in listed and lon in listed and not strange):
+            return lat, lon, ""
+        for north, east in true:
+            if off := _aside(ds, (lat, lon), (north, east), where):
+                said = f"positions are those of {north} and {east}: the axes {lat} and {lon} lie up to {off:.2g} degrees aside"
+                return north, east, said
+        if true:
+            return lat, lon, ""
+    mapping = str(ds[name].attrs.get("grid_mapping", ds[name].encoding.get("grid_mapping", "")))
+    turned = mapping in ds.variables and "rotated" in str(ds[mapping].attrs.get("grid_mapping_name", ""))
+    for c in [c for c, *_ in coordinates if ds[c].dims in {(dim,) for dim in rest}]:
+        true_name = standard_name(ds[c]) in ("latitude", "longitude")
+        if NAMED not in ds[c].attrs and (
+            _ROTATED.search(_said(ds, c)) or (turned and role_of_name(c) and not true_name)
+        ):
+            raise ForcingError(
+                f"{c} is an axis of a rotated grid: its numbers are no latitudes and longitudes", where=where,
+                remedy=f"Write both for each point into the file, named in the attribute 'coordinates' of {name}, or the grid "
+                "mapping of its pole (grid_mapping)",
+            )  # fmt: skip
+    if fitting:
+        return lat, lon, _NO_POSITIONS.format(lat, lon) if _is_nominal(ds, lat, lon) else ""
     lacking = [f"{dim} ({ds[name].sizes.get(dim, 0)})" for dim in rest]
     if not rest:
         raise ForcingError(
@@ -141,6 +184,50 @@ def _pair(
         remedy="Numbers of rows are no positions: write latitude and longitude (degrees_north, degrees_east) into the "
         "file and name them in the attribute 'coordinates' of the variable",
     )  # fmt: skip
+
+
+def _said(ds: xr.Dataset, axis: str) -> str:
+    return f"{axis.lower()} {standard_name(ds[axis])} {str(ds[axis].attrs.get('long_name', '')).lower()}"
+
+
+def _is_nominal(ds: xr.Dataset, lat: str, lon: str) -> bool:
+    """Tell whether axes are nominal by their names or descriptions; what has a standard name is a position."""
+    names = [c for c in (lat, lon) if standard_name(ds[c]) not in ("latitude", "longitude")]
+    return any(
+        _NOMINAL.search(text) for c in names for text in (c.lower(), str(ds[c].attrs.get("long_name", "")).lower())
+    )
+
+
+def _south_of_seam(field: xr.DataArray, said: str, where: str) -> xr.DataArray:
+    """Return a field on nominal axes where these are positions, with a remark; refuse one that lies beyond."""
+    rows = np.flatnonzero(field["lat"].values <= SEAM)
+    remedy = "Add the latitudes and longitudes of all points from the grid file of the model (geolat, geolon)"
+    if rows.size < min(2, field.sizes["lat"]):
+        raise ForcingError(said, where=where, remedy=remedy)
+    cut = " and nothing is read" if rows.size < field.sizes["lat"] else ""
+    return field.isel(lat=rows).assign_attrs(placed=f"{said}{cut}. {remedy}")
+
+
+def nominal_axes(ds: xr.Dataset) -> str:
+    """Return the remark on nominal axes of a canonical dataset, behind a blank; empty if its positions are true."""
+    return next(
+        (f" ({said.split('. ')[0]})" for said in str(ds.attrs.get("told", "")).split("; ") if "nominal axes" in said),
+        "",
+    )
+
+
+def _aside(ds: xr.Dataset, axes: tuple[str, str], pair: tuple[str, str], where: str) -> float:
+    """Return how far (degrees) axes lie from two-dimensional positions; 0 where these agree or are none."""
+    dims = (*ds[axes[0]].dims, *ds[axes[1]].dims)
+    lat, lon = (_checked_degrees(ds[c].transpose(*dims), where).values for c in pair)
+    lat, lon = (np.where((lat == 0.0) & (lon == 0.0), np.nan, values) for values in (lat, lon))
+    north, east = (np.asarray(ds[c].values, float) for c in axes)
+    off = np.hypot(lat - north[:, None], ((lon - east + 180.0) % 360.0 - 180.0) * np.cos(np.deg2rad(lat)))
+    known = np.isfinite(lat) & np.isfinite(lon)
+    if known.sum() < 4 or (np.ptp(lat[known]) == 0.0 and np.ptp(lon[known]) == 0.0):
+        return 0.0
+    largest = float(np.nan_to_num(off[known], nan=360.0).max())
+    return largest if largest > EXACT * step_of(north) + 1e-4 else 0.0
 
 
 def _checked_degrees(variable: xr.DataArray, where: str) -> xr.DataArray:
@@ -236,20 +323,26 @@ def _projected(
     degrees = all(unit.startswith("deg") for unit in units.values())
     if crs is None:
         return None
+    both = [
+        [c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == set(rest)] for kind in ("lat", "lon")
+    ]
+    factor = {kind: metres_in(unit or "m") for kind, unit in units.items()}
+    if not degrees and not all(factor.values()) and (ready or crs.is_projected) and (ready or not all(both)):
+        wrong = next(unit for kind, unit in units.items() if not factor[kind])
+        raise ForcingError(
+            f"the axes of the map of {name} count {wrong!r}, which is no length", where=str(ds.encoding.get("source", "")),
+            remedy="Write them in m or km",
+        )  # fmt: skip
     if not ready:  # lengths on a map or degrees on a rotated pole; bare counts of rows and columns are neither
         rotated = bool(getattr(crs, "is_derived", False)) and not crs.is_projected
-        if not (rotated if degrees else crs.is_projected and all(unit and unit in METRES for unit in units.values())):
+        if not (rotated if degrees else crs.is_projected and all(map(metres_in, units.values()))):
             return None
     x_dim, y_dim = (next(dim for dim in rest if roles[dim] == kind) for kind in ("x", "y"))
-    factor = {kind: METRES.get(unit, 0.0) for kind, unit in units.items()}
     x, y = (ds[axes[dim]].values.astype(float) for dim in (x_dim, y_dim))
     bare = field.drop_vars([c for c in field.coords if c not in ("time", "depth")])
     bare = bare.rename({x_dim: "x_", y_dim: "y_"}).rename(x_="x", y_="y").transpose(..., "y", "x")
     if not degrees:
         x, y = x * factor["x"], y * factor["y"]
-    both = [
-        [c for c, role, _ in coordinates if role == kind and set(ds[c].dims) == set(rest)] for kind in ("lat", "lon")
-    ]
     pair = tuple(names[0] for names in both) if all(both) else ()
     radius = ready or mapping is None or not {*RADII, *_TEXTS}.isdisjoint(mapping.attrs)
     off = _distance(ds, crs, x, y, pair, (y_dim, x_dim)) if pair else 0.0
@@ -295,8 +388,9 @@ def _distance(ds: xr.Dataset, crs: Any, x: Floats, y: Floats, pair: tuple[str, .
 # Fields on a map projection: axes in metres, positions by pyproj.
 
 
-METRES = {"km": 1000.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "": 1.0}
-"""Metres in the units of map axes."""
+def metres_in(unit: str) -> float:
+    """Return the metres in a unit of map axes, also with a number before it (100 km); 0 for what is no length."""
+    return 0.0 if (change := unit_change(unit, "m")) is None else change[0]
 
 
 _TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4", "proj4text", "proj_params", "proj_string")

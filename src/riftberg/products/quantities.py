@@ -48,6 +48,7 @@ class Quantity:
         return max(-self.limit, self.lowest), self.limit
 
 
+_PERIOD = "sea_surface_wave_mean_period_from_variance_spectral_density"
 _CURRENTS = "ocean currents: OSCAR v2 (free Earthdata login) or GLORYS12 (free Copernicus Marine login)"
 
 QUANTITIES: Final = {quantity.name: quantity for quantity in (
@@ -118,7 +119,11 @@ QUANTITIES: Final = {quantity.name: quantity for quantity in (
         ("VHM0", "swh", "hs"), lowest=-0.01, usual_most=20.0, source="waves: ERA5 swh",
     ),
     Quantity(
-        "wave_period", "s", "sea_surface_wave_mean_period", "mean wave period", "longer", 60.0, ("VTM02", "mwp"), lowest=-0.01,
+        "wave_period", "s", "sea_surface_wave_mean_period", "mean wave period", "longer", 60.0,
+        ("VTM02", "mwp", "VTM10", "mean_wave_period", "t02", "tm02", "Tm02", "mp2", "t01", "tm01", "Tm01", "mp1", "t0m1", "tmm10",
+         "Tmm10", "VTM01", "mwsper", "mwspersfc"),
+        (f"{_PERIOD}_second_frequency_moment", f"{_PERIOD}_inverse_frequency_moment", f"{_PERIOD}_first_frequency_moment",
+         "sea_surface_wave_zero_upcrossing_period"), lowest=-0.01,
     ),
     Quantity(
         "wave_direction", "degree", "sea_surface_wave_from_direction",
@@ -171,20 +176,8 @@ _NAMED: Final[dict[str, tuple[tuple[tuple[str, ...], tuple[float, float]], ...]]
 }  # fmt: skip
 """Units that are no powers of others, or are written as none, with the factor and offset into the canonical one."""
 
-_SPELLED: Final = {
-    "n": "N", "pa": "Pa", "pascal": "Pa", "ms": "m s", "kt": "kn", "kts": "kn", "kph": "km/h",
-    "mph": "mile/h", "radian": "rad", "radians": "rad",
-    "centimeter": "cm", "centimeters": "cm", "centimetre": "cm", "centimetres": "cm",
-    "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
-}  # fmt: skip
-"""Words of files, in lower case, for units that `riftberg.config.units` knows under others."""
-
-_FOREIGN: Final = {
-    **dict.fromkeys(("ft", "foot", "feet"), (0.3048, "m")), **dict.fromkeys(("fathom", "fathoms"), (1.8288, "m")),
-    **dict.fromkeys(("mile", "miles"), (1609.344, "m")), **dict.fromkeys(("dm", "decimeter", "decimeters"), (0.1, "m")),
-    **dict.fromkeys(("dyn", "dyne"), (1e-5, "N")),
-}  # fmt: skip
-"""Units that only files have, in those of SI."""
+_SPELLED: Final = {"n": "N", "pa": "Pa", "ms": "m s"}
+"""Words of files, in lower case, for units that `riftberg.config.units` knows in capitals."""
 
 _READ_TOO: Final = {
     "m s-1": "cm/s, mm/s, knots, km/h, km/day, m/day, ft/s, mph", "m": "cm, km, mm, dm, ft, fathom",
@@ -200,19 +193,16 @@ def unit_change(units: str, wanted: str) -> tuple[float, float] | None:
     for names, way in _NAMED.get(wanted, ()):
         if key in names:
             return way
-    scale = 1.0
-
-    def word(match: re.Match[str]) -> str:
-        nonlocal scale
-        name, slash, rest = _SPELLED.get(match[0], match[0]).partition("/")
-        size, unit = _FOREIGN.get(name, (1.0, name))
-        scale *= size
-        return unit + slash + rest
-
+    number = re.match(r"(?:(\d+\.?\d*(?:e[-+]?\d+)?)|10(?:\^|\*\*)?([-+]\d+))\s*\*?\s*(?=[a-z])", key)
+    scale = 1.0 if number is None else float(number[1] or f"1e{number[2]}")  # of "100 km" and "1e-2 m/s"
+    key = key[number.end() :] if number else key
     try:
         # "m.s-1" and "meters per second" are those of "m s-1", and a full stop at the end is none of a number.
         parts = re.sub(r"(?<=[a-z])\.(?=[a-z])", " ", key.rstrip(".").replace(" per ", "/"))
-        given, ours = parse_unit(re.sub(r"[a-z]+", word, parts)), parse_unit(wanted)
+        given, ours = (
+            parse_unit(re.sub(r"[a-z]+", lambda word: _SPELLED.get(word[0], word[0]), parts)),
+            parse_unit(wanted),
+        )
     except ValueError:
         return None
     return (scale * given.factor / ours.factor, 0.0) if key and given.powers == ours.powers else None

@@ -15,6 +15,7 @@ import xarray as xr
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError, nearest
 from riftberg.products.cf import (
+    NAMED,
     above_ellipsoid,
     by_standard_name,
     coordinates_of,
@@ -34,9 +35,17 @@ from riftberg.products.place import positioned, tidy_axes
 from riftberg.products.product import Product, noted
 from riftberg.products.quantities import QUANTITIES, TO_DIRECTION, canonicalise
 from riftberg.products.records import MEAN_OF, REMARKS
-from riftberg.products.repair import REPAIRS, VALID, with_text_dates, within_valid_range, without_land
+from riftberg.products.repair import (
+    REPAIRS,
+    VALID,
+    with_scalar_mappings,
+    with_text_dates,
+    within_valid_range,
+    without_flags,
+    without_land,
+)
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
-from riftberg.system.input_files import check_file, is_address, is_folder, reading
+from riftberg.system.input_files import check_file, hidden, is_address, is_folder, reading, whole_address
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
 from riftberg.system.process import SETTINGS, own_filters
 
@@ -47,9 +56,9 @@ WHOLE: Final = 4 * 2**20
 """Bytes up to which a file is read as it is: parts of a small one take longer to keep account of than to read."""
 
 COORDINATES: Final[dict[str, dict[str, str]]] = {
-    "lon": {"standard_name": "longitude"},
-    "lat": {"standard_name": "latitude"},
-    "time": {"standard_name": "time"},
+    "lon": {"standard_name": "longitude", NAMED: "lon"},
+    "lat": {"standard_name": "latitude", NAMED: "lat"},
+    "time": {"standard_name": "time", NAMED: "time"},
     "depth": {"standard_name": "depth", "positive": "down"},
 }
 """Coordinates that a user may name beside the quantities, and what the variable then says of itself."""
@@ -130,8 +139,9 @@ def check_readable(path: str) -> None:
 
 def open_raw(path: str, *, chunked: bool = True) -> xr.Dataset:
     """Open a file or Zarr store without decoding anything, lazily; text variables are left out."""
+    path = hidden(path)
     opened = _open(path)
-    ds = with_text_dates(opened)
+    ds = with_text_dates(with_scalar_mappings(opened))
     text = [name for name, variable in ds.variables.items() if variable.dtype.kind in "OSU" and variable.ndim]
     if chunked and ds.nbytes > WHOLE and find_spec("dask") is not None:
         import dask
@@ -169,7 +179,7 @@ def _open(path: str, **options: Any) -> xr.Dataset:
     else:
         check_readable(path)
     with reading(path, "cannot be opened", remedy, ForcingError):
-        return open_lazily(path, decode_cf=False, **options)
+        return open_lazily(whole_address(path), decode_cf=False, **options)
 
 
 def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
@@ -184,7 +194,7 @@ def _open_store(path: str, options: dict[str, Any]) -> xr.Dataset:
         warnings.filterwarnings("ignore", message="Failed to open Zarr store with consolidated metadata")
         # Listing a store of the second format, zarr-python stumbles over that format's own marks.
         warnings.filterwarnings("ignore", message=r"Object at \.z\w+ is not recognized")
-        place: Any = path
+        place: Any = whole_address(path)
         if not is_address(path) and Path(path).is_file():
             from zarr.storage import ZipStore
 
@@ -261,16 +271,19 @@ def _decoded(raw: xr.Dataset) -> xr.Dataset:
         except (ValueError, OverflowError):
             # Dates that cannot be decoded are reported where they matter; the rest of the file is read, other dates too.
             counting = {n: v for n, v in raw.variables.items() if " since " in str(v.attrs.get("units", ""))}
-            kept = {n: v.attrs for n, v in counting.items() if not _decodes(n, v)}
+            kept = {n: v.attrs for n, v in counting.items() if not _decodes(raw, n)}
             bare = {n: {key: value for key, value in attrs.items() if key != "units"} for n, attrs in kept.items()}
+            for name, bounds in [(n, v.attrs.get("bounds")) for n, v in counting.items() if n not in kept]:
+                if bounds in raw.variables and not _decodes(raw, name, bounds):  # no dates, and none that are needed
+                    bare[name] = {key: value for key, value in raw.variables[name].attrs.items() if key != "bounds"}
             decoded = xr.decode_cf(_with_attributes(raw, bare), decode_timedelta=False)
         decoded.encoding.update(raw.encoding)
         return _with_attributes(decoded, kept) if kept else decoded
 
 
-def _decodes(name: Hashable, variable: xr.Variable) -> bool:
+def _decodes(raw: xr.Dataset, *names: Hashable) -> bool:
     try:
-        xr.decode_cf(xr.Dataset({name: variable}), decode_timedelta=False)
+        xr.decode_cf(xr.Dataset({name: raw.variables[name] for name in names}), decode_timedelta=False)
     except (ValueError, OverflowError):
         return False
     return True
@@ -402,7 +415,8 @@ def _canonical(
         )  # fmt: skip
     attributes = dict(ds[name].attrs)
     # In this order: the dimensions that dates, members and levels leave over are those of the place.
-    field = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    field, when = dated(ds, name, where=where, moves=quantity != "depth_below_surface")
+    field = without_flags(ds[name], field)
     field = field if quantity in _NOT_OF_THE_SEA else without_land(ds, field)
     means = {MEAN_OF: field.coords[MEAN_OF].variable} if MEAN_OF in field.coords else {}
     one = _one_member(ds, name, field, where)
@@ -410,7 +424,7 @@ def _canonical(
     field = positioned(ds, name, field, where=where)
 
     def place(other: str) -> xr.DataArray:
-        return positioned(ds, other, dated(ds, other, where=where, moves=False), where=where)
+        return positioned(ds, other, dated(ds, other, where=where, moves=False)[0], where=where)
 
     wkt, placed = field.attrs.get("crs_wkt", ""), str(field.attrs.pop("placed", ""))
     field = field.assign_attrs({**attributes, **({"crs_wkt": wkt} if wkt else {})})
@@ -446,7 +460,7 @@ def _canonical(
     field.attrs |= {key: value for key, value in noted.items() if value or key == "original_units"}
     if not units_of(ds[name]) and units and QUANTITIES[quantity].units not in ("1", "1e-3"):
         remarks = [*remarks, f"{name} has no units in the file: {units} is taken, as {product.name} writes it"]
-    return field, [*one, *remarks, *([placed] if placed else [])]
+    return field, [*one, *remarks, *filter(None, [when, placed])]
 
 
 def members_in(ds: xr.Dataset) -> dict[str, int]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from riftberg.products.quantities import QUANTITIES
 from riftberg.products.reading import COORDINATES, NAMING, canonical_parts, is_zarr, open_raw, read
 from riftberg.products.records import MEAN_OF, PLACE, minute, own_interval
 from riftberg.products.vectors import paired_vectors
-from riftberg.system.input_files import is_address
+from riftberg.system.input_files import at_home, files_matching, hidden, is_address
 from riftberg.system.netcdf_lock import closing_files, open_netcdf
 
 STAGES = ("nrt", "interim", "final")
@@ -146,12 +145,11 @@ def expand(paths: Paths) -> list[str]:
     """Return the files that ``paths`` names: patterns are expanded, addresses and Zarr stores kept."""
     patterns: Iterable[str | Path] = [paths] if isinstance(paths, str | Path) else paths
     files: list[str] = []
-    for path in map(str, patterns):
-        pattern = any(sign in path for sign in "*?[") and not is_address(path)
-        matches = sorted(glob(path)) if pattern else [path]
-        if not matches:
+    for path in map(hidden, map(str, patterns)):
+        matches = files_matching(path)
+        if not matches and any(sign in path for sign in "*?["):
             raise ForcingError("no file matches", where=path, remedy="Check the folder and the pattern")
-        files.extend(matches)
+        files.extend(matches or [at_home(path)])
     if not files:
         raise ForcingError("no files were given", where="forcing", remedy="Give at least one file")
     return files

@@ -23,6 +23,10 @@ _WATER = ("water", "sea", "ocean")
 """Words by which masks themselves say that a value stands for the sea."""
 
 
+_OPEN = re.compile(r"^(open_?|ice_?free_?)?(water|sea|ocean)$|^(ice_?free|no_ice|open)", re.I)
+"""Meanings of flags that are values all the same: no ice."""
+
+
 def with_plain_packing(raw: xr.Dataset, where: str) -> xr.Dataset:
     """Return an undecoded dataset whose scale factors and offsets are numbers, also where the file writes them as text."""
     for name, variable in raw.variables.items():
@@ -85,6 +89,23 @@ def within_valid_range(ds: xr.Dataset) -> xr.Dataset:
             masked[name].encoding = ds[name].encoding
             masked[name].attrs = {**ds[name].attrs, VALID: f"{low:.3g} to {high:.3g}"}
     return ds.assign(masked) if masked else ds
+
+
+def without_flags(original: xr.DataArray, field: xr.DataArray) -> xr.DataArray:
+    """Return a field without the values that its original calls flags, of land or no data; open water is a value."""
+    flags, words = original.attrs.get("flag_values", ()), str(original.attrs.get("flag_meanings", "")).split()
+    flags = re.findall(r"-?\d+(?:\.\d+)?", flags) if isinstance(flags, str) else np.ravel(flags)
+    if original.dtype.kind not in "iuf" or np.asarray(flags).dtype.kind not in "iufU":
+        return field
+    numbers = np.asarray(flags, float)
+    if str(original.encoding.get("_Unsigned", "")).lower() == "true":
+        numbers = np.where(numbers < 0.0, numbers + 256.0 ** np.dtype(original.encoding["dtype"]).itemsize, numbers)
+    scale, offset = (float(original.encoding.get(key, usual)) for key, usual in zip(_PACKING, (1.0, 0.0), strict=True))
+    for number, meaning in zip(numbers * scale + offset, [*words, *[""] * numbers.size], strict=False):
+        # Packed values lie a step apart, others are flags to the last digit of single precision.
+        near = 0.1 * abs(scale) if scale != 1.0 else 1e-6 * abs(number) + 1e-9
+        field = field if _OPEN.search(meaning) else field.where(abs(field - number) > near)
+    return field
 
 
 def _limits(field: xr.DataArray) -> tuple[float, float] | None:
@@ -234,6 +255,64 @@ def with_plain_time_units(ds: xr.Dataset, where: str) -> xr.Dataset:
     return ds
 
 
+def without_unwritten_dates(ds: xr.Dataset, where: str) -> xr.Dataset:
+    """Make those dates and bounds of dates missing that were never written, whether the file says so or not.
+
+    Files announce records and leave the fill value of the library in their dates; others write -9999.
+    """
+    counted = [n for n, v in ds.variables.items() if " since " in str(v.attrs.get("units", "")) and v.ndim <= 1]
+    bounds = [ds.variables[n].attrs.get("bounds", "") for n in counted]
+    for name in [n for n in (*counted, *bounds) if n in ds.variables]:
+        variable = ds.variables[name]
+        if variable.dtype.kind not in "iuf" or not 0 < variable.size <= _MOST or "scale_factor" in variable.attrs:
+            continue
+        values = np.asarray(variable.values)
+        lost = _unwritten(values)
+        if lost.any():
+            attributes = {key: value for key, value in variable.attrs.items() if key not in _FILLS}
+            declared = [np.ravel(variable.attrs[key])[0] for key in _FILLS if key in variable.attrs]
+            dates = np.where(lost | np.isin(values, declared), np.nan, values.astype(float))
+            ds = ds.assign({name: (variable.dims, dates, attributes)})
+    return ds
+
+
+_FILLS = ("_FillValue", "missing_value")
+
+
+def _unwritten(values: Any) -> Any:
+    """Tell which numbers are fill values of libraries, or rows of nines out of the order of the others."""
+    if values.dtype.kind == "f":
+        lost = np.abs(values) > 1e19  # nanoseconds of our age are 1e18
+    else:
+        limits = np.iinfo(values.dtype)
+        fills = [limits.min + k if limits.min else limits.max - k for k in range(3)]
+        lost = np.isin(values, fills) & (values.dtype.itemsize >= 4)
+    if values.ndim == 1:
+        nines = np.isin(np.abs(values), [10**digits - 1 for digits in range(3, 16)])
+        steps, sound = np.diff(values[~lost]), np.diff(values[~(lost | nines)])
+        if nines.any() and sound.size and (sound > 0).all() and not (steps > 0).all():
+            lost |= nines
+    return lost
+
+
+def with_scalar_mappings(ds: xr.Dataset, where: str = "") -> xr.Dataset:
+    """Return a dataset whose grid mappings are scalars: what they hold says nothing, and some programs write text there."""
+    listed = " ".join(
+        str(v.attrs.get("grid_mapping", v.encoding.get("grid_mapping", ""))) for v in ds.variables.values()
+    )
+    mappings = [
+        name for name, v in ds.variables.items()
+        if v.ndim and name not in ds.dims and "grid_mapping" not in v.attrs
+        and (str(name) in re.split(r"[\s:]+", listed) or ("grid_mapping_name" in v.attrs and v.dtype.kind in "SUO"))
+    ]  # fmt: skip
+    if not mappings:
+        return ds
+    encoding = {**ds.encoding, "written": [*ds.encoding.get("written", ()), *mappings]}
+    ds = ds.drop_vars(mappings).assign({name: ((), 0, ds.variables[name].attrs) for name in mappings})
+    ds.encoding = encoding
+    return ds
+
+
 def without_false_fill(raw: xr.Dataset, where: str) -> xr.Dataset:
     """Drop a NaN fill value from integer variables: it can never occur in them and stops the decoding."""
     for variable in raw.variables.values():
@@ -244,5 +323,8 @@ def without_false_fill(raw: xr.Dataset, where: str) -> xr.Dataset:
 
 
 # Texts become numbers with units of time before these units are put in order.
-REPAIRS = (with_plain_packing, with_text_dates, with_plain_time_units, without_false_fill)
+REPAIRS = (
+    with_plain_packing, with_scalar_mappings, with_text_dates, with_plain_time_units, without_false_fill,
+    without_unwritten_dates,
+)  # fmt: skip
 """What is repaired in an undecoded file before xarray decodes it; each takes the dataset and its place in messages."""

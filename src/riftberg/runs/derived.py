@@ -154,8 +154,7 @@ IN_BONDS: Final = Derived((
 
 IN_THE_BED: Final = Derived((
     Variable("bed_friction_energy", "J", "work of friction on a bed of sediment since the start"),
-    Variable("gouge_energy", "J", "work that made gouges in a bed of sediment since the start"),
-), _motion(lambda b: (b.rubbed, b.gouged)), "total")  # fmt: skip
+), _motion(lambda b: (b.rubbed,)), "total")  # fmt: skip
 """What it has besides on a bed of sediment."""
 
 ICE: Final = (
@@ -263,10 +262,12 @@ def define_ledgers(file: netCDF4.Dataset, model: BareModel) -> None:
                 names[:] = texts(labels)
                 names.long_name = meaning
         for v in entry.variables:
-            variable = file.createVariable(v.name, "f8", (entry.over, "time"), fill_value=False)
+            variable = file.createVariable(v.name, "f8", (entry.over, "time"), fill_value=False, fletcher32=True)
             variable.setncatts({"units": v.units, "long_name": v.long_name})
     if model.life is not None:
-        by_fragment = file.createVariable(FRAGMENT_MELT, "f8", ("fragment", "process"), fill_value=np.nan)
+        by_fragment = file.createVariable(
+            FRAGMENT_MELT, "f8", ("fragment", "process"), fill_value=np.nan, fletcher32=True
+        )
         by_fragment.setncatts(
             {"units": "kg", "long_name": "melt water of elements while they belonged to the fragment, by process"}
         )

@@ -45,7 +45,7 @@ def define_texts(file: netCDF4.Dataset, name: str, dimension: str) -> netCDF4.Va
     """Create a variable of texts along a dimension; xarray and netCDF4 read it as texts."""
     if "text" not in file.dimensions:
         file.createDimension("text", LENGTH)
-    variable = file.createVariable(name, "S1", (dimension, "text"))
+    variable = file.createVariable(name, "S1", (dimension, "text"), fletcher32=True)
     variable._Encoding = "utf-8"
     return variable
 

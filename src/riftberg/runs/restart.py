@@ -10,8 +10,8 @@ import json
 import logging
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import netCDF4
 import numpy as np
+from numpy.typing import NDArray
 
 from riftberg.errors import InputError
 from riftberg.life.process import PROCESSES, SOURCES
@@ -31,8 +32,7 @@ from riftberg.stepping.fragments.contact_log import ContactEvent, ContactLog
 from riftberg.stepping.fragments.tree import Fragment
 from riftberg.system.atomic_files import replacing
 from riftberg.system.input_files import MOST_SUBSTEPS, MOST_VALUES, check_file, reading, shown, value_shown
-from riftberg.system.netcdf_lock import NETCDF, open_netcdf
-from riftberg.system.process import opening
+from riftberg.system.netcdf_lock import open_netcdf
 from riftberg.version import __version__
 
 if TYPE_CHECKING:
@@ -40,12 +40,15 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-FORMAT = 6
+FORMAT = 7
 """Number of the layout, the oldest and newest that is read; what is added later takes its default in files without it."""
 
 _Table = TypeVar("_Table", Elements, Bonds)
 DAMAGED: Final = "The file is damaged: resume from another restart"
 """What helps where a restart file cannot be gone on from."""
+
+DIGEST: Final = "digest"
+"""Attribute with the checksum over all else in the file."""
 
 _REMEDY = "Name a restart file that Riftberg wrote (*.restart.nc)"
 
@@ -101,14 +104,22 @@ def save(model: BareModel, path: str | Path, *, extra: Mapping[str, Any] | None 
         collisions = {"rows": [vars(row) for row in model.contacts.rows], "quiet": quiet}
         file.setncattr("contacts_json", json.dumps(collisions, default=_plain))
         _write_extra(file, extra or {})
+        seal(file)
     _LOG.info("state of %s saved in %s", f"{model.date:%Y-%m-%d %H:%M}", path)
     return path
+
+
+def seal(file: netCDF4.Dataset) -> None:
+    """Store the checksum over all that a restart file holds, which is open."""
+    file.set_auto_mask(False)
+    file.setncattr(DIGEST, np.uint32(_digest(_content(file))))
 
 
 def load_state(path: str | Path, *, check: bool = True) -> RestartState:
     """Read a file written by `save`."""
     path = Path(path)
-    with _open_restart(path) as file, reading(path, "a damaged restart file", _REMEDY):
+    check_file(path, remedy=_REMEDY)
+    with reading(path, "not readable as NetCDF-4, or a damaged restart file", _REMEDY), open_netcdf(path) as file:
         file.set_auto_mask(False)
         layout = getattr(file, "riftberg_restart_format", None)
         if layout is None:
@@ -128,17 +139,25 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             )
         # Only the number of bonds counts here: their ends are read with the rest of the table.
         ends = np.zeros(file.dimensions["bond"].size, np.int64)
+        elements, bonds = new_elements(file.dimensions["element"].size), new_bonds(ends, ends)
+        content = _content(
+            file,
+            {f"element_{name}": array for name, array in elements.arrays().items()}
+            | {f"bond_{name}": array for name, array in bonds.arrays().items()},
+        )
+        if content.get(f":{DIGEST}") != _digest(content):
+            raise InputError("its values are not those that were written", where=str(path), remedy=DAMAGED)
         collisions = dict(json.loads(file.contacts_json))
         suppressed = {(int(a), int(b)): float(time) for a, b, time in collisions.get("quiet", [])}
         state = RestartState(
-            elements=_filled(file, "element", ELEMENT_VARIABLES, new_elements(file.dimensions["element"].size), path),
-            bonds=_filled(file, "bond", BOND_VARIABLES, new_bonds(ends, ends), path),
+            elements=_filled(content, "element", ELEMENT_VARIABLES, elements, path),
+            bonds=_filled(content, "bond", BOND_VARIABLES, bonds, path),
             parameters=read_parameters(getattr(file, "parameters_json", None), path),
             start=read_start(getattr(file, "start", None), path),
-            time=float(file["time"][...]),
-            step_number=int(file["step_number"][...]),
+            time=float(content["time"]),
+            step_number=int(content["step_number"]),
             fragments=[Fragment(**row) for row in json.loads(file.fragments_json)],
-            extra={name: variable[...] for name, variable in file["extra"].variables.items()},
+            extra={name: content[f"extra/{name}"] for name in file["extra"].variables},
             forcing=str(file.getncattr("forcing")),
             bergs=[(str(name), int(count)) for name, count in json.loads(file.bergs_json)],
             contacts=ContactLog([ContactEvent(**row) for row in collisions.get("rows", [])], suppressed),
@@ -181,32 +200,51 @@ def _write_extra(file: netCDF4.Dataset, extra: Mapping[str, Any]) -> None:
         group.createVariable(name, array.dtype, dims, fill_value=False)[...] = array
 
 
-@contextmanager
-def _open_restart(path: Path) -> Iterator[netCDF4.Dataset]:
-    check_file(path, remedy=_REMEDY)
-    with NETCDF:
-        with reading(path, "not readable as NetCDF-4", _REMEDY), opening(path):
-            file = netCDF4.Dataset(path)
-        with file:
-            yield file
+def _content(
+    group: netCDF4.Dataset, tables: Mapping[str, NDArray[Any]] | None = None, place: str = ""
+) -> dict[str, Any]:
+    """Return the arrays of a file by their names, and its attributes by ``variable:attribute``; fill the arrays of tables."""
+    content = {f"{place}:{name}": group.getncattr(name) for name in group.ncattrs()}
+    for name, variable in group.variables.items():
+        values, table = variable[...], (tables or {}).get(f"{place}{name}")
+        if table is not None and (table.dtype, table.shape) == (values.dtype, values.shape):
+            table[...] = values  # and the copy goes: large new arrays cost more than what is read into them
+            values = table
+        content[f"{place}{name}"] = values
+        content |= {f"{place}{name}:{key}": variable.getncattr(key) for key in variable.ncattrs()}
+    for name, inner in group.groups.items():
+        content |= _content(inner, place=f"{place}{name}/")
+    return content
 
 
-def _filled(file: netCDF4.Dataset, table: str, variables: Iterable[Variable], arrays: _Table, path: Path) -> _Table:
-    """Fill the arrays of a table; what was added to the registry since the file was written keeps its default."""
-    written = str(getattr(file, f"{table}_variables", "")).split()
+def _digest(content: Mapping[str, Any]) -> int:
+    """Return a checksum over all that a file holds, by which a bit that has flipped is noticed."""
+    total = 0
+    for name in sorted(content):
+        if name != f":{DIGEST}":
+            value = content[name]
+            data: Any = value.encode() if isinstance(value, str) else np.ascontiguousarray(value)
+            total = zlib.crc32(data, zlib.crc32(name.encode(), total))
+    return total
+
+
+def _filled(
+    content: Mapping[str, Any], table: str, variables: Iterable[Variable], arrays: _Table, path: Path
+) -> _Table:
+    """Return a filled table, unless something is missing; what was added to the registry since keeps its default."""
+    written = str(content.get(f":{table}_variables", "")).split()
     for v in variables:
         if not v.restart or v.name not in written:
             continue
         name = f"{table}_{v.name}"
-        if name not in file.variables:
+        if name not in content:
             raise InputError(f"variable {name} ({v.long_name}) is missing", where=str(path), remedy=DAMAGED)
-        target, stored = getattr(arrays, v.name), file[name]
+        target, stored = getattr(arrays, v.name), content[name]
         if stored.dtype != target.dtype or stored.shape != target.shape:
             raise InputError(
                 f"type {stored.dtype} and shape {stored.shape}, not {target.dtype} and {target.shape}",
                 where=f"{path}, variable {name}", remedy=DAMAGED,
             )  # fmt: skip
-        target[:] = stored[:]
     if not written:
         raise InputError(f"attribute {table}_variables is missing", where=str(path), remedy=DAMAGED)
     return arrays
@@ -277,7 +315,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "rigid_left_.+": Bound(("left",)),
     "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
     "motion_ledger": Bound((None, 3)),  # the ledger itself knows how many rows it has
-    "motion_on_bed": Bound((2,)),
+    "motion_on_bed": Bound((None,)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
     "front_shapes": Bound((None,), 0, 255),
     "front_bergs": Bound(("outlines",), 0, "fragments"),
@@ -310,7 +348,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
     "meeting_state": Bound(("face pairs", 15)),
     "meeting_dissipated": Bound((1,)),
-    "bed_plastic": Bound((2,)),
+    "bed_(plastic|clearance)": Bound((None,)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
     "record_seconds_.+": Bound(()),

@@ -73,8 +73,8 @@ from riftberg.runs.layout import (
 from riftberg.runs.scene import add_background
 from riftberg.runs.tracks import (
     ELEMENT_COLUMNS,
-    FLOOR_LOAD,
     GOES_ON,
+    ON_BED,
     berg_rows,
     blocks_of,
     is_channel,
@@ -84,7 +84,7 @@ from riftberg.runs.tracks import (
 )
 from riftberg.state import BOND_VARIABLES, ELEMENT_VARIABLES, Floats, Ints, Variable
 from riftberg.system.atomic_files import OneWriter, refusal, replacing
-from riftberg.system.input_files import is_folder
+from riftberg.system.input_files import is_folder, reading
 from riftberg.system.netcdf_lock import open_netcdf
 
 if TYPE_CHECKING:
@@ -293,16 +293,16 @@ class RunWriter:
         """Lay the file out as it was when the state of the model was saved, with the records from before."""
         kept: dict[str, Any] = model.remembered
         layout, place = self._layout, f"{self.path}, going on with it"
-        with open_netcdf(self.path) as old:
+        with reading(place, "a damaged run file", _ANEW), open_netcdf(self.path) as old:
             old.set_auto_mask(False)
             gap = missing_records(old["time"][:], kept, self.interval)
             if gap:
                 raise InputError(gap, where=place, remedy=_ANEW)
             if "u" not in old.variables:
                 raise InputError("a run file of a version before 0.2.0", where=place, remedy=_ANEW)
-            on_bed = [FLOOR_LOAD] if model.parameters.grounding.law == "seabed" else []
-            if on_bed and FLOOR_LOAD not in old.variables:
-                raise InputError("a run file of an earlier version, without floor_load", where=place, remedy=_ANEW)
+            on_bed = ON_BED if model.parameters.grounding.law == "seabed" else ()
+            if lost := [name for name in on_bed if name not in old.variables]:
+                raise InputError(f"a run file of an earlier version, without {lost[0]}", where=place, remedy=_ANEW)
             if self.forces != (APPLIED.variables[0].name in old.variables):
                 raise InputError(
                     f"its records have {'no ' if self.forces else ''}forces", where=place,
@@ -466,7 +466,7 @@ class _Record:
 
 def histories(model: BareModel) -> list[Variable]:
     """Return the variables of the elements that every record of this run holds."""
-    return [v for v in element_history() if v.name != FLOOR_LOAD or model.parameters.grounding.law == "seabed"]
+    return [v for v in element_history() if v.name not in ON_BED or model.parameters.grounding.law == "seabed"]
 
 
 def bond_history(model: BareModel) -> tuple[str, ...]:
@@ -610,7 +610,7 @@ def _create(
     light = {"compression": "zlib", "complevel": 1, "shuffle": True}
     options: dict[str, Any] = light if packed and dims[0] != "bond" else {}
     missing = (MISSING if kind == "i4" else np.nan) if gaps and packed else False
-    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=missing, **options)
+    variable = file.createVariable(name, kind, dims, chunksizes=chunks, fill_value=missing, fletcher32=True, **options)
     variable.setncatts({key: value for key, value in attributes.items() if value != ""})
     return variable
 

@@ -553,10 +553,11 @@ def _write_background(
     sizes = {"time": times, "y": axes[1], "x": axes[0], "floor_y": fine[1], "floor_x": fine[0]}
     for name, values in sizes.items():
         group.createDimension(name, len(values))
-        variable = group.createVariable(name, "f8", (name,))
+        variable = group.createVariable(name, "f8", (name,), fletcher32=True)
         variable.units = units[name.removeprefix("floor_")]
         variable[:] = values
     options = {"compression": "zlib", "complevel": 4, "shuffle": True, "fill_value": np.float32(np.nan)}
+    options["fletcher32"] = True
     for k, (name, standard) in enumerate(
         (("uo", "eastward_sea_water_velocity"), ("vo", "northward_sea_water_velocity"))
     ):

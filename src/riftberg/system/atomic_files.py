@@ -33,6 +33,8 @@ FULL: Final = {
     errno.EFBIG: "the file would become larger than it may (ulimit -f)",
     errno.EROFS: "the place is read-only",
     errno.EMFILE: "too many files are open (ulimit -n)",
+    errno.ENOLCK: "its file system keeps no locks, which HDF5 asks for. Set the environment variable "
+    "HDF5_USE_FILE_LOCKING=FALSE, or use another disk",
 }
 
 
@@ -56,6 +58,20 @@ def refused(path: str | Path) -> OSError | None:
     except OSError as error:
         return OSError(error.errno, refusal(error), str(path))
     return None
+
+
+def keeps_no_locks(path: str | Path) -> bool:
+    """Whether a file lies where no file can be locked, which HDF5 calls a permission that is denied."""
+    if fcntl is None:
+        return False
+    try:
+        with open(path, "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError as error:
+        return error.errno not in (errno.EACCES, errno.EPERM, errno.ENOENT)
+    return False
 
 
 @contextmanager
@@ -159,6 +175,7 @@ class OneWriter:
                     remedy="Wait for its end or stop it, or give this run another place",
                 ) from None
             except OSError:  # a file system without locks
+                self.mark.unlink(missing_ok=True)
                 os.close(handle)
                 return
             if self._is_mark(handle):

@@ -17,16 +17,20 @@ from __future__ import annotations
 import codecs
 import csv
 import importlib
+import os
 import re
 import stat
+import traceback
 import zipfile
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
+from glob import glob
 from pathlib import Path
 from typing import Any, Final
 
-from riftberg.errors import InputError, RiftbergError
+from riftberg.errors import CUT, InputError, RiftbergError, without_secrets
+from riftberg.system.atomic_files import refusal
 
 MOST_ELEMENTS: Final = 1_000_000
 """Elements of a berg."""
@@ -157,6 +161,8 @@ _KINDS: Final = (
     (stat.S_ISSOCK, "a socket, not a file"),
 )
 
+_HERE: Final = Path()
+
 _MOST_MEMBERS: Final = 1000
 """Files in an archive."""
 
@@ -175,9 +181,10 @@ def check_file(
     try:
         status = path.stat()
     except FileNotFoundError as error:
+        remedy = "Write the home folder out: ~ is one only in a shell" if where.startswith("~") else remedy
         raise kind(missing, where=where, remedy=remedy) from error
     except (OSError, ValueError) as error:  # a part of it is a file, a name too long, a zero byte, a circle of links
-        raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
+        raise kind(f"cannot be opened{because(error)}", where=where, remedy=remedy) from error
     if what := _odd_kind(status.st_mode):
         raise kind(what, where=where, remedy=remedy)
     if status.st_size == 0:
@@ -190,7 +197,7 @@ def check_file(
         with path.open("rb") as file:
             file.read(1)
     except OSError as error:
-        raise kind(f"cannot be opened ({_reason(error)})", where=where, remedy=remedy) from error
+        raise kind(f"cannot be opened{because(error)}", where=where, remedy=remedy) from error
     return path
 
 
@@ -211,9 +218,57 @@ def is_address(path: object) -> bool:
     return "://" in str(path)
 
 
+ADDRESSES: Final = "RIFTBERG_ADDRESSES"
+"""Environment variable with whole addresses, separated by blanks, of which files and messages have but a part."""
+
+_WHOLE: Final[dict[str, str]] = {}
+
+
+def hidden(path: str) -> str:
+    """Return an address without what nobody else is to know, which `whole_address` gives back in this process."""
+    if not is_address(path) or (cut := without_secrets(path)) == path:
+        return path
+    _WHOLE[cut] = path
+    return cut
+
+
+def whole_address(path: str) -> str:
+    """Return an address with what was cut from it: as it was given in this process, or as it stands in the environment."""
+    if not is_address(path) or CUT not in path:
+        return path
+    told = {without_secrets(whole): whole for whole in os.environ.get(ADDRESSES, "").split()}
+    if (found := _WHOLE.get(path) or told.get(path)) is None:
+        raise InputError(
+            f"user name, password, query or fragment ({CUT}) were cut from this address when it was stored", where=path,
+            remedy=f"Put the whole address into the environment variable {ADDRESSES}",
+        )  # fmt: skip
+    return found
+
+
+def at_home(name: str) -> str:
+    """Return a name with ``~`` written out, as a shell does; one that is called so stays."""
+    return os.path.expanduser(name) if name.startswith("~") and not os.path.lexists(name) else name
+
+
 def in_folder(folder: Path, name: str) -> str:
-    """Return a file that is named from a folder; an address stays as it is."""
-    return name if is_address(name) else str(folder / name)
+    """Return a file that is named from a folder; an address stays as it is, and ``~`` is written out."""
+    if is_address(name):
+        return name
+    return str(folder / name if os.path.lexists(folder / name) else folder / at_home(name))
+
+
+def files_matching(name: str, folder: Path = _HERE) -> list[str]:
+    """Return the file of that name, or else those that the pattern matches from the folder; an address stays as it is.
+
+    What is there is never a pattern, neither the file nor a folder on the way to it; brackets that match nothing are letters.
+    """
+    path = in_folder(folder, name)
+    if is_address(name) or os.path.lexists(path):
+        return [path]
+    root = next((parent for parent in Path(path).parents if is_folder(parent)), _HERE)
+    pattern = os.path.relpath(path, root)
+    matches = glob(pattern, root_dir=root) or glob(pattern.replace("[", "[[]"), root_dir=root)
+    return sorted(str(root / match) for match in matches)
 
 
 def is_folder(path: Path) -> bool:
@@ -236,9 +291,9 @@ def reading(where: object, what: str, remedy: str, kind: type[InputError] = Inpu
     except (TypeError, AttributeError, IndexError) as error:  # their texts speak of Python
         raise kind(what, where=shown(where), remedy=remedy) from error
     except Exception as error:  # libraries raise what they like: struct.error, KeyError, zlib.error, UnicodeError ...
-        reason = _reason(error)
-        # What xarray says where no reader knows a file is a list of its own parts.
-        raise kind(what if "xarray's" in reason else f"{what} ({reason})", where=shown(where), remedy=remedy) from error
+        told = kind(f"{what}{because(error)}", where=shown(where), remedy=remedy)
+        # A traceback would show what the library said of an address, password and all.
+        raise told from (error if without_secrets(str(error)) == str(error) else None)
 
 
 def check_archive(path: Path, most: float, *, remedy: str, kind: type[InputError] = InputError) -> list[str]:
@@ -284,14 +339,16 @@ def value_shown(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:60]} ... {text[-15:]}"
 
 
-def _reason(error: BaseException) -> str:
-    """Return the reason of an error in one short line."""
-    if isinstance(error, OSError) and error.strerror and not (error.errno or 0) < 0:
-        return shown(error.strerror.lower())
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    text = shown(lines[0] if lines else type(error).__name__)
-    text = text if len(text) <= 160 else f"{text[:157]}..."
-    return text.rstrip(".")
+def because(error: BaseException) -> str:
+    """Return in brackets why the machine or our own code refused something, and in which line; nothing of a library's text."""
+    if isinstance(error, OSError) and error.strerror and (error.errno or 0) > 0:
+        return f" ({shown(refusal(error))})"
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = not frames or ("riftberg" in Path(frames[-1].filename).parts and str(frames[-1].line).startswith("raise"))
+    if ours and (lines := [line.strip() for line in str(error).splitlines() if line.strip()]):
+        return f" ({shortened(shown(lines[0]), 160).rstrip('.')})"
+    line = getattr(error, "lineno", None)
+    return f" (line {line})" if isinstance(line, int) else ""
 
 
 def needed(module: str, why: str = "outlines need it", extra: str = "outline") -> Any:

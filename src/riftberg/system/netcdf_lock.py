@@ -23,15 +23,17 @@ import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import netCDF4
+import numpy as np
 
-from riftberg.errors import RiftbergError
-from riftberg.system.atomic_files import FULL, refused, replacing
+from riftberg.errors import RiftbergError, without_secrets
+from riftberg.system.atomic_files import FULL, keeps_no_locks, refused, replacing
 from riftberg.system.input_files import no_plain_file
-from riftberg.system.process import opening
+from riftberg.system.process import interruptible
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -122,7 +124,7 @@ def _told_truly(path: str | Path) -> Iterator[None]:
     except (RuntimeError, OSError) as error:
         if isinstance(error, RiftbergError) or getattr(error, "errno", None) in FULL:
             raise
-        told = refused(path)
+        told = _without_locks(error, path) or refused(path)
         if told is not None:
             raise told from error
         if not str(error).startswith("NetCDF") and "[Errno -" not in str(error):
@@ -130,18 +132,56 @@ def _told_truly(path: str | Path) -> Iterator[None]:
         raise OSError(errno.EIO, f"cannot be written ({error})", str(path)) from error
 
 
+def _without_locks(error: Exception, path: str | Path) -> OSError | None:
+    """Return what is wrong where a file could not be locked."""
+    if isinstance(error, OSError) and keeps_no_locks(path):
+        return OSError(errno.ENOLCK, FULL[errno.ENOLCK], str(path))
+    return None
+
+
 @contextmanager
 def _written(path: str | Path, mode: str, **options: Any) -> Iterator[netCDF4.Dataset]:
     _close_texts()
-    file = netCDF4.Dataset(str(path), mode, **options)  # type: ignore[arg-type]
+    file = interruptible(path, partial(netCDF4.Dataset, str(path), mode, **options))  # type: ignore[arg-type]
     try:
         yield file
+        _fix_attributes(file)
     except BaseException:
         with suppress(RuntimeError, OSError):  # what failed first is what is reported
             # A classic file that could not be written is not closed: that frees its memory twice and ends the process.
             _close(file, file.close if file.data_model.startswith("NETCDF4") else file.isopen)
         raise
     _close(file, file.close)
+
+
+def _fix_attributes(group: netCDF4.Dataset) -> None:
+    """Store all texts as characters: of texts of any length (NC_STRING) other programs die, see `_WITH_TEXTS`.
+
+    netCDF4 makes such of lists, and of what is not ASCII.
+    """
+    holders: list[Any] = [group, *group.variables.values()] if group.data_model == "NETCDF4" else []
+    for holder in holders:
+        for name in holder.ncattrs():
+            value = holder.getncattr(name)
+            if isinstance(value, list):
+                value = ("; " if any(" " in text for text in value) else " ").join(value)
+                holder.setncattr(name, value.encode())
+            elif isinstance(value, str) and not value.isascii():
+                holder.setncattr(name, value.encode())
+    for inner in group.groups.values():
+        _fix_attributes(inner)
+
+
+def fixed_texts(dataset: xr.Dataset, width: int = 1) -> xr.Dataset:
+    """Return a dataset whose texts are characters, as many as the longest one of each has, or more (``width``, bytes)."""
+    fixed = {}
+    for name, variable in dataset.variables.items():
+        values = variable.values if variable.dtype.kind in "OTU" else np.zeros(0)
+        if values.size and all(isinstance(text, str) for text in values.flat):
+            coded = np.char.encode(values.astype(str), "utf-8")
+            coded = coded.astype(f"S{max(width, coded.dtype.itemsize)}")
+            fixed[name] = (variable.dims, coded, {**variable.attrs, "_Encoding": "utf-8"})
+    return dataset.assign(fixed)
 
 
 def _close(file: netCDF4.Dataset, close: Callable[[], object]) -> None:
@@ -157,9 +197,18 @@ def _read(path: str | Path, **options: Any) -> netCDF4.Dataset:
     if "memory" in options:
         return netCDF4.Dataset(str(path), **options)
     _refuse_odd(path)
-    with opening(path):
-        _close_texts()
-        return netCDF4.Dataset(str(path), **options)
+    return _opened(os.fspath(path), "r", **options)
+
+
+def _opened(path: str, mode: str, **options: Any) -> netCDF4.Dataset:
+    """Open a file to read it."""
+    _close_texts()
+    try:
+        return interruptible(path, partial(netCDF4.Dataset, path, mode, **options))  # type: ignore[arg-type]
+    except OSError as error:
+        if (told := _without_locks(error, path)) is not None:
+            raise told from error
+        raise
 
 
 def _refuse_odd(path: Any) -> None:
@@ -174,7 +223,8 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
     import xarray as xr
     from xarray.backends.plugins import guess_engine
 
-    _LOG.debug("opening %s", source if isinstance(source, str | os.PathLike) else type(source).__name__)
+    named = without_secrets(str(source)) if isinstance(source, str | os.PathLike) else type(source).__name__
+    _LOG.debug("opening %s", named)
     _refuse_odd(source)
     on_disk = _is_netcdf(source)
     engine = options.pop("engine", None) or ("netcdf4" if on_disk else guess_engine(source))
@@ -182,13 +232,13 @@ def open_lazily(source: Any, **options: Any) -> xr.Dataset:
         return noted_as_open(xr.open_dataset(source, engine=engine, **options))
     # Left to itself xarray would take its own lock, which is part of ours and cannot be taken twice.
     options["lock"] = NETCDF
-    with NETCDF, opening(source) if on_disk else nullcontext():
+    with NETCDF:
         if not on_disk or engine != "netcdf4":
             return noted_as_open(xr.open_dataset(source, engine=engine, **options))
         from xarray.backends import CachingFileManager, NetCDF4DataStore
 
         del options["lock"]
-        files: Any = CachingFileManager(_opened_by_xarray, os.fspath(source), mode="r", lock=NETCDF)
+        files: Any = CachingFileManager(_opened, os.fspath(source), mode="r", lock=NETCDF)
         store = NetCDF4DataStore(files, group=options.pop("group", None), lock=NETCDF)  # type: ignore[no-untyped-call]
         if _holds_texts(files.acquire()):
             _WITH_TEXTS.add(files)
@@ -204,11 +254,6 @@ A file with such texts that is closed while another one is open leaves HDF5 with
 them the process ends in a segmentation fault (netcdf-c issue 2510). So one of them at most is open at a time: xarray opens a
 file again by itself that was closed.
 """
-
-
-def _opened_by_xarray(path: str, mode: str) -> netCDF4.Dataset:
-    _close_texts()
-    return netCDF4.Dataset(path, mode)  # type: ignore[arg-type]
 
 
 def _close_texts() -> None:
@@ -263,7 +308,11 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, *, more: bool = False, 
     from xarray.backends import NetCDF4DataStore
 
     _LOG.debug("writing %s", path)
-    dataset = dataset.compute()
+    dataset = fixed_texts(dataset.compute())
+    for name, variable in dataset.variables.items():
+        if variable.ndim:  # a reader is told of a bit that has flipped
+            for encoding in (variable.encoding, options.get("encoding", {}).get(name, {})):
+                encoding["fletcher32"] = True
     with nullcontext(Path(path)) if more else replacing(Path(path)) as part, _told_truly(part):
         with NETCDF:
             _close_texts()
@@ -273,6 +322,7 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, *, more: bool = False, 
         file = store.ds
         try:
             dataset.dump_to_store(store, **options)
+            _fix_attributes(file)
         finally:
             _close(file, store.close)
 

@@ -5,9 +5,8 @@ beginning. Where two blocks overlap, the second one puts back what the first one
 
 Streams: standard streams may be closed, or their terminal or reader may go; nothing ends for want of a reader.
 
-Files: damaged bytes can send the HDF5 library into an endless loop. Nothing stops a C library in mid-call, no signal
-and no other thread. So a clock runs beside each opening of a file. When it has run out, a program is warned in its log, and
-the command line gives up in one sentence.
+Files: damaged bytes can send the HDF5 library into an endless loop. So files are opened in a thread of their own, for which
+the others wait: as long as they like, and no longer than a minute.
 
 Signals: Ctrl-C and requests to terminate are held back until the work under way has come to an end that can be gone on from. A
 signal that meets a long step in its middle would leave a state of which half has moved. It is noted instead, and comes into
@@ -18,17 +17,21 @@ Python gives signals to the main thread only, so in other threads there is nothi
 from __future__ import annotations
 
 import _thread
+import atexit
 import errno
-import logging
 import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
+from queue import SimpleQueue
 from types import FrameType
-from typing import Any, Final, cast
+from typing import Any, Final, TypeVar, cast
+
+from riftberg.errors import visible, without_secrets
 
 SETTINGS: Final = threading.RLock()
 """Held by whoever changes such a setting for a while."""
@@ -122,44 +125,82 @@ def make_streams_last() -> None:
             setattr(sys, name, GuardedStream(stream, told=number == 2))
 
 
-_LOG = logging.getLogger(__name__)
-
 STUCK_AFTER: Final = 60.0
 """Seconds within which a file on a disk has opened; only its header is read."""
 
+GRACE: Final = 1.0
+"""Seconds for which an interrupt waits for the file that is being opened."""
 
-def _warn(path: str) -> None:
-    _LOG.warning("%s: %s", path, advice())
-
-
-_action: list[Callable[[str], None]] = [_warn]
+T = TypeVar("T")
 
 
-def advice() -> str:
-    """Return what is wrong with a file that does not open, and what helps."""
-    return f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
+class _Opener:
+    """A thread that opens files one after another, and the file that it has not come back from."""
+
+    def __init__(self) -> None:
+        self._calls: SimpleQueue[tuple[Future[Any], Callable[[], Any]]]
+        self._process = 0
+        self._waiting: Future[Any] | None = None
+        self._path = ""
+        self._code = 0
+
+    def open(self, path: str, call: Callable[[], T]) -> T:
+        """Return what a call returns, or give it up."""
+        if self._stuck():
+            raise OSError(
+                errno.EBUSY, f"cannot be opened, because {self._path} never opened. Begin anew without that file", path
+            )
+        if self._process != os.getpid():  # a child that was forked has not got the thread
+            self._process, self._calls = os.getpid(), SimpleQueue()
+            threading.Thread(target=self._work, daemon=True, name="opens files").start()
+        opened: Future[T] = Future()
+        self._waiting, self._path = opened, path
+        self._calls.put((opened, call))
+        try:
+            opened.exception(STUCK_AFTER)
+        except TimeoutError:
+            self._code = 2
+            said = f"has not opened within {STUCK_AFTER:.0f} seconds, as if damaged. Copy or fetch the file again"
+            raise TimeoutError(errno.ETIMEDOUT, said, path) from None
+        except BaseException:
+            with suppress(KeyboardInterrupt, TimeoutError):  # a file that opens is not left half open
+                opened.exception(GRACE)
+            raise
+        self._waiting = None
+        return opened.result()
+
+    def _work(self) -> None:
+        while True:
+            opened, call = self._calls.get()
+            try:
+                opened.set_result(call())
+            except BaseException as error:
+                opened.set_exception(error)
+            del opened, call  # nothing that was opened stays open for this thread
+
+    def _stuck(self) -> bool:
+        return self._waiting is not None and not self._waiting.done()
+
+    def leave(self) -> None:
+        """End a process whose library is still in its loop: taken down in the middle of it, it would crash."""
+        if self._stuck():
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(AttributeError, OSError, ValueError):
+                    stream.flush()
+            os._exit(self._code or 128 + signal.SIGINT)
 
 
-@contextmanager
-def when_stuck(action: Callable[[str], None]) -> Iterator[None]:
-    """Name what is done when a file does not open within this block; it is called in a thread of its own, with the path."""
-    before, _action[0] = _action[0], action
-    try:
-        yield
-    finally:
-        _action[0] = before
+_OPENER: Final = _Opener()
+atexit.register(_OPENER.leave)
 
 
-@contextmanager
-def opening(path: object) -> Iterator[None]:
-    """Watch a block that opens a file."""
-    clock = threading.Timer(STUCK_AFTER, lambda: _action[0](str(path)))
-    clock.daemon = True
-    clock.start()
-    try:
-        yield
-    finally:
-        clock.cancel()
+def interruptible(path: object, call: Callable[[], T]) -> T:
+    """Return what a call returns that opens a file, which Ctrl-C, or too long a time, ends.
+
+    Damaged bytes can send the HDF5 library into an endless loop, and nothing stops a C library in mid-call. So another thread
+    makes the call, and this one waits. Whoever calls holds the lock of the library (`riftberg.system.netcdf_lock`).
+    """
+    return _OPENER.open(str(path), call)
 
 
 SIGNALS: Final = (signal.SIGINT, *(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)))
@@ -278,7 +319,7 @@ def say(text: str) -> None:
     """
     if sys.stderr is not None:
         with suppress(RuntimeError, OSError, ValueError):
-            print(text, file=sys.stderr, flush=True)
+            print(visible(without_secrets(text)), file=sys.stderr, flush=True)
 
 
 _holding: Hold | None = None

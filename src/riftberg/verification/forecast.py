@@ -145,8 +145,8 @@ def verified(
             separations.append(np.linalg.norm(ahead - truth, axis=-1) if len(members) == len(lon) else None)
             ways.append(float(distance(*last, *place)))
             last = place
-        if "cone_major" in ensemble:
-            own.setdefault(lead, []).append(_own_area(ensemble, when, place))
+        if "cone_major" in ensemble and np.isfinite((area := _own_area(ensemble, when, place))[1]).all():
+            own.setdefault(lead, []).append(area)  # where too few members count there is none
         if outline is not None and sighting.shape is not None:
             shapes = outlines_at(ds, outline, sighting, pieces)
             if len(shapes) >= LEAST:

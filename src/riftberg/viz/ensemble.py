@@ -12,7 +12,7 @@ import xarray as xr
 from riftberg.config.units import area_text, count_text
 from riftberg.config.values import required
 from riftberg.errors import InputError
-from riftberg.plane import ellipses
+from riftberg.plane import ellipses, ranges
 from riftberg.state import Floats
 from riftberg.viz import colours, style
 from riftberg.viz.panels import Map
@@ -229,12 +229,14 @@ def _draw_presence(ax: Axes, result: xr.Dataset) -> tuple[Any, Callable[[], None
         control = (result[f"control_{name}"].values[0] for name in ("lon", "lat"))
         ax.plot(*chart.placed(*control), color="black", lw=1.8, zorder=6, label="control")
     in_hours = float(result["lead"].values[-1]) < 96.0  # else two of the ellipses would have one day
-    lines = ellipses(result, 0.9)
+    lines, word = ellipses(result, 0.9), "90 % of positions"
+    if not any(np.isfinite(line).all() for line in lines) and "members_west" in result:  # too few members count
+        lines, word = ranges(result), "range of the members"
     steps = np.unique(np.linspace(0, result.sizes["time"] - 1, 5).astype(int))[1:]
     leads: list[tuple[str, float, float]] = []
-    for n, k in enumerate(steps):
+    for n, k in enumerate(k for k in steps if np.isfinite(lines[k]).all()):
         x, y = chart.placed(*lines[k].T)
-        ax.plot(x, y, color=colours.ARROW, lw=1.2, zorder=5, label="90 % of positions" if n == 0 else None)
+        ax.plot(x, y, color=colours.ARROW, lw=1.2, zorder=5, label=word if n == 0 else None)
         lead = result["lead"].values[k]
         east = int(np.argmax(x))  # the tracks run through the middle
         leads.append((f"{lead:.0f} h" if in_hours else f"{lead / 24:.0f} d", float(x[east]), float(y[east])))

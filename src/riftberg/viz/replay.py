@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from riftberg.diagnostics.summary import melt_lines, melted_words
 from riftberg.errors import InputError
-from riftberg.plane import ConformalPlane, ellipses
+from riftberg.plane import ConformalPlane, ellipses, ranges
 from riftberg.runs.scene import Scene, StoredWater, on_even_grid, stored_water
 from riftberg.state import Floats, Ints
 from riftberg.system.atomic_files import write_text
@@ -267,6 +267,9 @@ class ReplayContent:
         shown = tracks_shown(ds)
         tracks = ds[["lon", "lat"]].isel(member=shown, fragment=0).transpose("member", "time")
         x, y = self.plane.forward(tracks["lon"].values, tracks["lat"].values)
+        lines = [ellipses(ds, float(part)) for part in ds["cone"].values]
+        few = not any(np.isfinite(line).all() for line in lines[-1]) and "members_west" in ds
+        lines = [[], ranges(ds)] if few else lines
         share = {name: ds[name].values.round(4).tolist()
                  for what in ("p_broken", "p_aground") for name in (what, f"{what}_low", f"{what}_high")}  # fmt: skip
         return {
@@ -279,8 +282,9 @@ class ReplayContent:
             "all": int((ds["status"].values == 0).sum()),
             **share,
             "presence": self._presence(ds),
-            "ellipses": [[_flat_list(*self.plane.forward(*line.T)) if np.isfinite(line).all() else []
-                          for line in ellipses(ds, float(part))] for part in ds["cone"].values],
+            "few": few,
+            "ellipses": [[_flat_list(*self.plane.forward(*line.T)) if np.isfinite(line).all() else [] for line in part]
+                         for part in lines],
         }  # fmt: skip
 
     def _presence(self, ds: xr.Dataset) -> dict[str, Any]:

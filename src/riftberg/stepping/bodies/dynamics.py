@@ -62,7 +62,7 @@ from riftberg.stepping.forces.media import (
     find_surroundings,
     grounded_part,
 )
-from riftberg.stepping.forces.sizes import Sizes
+from riftberg.stepping.forces.sizes import Sizes, rectangle_inertia
 
 Booleans = NDArray[np.bool_]
 
@@ -165,9 +165,9 @@ def evaluate_forcing(
     media, mass, inertia, aground = forcing.media, forcing.mass, forcing.inertia, forcing.aground
     floor_rate, floor_spin_rate = forcing.floor_rate, forcing.floor_spin_rate
     find_surroundings(el, sizes, Surroundings(media, forcing.coriolis, acts, nothing[0], nothing), p)
-    thickness, depth, radius = el.body.thickness, el.environment.depth, sizes.bond_radius
+    thickness, length, width, depth = el.body.thickness, el.body.length, el.body.width, el.environment.depth
     for e in range(mass.size):
-        inertia[e] = 0.5 * mass[e] * radius[e] ** 2  # a disc
+        inertia[e] = rectangle_inertia(mass[e], length[e], width[e])
         aground[e] = grounded_part(thickness[e], depth[e], p)
         forcing.water_spin[e] = media[e, WATER, SPIN]
         if forcing.floor_acts:

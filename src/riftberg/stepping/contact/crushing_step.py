@@ -33,6 +33,7 @@ from riftberg.stepping.contact.face_forces import (
     allocate_crushing,
     find_faces,
     find_free_motion,
+    find_going,
     record_peak,
     set_apart,
     sweep_faces,
@@ -144,15 +145,15 @@ def _integrate_island(
                 work.middle[b, i] = result.path[b, i] + 0.5 * h * twist[b, i]
         count = find_faces(island, faces, pair_state, result, h, law, work)
         sweep_faces(island, faces, pair_state, count, h, law, work)
+        find_going(island, pair_state, count, twist, work)
         update_faces(island, faces, pair_state, count, h, law, work, result)
         record_peak(island, pair_state, count, result, work)
         for b in range(twist.shape[0]):
             for i in range(3):
-                work.middle[b, i] = 0.5 * (twist[b, i] + work.new[b, i])
-                about.twist_integral[b, i] += h * work.middle[b, i]
-                result.path[b, i] += h * work.middle[b, i]
+                about.twist_integral[b, i] += 0.5 * h * (twist[b, i] + work.new[b, i])
+                result.path[b, i] += h * work.going[b, i]
                 twist[b, i] = work.new[b, i]
-            work.travelled[b] += h * _speed_bound(work.middle[b], work.arm[b])
+            work.travelled[b] += h * _speed_bound(work.going[b], work.arm[b])
         accumulate_floor_impulse(island, twist, h, result.applied)
         elapsed += h
         left = left - h if left > h else 0.0

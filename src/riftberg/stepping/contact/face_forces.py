@@ -109,7 +109,7 @@ def allocate_crushing(island: Island, corners: int) -> CrushingWorkspace:
     bodies, pairs, rows = island.bonded.size, island.first.size, island.body_of.size
     return CrushingWorkspace(
         np.empty((bodies, 3)), np.zeros(bodies), np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((bodies, 3)),
-        np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
+        np.empty((bodies, 3)), np.empty((bodies, 3)), np.empty(bodies), np.empty(bodies), np.zeros(bodies), np.zeros(bodies),
         np.empty((bodies, 2)), np.full((pairs, 2), -np.inf), np.empty(pairs), np.empty(pairs),
         np.empty(bodies, np.int64), np.empty(pairs, np.int64), np.empty((pairs, 25)),
         np.zeros((rows, island.forcing.media.shape[1] + 1, 2)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((bodies, 3)),
@@ -309,6 +309,25 @@ def _push(row: Floats, at: int, impulse: float, one: Floats, two: Floats, v: Flo
 
 
 @borrower
+def find_going(island: Island, pair_state: Floats, count: int, twist: Floats, work: CrushingWorkspace) -> None:
+    """Find the twists by which bodies go through a sub-step: the mean of old and new; the new one of bodies at rest in contact.
+
+    At rest (pressed, and in no impact) a body then stands where its overlap says. By the mean, one that rocks would come in a
+    little with each swing, and rock on.
+    """
+    for b in range(twist.shape[0]):
+        for i in range(3):
+            work.going[b, i] = 0.5 * (twist[b, i] + work.new[b, i])
+    for phase in (REST, IMPACT):
+        for f in range(count):
+            k = work.active[f]
+            if pair_state[k, FORCE] > 0.0 and pair_state[k, PHASE] == phase:
+                for b in (island.body_of[island.first[k]], island.body_of[island.second[k]]):
+                    for i in range(3):
+                        work.going[b, i] = work.new[b, i] if phase == REST else 0.5 * (twist[b, i] + work.new[b, i])
+
+
+@borrower
 def update_faces(
     island: Island, faces: Faces, pair_state: Floats, count: int, h: float, law: CrushingLaw, work: CrushingWorkspace,
     result: IslandResult,
@@ -320,7 +339,7 @@ def update_faces(
         a, b, state = island.body_of[i], island.body_of[j], pair_state[k]
         back = unloading_rate(min(faces.thickness[i], faces.thickness[j]), law)
         closing = _speed(row, ROW_N, work.new[a], work.new[b])
-        sliding = 0.5 * (row[SLIDING] + _speed(row, ROW_T, work.new[a], work.new[b]))
+        went = _speed(row, ROW_N, work.going[a], work.going[b])
         area = row[AREA] + (h if state[PHASE] == REST else 0.5 * h) * closing * state[CHORD]
         force, slide = state[FORCE], state[FRICTION]
         result.touched[k] = result.touched[k] or force > 0.0
@@ -330,15 +349,15 @@ def update_faces(
         crushed = area - force / back
         if force > 0.0 and crushed > state[CRUSHED]:
             stored = 0.5 * (force * force - row[BEFORE] * row[BEFORE]) / (back * state[CHORD])
-            work.dissipated[0] += max(0.5 * h * force * (row[CLOSING] + closing) - stored, 0.0)
+            work.dissipated[0] += max(h * force * went - stored, 0.0)
             state[CRUSHED] = crushed
         if state[PHASE] == REST and force > 0.0:
-            # At rest the overlap follows the new velocity, and the place the mean of old and new: what lies between must not
-            # become a force when the next sub-step is shorter.
-            drift = 0.5 * h * (row[CLOSING] - closing) * state[CHORD]
+            # The overlap followed the new velocity, and a body in an impact as well goes by the mean of old and new: what lies
+            # between must not become a force when the next sub-step is shorter.
+            drift = h * (went - closing) * state[CHORD]
             state[TOUCHED] += drift
             state[CRUSHED] += drift
-        work.dissipated[0] += max(h * slide * sliding, 0.0)
+        work.dissipated[0] += max(h * slide * _speed(row, ROW_T, work.going[a], work.going[b]), 0.0)
         state[SINCE] += h
         nx, ny = row[NX], row[NY]
         fx, fy = force * nx - slide * ny, force * ny + slide * nx

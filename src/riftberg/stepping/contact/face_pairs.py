@@ -42,6 +42,7 @@ class CrushingWorkspace(NamedTuple):
     compliance: Floats  # shape (bodies, 3, 3)
     new: Floats  # Twists at the end of the sub-step; shape (bodies, 3)
     middle: Floats  # Paths at its predicted middle; shape (bodies, 3)
+    going: Floats  # Twists by which the bodies go through it; shape (bodies, 3)
     stiffness: Floats  # Of its faces over its mass, s-2; shape (bodies,)
     size: Floats  # Sum of the forces on its faces, N; shape (bodies,)
     peak: Floats  # shape (bodies,)

@@ -157,7 +157,7 @@ class MultipleStepper(Stateless):
     def plastic(self) -> Floats:
         """See `riftberg.stepping.stepper.Stepper.plastic`."""
         return (
-            super().plastic if self._impacts is None else np.append(self._impacts.faces.pairs.dissipated, np.zeros(2))
+            super().plastic if self._impacts is None else np.append(self._impacts.faces.pairs.dissipated, np.zeros(1))
         )
 
     def take_back(self, run: RunState) -> None:
@@ -376,13 +376,18 @@ class MultipleStepper(Stateless):
             return
         cells = None if self._cells is None else self._cells.within(1)
         candidates = batch.near.find(el, _inner_reach(el, interaction_sizes(el, c), dt), SAME_BERG, c, cells)
+        # Broken bonds that the reference has not dropped are pairs, too, where their ends have parted.
+        parted = np.flatnonzero((bonds.status == 1) & (el.berg[bonds.first] != el.berg[bonds.second]))
         # Twice as many as needed: candidates become more as pieces part, and each new table is compiled code's to
         # check.
-        if candidates.partner.size > pairs.first.size:
-            pairs = allocate_pairs(2 * candidates.partner.size)
+        if candidates.partner.size + parted.size > pairs.first.size:
+            pairs = allocate_pairs(2 * (candidates.partner.size + parted.size))
             batch.work = batch.work._replace(pairs=pairs)
         bonded, bond = batch.near.bonded(el, bonds)
         pairs_from_list(pairs, candidates, bonded, bond)
+        behind = slice(int(pairs.used[0]), int(pairs.used[0]) + parted.size)
+        pairs.first[behind], pairs.second[behind], pairs.bond[behind] = bonds.first[parted], bonds.second[parted], -1
+        pairs.used[0] = behind.stop
 
 
 def _processing_rank(run: RunState) -> Ints:

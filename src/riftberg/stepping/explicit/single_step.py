@@ -8,6 +8,7 @@ import numpy as np
 
 from riftberg.compiled.kernels import borrower, kernel
 from riftberg.ocean.cells import round_trip, settle_elements
+from riftberg.ocean.gridded import GriddedForcing
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import add_velocity, metres_per_unit, move
 from riftberg.state import Elements, Floats, Ints
@@ -156,7 +157,10 @@ class RungeKuttaStepper(SingleStepper):
                 go_to_stage(el, self._stages, stage, AHEAD[stage], dt, c)
                 self._locate_stage(run, cells, pair_positions)
             ahead = 0.0 if run.parameters.compatibility.forcing_lag else AHEAD[stage] * dt
-            run.forcing.sample(el, run.time + ahead)
+            if isinstance(run.forcing, GriddedForcing):  # no other draws random numbers: one pair for all stages
+                run.forcing.sample(el, run.time + ahead, drawn_in=cells[:2])
+            else:
+                run.forcing.sample(el, run.time + ahead)
             evaluate_stage(el, self._stages, stage, FRACTION[stage], partners, sizes, self._around, dt, mean_speeds, c)
             if imposed is None:
                 self._applied += WEIGHT[stage] * self._around.applied

@@ -33,6 +33,7 @@ from riftberg.physics.drag import (
     given_wave_acceleration,
     ocean_drag,
     sea_ice_drag,
+    side_spin_drag,
     side_width,
     slope_acceleration,
     spin_drag,
@@ -42,7 +43,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import coriolis_parameter
 from riftberg.physics.seabed import grounded_fraction, grounding_rate, grounding_spin_rate, quadratic_grounding
 from riftberg.state import Body, Elements, Environment, Floats, Place
-from riftberg.stepping.forces.sizes import Sizes, sides_of
+from riftberg.stepping.forces.sizes import Sizes, disc_inertia, rectangle_inertia, sides_of
 
 
 class Medium(NamedTuple):
@@ -126,7 +127,7 @@ class ElementView(NamedTuple):
     bonds: int
     radius: float  # As bonds see it, m
     bond_mass: float  # As bonds see it, kg
-    inertia: float  # Moment of inertia of a disc, kg m2
+    inertia: float  # Moment of inertia about its own centre, kg m2
     ground_area: float  # Area that the sea floor sees, m2
     ground_mass: float  # Mass that it sees, kg
     depth: float
@@ -221,6 +222,9 @@ def media_of(el: ElementView, p: KernelParameters) -> Media:
         facing_length, facing_width, facing = el.berg_length, el.berg_width, el.side_share
     water = ocean_drag(el.mass, el.length, el.width, side, max(0.0, draft - ice), exposed, p.ocean_scale)
     turning = spin_drag(el.inertia, el.radius, p.ocean_scale) if p.rotational_drag else 0.0
+    if p.rotational_drag and p.rigid_bodies and el.bonds == 0:
+        # Bonded elements turn with their berg: the drag on its sides has its levers there.
+        turning += side_spin_drag(el.inertia, el.length, el.width, max(0.0, draft - ice), p.ocean_scale)
     air = air_drag(el.mass, el.length, el.width, side, freeboard, exposed)
     sea_ice = sea_ice_drag(el.mass, side, ice, exposed, el.ui, el.vi, p.frozen_sea_ice_drag)
     if el.waves.height < 0.0:
@@ -277,8 +281,9 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
     for e in range(mass.size):
         # In the sub-steps the sea floor sees the sizes that bonds see.
         area, m = (bond_area[e], bond_mass[e]) if p.ground_on_substeps else (width[e] * length[e], mass[e])
-        # Sub-steps turn elements by the mass that bonds see, rigid bodies by their own.
-        inertia = 0.5 * (mass[e] if p.rigid_bodies else bond_mass[e]) * bond_radius[e] ** 2
+        inertia = disc_inertia(bond_mass[e], bond_radius[e])
+        if p.rigid_bodies:
+            inertia = rectangle_inertia(mass[e], length[e], width[e])
         view = ElementView(
             mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], bond_radius[e], bond_mass[e],
             inertia, area, m, depth[e], ice[e], uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], vorticity[e],

@@ -38,6 +38,18 @@ def radius_of(area: float, hexagonal: bool, bonded: bool) -> float:
 
 
 @kernel
+def rectangle_inertia(mass: float, length: float, width: float) -> float:
+    """Moment of inertia (kg m2) of an element of a rigid body about its own centre, by its plan sizes (m)."""
+    return mass * (length * length + width * width) / 12.0
+
+
+@kernel
+def disc_inertia(mass: float, radius: float) -> float:
+    """The same of an element that sub-steps turn: that of the reference."""
+    return 0.5 * mass * radius * radius
+
+
+@kernel
 def sides_of(sides: int, p: KernelParameters) -> int:
     """Sides of an element; where it does not say, those of the packing that the parameters name."""
     return sides if sides > 0 else p.max_sides

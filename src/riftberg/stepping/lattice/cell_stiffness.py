@@ -20,7 +20,7 @@ from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.fragments.connectivity import Bridges, bridge_moments, find_bridges
 from riftberg.stepping.lattice.block_ldl import BlockLDL, Factors, solve_factored
-from riftberg.stepping.lattice.cells import Booleans, ElasticCells, freed_edges
+from riftberg.stepping.lattice.cells import Booleans, ElasticCells, freed_edges, held_ties, outline_ties
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
 from riftberg.stepping.lattice.triangles import (
     ClosingFaces,
@@ -81,6 +81,9 @@ class CellTopology:
         of_kept = ("triangle", "weight", "area", "edge_bond", "edge_tie")
         self.mesh = mesh._replace(**{name: getattr(mesh, name)[kept] for name in of_kept})
         self.lost = lost[kept]
+        tie, cells_of_tie = outline_ties(mesh)
+        both = living[cells_of_tie].all(axis=1)
+        self.outline_tie, self.on_outline = tie[both], row[cells_of_tie[both]]
         self.freed = freed_edges(self.mesh, self.broken) | self.lost
         vertex = self.mesh.triangle
         self.at = freedoms(number[vertex], number[mesh.owner[vertex]])
@@ -412,9 +415,17 @@ class CellStiffness:
         return StressTables(
             self._nodes_on_outline(), self._at, self._triangles.stress, self.faces.tables,
             of.at_bond.but_freed(self._whole), of.at_node.but_freed(self._whole), number, beside[:, beside[0] >= 0],
-            (self._broken.size, of.outer_nodes), find_bridges(lattice.first, lattice.second, rows, of.elements),
+            (self._broken.size, of.outer_nodes), self._bridges(lattice, rows),
             (lattice.first, lattice.second, rows, self._xy, of.held), lattice.thickness[rows] * width**2,
         )  # fmt: skip
+
+    def _bridges(self, lattice: ElasticLattice, rows: Ints) -> Bridges:
+        """Find the bonds by which alone a part hangs: no held tie joins it to the rest along the outline."""
+        of = self.topology
+        beside = of.on_outline[held_ties(self._mesh, self._broken)[of.outline_tie]]
+        first, second = np.append(lattice.first, beside[:, 0]), np.append(lattice.second, beside[:, 1])
+        joints = np.append(rows, lattice.first.size + np.arange(len(beside)))
+        return find_bridges(first, second, joints, of.elements)
 
     def cell_tensors(self, stress: Floats) -> Floats:
         """Stress (Pa; xx, yy, xy) of the ice in the cells of the elements, with all triangles at their nodes."""

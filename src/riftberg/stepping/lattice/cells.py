@@ -41,7 +41,7 @@ from riftberg.plane import ConformalPlane
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.fragments.connectivity import connected_parts
+from riftberg.stepping.fragments.connectivity import connected_parts, find_bridges
 
 Booleans = NDArray[np.bool_]
 
@@ -50,6 +50,16 @@ OUTLINE_TOLERANCE = 0.02
 
 MAX_SPLITS = 12
 """How often sides of the outline are halved until all of them are edges of triangles; in narrow inlets a few times."""
+
+INWARDS = math.radians(45.0)
+"""Turn of the outline from which on it is the corner of a bend or the root of a finger, not the edge of a piece."""
+
+REACH, MOST_STEPS = 0.35, 16
+"""Length over which the direction of the outline counts, in distances of cells that a tie joins, and the nodes on it at most."""
+
+NEARER = 0.6
+"""Distance of a third cell from the outline between two, in parts of theirs, below which it parts them: 0.45 in a row of squares,
+0.58 in a bend of hexagons."""
 
 
 class CellMesh(NamedTuple):
@@ -170,11 +180,63 @@ def joined(meshes: list[CellMesh]) -> CellMesh:
     )
 
 
+def held_ties(mesh: CellMesh, broken: Booleans) -> Booleans:
+    """Return which ties a path of intact bonds holds, shape (ties,); ``broken``: of each bond."""
+    whole = np.append(~broken, True)  # the last one stands for -1
+    return np.asarray(np.bincount(mesh.path_tie, whole[mesh.path_bonds].all(axis=1), mesh.ties) > 0)
+
+
 def freed_edges(mesh: CellMesh, broken: Booleans) -> Booleans:
     """Return which edges the broken bonds have freed, shape (triangles, 3); ``broken``: of each bond."""
-    whole = np.append(~broken, True)  # the last one stands for -1
-    held = np.append(np.bincount(mesh.path_tie, whole[mesh.path_bonds].all(axis=1), mesh.ties) > 0, True)
+    whole, held = np.append(~broken, True), np.append(held_ties(mesh, broken), True)  # the last ones stand for -1
     return np.asarray(~(whole[mesh.edge_bond] & held[mesh.edge_tie]))
+
+
+def outline_ties(mesh: CellMesh) -> tuple[Ints, Ints]:
+    """Return the ties by which what hangs by one bond meets the rest along the outline, and their cells, shape (ties, 2).
+
+    By one bond as the mesh was made: what a crack has left hanging by one hangs by that alone. Cells do not meet where the ice
+    of a third one parts them, as along a row, or where the outline turns inwards: in the bend of a row, or at the root of a
+    finger, they touch in a point.
+    """
+    ends = mesh.triangle[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    _, at, count = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
+    start, end = ends[at[count == 1]].T  # the outline, with the ice on its left
+    following, leading = np.zeros((2, mesh.owner.size), np.int64)
+    following[start], leading[end] = end, start
+    tie = mesh.edge_tie.ravel()[at[count == 1]]
+    start, end, tie = start[tie >= 0], end[tie >= 0], tie[tie >= 0]
+    place, cells = mesh.xy @ np.array([1.0, 1.0j]), mesh.owner[np.column_stack([start, end])]
+    one, other = place[cells].T
+    reach = REACH * abs(other - one)
+    along = place[end] - place[start]
+    before, after = (
+        place[start] - place[_farther(leading, place, start, reach)],
+        place[_farther(following, place, end, reach)] - place[end],
+    )
+    turns = np.angle(along * before.conj()), np.angle(after * along.conj())
+    inwards = np.min([*turns, turns[0] + turns[1]], axis=0) < -INWARDS
+
+    # Where the outline is as far from the one as from the other.
+    off, beyond = (abs(abs(place[n] - one) ** 2 - abs(place[n] - other) ** 2) for n in (start, end))
+    middle = place[start] + along * (off / np.where(off + beyond > 0.0, off + beyond, 1.0))
+    nearest = cKDTree(mesh.xy[: mesh.cells]).query(np.column_stack([middle.real, middle.imag]))[0]
+    of_bond = np.column_stack([np.repeat(mesh.edge_bond.ravel(), 2), mesh.owner[ends].ravel()])
+    first, second = np.unique(of_bond[of_bond[:, 0] >= 0], axis=0)[:, 1].reshape(-1, 2).T.copy()
+    hangs = np.zeros(first.size, np.int64)
+    hangs[find_bridges(first, second, np.arange(first.size), mesh.cells).bond] = 1
+    block = connected_parts(mesh.cells, first, second, hangs)[cells]
+    meet = (block[:, 0] != block[:, 1]) & ~inwards & (nearest > NEARER * abs(middle - one))
+    tie, first = np.unique(tie[meet], return_index=True)
+    return tie, cells[meet][first]
+
+
+def _farther(step: Ints, place: Any, start: Ints, reach: Floats) -> Ints:
+    """Nodes that are at least so far (m) from others, by steps along the outline."""
+    node = step[start]
+    for _ in range(MOST_STEPS):
+        node = np.where(abs(place[node] - place[start]) < reach, step[node], node)
+    return node
 
 
 def _triangulation(centres: Floats, outline: shapely.Polygon, spacing: float) -> tuple[Floats, Ints]:

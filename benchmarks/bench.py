@@ -1,4 +1,10 @@
-"""How fast a model runs on this machine.
+"""Seconds per simulated day, compilation and memory of a run on this machine, beside a yardstick that makes machines comparable.
+
+    python benchmarks/bench.py a68a                      the first day, then the whole experiment
+    python benchmarks/bench.py FILE.yaml --days 2 --set stepping.scheme=mts
+    python benchmarks/bench.py --scaling 500..100000     rectangular bergs of growing size, by mts unless a scheme is set
+
+With ``--json`` it prints what it measured under these keys:
 
 Keys of a measurement
 ---------------------
@@ -11,7 +17,7 @@ days : simulated days that were timed
 seconds_per_day : wall seconds per simulated day, after the first step, without writing files
 compile_seconds : wall time of the first step above that of the others (compilation, or loading what was compiled), s
 memory_mb : largest memory of the process so far, MiB
-yardstick_seconds_per_day : wall seconds of the yardstick (`riftberg.diagnostics.speed`) for the same berg
+yardstick_seconds_per_day : wall seconds of the yardstick for the same berg
     and 4,320 sub-steps, whatever the scheme
 yardstick_version : version of the yardstick
 relative_to_yardstick : seconds_per_day / yardstick_seconds_per_day
@@ -26,26 +32,37 @@ other_schemes : a list of the same for the other schemes that an experiment may 
 
 from __future__ import annotations
 
+import argparse
+import json
 import platform
 import sys
 import tempfile
 import time as clock
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
 
+from riftberg import A68A_2022, Iceberg, Model, Parameters
+from riftberg.cli.options import make_options
 from riftberg.constants import SECONDS_PER_DAY
+from riftberg.errors import InputError, RiftbergError
+from riftberg.experiments import Options, build
+from riftberg.ocean.analytic import Steady
 from riftberg.state import Floats, Ints
+from riftberg.system.input_files import check_elements
 from riftberg.system.process import held
 from riftberg.version import __version__
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+SIZES = (500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+"""Numbers of elements that ``--scaling`` goes through."""
 
-    from riftberg.parameters import Parameters
-    from riftberg.runs.model import Model
+WHOLE_SECONDS = 10.0
+"""Seconds up to which a whole run is timed, six times in all; estimated from its first day."""
 
 
 YARDSTICK_VERSION: Final = 1
@@ -232,11 +249,6 @@ def square_berg(elements: int, change: Callable[[Parameters], Parameters] | None
     Element size, sub-steps and forcing are the same for all sizes, so that the cost of an element shows: that of the explicit
     scheme, unless ``change`` names another one.
     """
-    from riftberg.bergs.iceberg import Iceberg
-    from riftberg.ocean.analytic import Steady
-    from riftberg.parameters import A68A_2022
-    from riftberg.runs.model import Model
-
     rows = max(1, round((elements / 2.0) ** 0.5))
     columns = max(1, round(elements / rows))
     berg = Iceberg.rectangle(columns * 3000.0, rows * 3000.0, thickness=200.0, latlon=False, offset=(0.0, 0.0))
@@ -245,3 +257,98 @@ def square_berg(elements: int, change: Callable[[Parameters], Parameters] | None
         earth=plane, stepping={"scheme": "mts", "substeps": None}, fracture={"enabled": False}
     )
     return Model(berg, Steady(current=(0.2, 0.0)), change(parameters) if change else parameters)
+
+
+def sizes_between(text: str) -> list[int]:
+    """Read ``500..100000`` and return the sizes to time, both ends among them."""
+    low, dots, high = text.replace("_", "").partition("..")
+    if not (low.isdecimal() and (high.isdecimal() if dots else True)) or not 1 <= int(low) <= int(high or low):
+        raise InputError(f"{text!r} is not a range of sizes", where="--scaling", remedy="For example 500..100000")
+    first, last = int(low), int(high or low)
+    check_elements(last, where="--scaling")
+    return sorted({first, last, *(size for size in SIZES if first < size < last)})
+
+
+def other_schemes(model: Model, options: Options) -> list[Options]:
+    """Return the options of the other engine where the run may take it and no scheme was asked for."""
+    scheme, asked = model.parameters.stepping.scheme, dict(options.changes.get("stepping", {}))
+    alike = ("mts", "quasi_static")
+    if "scheme" in asked or not options.own or model.parameters.bonds.law != "dem" or scheme not in alike:
+        return []
+    other = alike[scheme == "mts"]
+    return [replace(options, changes={**options.changes, "stepping": {**asked, "scheme": other}})]
+
+
+def measure_experiment(experiment: str, options: Options, days: float | None) -> Iterator[dict[str, Any]]:
+    """Yield the measurement of one experiment, with that of the other scheme and of the whole run."""
+    model, info = build(experiment, options)
+    row = measure(model, experiment=info.name, days=days or 1.0)
+    for other in other_schemes(model, options):
+        with suppress(InputError):  # these bonds, or this criterion, do not go with the scheme
+            row["other_schemes"].append(measure(build(experiment, other)[0], experiment=info.name, days=days or 1.0))
+    if days is None and row["seconds_per_day"] * info.days < WHOLE_SECONDS:
+        row["whole_run"] = measure_whole(lambda: build(experiment, options)[0], info.days, info.output_every_hours)
+    yield row
+
+
+def measure_sizes(sizes: list[int], options: Options, days: float) -> Iterator[dict[str, Any]]:
+    """Yield the measurement of a rectangular berg of each size."""
+    for size in sizes:
+        yield measure(square_berg(size, options.apply), experiment=f"rectangle of {size}", days=days, seconds=5.0)
+
+
+def line(row: dict[str, Any]) -> str:
+    """Return a measurement in one line."""
+    room = f"{row['memory_mb']:.0f} MB" if row["memory_mb"] is not None else "memory unknown"
+    ratio = f" = {row['relative_to_yardstick']:.2f} yardsticks" if row["relative_to_yardstick"] else ""
+    return (
+        f"{row['experiment']}: {row['elements']} elements, {row['bonds']} bonds, {row['scheme']} with "
+        f"{row['time_step']:g} s, {row['seconds_per_day']:.3g} s per day"
+        f"{ratio} (yardstick {row['yardstick_seconds_per_day']:.3g} s), "
+        f"first step {row['compile_seconds']:.3g} s, {room}"
+    )
+
+
+def whole_line(row: dict[str, Any]) -> str:
+    """Return the measurement of a whole run in one line."""
+    output = row["with_output"]
+    ratio = f" = {row['yardsticks']:.2f} yardsticks" if row["yardsticks"] else ""
+    days = ", ".join(f"day {day['day']} {day['seconds']:.3g} s" for day in row["dearest_days"])
+    return (
+        f"  all {row['days']:g} days, processor time: {row['seconds_per_day']:.3g} to {row['slowest']:.3g} s per day{ratio}, "
+        f"with output {output['seconds_per_day']:.3g} to {output['slowest']:.3g} s; dearest: {days}"
+    )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure what the command line asks for, and print it."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("experiment", nargs="?", default="a68a", help="a built-in experiment or a YAML file")
+    parser.add_argument(
+        "--set", action="append", dest="settings", metavar="GROUP.NAME=VALUE", help="as in riftberg run"
+    )
+    parser.add_argument("--days", type=float, help="simulated days to time (the first, then all)")
+    parser.add_argument("--scaling", metavar="FROM..TO", help="time rectangular bergs of FROM to TO elements")
+    parser.add_argument("--json", action="store_true", help="print the raw measurements")
+    asked = parser.parse_args(arguments)
+    try:
+        options = make_options(asked.settings, None, None, None)
+        if asked.scaling:
+            rows = list(measure_sizes(sizes_between(asked.scaling), options, asked.days or 1.0))
+        else:
+            rows = list(measure_experiment(asked.experiment, options, asked.days))
+    except RiftbergError as error:
+        parser.error(str(error))
+    if asked.json:
+        print(json.dumps(rows if asked.scaling else rows[0], indent=1))
+        return 0
+    for row in rows:
+        for each in (row, *row["other_schemes"]):
+            print(line(each))
+        if row["whole_run"]:
+            print(whole_line(row["whole_run"]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

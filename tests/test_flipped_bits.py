@@ -1,0 +1,88 @@
+"""A bit that flips on a disk is noticed: in a restart, wherever it is, and in what a sweep keeps of its members."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fakes import FakeModel
+from riftberg.ensembles.member import Outcome
+from riftberg.ensembles.sweep import Store
+from riftberg.errors import RiftbergError
+from riftberg.runs.restart import RestartState, load_state, save
+
+
+def held(state: RestartState) -> dict[str, Any]:
+    """Return all that a run goes on from."""
+    tables = {**state.elements.arrays(), **{f"bond_{name}": array for name, array in state.bonds.arrays().items()}}
+    return {**tables, **state.extra, "rest": (state.time, state.step_number, state.start, state.forcing, state.bergs,
+            state.fragments, state.contacts.rows, state.parameters.model_dump_json())}  # fmt: skip
+
+
+def same(one: dict[str, Any], two: dict[str, Any]) -> bool:
+    return one.keys() == two.keys() and all(
+        one[name] == two[name]
+        if name == "rest"
+        else np.array_equal(one[name], two[name], equal_nan=two[name].dtype.kind == "f")
+        for name in one
+    )
+
+
+@pytest.mark.parametrize("count", [25, pytest.param(300, marks=pytest.mark.slow)])
+def test_no_restart_with_a_flipped_bit_is_taken_with_another_result(tmp_path: Path, count: int) -> None:
+    """Of 150 there were 34."""
+    model, draw = FakeModel(), random.Random(1)
+    model.advance(0.2)
+    path = save(
+        model, tmp_path / "a.restart.nc", extra={"next_element": model.elements.size + 1, "own": np.arange(40.0)}
+    )
+    raw, sound = path.read_bytes(), held(load_state(path))
+    refused = 0
+    for _ in range(count):
+        flipped = bytearray(raw)
+        flipped[draw.randrange(len(raw))] ^= 1 << draw.randrange(8)
+        path.write_bytes(flipped)
+        try:
+            state = load_state(path)
+        except RiftbergError:
+            refused += 1
+        else:
+            assert same(held(state), sound)
+    assert refused > count // 10
+
+
+@pytest.mark.parametrize("name", ["element_lon", "bond_damage", "extra/own", "element_mass", "time"])
+def test_a_number_that_could_be_is_refused_where_it_was_not_written(tmp_path: Path, name: str) -> None:
+    import netCDF4
+
+    model = FakeModel()
+    model.advance(0.2)
+    path = save(model, tmp_path / "a.restart.nc", extra={"own": np.arange(40.0)})
+    with netCDF4.Dataset(path, "a") as file:
+        values = np.array(file[name][...])
+        values.view(np.uint64).flat[-1] ^= 1
+        file[name][...] = values
+    with pytest.raises(RiftbergError, match="its values are not those that were written"):
+        load_state(path)
+
+
+def test_a_member_whose_numbers_changed_on_the_disk_is_done_again(tmp_path: Path) -> None:
+    store = Store.__new__(Store)
+    store.members, store.done, store._fragments, store._means, store._message = tmp_path, {}, 0, set(), 1
+    store.keep(Outcome(3, "done", totals={"pieces": 2.0, "largest_area": 5e7}, track=[[0.0, 1.0, -38.0, -55.0]]))
+    file = tmp_path / "00003.json"
+    assert store.outcome(3) is not None
+    text = file.read_text()
+    for old, new in (("50000000.0", "50000001.0"), ("-38.0", "-39.0"), ('"done"', '"dooe"')):
+        assert old in text
+        file.write_text(text.replace(old, new))
+        assert store.outcome(3) is None
+    kept = json.loads(text)
+    del kept["digest"]  # as an earlier version wrote it
+    file.write_text(json.dumps(kept))
+    assert store.outcome(3) is not None
