@@ -117,7 +117,8 @@ def hermite(lines: Floats, points: Floats, derivative: int) -> Any:
 
 def mirrored(lines: Floats) -> Floats:
     """Lines of a mesh with their mirror image, from zero on."""
-    return np.concatenate([-lines[:0:-1], lines]) + lines[-1]
+    both: Floats = np.concatenate([-lines[:0:-1], lines]) + lines[-1]
+    return both
 
 
 def gauss(lines: Floats, between: tuple[float, float] = (-math.inf, math.inf)) -> tuple[Floats, Floats]:
@@ -308,7 +309,7 @@ def edge_point_stiffness() -> float:
         a = np.linalg.solve(np.stack([moment, shear]), np.array([0.0, -1.0]))
         return float(a.sum().real)
 
-    return math.pi / quad(deflection, 0.0, math.inf)[0]
+    return float(math.pi / quad(deflection, 0.0, math.inf)[0])
 
 
 def cases() -> Iterator[tuple[str, Callable[[float], Any], float, float]]:
