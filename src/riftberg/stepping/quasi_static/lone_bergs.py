@@ -36,6 +36,7 @@ from riftberg.stepping.bodies.dynamics import (
     drag_rates,
     evaluate_forcing,
     excess_rate,
+    excess_spin_rate,
     has_converged,
     is_resolved,
     longest_trial_step,
@@ -300,7 +301,7 @@ def _kick(
         if not is_resolved(rate, quadratic, ax, ay, half_dt):
             rates = drag_rates(forcing, e, u, v, math.hypot(ax, ay), quadratic)
         spin_rate = max(0.5 * turning / inertia, math.sqrt(forcing.spin_drag[e] * abs(torque / inertia)))
-        excess, excess_spin = excess_rate(rates[0], half_dt), excess_rate(spin_rate, half_dt)
+        excess, excess_spin = excess_rate(rates[0], half_dt), excess_spin_rate(spin_rate, half_dt)
         z, zs = half_dt * forcing.floor_rate[e], half_dt * forcing.floor_spin_rate[e]
         decay, kick = 1.0 + z + 0.5 * z * z, half_dt * (1.0 + 0.5 * z)
         decay_spin, kick_spin = 1.0 + zs + 0.5 * zs * zs, half_dt * (1.0 + 0.5 * zs)
