@@ -268,9 +268,8 @@ TRIALS: Final[dict[str, Trial]] = {
     "grounding.anchor_way": Trial(0.2, BED, more=AGROUND),
     "grounding.bending": Trial(False, with_(BED, grounding={"ice_modulus": 1e8}), more=AGROUND),
     "grounding.ice_modulus": Trial(1e8, with_(BED, grounding={"ice_modulus": 3e8}), more=AGROUND),
-    "grounding.cell": Trial(250.0, with_(BED, grounding={"bearing_strength": 5e3, "cell": 400.0}), more=AGROUND),
     "grounding.start": Trial(
-        "refuse", with_(BED, grounding={"start": "settle"}), more=BURIED, refused="8.* m below the sea floor"
+        "refuse", BED, more=BURIED, refused="8.* m below the sea floor"
     ),
     "contact.law": Trial("crushing"),
     "contact.crushing_strength": Trial(1e6, QUASI),

@@ -12,7 +12,7 @@ import xarray as xr
 from riftberg import A68A_2022, Forcing, Iceberg, Model, Steady
 from riftberg.ocean.forcing import sea_level
 
-BED: dict[str, Any] = {"law": "seabed", "sediment": "sand", "start": "settle"}
+BED: dict[str, Any] = {"law": "seabed", "sediment": "sand"}
 
 
 def slope() -> Forcing:

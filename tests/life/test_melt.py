@@ -339,7 +339,7 @@ def test_children_of_one_step_melt_each_by_its_own_length() -> None:
 def test_a_child_of_a_grounded_berg_is_afloat() -> None:
     """It took the load of the floor and what the bed holds of its parent, a hundred times its own."""
     p = Parameters(
-        melt={"enabled": True}, grounding={"law": "seabed", "start": "settle"},
+        melt={"enabled": True}, grounding={"law": "seabed"},
         footloose={"enabled": True, "style": "bergs"},
     )  # fmt: skip
     sea = Steady(current=(0.4, 0.0), depth=165.5, temperature=3.0, salinity=34.0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Iceberg, Model, Parameters, Steady
+from riftberg import Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.coupling.exchange import ocean_grid
 from riftberg.coupling.fields import OceanForcing
 from riftberg.state import ELEMENT_VARIABLES
@@ -84,6 +84,33 @@ def test_lone_bergs_go_as_in_the_general_step(
     for name, now in state_of(own).items():
         size = np.nanmax(np.abs(then[name]), initial=0.0)
         np.testing.assert_allclose(now, then[name], rtol=1e-11, atol=1e-13 * size, err_msg=name)
+
+
+@pytest.mark.parametrize("earth", [{}, PLANE], ids=["sphere", "plane"])
+@pytest.mark.parametrize("options", [{}, MELT], ids=["alone", "melting"])
+def test_bergs_over_a_bed_of_sediment_go_as_in_the_general_step(
+    earth: dict[str, Any], options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those near it with those that may meet, all others by themselves; one stands on it from the start."""
+    case: dict[str, Any] = {**earth, **options, "grounding": {"law": "seabed"}, "dt": 1800.0}
+    place = (60e3, 45e3) if earth else (60.0 / 55.0 - 40.0, 45.0 / 111.0 - 60.0)
+    bank = Forcing.seamount(place, 900.0, 8e3, 981.5, latlon=not earth)
+    sea = Forcing.uniform((0.1, 0.05), latlon=not earth, **({"latitude": -60.0} if earth else {}))
+    own, plain = (model_of(population(not earth, bonded=False), sea + bank, **case) for _ in range(2))
+    own.advance(steps=6)
+    near = own._stepper._seabed.near(own, own._stepper._bodies, 1800.0)
+    found = general.find_lone_bergs(
+        own, own._stepper._bodies, interaction_sizes(own.elements, own.constants), own._stepper._faces, near
+    )
+    assert found is not None
+    assert found[0].size == 7
+    monkeypatch.setattr(general, "find_lone_bergs", lambda *model: None)
+    plain.advance(steps=6)
+    assert np.flatnonzero(own.elements.floor_load).tolist() == [3]
+    then = state_of(plain)
+    for name, now in state_of(own).items():
+        size = np.nanmax(np.abs(then[name]), initial=0.0)
+        np.testing.assert_allclose(now, then[name], rtol=1e-9, atol=1e-11 * size, err_msg=name)
 
 
 def test_a_meeting_does_not_divide_the_step_of_bergs_elsewhere() -> None:

@@ -6,7 +6,6 @@ on water with the exact footprint and, for corners, an elastic plate by finite e
 
 from __future__ import annotations
 
-import copy
 import math
 from functools import cache
 from pathlib import Path
@@ -18,7 +17,6 @@ import pytest
 from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import InputError, RiftbergError
 from riftberg.physics.seabed import WATER_STIFFNESS, bending_length
-from riftberg.stepping.ground.landing import Seabed
 
 pytestmark = pytest.mark.compiled
 
@@ -67,23 +65,29 @@ def way(model: Model, towards: float = 0.0, ahead: float = 20.0, steps: int = 60
     raise AssertionError("the berg did not come to rest")
 
 
-# Ice that bends makes a row ten times as dear; two of the six are quick, with the softest bed and ice at one end.
 @pytest.mark.parametrize(
-    ("sediment", "bending", "modulus", "metres"),
+    ("sediment", "bending", "modulus", "metres", "within"),
     [
-        ("rock", False, 9e9, 125.8), ("rock", True, 9e9, 303.0), ("sand", False, 9e9, 145.0), ("clay", False, 9e9, 212.0),
-        ("clay", True, 1e9, 443.0),
-        *(
-            pytest.param(*row, marks=pytest.mark.slow)
-            for row in (
-                ("rock", True, 1e9, 398.0), ("sand", True, 9e9, 316.0), ("sand", True, 1e9, 410.0), ("clay", True, 9e9, 358.0),
-            )
-        ),
+        ("rock", False, 9e9, 125.8, 0.01), ("rock", True, 9e9, 303.0, 0.03), ("rock", True, 1e9, 398.0, 0.04),
+        ("sand", False, 9e9, 145.0, 0.03), ("sand", True, 9e9, 316.0, 0.03), ("sand", True, 1e9, 410.0, 0.04),
+        ("clay", False, 9e9, 212.0, 0.05), ("clay", True, 9e9, 358.0, 0.05), ("clay", True, 1e9, 443.0, 0.05),
     ],
 )  # fmt: skip
-def test_way_to_rest_on_a_slope(sediment: str, bending: bool, modulus: float, metres: float) -> None:
+def test_way_to_rest_on_a_slope(sediment: str, bending: bool, modulus: float, metres: float, within: float) -> None:
     model = berg_model(floor=rising(), sediment=sediment, bending=bending, ice_modulus=modulus)
-    assert way(model) == pytest.approx(metres, rel=0.03)
+    assert way(model) == pytest.approx(metres, rel=within)
+
+
+@pytest.mark.parametrize(
+    ("sediment", "metres", "within"), [("rock", 96.6, 0.04), ("sand", 103.7, 0.04), ("clay", 212.0, 0.08)]
+)
+def test_way_to_rest_on_a_steep_slope(sediment: str, metres: float, within: float) -> None:
+    assert way(berg_model(floor=rising(gradient=1e-2), sediment=sediment)) == pytest.approx(metres, rel=within)
+
+
+def test_way_to_rest_on_soft_clay() -> None:
+    soft = {"sediment": "clay", "shear_strength": 5e3, "stiffness": 2.5e5}
+    assert way(berg_model(floor=rising(), **soft)) == pytest.approx(487.0, rel=0.05)
 
 
 @cache
@@ -93,11 +97,11 @@ def usual_way() -> float:
 
 @pytest.mark.parametrize(
     ("radius", "dt"),
-    [(750.0, 600.0), (1500.0, 3600.0), *(pytest.param(*row, marks=pytest.mark.slow) for row in ((375.0, 600.0), (1500.0, 60.0)))],
+    [(750.0, 600.0), (1500.0, 3600.0), (375.0, 600.0), pytest.param(1500.0, 60.0, marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_way_depends_on_neither_elements_nor_step(radius: float, dt: float) -> None:
     other = way(berg_model(floor=rising(), sediment="rock", radius=radius, dt=dt))
-    assert other == pytest.approx(usual_way(), rel=0.01)
+    assert other == pytest.approx(usual_way(), rel=1e-3 if dt == 600.0 else 3e-3)
 
 
 def test_corner_lands_as_an_elastic_plate() -> None:
@@ -158,7 +162,7 @@ def flat(depth: float) -> Any:
 
 def test_currents_up_to_friction_are_held() -> None:
     for current, held in ((0.72, True), (0.75, False)):
-        model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=current, dt=3600.0, sediment="rock", cell=200.0)
+        model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=current, dt=3600.0, sediment="rock")
         x = model.elements.lon.mean()
         model.advance(steps=6)
         assert (abs(model.elements.lon.mean() - x) < 0.1) == held
@@ -166,7 +170,7 @@ def test_currents_up_to_friction_are_held() -> None:
 
 @pytest.mark.parametrize("days", [30, pytest.param(365, marks=pytest.mark.slow)])
 def test_a_berg_aground_stays_for_a_year(days: int) -> None:
-    model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=0.3, dt=10800.0, sediment="rock", cell=200.0)
+    model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=0.3, dt=10800.0, sediment="rock")
     x = model.elements.lon.mean()
     model.advance(days=days)
     assert abs(model.elements.lon.mean() - x) < 0.02
@@ -174,34 +178,43 @@ def test_a_berg_aground_stays_for_a_year(days: int) -> None:
 
 def test_friction_takes_what_a_sliding_berg_loses() -> None:
     """On a flat bed mu N times the way, and that is the work of the sea floor but for what stays in the anchors."""
-    model = berg_model(floor=flat(DRAFT - 0.01), speed=0.3, dt=600.0, sediment="sand", cell=200.0, bending=False)
+    model = berg_model(floor=flat(DRAFT - 0.01), speed=0.3, dt=600.0, sediment="sand", bending=False)
     x = model.elements.lon.mean()
     model.advance(steps=12)
     ledger, load = model.motion.balance(model, model.remembered), model.elements.keel.floor_load.sum()
     assert ledger.rubbed == pytest.approx(0.5 * load * (model.elements.lon.mean() - x), rel=0.01)
     assert ledger.rubbed == pytest.approx(-ledger.work["sea_floor"], rel=0.01)
-    assert ledger.gouged == 0.0
     assert ledger.momentum_error < 1e-12
     assert f"friction {-ledger.rubbed:+.3g}" in ledger.lines()[1]
 
 
-def test_gouges_take_their_volume_times_the_strength_of_the_bed(tmp_path: Path) -> None:
-    sea = rising(30.0)
-    model = berg_model(floor=sea, sediment="clay", shear_strength=2e3, speed=0.2, towards=30.0, bending=False, dt=300.0)
-    spent = []
-    for _ in range(12):
-        model.step()
-        ledger = model.motion.balance(model, model.remembered)
-        spent.append((ledger.rubbed, ledger.gouged))
-    assert (np.diff(spent, axis=0) >= 0.0).all()
-    gouges = model._stepper._seabed.floor.gouges.values()  # type: ignore[attr-defined]
-    assert ledger.gouged == pytest.approx(1.2e4 * 50.0**2 * sum(depth.sum() for depth in gouges), rel=1e-9)
-    # What is left of the work of the floor is lift, which would come back, and the error of the sub-steps.
-    assert ledger.rubbed + ledger.gouged == pytest.approx(-ledger.work["sea_floor"], rel=0.02)
+@pytest.mark.parametrize("when", [1, 3, 7, 20])
+def test_a_restart_goes_on_bit_for_bit(when: int, tmp_path: Path) -> None:
+    """Before the touch, sliding, held, and afloat again in the tide; with what the bed has taken so far."""
+    level = Forcing.tide(0.0, level=0.4, period="8 h", level_phase=120.0, **PLANE)
+    model = berg_model(floor=rising(30.0, ahead=100.0), tide=level, sediment="clay", speed=0.2, towards=30.0)
+    model.advance(steps=when)
     again = Model.resume(model.save(tmp_path / "aground.restart.nc"), model.forcing)
     for one in (model, again):
-        one.advance(steps=2)
+        one.advance(steps=5)
+    for name, values in model.elements.arrays().items():
+        assert np.array_equal(values, again.elements.arrays()[name], equal_nan=True), name
     assert again.motion.balance(again, again.remembered) == model.motion.balance(model, model.remembered)
+    assert again._stepper.state_dict()["bed_clearance"] == model._stepper.state_dict()["bed_clearance"]
+
+
+def test_what_the_bed_yields_stays_with_the_elements() -> None:
+    """Deepest under the front, and no less once the berg has come to rest."""
+    model = berg_model(floor=rising(30.0), sediment="clay", shear_strength=2e3, speed=0.2, towards=30.0, dt=300.0)
+    before = model.elements.floor_yield.copy()
+    for _ in range(12):
+        model.step()
+        now = model.elements.floor_yield.copy()
+        assert (now >= before).all()
+        before = now
+    deepest = int(before.argmax())
+    assert before[deepest] > 0.01
+    assert model.elements.lon[deepest] + model.elements.lat[deepest] == (model.elements.lon + model.elements.lat).max()
 
 
 def struck(dt: float, aground: float) -> Model:
@@ -256,26 +269,13 @@ def test_tide_floats_it_off_when_the_level_says() -> None:
     level = Forcing.tide(0.0, level=0.5, **PLANE) + Forcing.tide(
         0.0, level=0.3, period="12 h", level_phase=180.0, **PLANE
     )
-    model = berg_model(
-        floor=flat(DRAFT - 0.6), tide=level, speed=0.0, current=0.1, dt=1800.0, sediment="rock", cell=200.0
-    )
+    model = berg_model(floor=flat(DRAFT - 0.6), tide=level, speed=0.0, current=0.1, dt=1800.0, sediment="rock")
     for _ in range(5 * 48):
         model.step()
         t = model.time
         high = 0.5 * math.cos(2.0 * math.pi * t / (12.4206012 * 3600.0)) - 0.3 * math.cos(2.0 * math.pi * t / 43200.0)
         afloat = not model.elements.keel.floor_load.any()
         assert afloat == (high > 0.6) or abs(high - 0.6) < 1e-6
-
-
-def test_restart_goes_on_bit_for_bit() -> None:
-    model = berg_model(floor=rising(30.0), sediment="clay", shear_strength=5e3, speed=0.2, towards=30.0)
-    model.advance(steps=4)
-    assert model.elements.keel.floor_load.any()
-    other = copy.deepcopy(model)
-    for one in (model, other):
-        one.advance(steps=3)
-    for name, values in model.elements.arrays().items():
-        assert np.array_equal(values, other.elements.arrays()[name], equal_nan=True), name
 
 
 def test_bad_beds_are_refused_by_name() -> None:
@@ -291,12 +291,47 @@ def test_bad_beds_are_refused_by_name() -> None:
         Parameters(fracture={"flexural_strength": 2e5}, grounding={"law": "seabed", "bending": False})
     with pytest.raises(RiftbergError, match="flexural_strength"):
         Parameters(fracture={"flexural_strength": 0.0}, grounding={"law": "seabed"})
-    model = berg_model(floor=flat(DRAFT - 3.0), speed=0.0)
+    model = berg_model(floor=flat(DRAFT - 3.0), speed=0.0, start="refuse")
     with pytest.raises(InputError, match="3 m below the sea floor"):
         model.step()
     with pytest.raises(InputError, match="below the sea floor"):
-        berg_model(floor=flat(DRAFT - 1.05), speed=0.0).step()
-    berg_model(floor=flat(DRAFT - 0.95), speed=0.0).step()
+        berg_model(floor=flat(DRAFT - 1.05), speed=0.0, start="refuse").step()
+    berg_model(floor=flat(DRAFT - 0.95), speed=0.0, start="refuse").step()
+
+
+def knoll(height: float, **grounding: Any) -> Model:
+    """A berg of 72 x 54 km and 280 m that starts on a knoll 4 km wide, ``height`` m above its keel."""
+    berg = Iceberg.rectangle(
+        72e3, 54e3, thickness=280.0, radius=3000.0, placement=(0.0, 0.0), density=850.0, latlon=False
+    )
+    draft = 280.0 * 850.0 / 1025.0
+    floor = Forcing.seamount((9e3, 6e3), 120.0, 4e3, draft - height + 120.0, latlon=False)
+    parameters = Parameters(
+        ice={"density": 850.0}, earth={"latlon": False, "f_plane": True, "reference_latitude": 0.0},
+        grounding={"law": "seabed", **grounding}, fracture={"enabled": False}, stepping={"time_step": 600.0},
+    )  # fmt: skip
+    return Model(berg, Forcing.uniform((0.08, 0.03), **PLANE) + floor, parameters)
+
+
+@pytest.mark.parametrize(
+    ("height", "sediment", "load", "holds"),
+    [
+        (0.9, "sand", 8.30e10, 4.15e10),
+        (5.0, "sand", 5.09e11, 2.5e11),
+        (5.0, "clay", 2.99e11, 5.1e10),
+        (20.0, "sand", 2.7e12, 1.35e12),
+    ],
+)
+def test_a_berg_may_start_aground(height: float, sediment: str, load: float, holds: float) -> None:
+    """It is lifted, with its load, and nothing is moved; 20 m in is no mistake."""
+    model = knoll(height, sediment=sediment)
+    x = model.elements.lon.mean()
+    model.step()
+    el = model.elements
+    assert el.floor_load.sum() == pytest.approx(load, rel=0.05)
+    assert el.floor_hold.sum() == pytest.approx(holds, rel=0.05)
+    assert abs(el.lon.mean() - x) < 20.0
+    assert el.floor_lift.max() == pytest.approx(height, rel=0.6)
 
 
 @pytest.mark.parametrize("gap", [2.0, 5000.0])
@@ -326,29 +361,8 @@ def test_a_given_load_acts_once_on_a_berg_that_another_strikes_aground(gap: floa
     assert (el.mass * el.u).sum() - before - of_media == pytest.approx(load * dt, rel=1e-9)
 
 
-def test_trials_that_are_rolled_back_leave_the_depth_as_it_was(monkeypatch) -> None:
-    """The next trial looked for elements near the floor by the depth where the rejected one had ended: 4 cm off on this slope."""
-    berg = berg_model(
-        towards=math.degrees(0.5), speed=0.2, floor=rising(math.degrees(0.5), ahead=5.0), dt=1800.0, sediment="rock",
-        fracture={"normal_strength": 1e9, "shear_strength": 1e9, "flexural_strength": 1e4},
-    )  # fmt: skip
-    off: list[float] = []
-    near = Seabed._near
-
-    def seen(self: Any, model: Any, bodies: Any, b: int, rows: Any, *more: Any) -> Any:
-        el = model.elements
-        off.append(float(np.abs(model.forcing.depth(el.lon[rows], el.lat[rows]) - el.environment.depth[rows]).max()))
-        return near(self, model, bodies, b, rows, *more)
-
-    monkeypatch.setattr(Seabed, "_near", seen)
-    berg.step()
-    assert (berg.bonds.status != 0).any()
-    assert len(off) > 5
-    assert max(off) < 1e-6
-
-
-@pytest.mark.parametrize("start", ["refuse", "settle"])
-def test_ice_that_comes_later_is_refused_or_settled_as_at_the_start(start: str) -> None:
+@pytest.mark.parametrize("start", ["refuse", "aground"])
+def test_ice_that_comes_later_starts_as_all_other(start: str) -> None:
     """Only the first step looked whether a keel lies deep below the floor: ice added later was thrown up without a word."""
     model = berg_model(floor=flat(DRAFT + 100.0), speed=0.0, start=start)
     model.step()
@@ -359,8 +373,7 @@ def test_ice_that_comes_later_is_refused_or_settled_as_at_the_start(start: str) 
             model.step()
         return
     model.step()
-    assert model.elements.floor_load[-1] < 0.02 * model.elements.mass[-1] * 9.8
-    assert model._stepper._seabed.floor.gouges  # type: ignore[attr-defined]
-    again = len(model._stepper._seabed.floor.gouges)  # type: ignore[attr-defined]
-    model.step()
-    assert len(model._stepper._seabed.floor.gouges) == again  # type: ignore[attr-defined]
+    over = 1.5 * DRAFT - (DRAFT + 100.0)
+    area = model.elements.length[-1] * model.elements.width[-1]
+    assert model.elements.floor_load[-1] == pytest.approx(WATER_STIFFNESS * area * over, rel=0.03)
+    assert not model.elements.floor_load[:-1].any()

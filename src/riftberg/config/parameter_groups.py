@@ -20,7 +20,7 @@ Elasticity = Literal["bonds", "isotropic", "cells"]
 GroundingLaw = Literal["linear", "quadratic", "seabed"]
 ContactLaw = Literal["spring", "crushing"]
 Sediment = Literal["rock", "sand", "clay", "other"]
-DeepKeel = Literal["refuse", "settle"]
+DeepKeel = Literal["aground", "refuse"]
 Criterion = Literal["bond", "ice", "toughness"]
 Packing = Literal["square", "hexagonal"]
 MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
@@ -154,8 +154,7 @@ class Grounding(Group):
     bearing_strength: float | None = quantity(
         None,
         "Pa",
-        "q_u, pressure at which the bed yields and a gouge deepens: 1e7 rock (that of ice), 1e6 sand, six times the shear "
-        "strength on clay",
+        "q_u, pressure at which the bed yields: 1e7 rock (that of ice), 1e6 sand, six times the shear strength on clay",
         "handbook soil mechanics",
         gt=0,
     )
@@ -171,11 +170,11 @@ class Grounding(Group):
     ice_modulus: float = quantity(
         9e9, "Pa", "Young's modulus of that bending; 1e9 for warm, crevassed ice", "glacier ice, small strains", gt=0
     )
-    cell: float = quantity(
-        50.0, "m", "side of the cells that hold the depth of the bed and its gouges", "Riftberg", gt=0
-    )
     start: DeepKeel = quantity(
-        "refuse", "", "a keel that starts more than 1 m below the bed: refuse, or settle it into a gouge", "Riftberg"
+        "aground",
+        "",
+        "a keel that starts below the bed: aground, lifted with its load, or refuse, if more than 1 m",
+        "Riftberg",
     )
 
 

@@ -50,7 +50,6 @@ USUAL: Final[dict[str, Usual]] = {
     "grounding.friction": Usual(0.1, 0.8, "0.3 to 0.6 between keels and beds", off=True),
     "grounding.shear_strength": Usual(2e3, 2e5, "5 to 50 kPa of marine clay"),
     "grounding.ice_modulus": Usual(5e8, 1e10, "1 GPa of warm, crevassed ice, 9 GPa in laboratories"),
-    "grounding.cell": Usual(5.0, 250.0, "a part of the way on which a berg comes to rest"),
     "contact.spring": _SPRING,
     "contact.crushing_strength": Usual(1e5, 5e7, "1.5 MPa for faces of kilometres; 25 to 41 MPa in small impacts"),
     "contact.crushing_depth": Usual(0.1, 200.0, "20 m for faces of kilometres"),
@@ -243,7 +242,7 @@ class Law(NamedTuple):
 LAWS: Final = (
     Law("grounding.law = 'seabed'", lambda p: p.grounding.law == "seabed", "grounding", (
         "sediment", "stiffness", "bearing_strength", "friction", "shear_strength", "adhesion", "anchor_way", "bending",
-        "ice_modulus", "cell", "start")),
+        "ice_modulus", "start")),
     Law("grounding.law = 'quadratic'", lambda p: p.grounding.law == "quadratic", "grounding", ("quadratic_coefficient",)),
     Law("grounding.law = 'linear'", lambda p: p.grounding.law == "linear", "grounding", ("coefficient",)),
     Law("contact.law = 'crushing'", lambda p: p.crushing, "contact", (

@@ -46,7 +46,7 @@ START, NOW, BONDS = range(len(GIVERS), len(GIVERS) + 3)
 crushing."""
 
 KEPT, KEPT_ON_BED = "motion_ledger", "motion_on_bed"
-"""Names under which a restart keeps the ledger, and the work of friction and gouges on a bed of sediment beside it."""
+"""Names under which a restart keeps the ledger, and the work of friction on a bed of sediment beside it."""
 
 CLOSES: Final = 1e-9
 """Largest part of the momentum given that may be left over between bonded elements."""
@@ -70,8 +70,7 @@ class MotionBalance(NamedTuple):
     crushed: (
         float  # Plastic work and friction of faces that crush each other, J: a part of what is lost between elements
     )
-    rubbed: float  # Work of friction on a bed of sediment, J: a part of that of the sea floor, as the next one
-    gouged: float  # Work that makes gouges in it, J
+    rubbed: float  # Work of friction on a bed of sediment, J: a part of that of the sea floor
     # Momentum (N s, east and north) and work (J) of each of several laws of one's own; together those of "own".
     own: dict[str, tuple[float, float, float]]
 
@@ -110,8 +109,8 @@ class MotionBalance(NamedTuple):
             for name, (x, y) in self.impulse.items() if name != "elements" and (x or y)
         ]  # fmt: skip
         work = [f"{_shown(name)} {w:+.3g}" for name, w in self.work.items() if name != "elements" and w]
-        if self.rubbed or self.gouged:
-            work.append(f"of that of the sea floor friction {-self.rubbed:+.3g}, gouges {-self.gouged:+.3g}")
+        if self.rubbed:
+            work.append(f"of that of the sea floor friction {-self.rubbed:+.3g}")
         given += [f"of it {name} {x:+.3g}, {y:+.3g}" for name, (x, y, _) in self.own.items()]
         work += [f"of it {name} {w:+.3g}" for name, (_, _, w) in self.own.items()]
         ends = [f"kinetic {self.kinetic_start:.3g} to {self.kinetic_now:.3g}"]
@@ -371,13 +370,13 @@ class MotionLedger:
             kept[BONDS, 0] = elastic or 0.0
         _enter(kept, "other", now)
         rows = kept.tolist()
-        rubbed, gouged = remembered.get(KEPT_ON_BED, np.zeros(2)).tolist()
+        rubbed = float(remembered.get(KEPT_ON_BED, np.zeros(1))[0])
         return MotionBalance(
             (rows[START][0], rows[START][1]), (rows[NOW][0], rows[NOW][1]),
             {name: (row[0], row[1]) for name, row in zip(GIVERS, rows, strict=False)}, rows[START][2], rows[NOW][2],
             {name: row[2] for name, row in zip(GIVERS, rows, strict=False)},
             None if elastic is None else rows[BONDS][0], elastic, rows[BONDS][1], rows[BONDS][2],
-            rubbed, gouged, {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[BONDS + 1 :], strict=True)},
+            rubbed, {name: (row[0], row[1], row[2]) for name, row in zip(self.own, rows[BONDS + 1 :], strict=True)},
         )  # fmt: skip
 
     def _known(self, remembered: Mapping[str, Floats]) -> Floats | None:

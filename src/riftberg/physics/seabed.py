@@ -21,6 +21,12 @@ WATER_STIFFNESS = RHO_SEAWATER * GRAVITY
 """Weight of the water that one metre of heave displaces, Pa m-1."""
 
 
+PLATE_STEP = 0.02
+"""Distance between the values of `PLATE_DEFLECTION`, over `bending_length`."""
+
+PLATE_SIZE = 501
+"""Their number."""
+
 EDGE_STRESS = 3.0 * math.sin(0.25 * math.pi) * math.exp(-0.25 * math.pi)
 """Of `bending_stress` along an edge."""
 
@@ -214,41 +220,68 @@ def bending_length(modulus: float, poisson: float, thickness: float) -> float:
     return float((rigidity / WATER_STIFFNESS) ** 0.25)
 
 
-@kernel
-def line_stiffness(length: float, share: float) -> float:
-    """Stiffness (Pa) of floating ice under a load per metre of a long line: ``2 s^2 k_w lambda``, ``lambda = sqrt(2) l``.
+def _deflection_table() -> Floats:
+    """Deflection of an endless plate by the distance from a load, over that under it: ``-(4 / pi) kei(x)``, by its series."""
+    x = PLATE_STEP * np.arange(1, PLATE_SIZE)
+    half, digamma = 0.5 * x, -np.euler_gamma
+    ber, bei, rest, term = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x), np.ones_like(x)
+    for n in range(60):  # term: (x / 2)^(2 n) / n!^2, digamma: of n + 1
+        sign = -1.0 if n % 4 > 1 else 1.0
+        if n % 2:
+            bei += sign * term
+            rest += sign * digamma * term
+        else:
+            ber += sign * term
+        term = term * (half / (n + 1)) ** 2
+        digamma += 1.0 / (n + 1)
+    return np.concatenate([[1.0], -4.0 / math.pi * (rest - np.log(half) * bei - 0.25 * math.pi * ber)])
 
-    Hetenyi's beam on an elastic bed: ``2 k_w lambda`` inside of the ice, a quarter of it along an edge.
+
+PLATE_DEFLECTION = _deflection_table()
+"""See `plate_deflection`."""
+
+SHARES = np.array([0.25, 0.3, 0.35, 0.46, 0.5, 0.6, 0.7, 0.92, 1.0])
+"""Shares of ice around a load for which `PLATE_STIFFNESS` holds."""
+
+PLATE_STIFFNESS = np.array([0.786, 0.875, 0.980, 1.377, 2.0, 2.44, 2.96, 4.92, 8.0])
+"""See `plate_stiffness`."""
+
+
+@kernel
+def plate_stiffness(share: float) -> float:
+    """Stiffness of floating ice under a load at a point, over ``k_w l^2``.
+
+    8 inside (exact); 2 at an edge, so that a line of load along it is borne with ``k_w lambda / 2`` per metre (a point there has
+    2.165); 0.786 at a right-angled corner (finite elements, nu = 0.3). From the edge inwards as Hetenyi's half-infinite beam
+    under a line at a distance from its end, and along the edge from the corner on as the same curve.
 
     Parameters
     ----------
-    length : float
-        `bending_length`, m.
     share : float
-        Part of the strip of width ``lambda`` on both sides of the line that is ice: 1 inside, 1/2 along an edge.
+        Part of the surroundings of the load that is ice, weighted with ``(1 - r^2 / lambda^2)^2``: 1 inside, 1/2 at an edge,
+        1/4 at a corner.
     """
-    return 2.0 * share * share * WATER_STIFFNESS * math.sqrt(2.0) * length
+    for n in range(1, SHARES.size):
+        if share <= SHARES[n]:
+            t = max((share - SHARES[n - 1]) / (SHARES[n] - SHARES[n - 1]), 0.0)
+            return float(PLATE_STIFFNESS[n - 1] + t * (PLATE_STIFFNESS[n] - PLATE_STIFFNESS[n - 1]))
+    return float(PLATE_STIFFNESS[-1])
 
 
 @kernel
-def point_stiffness(length: float, share: float) -> float:
-    """Stiffness (N m-1) of floating ice under a load at a point: 8, 2.165 and 0.786 times ``k_w l^2``.
-
-    Inside of the ice (exact), at an edge (Westergaard 2.15) and at a right-angled corner (both by finite elements, nu = 0.3);
-    between them linear in ``share``.
+def plate_deflection(distance: float) -> float:
+    """Deflection of an endless plate on water by a load at a point, over that under the load: ``-(4 / pi) kei(r / l)``.
 
     Parameters
     ----------
-    length : float
-        `bending_length`, m.
-    share : float
-        Part of the disc of radius ``lambda`` about the point that is ice: 1 inside, 1/2 at an edge, 1/4 at a corner.
+    distance : float
+        From the load, over `bending_length`. Beyond 10 nothing is left.
     """
-    if share >= 0.5:
-        factor = 2.165 + (8.0 - 2.165) * (min(share, 1.0) - 0.5) / 0.5
-    else:
-        factor = 0.786 + (2.165 - 0.786) * max(share - 0.25, 0.0) / 0.25
-    return factor * WATER_STIFFNESS * length * length
+    at = distance / PLATE_STEP
+    if at >= PLATE_DEFLECTION.size - 1:
+        return 0.0
+    n = int(at)
+    return float(PLATE_DEFLECTION[n] + (at - n) * (PLATE_DEFLECTION[n + 1] - PLATE_DEFLECTION[n]))
 
 
 @kernel
@@ -257,7 +290,7 @@ def bending_stress(length: float, share: float, thickness: float, bending: float
 
     Of a beam on an elastic bed (Hetenyi) ``c = 3`` inside, under a line of load, for the moment is ``k_w lambda^2 u / 2``; and
     ``6 sin(pi / 4) exp(-pi / 4) / 2 = 0.967`` for a line of load on an edge, ``pi lambda / 4`` from it. At a right-angled corner
-    the stress is at most ``3 N / H^2`` (Westergaard), which with the stiffness of a corner (`point_stiffness`) is ``c = 1.179``.
+    the stress is at most ``3 N / H^2`` (Westergaard), which with the stiffness of a corner (`plate_stiffness`) is ``c = 1.179``.
     Between them ``c`` is linear in ``share``.
 
     Parameters
@@ -265,7 +298,7 @@ def bending_stress(length: float, share: float, thickness: float, bending: float
     length : float
         `bending_length`, m.
     share : float
-        Part of the disc of radius ``lambda`` about the load that is ice: 1 inside, 1/2 at an edge, 1/4 at a corner.
+        See `plate_stiffness`: 1 inside, 1/2 at an edge, 1/4 at a corner.
     thickness : float
         H, m.
     bending : float

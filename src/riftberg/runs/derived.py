@@ -154,8 +154,7 @@ IN_BONDS: Final = Derived((
 
 IN_THE_BED: Final = Derived((
     Variable("bed_friction_energy", "J", "work of friction on a bed of sediment since the start"),
-    Variable("gouge_energy", "J", "work that made gouges in a bed of sediment since the start"),
-), _motion(lambda b: (b.rubbed, b.gouged)), "total")  # fmt: skip
+), _motion(lambda b: (b.rubbed,)), "total")  # fmt: skip
 """What it has besides on a bed of sediment."""
 
 ICE: Final = (

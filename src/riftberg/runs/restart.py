@@ -315,7 +315,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "rigid_left_.+": Bound(("left",)),
     "life_ledger": Bound((5, 1 + len(PROCESSES) + len(SOURCES))),
     "motion_ledger": Bound((None, 3)),  # the ledger itself knows how many rows it has
-    "motion_on_bed": Bound((2,)),
+    "motion_on_bed": Bound((None,)),
     "melt_by_fragment": Bound((None, 1 + len(PROCESSES))),
     "front_shapes": Bound((None,), 0, 255),
     "front_bergs": Bound(("outlines",), 0, "fragments"),
@@ -348,7 +348,7 @@ EXTRAS: Final[Mapping[str, Bound]] = {
     "meeting_pair": Bound(("face pairs", 2), 0, "next_element - 1"),
     "meeting_state": Bound(("face pairs", 15)),
     "meeting_dissipated": Bound((1,)),
-    "bed_plastic": Bound((2,)),
+    "bed_(plastic|clearance)": Bound((None,)),
     "record_peak_stress_.+": Bound((None,)),
     "record_sums_.+": Bound((None, None)),
     "record_seconds_.+": Bound(()),

@@ -73,8 +73,8 @@ from riftberg.runs.layout import (
 from riftberg.runs.scene import add_background
 from riftberg.runs.tracks import (
     ELEMENT_COLUMNS,
-    FLOOR_LOAD,
     GOES_ON,
+    ON_BED,
     berg_rows,
     blocks_of,
     is_channel,
@@ -300,9 +300,9 @@ class RunWriter:
                 raise InputError(gap, where=place, remedy=_ANEW)
             if "u" not in old.variables:
                 raise InputError("a run file of a version before 0.2.0", where=place, remedy=_ANEW)
-            on_bed = [FLOOR_LOAD] if model.parameters.grounding.law == "seabed" else []
-            if on_bed and FLOOR_LOAD not in old.variables:
-                raise InputError("a run file of an earlier version, without floor_load", where=place, remedy=_ANEW)
+            on_bed = ON_BED if model.parameters.grounding.law == "seabed" else ()
+            if lost := [name for name in on_bed if name not in old.variables]:
+                raise InputError(f"a run file of an earlier version, without {lost[0]}", where=place, remedy=_ANEW)
             if self.forces != (APPLIED.variables[0].name in old.variables):
                 raise InputError(
                     f"its records have {'no ' if self.forces else ''}forces", where=place,
@@ -466,7 +466,7 @@ class _Record:
 
 def histories(model: BareModel) -> list[Variable]:
     """Return the variables of the elements that every record of this run holds."""
-    return [v for v in element_history() if v.name != FLOOR_LOAD or model.parameters.grounding.law == "seabed"]
+    return [v for v in element_history() if v.name not in ON_BED or model.parameters.grounding.law == "seabed"]
 
 
 def bond_history(model: BareModel) -> tuple[str, ...]:

@@ -293,6 +293,7 @@ ELEMENT_COLUMNS: Final = (
     "lon", "lat", "u", "v", "spin", "length", "width", "mass", "thickness", "depth", "berg",
 )  # fmt: skip
 FLOOR_LOAD: Final = "floor_load"
+ON_BED: Final = (FLOOR_LOAD, "floor_yield")
 """Variable of a run file on a bed of sediment, by which it carries elements over water deeper than their draft."""
 BOND_COLUMNS: Final = ("first", "second", "strength", "break_time", "peak_stress")
 """Variables of a run file from which the rows follow; ``damage`` too, where the run has it."""

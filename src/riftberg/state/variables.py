@@ -283,6 +283,14 @@ class Keel(NamedTuple):
     anchor_capacity: Annotated[
         Floats, _is("N", "largest friction that could hold the keel since it touched the floor last")
     ]
+    floor_hold: Annotated[Floats, _is("N", "largest friction that can hold the keel now")]
+    floor_lift: Annotated[Floats, _is("m", "largest rise of the keel above its floating draft")]
+    floor_stress: Annotated[Floats, _is("Pa", "largest bending stress of the ice that the floor lifts")]
+    floor_yield: Annotated[
+        Floats,
+        _is("m", "how deep the keel has pressed a bed that yields, at most; in run files with a seabed", output=True),
+    ]
+    floor_substep: Annotated[Floats, _is("s", "length of the next sub-step of the fragment on the floor")]
 
 
 class Elements(NamedTuple):

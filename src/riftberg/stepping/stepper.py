@@ -48,7 +48,7 @@ class Stepper(Protocol):
 
     @property
     def plastic(self) -> Floats:
-        """Plastic work since the start, J: of faces that crush each other, of friction on a bed of sediment, of gouges in it."""
+        """Plastic work since the start, J: of faces that crush each other, and of friction on a bed of sediment."""
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart must hold beside the state, as arrays, for the run to go on bit for bit."""
@@ -66,7 +66,7 @@ class Stateless:
     @property
     def plastic(self) -> Floats:
         """See `Stepper.plastic`: none."""
-        return np.zeros(3)
+        return np.zeros(2)
 
     def state_dict(self) -> dict[str, Any]:
         """Return nothing."""

@@ -157,7 +157,7 @@ class MultipleStepper(Stateless):
     def plastic(self) -> Floats:
         """See `riftberg.stepping.stepper.Stepper.plastic`."""
         return (
-            super().plastic if self._impacts is None else np.append(self._impacts.faces.pairs.dissipated, np.zeros(2))
+            super().plastic if self._impacts is None else np.append(self._impacts.faces.pairs.dissipated, np.zeros(1))
         )
 
     def take_back(self, run: RunState) -> None:

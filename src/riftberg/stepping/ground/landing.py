@@ -1,62 +1,34 @@
-"""Fragments on a bed of sediment: rigid motion in sub-steps, as long as the floor lets them be.
+"""Fragments on the floor: rigid motion in sub-steps, as long as the floor lets them be.
 
     M (V1 - V0) = h (G(V) + sum B^T f),    V = (V0 + V1) / 2,    position: by V
 
 with the media G and the forces f of the floor in the middle of the sub-step. Friction is an elastic-plastic anchor at the centre
 of the load of each element: what the keel moves on (at V1: backward Euler, so that a held fragment comes to rest in any step)
-loads it with the stiffness C / anchor way, up to the capacity C. The force is stored, not the way: where a load rises, a
-stored way would push the berg back, and make energy.
+loads it with the stiffness C / anchor way, up to the capacity C. The force is stored, not the way: where a load rises, a stored
+way would push the berg back, and make energy.
 
-A sub-step is halved until the floor changes the velocity by little, or holds the fragment, and until touching and coming free
-are met within a minute.
+A sub-step is cut until the floor changes the velocity by little, or holds the fragment, and until touching and coming free are
+met within a minute. `advance` takes all fragments up to where they need the depth at another place, which Python asks for all of
+them at once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-import shapely
-from numpy.typing import NDArray
 
-from riftberg.errors import InputError, RunError
-from riftberg.ocean.forcing import Forcing, land_at, sea_level
-from riftberg.parameters import Grounding, KernelParameters
-from riftberg.physics.floating import draft_of
-from riftberg.state import Floats, Ints, Keel
-from riftberg.stepping.bodies.dynamics import (
-    BodyOperators,
-    ElementForcing,
-    add_forces,
-    add_inertia_and_floor_drag,
-    assemble_force_and_jacobian,
-)
-from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses, tangent_coordinates
-from riftberg.stepping.contact.broad_phase import NO_PAIRS
-from riftberg.stepping.contact.islands import PeakContactLoad, SubcycledMotion, forcing_of_rows
+from riftberg.compiled.kernels import kernel
+from riftberg.physics.geometry import solve, times
+from riftberg.state import Floats, Ints
+from riftberg.stepping.bodies.dynamics import ElementForcing, add_forces, assemble_force_and_jacobian
+from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
-from riftberg.stepping.ground.balance import Bed, Bending, Hull, Pressure, hull_of, press
-from riftberg.stepping.ground.floor import OPEN_DEPTH, STEEPEST, Floor, Patches
-from riftberg.stepping.lattice.footprints import BodyFootprint, FootprintBook, body_footprint
-from riftberg.stepping.run_state import RunState
+from riftberg.stepping.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, place_points
+from riftberg.stepping.ground.press import HOLD, LOAD, LOAD_X, LOAD_Y, PUSH_X, PUSH_Y, YIELD, Bed, press
 
-POISSON: Final = 0.3
-"""Of the ice that bends, for which the stiffness at edges and corners was found."""
-
-SEDIMENTS: Final[dict[str, dict[str, float]]] = {
-    "rock": {"stiffness": 1e9, "bearing_strength": 1e7, "friction": 0.5},
-    "sand": {"stiffness": 1e7, "bearing_strength": 1e6, "friction": 0.5},
-    "clay": {"stiffness": 1e6, "friction": 0.5, "shear_strength": 2e4},
-    "other": {},
-}
-"""Beds by name; on clay the bearing strength follows from the shear strength."""
-
-BEARING_FACTOR: Final = 6.0
-"""Bearing strength of clay over its shear strength (a long strip 5.14)."""
-
-VELOCITY_CHANGE: Final = 0.05
+VELOCITY_CHANGE: Final = 0.1
 """Largest part of its speed by which the floor changes that of a fragment in a sub-step, unless it holds it."""
 
 SLOW: Final = 1e-3
@@ -68,604 +40,446 @@ TOUCH_STEP: Final = 60.0
 LEAST_STEP: Final = 0.01
 """Shortest sub-step, s."""
 
-ASIDE: Final = 100.0
-"""How far forces may take a fragment from its way in a step, m."""
-
-STRUCK: Final = 0.05
-"""Change of velocity (m s-1) in a step that makes an impact; pieces that lean on each other give less."""
-
-DEEP_KEEL: Final = 1.0
-"""How far below the floor a keel may start, m."""
-
-INSIDE: Final = 0.75
-"""Share of ice around a load from which the ice cracks along the line of the patch; elsewhere a piece of the edge breaks off."""
+HELD_STEP: Final = 1e9
+"""Length of the next sub-step (s) of a fragment that is held: that of the whole step, whatever it is."""
 
 PASSES: Final = 50
 """Of Newton's method for the friction, after which the sub-step is halved."""
 
+ANCHOR_X, ANCHOR_Y, LARGEST, FORCE_X, FORCE_Y, TORQUE = range(6)
+"""Columns of `Landing.anchors`: friction that anchors an element (N), the largest that could since it touched, force of the floor
+with that of its slope (N), and its torque about the centre of the element (N m)."""
 
-def bed_of(g: Grounding) -> Bed:
-    """Return the bed that the parameters describe."""
-    values = {**SEDIMENTS[g.sediment]}
-    for name in ("stiffness", "bearing_strength", "friction", "shear_strength"):
-        if (given := getattr(g, name)) is not None:
-            values[name] = given
-    shear = values.get("shear_strength", 0.0)
-    strength = values.get("bearing_strength", BEARING_FACTOR * shear)
-    return Bed(
-        values["stiffness"], strength, values["friction"], g.adhesion * shear, g.anchor_way, g.bending, g.ice_modulus, POISSON
+PATH, VELOCITY, ACCELERATION, NEXT, PUSH, NET, WAY = range(7)
+"""Rows of `Landing.motion`, each east, north and turning: way since the start (m), velocity now and acceleration of the last
+sub-step, velocity at the end of this one (m s-1), force of others and of the floor (N), way to where the depth is asked (m)."""
+
+(
+    TIME, SUBSTEP, RADIUS, ARM, SPEED, SHORTEST, PEAK, PEAK_SPIN, RUBBED, RUBS, CLEARANCE, HELD, REACH, LENGTH, THICKNESS, LEVEL,
+) = range(16)  # fmt: skip
+"""Columns of `Landing.number`: time since the start and length of the sub-step (s), radii of fragment and gyration (m), speed at
+the start (m s-1), shortest sub-step (s), largest force of the floor (N) and the spin then, work of friction so far and in the
+sub-step (J), clearance at least (m), friction that can hold in its middle (N), way for which pads are watched (m), bending length
+and thickness of the ice (m), and the level at the start, in the middle and at the end of the step (m)."""
+
+NUMBERS: Final = LEVEL + 3
+
+STATUS, TOUCHES, MIDDLE_TOUCHES, SLIDES, ACCEPTED = range(5)
+"""Columns of `Landing.flag`; the third and fourth are of the middle of the sub-step, the last is of the last call."""
+
+BEGINS, MIDDLE, END, DONE, AFLOAT, BEYOND, TOO_SHORT, UNSETTLED = range(8)
+"""Status of a fragment: what it needs the depth for, or how it ended: it touched the floor, or nothing; it went beyond the pads
+that are watched; no sub-step was short enough; no rise balances it."""
+
+
+class Landing(NamedTuple):
+    """Fragments on their way through a step; arrays by fragment unless said otherwise."""
+
+    pads: Pads
+    polygons: Ints  # Those that may touch the floor, by fragment
+    polygon_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
+    pose: Floats  # At the start; shape (fragments, 3, 3)
+    asked: Floats  # For which the depth is asked
+    hull: Floats  # Stiffness against heave and tilts
+    mobility: Floats
+    motion: Floats  # shape (fragments, rows as above, 3)
+    number: Floats  # shape (fragments, columns as above)
+    flag: Ints  # shape (fragments, columns as above)
+    rise: Floats  # Heave (m) and tilts (rad); shape (fragments, 3)
+    draft: Floats  # Of the elements ``pads.rows``, m
+    reference: Floats  # Theirs; shape (elements, 3)
+    levers: Floats  # Theirs in the middle of the sub-step; shape (elements, 11)
+    anchors: Floats  # shape (elements, columns as above)
+    tried: Floats  # The same of a sub-step that is not accepted yet
+    found: Floats  # What `press` finds for the elements, in the middle or at the end; shape (elements, columns)
+    yielded: Floats  # Deepest yield of the bed under each element, m
+    bent: Floats  # What `press` finds for the polygons; shape (polygons, 3)
+    applied: Floats  # Changes of velocity by all forces, m s-1; shape (elements, forces, 2)
+    peak: Floats  # Forces when the floor pressed hardest, and the axes then; shape (elements, 5)
+
+
+@kernel
+def _forcing_of(f: ElementForcing, a: int, z: int) -> ElementForcing:
+    """Forcing of the elements ``a`` to ``z``."""
+    return ElementForcing(
+        f.media[a:z], f.coriolis[a:z], f.mass[a:z], f.inertia[a:z], f.floor_rate[a:z], f.floor_spin_rate[a:z], f.aground[a:z],
+        f.spin_drag[a:z], f.water_spin[a:z], f.push_x[a:z], f.push_y[a:z], f.media_act, f.floor_acts,
     )  # fmt: skip
 
 
-class Fragment(NamedTuple):
-    """One fragment as the floor sees it."""
-
-    rows: Ints  # Elements
-    footprint: BodyFootprint
-    xy: Floats  # m; shape (elements, 2)
-    thickness: Floats  # m
-    draft: Floats  # m
-    radius: float  # Of the circle about its origin that holds it, m
-    hull: Hull
-    first: Ints  # Intact bonds, as elements of the fragment
-    second: Ints
-    bonds: Ints  # The same, as rows of the state
-
-
-class GroundMotion(NamedTuple):
-    """What the floor made of a step for the fragments that it touched; the gouges are deepened already."""
-
-    motion: SubcycledMotion  # As that of contact
-    keel: Keel  # Of all elements, at the end
-    flexure: Floats  # Largest bending stress that each bond has borne, Pa; shape (bonds,)
+@kernel
+def write_points(
+    pads: Pads, b: int, polygons: Ints, pose: Floats, latlon: bool, radius: float, at: int, lon: Floats, lat: Floats
+) -> int:  # fmt: skip
+    """Write the positions of the corners of polygons, then of their centroids, from ``at`` on; returns where they end."""
+    ox, oy = pads.frame[b, ORIGIN_X], pads.frame[b, ORIGIN_Y]
+    for k in polygons:
+        for n in range(pads.start[k], pads.start[k + 1]):
+            lon[at], lat[at] = place_points(pads.corner[n, 0] + ox, pads.corner[n, 1] + oy, pose, latlon, radius)
+            at += 1
+    for k in polygons:
+        lon[at], lat[at] = place_points(pads.centre[k, 0] + ox, pads.centre[k, 1] + oy, pose, latlon, radius)
+        at += 1
+    return at
 
 
-class _Friction(NamedTuple):
-    """Friction in a sub-step; ``plastic``: energy (J) that keels lose as they slide."""
-
-    velocity: Floats  # V1; shape (3,)
-    anchor: Floats  # Of each element, N; shape (elements, 2)
-    capacity: Floats  # Largest so far, N
-    force: Floats  # Of the floor on each element with that of its slope, N; shape (elements, 2)
-    torque: Floats  # About the centre of the element, N m
-    net: Floats  # On the fragment; shape (3,)
-    slides: bool
-    plastic: float
+@kernel
+def _level_at(number: Floats, part: float) -> float:
+    """Sea level (m) at a part of the step, by a parabola."""
+    first, middle, last = number[LEVEL], number[LEVEL + 1], number[LEVEL + 2]
+    return float(first + part * (4.0 * middle - 3.0 * first - last + 2.0 * part * (first - 2.0 * middle + last)))
 
 
-def depth_of_bed(forcing: Forcing) -> Callable[[Floats, Floats], Floats]:
-    """Return the depth of the bed (m) at points: land of no known depth is dry, and what lies beyond all data is deep."""
-
-    def depth(lon: Floats, lat: Floats) -> Floats:
-        found = np.asarray(forcing.depth(lon, lat), float)
-        lost = ~np.isfinite(found)
-        if lost.any():
-            dry = land_at(forcing, lon[lost], lat[lost])
-            found = found.copy()
-            found[lost] = np.where(dry, 0.0, OPEN_DEPTH)
-        return found
-
-    return depth
+@kernel
+def _total(levers: Floats, dx: float, dy: float, x: float, y: float, net: Floats) -> float:
+    """Add a force (N, east and north) at (dx, dy) from the centre of an element to that on its fragment; returns its torque."""
+    ox, oy = levers[9] * dx - levers[10] * dy, levers[10] * dx + levers[9] * dy
+    torque = ox * y - oy * x
+    for k in range(3):
+        net[k] += levers[k] * x + levers[3 + k] * y + levers[6 + k] * torque
+    return float(torque)
 
 
-class Seabed:
-    """The bed under a run: what lives from one step to the next beside the state."""
+@kernel
+def _rub(now: Landing, a: int, forcing: ElementForcing, bed: Bed, dt: float) -> bool:
+    """Solve for the velocity at the end of a sub-step with the anchors, by Newton's method; False where it does not settle.
 
-    def __init__(self, model: RunState, footprints: FootprintBook) -> None:
-        p, forcing = model.parameters, model.forcing
-        self.bed, lon = bed_of(p.grounding), model.elements.lon
-        self.floor = Floor(
-            p.grounding.cell, depth_of_bed(forcing), p.earth.latlon, p.earth.radius, float(lon[0]) if lon.size else 0.0,
-            p.earth.period,
-        )  # fmt: skip
-        self.newcomers = np.zeros(0, np.bool_)  # Elements that came since the last step
-        self.plastic = np.zeros(2)  # Work of friction and of gouging since the start, J
-        self._footprints = footprints
-        self._fragments: dict[int, Fragment] = {}
-        self._key: list[bytes] = []
-
-    def checkpoint(self) -> tuple[dict[int, Floats], Floats]:
-        """Return what a step changes: gouges and plastic work."""
-        return self.floor.checkpoint(), self.plastic.copy()
-
-    def rollback(self, before: tuple[dict[int, Floats], Floats]) -> None:
-        """Return to what `checkpoint` gave."""
-        self.floor.rollback(before[0])
-        self.plastic = before[1].copy()
-
-    def state_dict(self) -> dict[str, Any]:
-        """Return what a restart file must hold beside the state."""
-        return {**self.floor.to_arrays(), "bed_plastic": self.plastic}
-
-    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Restore what `state_dict` gave."""
-        if "gouge_block" in saved:
-            self.floor.take_up(np.asarray(saved["gouge_block"]), np.asarray(saved["gouge_depth"]))
-        if "bed_plastic" in saved:
-            self.plastic = np.array(saved["bed_plastic"], np.float64)
-
-    def prepare(self, model: RunState, bodies: Bodies) -> None:
-        """Bring the fragments up to date with the state."""
-        el, bonds = model.elements, model.bonds
-        body = el.body
-        key = [
-            a.tobytes()
-            for a in (bodies.body, bodies.reference, body.id, body.thickness, body.length, body.width, bonds.status)
-        ]
-        if key != self._key:
-            self._key, self._fragments = key, {}
-            self._footprints.follow(model)
-
-    def fragment(self, model: RunState, bodies: Bodies, b: int) -> Fragment:
-        """Return one fragment."""
-        if b not in self._fragments:
-            el, bonds, c = model.elements, model.bonds, model.constants
-            xy = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius)
-            rows = np.flatnonzero(bodies.body == b)
-            footprint = body_footprint(self._footprints.follow(model), el, rows, xy)
-            thickness = el.thickness[rows]
-            draft = draft_of(thickness, c.rho_ice)
-            place = np.full(el.size, -1)
-            place[rows] = np.arange(rows.size)
-            first, second = place[bonds.first], place[bonds.second]
-            whole = (bonds.status == 0) & (first >= 0)
-            radius = float(np.hypot(*footprint.corner.T).max())
-            hull = hull_of(footprint.corner, footprint.start, footprint.owner, thickness, draft)
-            self._fragments[b] = Fragment(
-                rows,
-                footprint,
-                xy[rows],
-                thickness,
-                draft,
-                radius,
-                hull,
-                first[whole],
-                second[whole],
-                np.flatnonzero(whole),
-            )
-        return self._fragments[b]
-
-    def resolve(
-        self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None
-    ) -> GroundMotion | None:
-        """Take the fragments that touch the floor within ``h`` s through sub-steps; None where none does."""
-        self.prepare(model, bodies)
-        keel, flexure = Keel._make(array.copy() for array in model.elements.keel), np.zeros(model.bonds.first.size)
-        phases = []
-        for b in range(bodies.pose.shape[0]):
-            rows = np.flatnonzero(op.body == b)
-            near = self._near(model, bodies, b, rows, time, h)
-            if not near.any():
-                for array in keel:  # it may have been lifted off the floor since the last step
-                    array[rows] = 0.0
-                continue
-            fragment = self.fragment(model, bodies, b)
-            push = _impulse_of(contact, b) / h
-            run = _Landing(self, fragment, b, bodies, op, near, time, model, keel, push)
-            if run.touches_within(h):
-                run.integrate(h)
-                flexure[fragment.bonds] = run.flexure
-                phases.append(run)
-        return GroundMotion(_motion_of(phases, h), keel, flexure) if phases else None
-
-    def held_in_contact(self, model: RunState, op: BodyOperators, twist: Floats, slides: Ints) -> BodyOperators:
-        """Return the operators for sub-steps of contact, in which the bed brakes all fragments on it but ``slides``.
-
-        Its drag is linear and gives what friction can bear at the speed now, or at 1 mm/s: a fragment at rest is held.
-        """
-        el = model.elements
-        capacity = np.where(np.isin(op.body, slides), 0.0, el.keel.anchor_capacity)
-        if not capacity.any():
-            return op
-        u, v = (np.einsum("ek,ek->e", op.levers[:, k : k + 3], twist[op.body]) for k in (0, 3))
-        speed, drag = np.maximum(np.hypot(u, v), SLOW), np.zeros_like(op.matrices.floor_drag)
-        forcing = op.forcing._replace(floor_rate=op.forcing.floor_rate + capacity / (el.mass * speed))
-        add_inertia_and_floor_drag(op.body, op.levers, forcing, np.zeros_like(drag), drag)
-        return op._replace(forcing=forcing, matrices=op.matrices._replace(floor_drag=drag))
-
-    def _near(
-        self, model: RunState, bodies: Bodies, b: int, rows: Ints, time: float, h: float
-    ) -> NDArray[np.bool_]:  # fmt: skip
-        """Which elements of a fragment may come near the floor in the step."""
-        el, p, twist = model.elements, model.constants, bodies.twist[b]
-        draft = draft_of(el.body.thickness[rows], p.rho_ice)
-        size = np.sqrt(el.body.length[rows] * el.body.width[rows])
-        # By the depth in their middle first, so that deep water is never asked for its blocks: half of the diagonal of an
-        # element, the way of the step, and a level of some metres.
-        reach = size + h * math.hypot(twist[0], twist[1]) + 20.0
-        some = np.asarray((el.environment.depth[rows] < draft + STEEPEST * reach) | (el.keel.floor_load[rows] > 0.0))
-        if not some.any():
-            return some
-        fragment, pose = self.fragment(model, bodies, b), bodies.pose[b]
-        lon, lat = corner_positions(fragment.footprint.corner, pose, p)
-        level = min(_level(model, pose, time + t) for t in (0.0, 0.5 * h, h))
-        way = h * (math.hypot(twist[0], twist[1]) + fragment.radius * abs(twist[2])) + ASIDE
-        return self.floor.near(fragment.footprint, lon, lat, draft, some, level, way)
-
-    def check_start(self, model: RunState, bodies: Bodies) -> None:
-        """Refuse keels that start deep below the floor, or settle them into gouges; find what the floor carries at the start.
-
-        Of all fragments in the first step, of those that have come since the last one later.
-        """
-        first = model.step_number == 0
-        if not first:
-            if not self.newcomers.any():
-                return
-            model.forcing.sample(model.elements, model.time)  # the depth under them, by which the near ones are found
-        self.prepare(model, bodies)
-        el, c, g = model.elements, model.constants, model.parameters.grounding
-        for b in range(bodies.pose.shape[0]):
-            rows = np.flatnonzero(bodies.body == b)
-            if not first and not self.newcomers[rows].all():
-                continue
-            near = self._near(model, bodies, b, rows, model.time, 0.0)
-            if not near.any():
-                continue
-            fragment = self.fragment(model, bodies, b)
-            place = corner_positions(fragment.footprint.corner, bodies.pose[b], c)
-            level = _level(model, bodies.pose[b], model.time)
-            patches = self.floor.patches(fragment.footprint, *place, fragment.draft, near, level)
-            deepest = patches.corner[:, 2].max(initial=0.0)
-            # Pieces off a berg aground lay there before they broke off: they settle.
-            piece = bool((el.life.fl_k[rows] < 0.0).all())
-            if deepest > DEEP_KEEL and g.start == "refuse" and not piece:
-                at = np.searchsorted(patches.start, patches.corner[:, 2].argmax(), side="right") - 1
-                e = int(rows[patches.owner[at]])
-                raise InputError(
-                    f"the keel of element {el.body.id[e]} at ({el.lon[e]:.6g}, {el.lat[e]:.6g}) starts {deepest:.3g} m below the "
-                    "sea floor", where="Model", remedy="Place the berg in deeper water, or set grounding.start to settle",
-                )  # fmt: skip
-            for _ in range(2 if deepest > DEEP_KEEL else 0):  # whole blocks first, then their cells
-                self.floor.settle(patches)
-                patches = self.floor.patches(fragment.footprint, *place, fragment.draft, near, level)
-            found = self.press(model, fragment, patches, np.zeros(3))
-            el.keel.floor_load[rows], el.keel.anchor_capacity[rows] = found.load, found.capacity
-
-    def press(self, model: RunState, f: Fragment, patches: Patches, rise: Floats) -> Pressure:
-        """Rise and loads of a fragment; ``rise``: where the search begins."""
-        try:
-            return press(patches, f.rows.size, f.hull, self.bed, f.thickness, f.first, f.second, rise)
-        except FloatingPointError:
-            raise RunError(f"the heave of a berg aground did not settle at {model.date:%Y-%m-%d %H:%M}") from None
-
-
-def corner_positions(corner: Floats, pose: Floats, p: KernelParameters) -> tuple[Floats, Floats]:
-    """Return the positions (degrees, or m) of points of a fragment, given on its tangent plane (m)."""
-    if not p.latlon:
-        x, y = corner[:, 0], corner[:, 1]
-        return pose[0, 2] + pose[0, 0] * x + pose[0, 1] * y, pose[1, 2] + pose[1, 0] * x + pose[1, 1] * y
-    s = corner / (2.0 * p.earth_radius)
-    square = (s * s).sum(axis=1)
-    unit = np.column_stack([2.0 * s, 1.0 - square]) / (1.0 + square)[:, None] @ pose.T
-    return np.degrees(np.arctan2(unit[:, 1], unit[:, 0])), np.degrees(
-        np.arctan2(unit[:, 2], np.hypot(unit[:, 0], unit[:, 1]))
-    )
-
-
-def _level(model: RunState, pose: Floats, time: float) -> float:
-    """Sea level (m) at the centre of a fragment."""
-    lon, lat = corner_positions(np.zeros((1, 2)), pose, model.constants)
-    return float(sea_level(model.forcing, lon, lat, time)[0])
-
-
-def bodies_under_impact(contact: SubcycledMotion, op: BodyOperators) -> Ints:
-    """Bodies that contact gives a change of velocity of more than `STRUCK`."""
-    impulse, mass = np.hypot(*contact.impulse[:, :2].T), op.matrices.inertia[contact.bodies, 0, 0]
-    return np.asarray(contact.bodies[impulse > STRUCK * mass])
-
-
-def _impulse_of(contact: SubcycledMotion | None, b: int) -> Floats:
-    """Impulse (N s, N s, N m s) that contact gave a fragment in the step."""
-    if contact is None:
-        return np.zeros(3)
-    return np.asarray(contact.impulse[contact.bodies == b].sum(axis=0))
-
-
-class _Landing:
-    """One fragment on its way through a step."""
-
-    def __init__(
-        self, seabed: Seabed, fragment: Fragment, b: int, bodies: Bodies, op: BodyOperators, near: NDArray[np.bool_],
-        time: float, model: RunState, keel: Keel, push: Floats,
-    ) -> None:  # fmt: skip
-        self.seabed, self.fragment, self.b, self.near, self.time, self.model = seabed, fragment, b, near, time, model
-        self.bed, self.c, rows = seabed.bed, model.constants, fragment.rows
-        self.rows, self.keel, self.push = rows, keel, push
-        self.forcing: ElementForcing = forcing_of_rows(rows, op.forcing)
-        self.mobility, inertia = op.matrices.mobility[b], op.matrices.inertia[b]
-        self.arm = math.sqrt(inertia[2, 2] / inertia[0, 0])
-        self.reference, self.pose = bodies.reference[rows], bodies.pose[b : b + 1]
-        self.body_of = np.zeros(rows.size, np.int64)
-        self.path, self.velocity, self.elapsed = np.zeros(3), bodies.twist[b].copy(), 0.0
-        self.anchor = np.column_stack([keel.anchor_x[rows], keel.anchor_y[rows]])
-        self.capacity = keel.anchor_capacity[rows].copy()
-        self.applied = np.zeros((rows.size, len(FORCES), 2))
-        self.shortest, self.acceleration, self.rise = math.inf, np.zeros(3), np.zeros(3)
-        self.peak, self.peak_force, self.peak_axes, self.peak_spin = (
-            -1.0,
-            np.zeros((rows.size, 3)),
-            np.zeros((rows.size, 2)),
-            0.0,
-        )
-        self.load, self.force, self.torque = np.zeros(rows.size), np.zeros((rows.size, 2)), np.zeros(rows.size)
-        self.flexure, self.bends = (
-            np.zeros(fragment.bonds.size),
-            model.parameters.fracture.flexural_strength is not None,
-        )
-
-    def touches_within(self, h: float) -> bool:
-        """Whether the floor touches the fragment at the start, or would in the middle or at the end without it."""
-        if self.keel.floor_load[self.rows].any() or self.anchor.any():
-            return True
-        return any(
-            self._overlaps(self._pose_after(t * self.velocity, t), t).any() for t in (0.0, 0.5 * h, h)
-        )  # fmt: skip
-
-    def _pose_after(self, path: Floats, t: float) -> Floats:
-        if t == 0.0:
-            return self.pose
-        new = np.empty_like(self.pose)
-        move_poses(self.pose, (path / t)[None], t, self.c.latlon, self.c.earth_radius, new, np.empty((3, 3)))
-        return new
-
-    def _patches(self, pose: Floats, t: float) -> Patches:
-        lon, lat = corner_positions(self.fragment.footprint.corner, pose[0], self.c)
-        level = _level(self.model, pose[0], self.time + t)
-        return self.seabed.floor.patches(
-            self.fragment.footprint, lon, lat, self.fragment.draft, self.near, level
-        )  # fmt: skip
-
-    def _overlaps(self, pose: Floats, t: float) -> NDArray[np.bool_]:
-        return np.asarray(self._patches(pose, t).corner[:, 2] > 0.0)
-
-    def _press(self, path: Floats, t: float) -> tuple[Floats, Pressure]:
-        """Pose and pressure after a path (m, m, rad), ``t`` s from the start."""
-        pose = self._pose_after(path, t)
-        return pose, self.seabed.press(self.model, self.fragment, self._patches(pose, t), self.rise)
-
-    def integrate(self, h: float) -> None:
-        """Take the fragment through ``h`` s."""
-        # Without a rise nothing overlaps, or the floor carries some of it.
-        touches, dt, stop = bool(self._overlaps(self.pose, 0.0).any()), h, 0.0
-        while (left := h - self.elapsed) > 1e-12 * h:
-            dt = min(dt, left)
-            middle, friction, end, accepted = self._substep(dt, touches)
-            if not accepted:
-                dt *= 0.5
-                if dt < LEAST_STEP:
-                    raise RunError(
-                        f"a berg that runs aground at {self.model.date:%Y-%m-%d %H:%M} needs sub-steps of less than "
-                        f"{LEAST_STEP:g} s"
-                    )
-                continue
-            self._accept(dt, middle, friction, end)
-            touches, dt = end.touches, 2.0 * dt
-            if not friction.slides and end.touches:
-                dt = h
-            elif (slowing := -self.acceleration[:2] @ self.velocity[:2]) > 0.0:
-                # Just before it stops: over a way shorter than that of the anchor the floor stops the fragment at once.
-                speed = math.hypot(*self.velocity[:2])
-                stop = speed * speed / slowing
-                if 0.5 * speed * stop < 0.9 * self.bed.anchor_way and friction.slides:
-                    dt = max(dt, 1.2 * stop)
-        self._finish()
-
-    def _substep(self, dt: float, touches: bool) -> tuple[tuple[Floats, Pressure], _Friction, Pressure, bool]:
-        """Try a sub-step: middle, friction, end, and whether it is short enough."""
-        t, v0 = self.elapsed, self.velocity
-        half = self.path + 0.5 * dt * v0 + 0.125 * dt * dt * self.acceleration
-        pose, found = self._press(half, t + 0.5 * dt)
-        friction = self._friction(dt, pose, found)
-        if friction is None:
-            return (pose, found), self._no_friction(), found, False
-        way = 0.5 * dt * (v0 + friction.velocity)
-        _, end = self._press(self.path + way, t + dt)
-        if not (touches == found.touches == end.touches) and dt > TOUCH_STEP:
-            return (pose, found), friction, end, False
-        moved = math.hypot(way[0], way[1]) + self.arm * abs(way[2])
-        if not friction.slides and moved <= self.bed.anchor_way:
-            return (pose, found), friction, end, True
-        # By the greater of the forces in the middle and at the end.
-        if found.touches or not end.touches:
-            grows = max(0.0, end.capacity.sum() / max(found.capacity.sum(), 1e-30) - 1.0) if found.touches else 0.0
-            more = grows * friction.net
-        else:
-            more = -end.capacity.sum() / max(math.hypot(v0[0], v0[1]), 1e-12) * np.array([v0[0], v0[1], 0.0])
-        change = friction.velocity - v0 + dt * (self.mobility @ more) if found.touches or end.touches else np.zeros(3)
-        size = math.hypot(change[0], change[1]) + self.arm * abs(change[2])
-        speed = math.hypot(v0[0], v0[1]) + self.arm * abs(v0[2])
-        return (pose, found), friction, end, size <= VELOCITY_CHANGE * max(speed, SLOW)
-
-    def _levers(self, pose: Floats) -> Floats:
-        n = self.rows.size
-        levers = np.empty((n, 11))
-        fill_levers(
-            Bodies(self.body_of, self.reference, pose, self.velocity[None], np.zeros((n, 3))), self.c.latlon,
-            self.c.earth_radius, levers,
-        )  # fmt: skip
-        return levers
-
-    def _no_friction(self) -> _Friction:
-        n = self.rows.size
-        return _Friction(
-            self.velocity, self.anchor, self.capacity, np.zeros((n, 2)), np.zeros(n), np.zeros(3), True, 0.0
-        )
-
-    def _friction(self, dt: float, pose: Floats, found: Pressure) -> _Friction | None:
-        """Solve for the velocity at the end of a sub-step, with the anchors; None where it does not settle."""
-        m, v0, loaded = self._levers(pose), self.velocity, found.load > 0.0
-        # From the centre of an element to that of its load, east and north.
-        dx, dy = (
-            np.where(loaded, found.x - self.fragment.xy[:, 0], 0.0),
-            np.where(loaded, found.y - self.fragment.xy[:, 1], 0.0),
-        )
-        ox, oy = m[:, 9] * dx - m[:, 10] * dy, m[:, 10] * dx + m[:, 9] * dy
-        lever = np.stack([m[:, 0:3] - oy[:, None] * m[:, 6:9], m[:, 3:6] + ox[:, None] * m[:, 6:9]], axis=1)
-        anchor = np.where(loaded[:, None], self.anchor, 0.0)
-        largest = np.where(loaded, np.maximum(self.capacity, found.capacity), 0.0)
-        spring = dt * largest / self.bed.anchor_way
-        net_media, jacobian, always = np.zeros((1, 3)), np.zeros((1, 3, 3)), np.ones(1, np.bool_)
-        constant = np.einsum("eak,ea->k", lever, found.slope) + self.push
-        limit = found.capacity
-
-        def forces(v: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-            trial = anchor - spring[:, None] * (lever @ v)
-            size = np.hypot(trial[:, 0], trial[:, 1])
-            slides = loaded & (size > limit)
-            part = np.where(slides, limit / np.where(size > 0.0, size, 1.0), 1.0)
-            return (
-                trial * part[:, None],
-                np.where(size[:, None] > 0.0, trial / np.where(size > 0.0, size, 1.0)[:, None], 0.0),
-                slides,
-            )
-
-        def residual(v: Floats, f: Floats) -> Floats:
-            # Media at the mean velocity, as the ledger has them: momentum closes to round-off.
-            net_media[:], jacobian[:] = 0.0, 0.0
-            assemble_force_and_jacobian(
-                self.body_of, m, 0.5 * (v0 + v)[None], self.forcing, always, net_media, jacobian
-            )
-            net = net_media[0] + constant + np.einsum("eak,ea->k", lever, f)
-            return np.asarray(v - v0 - dt * (self.mobility @ net))
-
-        def size_of(r: Floats) -> float:
-            return float(math.hypot(r[0], r[1]) + self.arm * abs(r[2]))
-
-        v = v0.copy()
-        f, direction, slides = forces(v)
-        r = residual(v, f)
-        for _ in range(PASSES):
-            # Slope of the force by the velocity: of a sliding anchor that of its direction alone.
-            part = np.where(
-                slides, limit / np.maximum(np.hypot(*(anchor - spring[:, None] * (lever @ v)).T), 1e-30), 1.0
-            )
-            normal = np.where(slides, 1.0, 0.0)[:, None, None] * direction[:, :, None] * direction[:, None, :]
-            tangent = (spring * part)[:, None, None] * (np.eye(2) - normal)
-            slope = 0.5 * jacobian[0] + np.einsum("eak,eab,ebl->kl", lever, tangent, lever)
-            step = np.linalg.solve(np.eye(3) + dt * (self.mobility @ slope), -r)
-            scale, before = 1.0, size_of(r)
-            while True:
-                new = v + scale * step
-                f, direction, slides = forces(new)
-                r = residual(new, f)
-                if size_of(r) < before or scale < 1e-3:
-                    break
-                scale *= 0.5
-            v = new
-            if size_of(scale * step) <= 1e-12 * max(size_of(v), 1e-6):
-                break
-        else:
-            return None
-        force = f + found.slope
-        net = np.einsum("eak,ea->k", lever, force)
-        # Where it slides, the anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
-        tried = np.hypot(*(anchor - spring[:, None] * (lever @ (0.5 * (v0 + v)))).T)[slides]
-        yields = np.maximum(tried - limit[slides], 0.0) * self.bed.anchor_way / largest[slides]
-        plastic = float((limit[slides] * yields).sum())
-        return _Friction(v, f, largest, force, ox * force[:, 1] - oy * force[:, 0], net, bool(slides.any()), plastic)
-
-    def _accept(self, dt: float, middle: tuple[Floats, Pressure], friction: _Friction, end: Pressure) -> None:
-        """Make a sub-step the state of the fragment."""
-        pose, n = middle[0], self.rows.size
-        levers, mean = self._levers(pose), 0.5 * (self.velocity + friction.velocity)
-        accelerations, rate, force, net = (
-            np.zeros((n, len(FORCES), 2)),
-            np.empty((n, 3)),
-            np.empty((n, 3)),
-            np.zeros((1, 3)),
-        )
-        add_forces(self.body_of, levers, mean[None].copy(), self.forcing, accelerations, rate, force, net)
-        accelerations[:, SEA_FLOOR] += friction.force / self.forcing.mass[:, None]
-        self.applied += dt * accelerations
-        self.path = self.path + dt * mean
-        self.acceleration = (friction.velocity - self.velocity) / dt
-        self.elapsed += dt
-        self.velocity, self.anchor, self.capacity = friction.velocity, friction.anchor, friction.capacity
-        self.load, self.force, self.torque, self.rise = end.load, friction.force, friction.torque, end.rise
-        self.shortest = min(self.shortest, dt)
-        if (size := float(np.hypot(*friction.force.T).sum())) > self.peak:
-            self.peak, self.peak_axes, self.peak_spin = size, levers[:, 9:11], float(friction.velocity[2])
-            self.peak_force = force + np.column_stack([friction.force, friction.torque])
-        if self.bends and self.flexure.size:
-            for patch in end.bending():
-                cut = bent_bonds(patch, self.fragment.xy, self.fragment.first, self.fragment.second)
-                self.flexure[cut] = np.maximum(self.flexure[cut], patch.stress)
-        self.seabed.plastic += (
-            friction.plastic, self.bed.strength * self.seabed.floor.plough(end.patches, end.excess)
-        )  # fmt: skip
-
-    def _finish(self) -> None:
-        """Write what the floor does at the end to the keels."""
-        rows, keel, loaded = self.rows, self.keel, self.load > 0.0
-        for array, values in zip(
-            keel,
-            (self.load, *self.force.T, self.torque, *self.anchor.T, self.capacity),
-            strict=True,
-        ):
-            array[rows] = np.where(loaded, values, 0.0)
-
-
-def bent_bonds(patch: Bending, xy: Floats, first: Ints, second: Ints) -> NDArray[np.bool_]:
-    """Which intact bonds of a fragment the largest bending stress of a patch acts on.
-
-    At an edge or a corner those between the ice that breaks off, up to ``pi lambda / 4`` from the loaded area where the moment is
-    largest, and the rest; inside those that cross the line under the load, and ``lambda`` beyond its ends.
+    Leaves velocity, net force, anchors, forces and work of friction of the sub-step.
     """
-    if patch.share < INSIDE:
-        # Elements are the smallest piece, so a loaded one breaks off whole.
-        piece = patch.inside | (shapely.distance(patch.area, shapely.points(xy)) < 0.25 * math.pi * patch.length)
-        return np.asarray(piece[first] != piece[second])
-    axis = np.array(patch.axis)
-    origin = np.array(patch.area.centroid.coords[0])
-    ends = (shapely.get_coordinates(patch.area) - origin) @ axis
-    side = (xy - origin) @ np.array([-axis[1], axis[0]]) > 0.0
-    along = (0.5 * (xy[first] + xy[second]) - origin) @ axis
-    near = (along > ends.min() - patch.length) & (along < ends.max() + patch.length)
-    return np.asarray((side[first] != side[second]) & near)
-
-
-def _motion_of(phases: list[_Landing], h: float) -> SubcycledMotion:
-    """Return the fragments that touched the floor as a phase of contact."""
-    rows = np.concatenate([run.rows for run in phases])
-    bonded = [run for run in phases if run.rows.size > 1]
-    peak = PeakContactLoad(
-        np.concatenate([np.zeros(0, np.int64), *(run.rows for run in bonded)]),
-        np.concatenate([np.zeros((0, 3)), *(run.peak_force for run in bonded)]),
-        np.concatenate([np.zeros((0, 2)), *(run.peak_axes for run in bonded)]),
-        np.array([run.b for run in bonded], np.int64), np.array([run.peak_spin for run in bonded], np.float64),
+    first, number, motion = now.pads.row_start[a], now.number[a], now.motion[a]
+    count = now.pads.row_start[a + 1] - first
+    mass = _forcing_of(forcing, first, first + count)
+    levers, always, body = now.levers[first : first + count], np.ones(1, np.bool_), np.zeros(count, np.int64)
+    loaded, n = np.empty(count, np.int64), 0
+    for e in range(count):
+        for column in range(6):
+            now.tried[first + e, column] = 0.0
+        if now.found[first + e, LOAD] > 0.0:
+            loaded[n] = e
+            n += 1
+    lever, spring, constant = np.empty((n, 6)), np.empty(n), motion[PUSH].copy()
+    away, slope = np.empty((n, 2)), np.empty((n, 2))
+    for i in range(n):
+        e = first + loaded[i]
+        m = now.levers[e]
+        away[i, 0] = now.found[e, LOAD_X] - now.pads.element[e, 0] - now.pads.frame[a, ORIGIN_X]
+        away[i, 1] = now.found[e, LOAD_Y] - now.pads.element[e, 1] - now.pads.frame[a, ORIGIN_Y]
+        ox, oy = m[9] * away[i, 0] - m[10] * away[i, 1], m[10] * away[i, 0] + m[9] * away[i, 1]
+        for k in range(3):
+            lever[i, k], lever[i, 3 + k] = m[k] - oy * m[6 + k], m[3 + k] + ox * m[6 + k]
+        slope[i, 0] = m[9] * now.found[e, PUSH_X] - m[10] * now.found[e, PUSH_Y]
+        slope[i, 1] = m[10] * now.found[e, PUSH_X] + m[9] * now.found[e, PUSH_Y]
+        _total(m, away[i, 0], away[i, 1], slope[i, 0], slope[i, 1], constant)
+        now.tried[e, LARGEST] = max(now.anchors[e, LARGEST], now.found[e, HOLD])
+        spring[i] = dt * now.tried[e, LARGEST] / bed.anchor_way
+    v0, v, new, step, force = motion[VELOCITY], motion[NEXT], motion[VELOCITY].copy(), np.zeros(3), np.empty((n, 2))
+    net, jacobian, twist, total, tangent, r = (
+        np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros((1, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3),
     )  # fmt: skip
-    return SubcycledMotion(
-        np.array([run.b for run in phases], np.int64), rows, np.array([run.path for run in phases]) / h,
-        np.array([run.velocity for run in phases]), np.zeros((len(phases), 3)),
-        np.concatenate([run.applied for run in phases]), *NO_PAIRS,
-        # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
-        max(min(run.shortest for run in phases), TOUCH_STEP), peak,
+    mobility, arm, before, scale, passes, slides = now.mobility[a], number[ARM], math.inf, 1.0, 0, np.zeros(n, np.bool_)
+    while True:
+        # Media at the mean velocity, as the ledger has them: momentum closes to round-off.
+        for k in range(3):
+            twist[0, k], net[0, k] = 0.5 * (v0[k] + new[k]), 0.0
+            for j in range(3):
+                jacobian[0, k, j] = 0.0
+        assemble_force_and_jacobian(body, levers, twist, mass, always, net, jacobian)
+        for k in range(3):
+            total[k] = net[0, k] + constant[k]
+            for j in range(3):
+                tangent[k, j] = 0.5 * jacobian[0, k, j]
+        for i in range(n):
+            e, w = first + loaded[i], lever[i]
+            x = now.anchors[e, ANCHOR_X] - spring[i] * (w[0] * new[0] + w[1] * new[1] + w[2] * new[2])
+            y = now.anchors[e, ANCHOR_Y] - spring[i] * (w[3] * new[0] + w[4] * new[1] + w[5] * new[2])
+            size, limit, part, cx, cy = math.hypot(x, y), now.found[e, HOLD], 1.0, 0.0, 0.0
+            slides[i] = size > limit
+            if slides[i]:
+                part, cx, cy = limit / size, x / size, y / size
+            force[i, 0], force[i, 1] = part * x, part * y
+            # Slope of the force by the velocity: of a sliding anchor that of its direction alone.
+            xx, xy, yy = (
+                spring[i] * part * (1.0 - cx * cx),
+                -spring[i] * part * cx * cy,
+                spring[i] * part * (1.0 - cy * cy),
+            )
+            for k in range(3):
+                total[k] += w[k] * force[i, 0] + w[3 + k] * force[i, 1]
+                p, q = xx * w[k] + xy * w[3 + k], xy * w[k] + yy * w[3 + k]
+                for j in range(3):
+                    tangent[k, j] += p * w[j] + q * w[3 + j]
+        gained = times(mobility, total)
+        for k in range(3):
+            r[k] = new[k] - v0[k] - dt * gained[k]
+        size = math.hypot(r[0], r[1]) + arm * abs(r[2])
+        if passes > 0 and size >= before and scale >= 1e-3:
+            scale *= 0.5
+            for k in range(3):
+                new[k] = v[k] + scale * step[k]
+            continue
+        for k in range(3):
+            v[k] = new[k]
+        before = size
+        gone = scale * (math.hypot(step[0], step[1]) + arm * abs(step[2]))
+        if passes > 0 and gone <= 1e-12 * max(math.hypot(v[0], v[1]) + arm * abs(v[2]), 1e-6):
+            break
+        if passes == PASSES:
+            return False
+        matrix = np.empty((3, 3))
+        for k in range(3):
+            r[k] = -r[k]
+            for j in range(3):
+                matrix[k, j] = 1.0 if k == j else 0.0
+                for i in range(3):
+                    matrix[k, j] += dt * mobility[k, i] * tangent[i, j]
+        step[0], step[1], step[2] = solve(matrix, r)
+        for k in range(3):
+            new[k] = v[k] + step[k]
+        scale, passes = 1.0, passes + 1
+    for k in range(3):
+        motion[NET, k] = 0.0
+    now.flag[a, SLIDES], number[HELD], rubbed = 0, 0.0, 0.0
+    for i in range(n):
+        e, w, limit = first + loaded[i], lever[i], now.found[first + loaded[i], HOLD]
+        tried = now.tried[e]
+        tried[ANCHOR_X], tried[ANCHOR_Y] = force[i, 0], force[i, 1]
+        tried[FORCE_X], tried[FORCE_Y] = force[i, 0] + slope[i, 0], force[i, 1] + slope[i, 1]
+        tried[TORQUE] = _total(now.levers[e], away[i, 0], away[i, 1], tried[FORCE_X], tried[FORCE_Y], motion[NET])
+        number[HELD] += limit
+        # Where it slides, the anchor yields over the part of the way, by the mean velocity, that its spring does not take up.
+        x = now.anchors[e, ANCHOR_X] - 0.5 * spring[i] * (
+            w[0] * (v0[0] + v[0]) + w[1] * (v0[1] + v[1]) + w[2] * (v0[2] + v[2])
+        )
+        y = now.anchors[e, ANCHOR_Y] - 0.5 * spring[i] * (
+            w[3] * (v0[0] + v[0]) + w[4] * (v0[1] + v[1]) + w[5] * (v0[2] + v[2])
+        )
+        if slides[i]:
+            now.flag[a, SLIDES] = 1
+            rubbed += limit * max(math.hypot(x, y) - limit, 0.0) * bed.anchor_way / max(tried[LARGEST], 1e-30)
+    number[RUBS] = rubbed
+    return True
+
+
+@kernel
+def _ask(now: Landing, a: int, t: float, status: int, latlon: bool, radius: float) -> None:
+    """Ask for the depth after the way in ``motion[WAY]`` and ``t`` s, as far as the pads are watched."""
+    way, twist = now.motion[a, WAY], np.empty((1, 3))
+    for k in range(3):
+        twist[0, k] = way[k] / t
+    move_poses(now.pose[a : a + 1], twist, t, latlon, radius, now.asked[a : a + 1], np.empty((3, 3)))
+    gone = math.hypot(way[0], way[1]) + now.number[a, RADIUS] * abs(way[2])
+    now.flag[a, STATUS] = status if gone <= now.number[a, REACH] else BEYOND
+
+
+@kernel
+def _length_of_substep(number: Floats, h: float) -> float:
+    """Length (s) of the sub-step that is tried, in a step of ``h`` s."""
+    left = h - number[TIME]
+    return float(left if left < 1.001 * number[SUBSTEP] else number[SUBSTEP])
+
+
+@kernel
+def _begin_substep(now: Landing, a: int, h: float, latlon: bool, radius: float) -> None:
+    """Ask for the depth in the middle of a sub-step, where the acceleration of the last one would take the fragment."""
+    motion, dt = now.motion[a], _length_of_substep(now.number[a], h)
+    for k in range(3):
+        motion[WAY, k] = motion[PATH, k] + 0.5 * dt * motion[VELOCITY, k] + 0.125 * dt * dt * motion[ACCELERATION, k]
+    _ask(now, a, now.number[a, TIME] + 0.5 * dt, MIDDLE, latlon, radius)
+
+
+@kernel
+def _refuse(now: Landing, a: int, dt: float, part: float, h: float, latlon: bool, radius: float) -> None:
+    """Begin anew with a part of a sub-step of ``dt`` s."""
+    now.number[a, SUBSTEP] = part * dt
+    if part * dt < LEAST_STEP:
+        now.flag[a, STATUS] = TOO_SHORT
+    else:
+        _begin_substep(now, a, h, latlon, radius)
+
+
+@kernel
+def _press(now: Landing, a: int, bed: Bed, h: float, t: float, depth: Floats) -> bool:
+    """Press a fragment onto the floor ``t`` s from the start; returns whether it touches it."""
+    some, number = slice(now.polygon_start[a], now.polygon_start[a + 1]), now.number[a]
+    iterations, largest = press(
+        now.pads, a, now.polygons[some], depth, now.draft, _level_at(number, t / h), bed, now.hull[a], number[LENGTH],
+        number[THICKNESS], now.rise[a], now.found, now.bent[some],
     )  # fmt: skip
+    number[CLEARANCE] = min(number[CLEARANCE], -largest)
+    if iterations < 0:
+        now.flag[a, STATUS] = UNSETTLED
+    return largest > 0.0
 
 
-def joined(contact: SubcycledMotion | None, ground: SubcycledMotion | None, body: Ints) -> SubcycledMotion | None:
-    """Return both as one, of different fragments; ``body``: fragment of each element."""
-    if contact is None or ground is None:
-        return ground if contact is None else contact
-    some = ground.peak_load
-    # An impact loads a fragment more than the floor that it makes it press on.
-    alone, rows = (~np.isin(which, contact.peak_load.bodies) for which in (some.bodies, body[some.rows]))
-    kept = PeakContactLoad(some.rows[rows], some.force[rows], some.axes[rows], some.bodies[alone], some.spin[alone])
-    peak = PeakContactLoad(*(np.concatenate([a, b]) for a, b in zip(contact.peak_load, kept, strict=True)))
+@kernel
+def _go_through_middle(
+    now: Landing, a: int, forcing: ElementForcing, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float
+) -> None:  # fmt: skip
+    """Find the forces in the middle of a sub-step and the velocity after it; ask for the depth at its end."""
+    number, flag, motion, dt = now.number[a], now.flag[a], now.motion[a], _length_of_substep(now.number[a], h)
+    flag[MIDDLE_TOUCHES] = int(_press(now, a, bed, h, number[TIME] + 0.5 * dt, depth))
+    if flag[STATUS] == UNSETTLED:
+        return
+    if dt == h and dt > TOUCH_STEP and flag[TOUCHES] == flag[MIDDLE_TOUCHES] == 0:
+        for k in range(3):  # nothing touches so far: where it goes afloat is where to look
+            motion[NEXT, k], motion[NET, k] = motion[VELOCITY, k], 0.0
+        flag[SLIDES] = 0
+    else:
+        first, last = now.pads.row_start[a], now.pads.row_start[a + 1]
+        count = last - first
+        none = np.empty((0, 3))
+        bodies = Bodies(np.zeros(count, np.int64), now.reference[first:last], now.asked[a : a + 1], none, none)
+        fill_levers(bodies, latlon, radius, now.levers[first:last])
+        if not _rub(now, a, forcing, bed, dt):
+            _refuse(now, a, dt, 0.5, h, latlon, radius)
+            return
+    for k in range(3):
+        motion[WAY, k] = motion[PATH, k] + 0.5 * dt * (motion[VELOCITY, k] + motion[NEXT, k])
+    _ask(now, a, number[TIME] + dt, END, latlon, radius)
 
-    def both(name: str) -> Any:
-        return np.concatenate([getattr(contact, name), getattr(ground, name)])
 
-    return SubcycledMotion(
-        both("bodies"), both("rows"), both("mean"), both("twist"), both("impulse"), both("applied"),
-        contact.first, contact.second, min(contact.shortest_substep, ground.shortest_substep), peak,
-    )  # fmt: skip
+@kernel
+def _change(now: Landing, a: int, dt: float, touches: bool) -> float:
+    """Change of velocity (m s-1) by a sub-step at the rim, with the greater of the forces in its middle and at its end."""
+    motion, number, held, more = now.motion[a], now.number[a], 0.0, np.zeros(3)
+    if not (touches or now.flag[a, MIDDLE_TOUCHES]):
+        return 0.0
+    for e in range(now.pads.row_start[a], now.pads.row_start[a + 1]):
+        held += now.found[e, HOLD]
+    if now.flag[a, MIDDLE_TOUCHES]:
+        for k in range(3):
+            more[k] = max(0.0, held / max(number[HELD], 1e-30) - 1.0) * motion[NET, k]
+    else:
+        speed = max(math.hypot(motion[VELOCITY, 0], motion[VELOCITY, 1]), 1e-12)
+        more[0], more[1] = -held * motion[VELOCITY, 0] / speed, -held * motion[VELOCITY, 1] / speed
+    gained = times(now.mobility[a], more)
+    for k in range(3):
+        more[k] = motion[NEXT, k] - motion[VELOCITY, k] + dt * gained[k]
+    return float(math.hypot(more[0], more[1]) + number[ARM] * abs(more[2]))
 
 
-def without(contact: SubcycledMotion, bodies: Ints, body: Ints) -> SubcycledMotion:
-    """Return what contact did to the others: fragments on the bed go as its sub-steps say, in which contact acts, too."""
-    stay, rows = ~np.isin(contact.bodies, bodies), ~np.isin(body[contact.rows], bodies)
-    return contact._replace(
-        bodies=contact.bodies[stay], rows=contact.rows[rows], mean=contact.mean[stay], twist=contact.twist[stay],
-        impulse=contact.impulse[stay], applied=contact.applied[rows],
-    )  # fmt: skip
+@kernel
+def _go_through_end(
+    now: Landing, a: int, forcing: ElementForcing, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float
+) -> None:  # fmt: skip
+    """Accept a sub-step by the forces at its end, or refuse it; begin the next one."""
+    number, flag, motion, dt = now.number[a], now.flag[a], now.motion[a], _length_of_substep(now.number[a], h)
+    touches = _press(now, a, bed, h, number[TIME] + dt, depth)
+    if flag[STATUS] == UNSETTLED:
+        return
+    same = flag[TOUCHES] == flag[MIDDLE_TOUCHES] == int(touches)
+    if same and not touches and dt == h:
+        flag[STATUS] = AFLOAT
+        return
+    if not same and dt > TOUCH_STEP:
+        _refuse(now, a, dt, 0.5, h, latlon, radius)
+        return
+    v0, v1 = motion[VELOCITY], motion[NEXT]
+    way = 0.5 * dt * (math.hypot(v0[0] + v1[0], v0[1] + v1[1]) + number[ARM] * abs(v0[2] + v1[2]))
+    held = flag[SLIDES] == 0 and way <= bed.anchor_way
+    speed = math.hypot(v0[0], v0[1]) + number[ARM] * abs(v0[2])
+    ratio = 0.0 if held else _change(now, a, dt, touches) / (VELOCITY_CHANGE * max(speed, 0.5 * number[SPEED], SLOW))
+    if ratio > 1.0:
+        _refuse(now, a, dt, min(max(0.85 / ratio, 0.05), 0.7), h, latlon, radius)
+        return
+    _accept(now, a, forcing, dt)
+    flag[TOUCHES], flag[ACCEPTED] = int(touches), 1
+    longer = dt * (2.0 if ratio == 0.0 else min(max(0.85 / ratio, 1.0), 3.0))
+    slowing = -(motion[ACCELERATION, 0] * v0[0] + motion[ACCELERATION, 1] * v0[1])
+    if flag[SLIDES] == 0 and touches:
+        longer = HELD_STEP
+    elif slowing > 0.0 and flag[SLIDES]:
+        # Just before it stops: over a way shorter than that of the anchor the floor stops the fragment at once.
+        speed = math.hypot(v0[0], v0[1])
+        stop = speed * speed / slowing
+        if 0.5 * speed * stop < 0.9 * bed.anchor_way:
+            longer = max(longer, 1.2 * stop)
+    number[SUBSTEP] = max(longer, number[SUBSTEP]) if dt < number[SUBSTEP] else longer
+    if h - number[TIME] > 1e-12 * h:
+        _begin_substep(now, a, h, latlon, radius)
+    else:
+        flag[STATUS] = DONE
+
+
+@kernel
+def _accept(now: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
+    """Make a sub-step the state of a fragment."""
+    first, last, number, motion = now.pads.row_start[a], now.pads.row_start[a + 1], now.number[a], now.motion[a]
+    count, mean = last - first, np.empty((1, 3))
+    for k in range(3):
+        mean[0, k] = 0.5 * (motion[VELOCITY, k] + motion[NEXT, k])
+        motion[ACCELERATION, k] = (motion[NEXT, k] - motion[VELOCITY, k]) / dt
+        motion[VELOCITY, k] = motion[NEXT, k]
+        motion[PATH, k] += dt * mean[0, k]
+    accelerations, rate, force, net = (
+        np.zeros((count, len(FORCES), 2)),
+        np.empty((count, 3)),
+        np.empty((count, 3)),
+        np.zeros((1, 3)),
+    )
+    mass, levers = _forcing_of(forcing, first, last), now.levers[first:last]
+    add_forces(np.zeros(count, np.int64), levers, mean, mass, accelerations, rate, force, net)
+    size = 0.0
+    for e in range(count):
+        of_floor, applied = now.tried[first + e], now.applied[first + e]
+        accelerations[e, SEA_FLOOR, 0] += of_floor[FORCE_X] / mass.mass[e]
+        accelerations[e, SEA_FLOOR, 1] += of_floor[FORCE_Y] / mass.mass[e]
+        for k in range(len(FORCES)):
+            applied[k, 0] += dt * accelerations[e, k, 0]
+            applied[k, 1] += dt * accelerations[e, k, 1]
+        for column in range(TORQUE + 1):
+            now.anchors[first + e, column] = of_floor[column]
+        now.yielded[first + e] = max(now.yielded[first + e], now.found[first + e, YIELD])
+        size += math.hypot(of_floor[FORCE_X], of_floor[FORCE_Y])
+    if size > number[PEAK]:
+        number[PEAK], number[PEAK_SPIN] = size, motion[VELOCITY, 2]
+        for e in range(count):
+            of_floor, peak = now.tried[first + e], now.peak[first + e]
+            peak[0], peak[1] = force[e, 0] + of_floor[FORCE_X], force[e, 1] + of_floor[FORCE_Y]
+            peak[2], peak[3], peak[4] = force[e, 2] + of_floor[TORQUE], levers[e, 9], levers[e, 10]
+    number[TIME] += dt
+    number[SHORTEST] = min(number[SHORTEST], dt)
+    number[RUBBED] += number[RUBS]
+
+
+@kernel
+def press_all(now: Landing, bed: Bed, latlon: bool, radius: float, depth: Floats, lon: Floats, lat: Floats) -> int:
+    """Write the points where all fragments need the depth as they stand, or press them by it; returns the number of points."""
+    at = 0
+    for a in range(len(now.flag)):
+        polygons, before = now.polygons[now.polygon_start[a] : now.polygon_start[a + 1]], at
+        at = write_points(now.pads, a, polygons, now.pose[a], latlon, radius, at, lon, lat)
+        if depth.size and polygons.size:
+            now.flag[a, STATUS] = DONE
+            _press(now, a, bed, 1.0, 0.0, depth[before:at])
+    return at
+
+
+@kernel
+def advance(
+    now: Landing, forcing: ElementForcing, bed: Bed, h: float, depth: Floats, latlon: bool, radius: float, lon: Floats,
+    lat: Floats,
+) -> int:  # fmt: skip
+    """Take all fragments up to where they need the depth at another place; returns the number of points that they ask for.
+
+    ``forcing``: of the elements ``pads.rows``; ``h``: the step, s; ``depth`` (m) at the points of the last call; ``lon`` and
+    ``lat`` take those that are asked for.
+    """
+    at = asked = 0
+    for a in range(len(now.flag)):
+        polygons, flag = now.polygons[now.polygon_start[a] : now.polygon_start[a + 1]], now.flag[a]
+        flag[ACCEPTED] = 0
+        if flag[STATUS] == BEGINS:
+            _begin_substep(now, a, h, latlon, radius)
+        elif flag[STATUS] == MIDDLE or flag[STATUS] == END:
+            size = polygons.size
+            for k in polygons:
+                size += now.pads.start[k + 1] - now.pads.start[k]
+            if flag[STATUS] == MIDDLE:
+                _go_through_middle(now, a, forcing, bed, h, depth[at : at + size], latlon, radius)
+            else:
+                _go_through_end(now, a, forcing, bed, h, depth[at : at + size], latlon, radius)
+            at += size
+        if flag[STATUS] == MIDDLE or flag[STATUS] == END:
+            asked = write_points(now.pads, a, polygons, now.asked[a], latlon, radius, asked, lon, lat)
+    return asked

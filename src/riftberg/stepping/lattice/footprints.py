@@ -158,11 +158,12 @@ class BodyFootprint(NamedTuple):
 
 
 def body_footprint(
-    footprints: Footprints, el: Elements, rows: Ints, xy: Floats, body: Ints | None = None
+    footprints: Footprints, el: Elements, rows: Ints, xy: Floats, body: Ints | None = None, *, shrinks: bool = True
 ) -> BodyFootprint:
     """Lay footprints into the frames of fragments, in which the elements stand at ``xy`` (all elements, m).
 
-    ``body``: fragment of each of the elements ``rows``; one where none is given.
+    ``body``: fragment of each of the elements ``rows``; one where none is given. ``shrinks``: whether they have melted from the
+    sides since they were made.
     """
     at, known = rows_of(footprints.element, el.body.id[rows])
     assert known.all()
@@ -187,7 +188,9 @@ def body_footprint(
     index = np.arange(start[-1]) - np.repeat(start[:-1] - footprints.start[mine], corners)
     of = np.repeat(owner, corners)
     # What melts from the sides of an element leaves it smaller about its centre.
-    shrunk = np.sqrt(el.body.length[rows] * el.body.width[rows] / footprints.size[at])
+    shrunk = (
+        np.sqrt(el.body.length[rows] * el.body.width[rows] / footprints.size[at]) if shrinks else np.ones(rows.size)
+    )
     corner = now[of] + (footprints.corner[index] @ (1.0, 1.0j) - before[of]) * (turn * shrunk)[of]
     return BodyFootprint(rows, owner, start, np.column_stack([corner.real, corner.imag]))
 

@@ -58,10 +58,13 @@ BLOCK = 8192
 """Elements of a block: so few that threads end together, so many that what Python does for each of them does not show."""
 
 
-def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceContact) -> tuple[Ints, Booleans] | None:
+def find_lone_bergs(
+    model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceContact, near_floor: Booleans | None = None
+) -> tuple[Ints, Booleans] | None:
     """Return the rows of lone bergs, and which other elements belong to fragments that nobody may touch in a time step.
 
-    None where they are too few, or fewer than the others.
+    ``near_floor``: which fragments a bed of sediment may touch; they count among those that may meet. None where lone bergs are
+    too few, or fewer than the others.
     """
     el, body = model.elements, bodies.body
     least = max(MIN_LONE_BERGS, el.size // 2 + 1)
@@ -70,7 +73,7 @@ def find_lone_bergs(model: RunState, bodies: Bodies, sizes: Sizes, faces: FaceCo
     alone &= (el.body.static < 0.5) & (el.body.free_y >= 0.5)
     if model.constants.interactions:
         sizes = sizes._replace(radius=np.maximum(sizes.radius, faces.reach(model)))
-    meets = np.zeros(bodies.pose.shape[0], np.bool_)
+    meets = np.zeros(bodies.pose.shape[0], np.bool_) if near_floor is None else near_floor.copy()
     for rows in candidate_pairs(el, body, sizes, model.parameters.stepping.time_step, model.constants):
         meets[body[rows]] = True
     unreachable = ~meets[body]

@@ -20,7 +20,7 @@ from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
 from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackTips, tips_from_arrays, tips_of_rifts
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.ground.landing import Seabed
+from riftberg.stepping.ground.seabed import Seabed
 from riftberg.stepping.lattice.cell_stiffness import CellTopology
 from riftberg.stepping.lattice.cells import (
     CELL_NAMES,
@@ -83,7 +83,7 @@ class QuasiStaticStepper:
     @property
     def plastic(self) -> Floats:
         """See `riftberg.stepping.stepper.Stepper.plastic`."""
-        return np.append(self._faces.pairs.dissipated, np.zeros(2) if self._seabed is None else self._seabed.plastic)
+        return np.append(self._faces.pairs.dissipated, np.zeros(1) if self._seabed is None else self._seabed.rubbed)
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
@@ -130,7 +130,7 @@ class QuasiStaticStepper:
             model.time, self._bodies, self._snapshot, self._cells, self._tips, self._laws.checkpoint()
         )  # fmt: skip
         if self._seabed is not None and self._snapshot is not None:
-            self._seabed.newcomers = ~np.isin(model.elements.body.id, self._snapshot.id)
+            self._seabed.familiar = self._snapshot.id
         unknown = self._sync(model)
         if self._step_population(model, unknown):
             return
@@ -154,14 +154,16 @@ class QuasiStaticStepper:
     def _step_population(self, model: RunState, unknown: NDArray[np.bool_] | None) -> bool:
         """Take a step in which most bergs are lone ones, which go by themselves; returns whether it is one."""
         bodies, bonds, c = self._bodies, model.bonds, model.constants
-        # A force of one's own may look at all elements, and a bed of sediment holds them by row.
-        if self._seabed is not None or model.laws.force is not None:
+        if model.laws.force is not None:  # it may look at all elements
             return False
         if bodies is None:
             bodies = first_bodies(model.elements, bonds, c)
             unknown = np.ones(bodies.pose.shape[0], np.bool_)
         sizes = self._sizes or interaction_sizes(model.elements, c)
-        found = find_lone_bergs(model, bodies, sizes, self._faces)
+        near_floor = None
+        if self._seabed is not None:
+            near_floor = self._seabed.near(model, bodies, model.parameters.stepping.time_step)
+        found = find_lone_bergs(model, bodies, sizes, self._faces, near_floor)
         if found is None:
             return False
         lone, unreachable = found
@@ -185,7 +187,8 @@ class QuasiStaticStepper:
             highest_crack = max(highest_crack, int(group.bonds.crack.max(initial=0)))
             return step
 
-        # Events cut the step of each group alone: fragments of several elements that nobody may touch, and all that may meet.
+        # Events cut the step of each group alone: fragments of several elements that nobody may touch, and all that may meet
+        # others or the floor.
         # They are copies, so that other threads may step the lone bergs meanwhile.
         reachable = ~unreachable
         reachable[lone] = False
@@ -197,7 +200,7 @@ class QuasiStaticStepper:
                 step = step_group(*apart[:2], cells=(self._cells, self._cell_topology))
                 self._cell_topology = step.lattice.topology
             if near[0].size:
-                step_group(*near[:2], cells=(self._cells, None), laws=LawsWithMemory(None, self._faces))
+                step_group(*near[:2], cells=(self._cells, None), laws=self._laws)
             else:
                 self._faces.forget_pairs()
             done = begun.result()

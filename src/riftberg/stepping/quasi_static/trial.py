@@ -45,7 +45,7 @@ from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
 from riftberg.stepping.fracture.criteria import Equilibrium, grow_damage
-from riftberg.stepping.ground.landing import Seabed, bodies_under_impact, joined, without
+from riftberg.stepping.ground.seabed import Seabed, bodies_under_impact, joined, without
 from riftberg.stepping.lattice.equilibrium import balanced_loads, supported_loads
 from riftberg.stepping.quasi_static.rigid_step import (
     BodyState,
@@ -72,8 +72,8 @@ MAX_SPLITTING_ERROR = 0.5
 LARGEST_TURN_ON_ROLLERS = 0.02
 """Sine of the angle by which a fragment may turn on supports that are free eastward: they stay across its own axis."""
 
-Memory = tuple[tuple[dict[int, Floats], Floats] | None, FacePairs | None]
-"""Gouges of the sea floor and the work that went into it, and faces that press each other."""
+Memory = tuple[tuple[Floats, Floats] | None, FacePairs | None]
+"""Work of friction on the sea floor and the least clearance above it, and faces that press each other."""
 
 
 class LawsWithMemory(NamedTuple):
@@ -229,11 +229,7 @@ class FragmentMotion:
         """Take the fragments that touch a bed of sediment within ``h`` s through sub-steps, up to what it does at the end."""
         if self.seabed is None:
             return None
-        ground = self.seabed.resolve(self.model, start.bodies, start.operators, start.time, h, contact)
-        for n, array in enumerate(self.el.keel):
-            array[:] = 0.0 if ground is None else ground.keel[n]
-        self.bonds.flexural_stress[:] = 0.0 if ground is None else ground.flexure
-        return None if ground is None else ground.motion
+        return self.seabed.resolve(self.model, start.bodies, start.operators, start.time, h, contact)
 
     def _resolve_contacts(self, start: BodyState, h: float, slides: Ints) -> SubcycledMotion | None:
         """Take the fragments that may touch each other within ``h`` s through sub-steps; the bed does not hold ``slides``."""
