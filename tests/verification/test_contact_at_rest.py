@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
@@ -88,3 +89,65 @@ def test_a_block_flat_on_a_wall_goes_as_its_twin() -> None:
     assert el.size == 2
     np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-7)
     assert float(model._stepper.state_dict()["meeting_dissipated"][0]) == pytest.approx(work, rel=1e-3)
+
+
+class Gathering(Steady):
+    """Water that draws all ice together, at up to 5 cm s-1, and turns slowly; a light wind."""
+
+    vorticity = 2e-6
+
+    def sample(self, elements, time) -> None:
+        """Fill the environment."""
+        super().sample(elements, time)
+        away = np.hypot(elements.lon, elements.lat)
+        inwards = -0.05 * np.tanh(away / 200.0) / np.maximum(away, 1.0)
+        elements.uo[:], elements.vo[:] = inwards * elements.lon, inwards * elements.lat
+        elements.vorticity[:] = self.vorticity
+
+
+def dense_field(rows: int, dt: float) -> tuple[Model, list[Any]]:
+    """Bergs of 60 x 40 x 40 m, turned at random, with water between them; the model and their outlines."""
+    angle, spot = np.random.default_rng(7), 75.0 * (np.arange(rows) - 0.5 * (rows - 1))
+    bergs, outlines = [], []
+    for x, y in [(x, 0.8 * y) for x in spot for y in spot]:
+        outline = shapely.affinity.rotate(
+            shapely.box(x - 30.0, y - 20.0, x + 30.0, y + 20.0), angle.uniform(-15.0, 15.0)
+        )
+        berg = Iceberg.from_points(
+            [x], [y], radius=0.5 * np.sqrt(2400.0), thickness=40.0, latlon=False, outline=outline, packing="square"
+        )
+        berg.elements.length[:], berg.elements.width[:] = 60.0, 40.0
+        bergs.append(berg)
+        outlines.append(shapely.affinity.translate(outline, -x, -y))
+    p = Parameters(earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt}, fracture={"enabled": False})
+    return Model(Iceberg.join(bergs), Gathering(wind=(1.0, 2.0)), p), outlines
+
+
+def overlaps(model: Model, outlines: list[Any]) -> float:
+    """Area (m2) that lies in two bergs."""
+    el = model.elements
+    ice = [
+        shapely.affinity.translate(shapely.affinity.rotate(outline, turn, origin=(0, 0), use_radians=True), x, y)
+        for outline, turn, x, y in zip(outlines, el.rotation, el.lon, el.lat, strict=True)
+    ]
+    return float(sum(one.area for one in ice) - shapely.union_all(ice).area)
+
+
+@pytest.mark.parametrize(("rows", "days"), [(3, 1.0), pytest.param(7, 4.0, marks=pytest.mark.slow)])
+def test_a_dense_field_of_small_bergs_comes_to_rest_and_sinks_no_farther_into_itself(rows: int, days: float) -> None:
+    """Impacts dent corners on the first day; then the field turns as one body, by 74 degrees where it has 49 bergs."""
+    model, outlines = dense_field(rows, 1800.0)
+    el, faces = model.elements, 2 * rows * (rows - 1)
+    for record in range(8):
+        earlier = el.lon + 1j * el.lat, el.rotation.copy()
+        model.advance(days=days / 8.0)
+        # Water of 5 cm s-1 at the rim of the field turns it no faster.
+        assert abs(el.spin).max() < 0.05 / (37.5 * rows)
+        if record == 1:
+            came = overlaps(model, outlines)
+    assert 0.0 < came < 0.1 * 40.0 * faces
+    assert abs(overlaps(model, outlines) - came) < 0.01 * 40.0 * faces
+    was, now = (place - place.mean() for place in (earlier[0], el.lon + 1j * el.lat))
+    turn = np.angle((now * was.conj()).sum())
+    assert abs(now - was * np.exp(1j * turn)).max() < 0.02
+    np.testing.assert_allclose(el.rotation - earlier[1], turn, atol=1e-3)

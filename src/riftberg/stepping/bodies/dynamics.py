@@ -22,8 +22,9 @@ medium beyond `EXPLICIT_PART` in the half step is taken implicitly, with the dra
     (1 + (h/2) M^-1 D) q(1/2) = q(0) + (h/2) M^-1 (G(x0, q0) + D q0)
 
 Drag c |v| v per mass has the rate c |v|: at the speed v of the start through the medium, or, where that is less, at
-sqrt(a / c), to which the acceleration a of the start can bring it (`drag_rates`). So v(1/2) is v0 / (1 + h c v0 / 2) of a berg
-that drag alone stops, as it should be, and sqrt(a / c) in a long step of one that is pushed.
+sqrt(a / c), to which the acceleration a of the start can bring it (`drag_rates`). So a berg that drag alone stops goes on, and
+v(1/2) is sqrt(a / c) in a long step of one that is pushed. Spin is seldom driven: of its drag, all is implicit from twice
+`EXPLICIT_PART` on, so that w(1/2) is w0 / (1 + h c w0 / 2), as it should be of a lone berg that its sides brake.
 The second half takes all of it implicitly as it is. Where the step resolves drag, D is 0.
 """
 
@@ -412,6 +413,12 @@ def excess_rate(rate: float, half_dt: float) -> float:
 
 
 @kernel
+def excess_spin_rate(rate: float, half_dt: float) -> float:
+    """`excess_rate` of the drag on spin: all of it where it takes twice `EXPLICIT_PART` in the half kick, or more."""
+    return min(2.0 * excess_rate(rate, half_dt), rate)
+
+
+@kernel
 def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
     """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more."""
     speed: float = max(math.hypot(u - row[U], v - row[V]), least)
@@ -489,7 +496,7 @@ def add_excess_drag(
             _add_outer(excess_drag[b], mass * (rate - limit), m[0:3], m[0:3])
             _add_outer(excess_drag[b], mass * (rate - limit), m[3:6], m[3:6])
         if spin_rate > limit:
-            _add_outer(excess_drag[b], inertia * (spin_rate - limit), m[6:9], m[6:9])
+            _add_outer(excess_drag[b], inertia * excess_spin_rate(spin_rate, half_dt), m[6:9], m[6:9])
 
 
 @kernel

@@ -32,6 +32,7 @@ from riftberg.stepping.bodies.dynamics import (
     drag_rates,
     evaluate_forcing,
     excess_rate,
+    excess_spin_rate,
     has_converged,
     is_resolved,
     longest_trial_step,
@@ -282,7 +283,7 @@ def _kick(
         if not is_resolved(rate, quadratic, ax, ay, half_dt):
             rates = drag_rates(forcing, e, u, v, math.hypot(ax, ay), quadratic)
         spin_rate = max(0.5 * turning / inertia, math.sqrt(forcing.spin_drag[e] * abs(torque / inertia)))
-        excess, excess_spin = excess_rate(rates[0], half_dt), excess_rate(spin_rate, half_dt)
+        excess, excess_spin = excess_rate(rates[0], half_dt), excess_spin_rate(spin_rate, half_dt)
         new[n, 0] = (u + half_dt * (ax + excess * u)) / (1.0 + half_dt * excess)
         new[n, 1] = (v + half_dt * (ay + excess * v)) / (1.0 + half_dt * excess)
         new[n, 2] = (w + half_dt * (torque / inertia + excess_spin * w)) / (1.0 + half_dt * excess_spin)
