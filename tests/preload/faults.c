@@ -1,5 +1,6 @@
 /* Calls of the system that fail: the n-th `write`, `pwrite`, `ftruncate`, `fsync`, `rename` or `close` on a file below a
-   folder (`fault_arm`), or every lock (environment variable FAULT_LOCKS with the number of the error).
+   folder, with all after it where that lasts (`fault_arm`), or every lock (environment variable FAULT_LOCKS with the number
+   of the error).
    cc -shared -fPIC faults.c -o faults.so -ldl */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -15,12 +16,12 @@
 
 static char call_name[16], folder[PATH_MAX];
 static long nth, counted;
-static int number;
+static int number, lasting;
 
-void fault_arm(const char *name, long n, int error, const char *below) {
+void fault_arm(const char *name, long n, int error, int lasts, const char *below) {
   snprintf(call_name, sizeof call_name, "%s", name);
   snprintf(folder, sizeof folder, "%s", below);
-  nth = n; number = error; counted = 0;
+  nth = n; number = error; lasting = lasts; counted = 0;
 }
 long fault_count(void) { return counted; }
 
@@ -33,7 +34,7 @@ static int below(int fd) {
   return !strncmp(path, folder, strlen(folder));
 }
 static int fails(const char *name, int ours) {
-  if (!folder[0] || strcmp(name, call_name) || !ours || ++counted != nth) return 0;
+  if (!folder[0] || strcmp(name, call_name) || !ours || ++counted < nth || !nth || (counted > nth && !lasting)) return 0;
   errno = number;
   return 1;
 }

@@ -70,7 +70,7 @@ def keeps_no_locks(path: str | Path) -> bool:
     except BlockingIOError:
         return False
     except OSError as error:
-        return error.errno not in (errno.EACCES, errno.EPERM, errno.ENOENT)
+        return error.errno in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
     return False
 
 
@@ -194,11 +194,12 @@ class OneWriter:
 
     def give_back(self) -> None:
         """Let others have the file."""
-        if self._handle is not None:
+        handle, self._handle = self._handle, None  # given back once: a second time the number may be another file's
+        if handle is not None:
             with suppress(OSError):
                 self.mark.unlink()
-            os.close(self._handle)
-            self._handle = None
+            with suppress(OSError):
+                os.close(handle)
 
     def __del__(self) -> None:
         self.give_back()

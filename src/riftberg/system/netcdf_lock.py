@@ -148,10 +148,9 @@ def _written(path: str | Path, mode: str, **options: Any) -> Iterator[netCDF4.Da
         _fix_attributes(file)
     except BaseException:
         with suppress(RuntimeError, OSError):  # what failed first is what is reported
-            # A classic file that could not be written is not closed: that frees its memory twice and ends the process.
-            _close(file, file.close if file.data_model.startswith("NETCDF4") else file.isopen)
+            _close(file, path)
         raise
-    _close(file, file.close)
+    _close(file, path)
 
 
 def _fix_attributes(group: netCDF4.Dataset) -> None:
@@ -184,10 +183,16 @@ def fixed_texts(dataset: xr.Dataset, width: int = 1) -> xr.Dataset:
     return dataset.assign(fixed)
 
 
-def _close(file: netCDF4.Dataset, close: Callable[[], object]) -> None:
-    """Close a file once: where that fails, netCDF4 would do it again as the object goes, in memory that is free by then."""
+def _close(file: netCDF4.Dataset, path: str | Path) -> None:
+    """Close a file once, if all of it can be written; a file that cannot stays open in the library till the process ends.
+
+    To close what cannot be written ends the process: HDF5 gives up in mid-close, and netCDF lists what the file still holds,
+    in memory that is free by then. netCDF4 would do so again as the object goes.
+    """
     try:
-        close()
+        file.sync()
+        os.close(os.open(path, os.O_WRONLY))  # file systems of a network write, or refuse, when a file is closed
+        file.close()
     finally:
         with suppress(KeyError):  # set in the usual way it would become an attribute in the file
             vars(netCDF4.Dataset)["_isopen"].__set__(file, 0)
@@ -307,24 +312,18 @@ def write_dataset(dataset: xr.Dataset, path: str | Path, *, more: bool = False, 
     """
     from xarray.backends import NetCDF4DataStore
 
-    _LOG.debug("writing %s", path)
     dataset = fixed_texts(dataset.compute())
     for name, variable in dataset.variables.items():
         if variable.ndim:  # a reader is told of a bit that has flipped
             for encoding in (variable.encoding, options.get("encoding", {}).get(name, {})):
                 encoding["fletcher32"] = True
-    with nullcontext(Path(path)) if more else replacing(Path(path)) as part, _told_truly(part):
-        with NETCDF:
-            _close_texts()
+    with (
+        nullcontext(Path(path)) if more else replacing(Path(path)) as part,
+        open_netcdf(part, "a" if more else "w") as file,
+    ):
         # `to_netcdf` takes a lock of its own choice. Where a program has a client of dask, that is one which the client's
         # scheduler gives: a file on this machine would wait for another, and fail with a scheduler that is gone.
-        store = NetCDF4DataStore.open(os.fspath(part), mode="a" if more else "w", lock=NETCDF)  # type: ignore[no-untyped-call]
-        file = store.ds
-        try:
-            dataset.dump_to_store(store, **options)
-            _fix_attributes(file)
-        finally:
-            _close(file, store.close)
+        dataset.dump_to_store(NetCDF4DataStore(file, mode="a", lock=NETCDF), **options)  # type: ignore[no-untyped-call]
 
 
 def _is_netcdf(source: Any) -> bool:
