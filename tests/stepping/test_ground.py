@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.config.parameter_groups import Grounding
 from riftberg.constants import GRAVITY, RHO_SEAWATER
 from riftberg.physics.seabed import bending_length
@@ -400,3 +401,25 @@ def test_a_front_breaks_off_along_its_length_and_groups_by_themselves() -> None:
 def test_a_load_inside_cracks_the_ice_along_its_line() -> None:
     """Under it and a characteristic length beyond its ends; no piece is cut out of the berg."""
     assert bent([8, 8], 1.0, [[900.0, 740.0], [1100.0, 740.0]]) == [{(n, n + 6) for n in (7, 8, 9)}]
+
+
+@pytest.mark.parametrize("tide", [False, True])
+def test_open_water_costs_one_survey_in_kilometres_of_way(monkeypatch: pytest.MonkeyPatch, tide: bool) -> None:
+    """Elements of 3 km were looked at as near a floor of 700 m in every step: a slope might rise to the keel within them."""
+    sea = Forcing.uniform(current=(0.5, 0.2)) + Forcing.seamount((5.0, 5.0), height=100.0, width=4e3, depth=700.0)
+    sea = sea + Forcing.tide(0.0, level=0.4, period="8 h") if tide else sea
+    asked, depth = [0], type(sea).depth
+
+    def counted(self: Any, lon: Any, lat: Any) -> Any:
+        asked[0] += 1
+        return depth(self, lon, lat)
+
+    berg = Iceberg.rectangle(18e3, 12e3, thickness=THICKNESS, placement=(0.0, -60.0), velocity=(0.5, 0.2))
+    model = Model(berg, sea, Parameters(grounding={"law": "seabed"}, fracture={"enabled": False}))
+    monkeypatch.setattr(type(sea), "depth", counted)
+    start = model.elements.lon.mean(), model.elements.lat.mean()
+    model.advance(days=1)
+    east, north = model.elements.lon.mean() - start[0], model.elements.lat.mean() - start[1]
+    way = math.hypot(55.6e3 * east, 111.2e3 * north)
+    assert way > 25e3
+    assert 1 <= asked[0] <= way / 5e3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import shapely
@@ -118,18 +118,50 @@ def depth_of_bed(forcing: Forcing, middle: float = 0.0, period: float = 0.0) -> 
     return depth
 
 
+class Survey(NamedTuple):
+    """What has been surveyed around fragments; one of each."""
+
+    bodies: Ints  # Their numbers
+    radius: Floats  # m
+    pose: Floats  # At the survey; shape (fragments, 3, 3)
+    way: Floats  # For which the survey holds, m
+    open_way: Floats  # The same where nothing is near the keel; 0 where something is
+    draft: Floats  # Of the deepest keel then, m
+
+
+NO_SURVEY: Final = Survey(
+    np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3, 3)), np.zeros(0), np.zeros(0), np.zeros(0)
+)
+
+
+@kernel
+def _way_since(pose: Floats, surveyed: Floats, reach: float, radius: float) -> float:
+    """Way (m) of the farthest point of a fragment, at ``reach`` m from its middle, since a survey."""
+    moved = turned = 0.0
+    for k in range(3):
+        moved += (pose[k, 2] - surveyed[k, 2]) ** 2
+        turned += (pose[k, 0] - surveyed[k, 0]) ** 2
+    return radius * math.sqrt(moved) + reach * math.sqrt(turned)
+
+
 # Many arguments: the arrays that it needs of the state, apart.
 @kernel
 def _find_near(
     bodies: Bodies, thickness: Floats, length: Floats, width: Floats, depth: Floats, uo: Floats, vo: Floats, load: Floats,
-    rho_ice: float, h: float, radius: float, near: NDArray[np.bool_],
+    rho_ice: float, h: float, radius: float, survey: Survey, near: NDArray[np.bool_],
 ) -> float:  # fmt: skip
     """Mark the fragments that may come near the floor in ``h`` s, by the depth in the middle of their elements.
 
-    A lone berg may take up the speed of the water on the way. ``radius``: of the earth, or 1 in a plane. Returns the least
-    clearance there, m.
+    Those that stay where nothing near was surveyed do not. A lone berg may take up the speed of the water on the way.
+    ``radius``: of the earth, or 1 in a plane. Returns the least clearance there, m.
     """
-    least, body, number = math.inf, bodies.body, np.zeros(near.size, np.int64)
+    least, body, number, deepest = math.inf, bodies.body, np.zeros(near.size, np.int64), np.full(near.size, -math.inf)
+    for n in range(survey.bodies.size):
+        b = survey.bodies[n]
+        twist, reach = bodies.twist[b], survey.radius[n]
+        way = h * (math.hypot(twist[0], twist[1]) + reach * abs(twist[2])) + ASIDE
+        if _way_since(bodies.pose[b], survey.pose[n], reach, radius) + way <= survey.open_way[n]:
+            deepest[b] = survey.draft[n]
     for e in range(body.size):
         number[body[e]] += 1
     for e in range(body.size):
@@ -140,7 +172,7 @@ def _find_near(
         if number[b] == 1:
             speed = max(speed, math.hypot(uo[e], vo[e]))
         reach = math.sqrt(length[e] * width[e]) + h * speed + ASIDE
-        near[b] = near[b] or depth[e] - draft < STEEPEST * reach or load[e] > 0.0
+        near[b] = near[b] or (draft > deepest[b] and depth[e] - draft < STEEPEST * reach) or load[e] > 0.0
         least = min(least, depth[e] - draft)
     return least
 
@@ -193,18 +225,16 @@ class Shoal:
         self.lone, of = np.diff(pads.row_start) == 1, np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
         self._square = pads.raster[of, 0] + pads.square[:, 0] * pads.raster[of, 2] + pads.square[:, 1]
         of_corner = np.repeat(of, np.diff(pads.start))
-        self.radius, self._surveyed, self._ring = (
-            np.zeros(bodies.size),
-            np.full((bodies.size, 3, 3), np.inf),
-            np.zeros(bodies.size),
-        )
+        self.radius, count = np.zeros(bodies.size), bodies.size
         np.maximum.at(self.radius, of_corner, np.hypot(*(pads.corner + pads.frame[of_corner, :2]).T))
+        self.survey = Survey(bodies, self.radius, np.full((count, 3, 3), np.inf), *(np.zeros(count) for _ in range(3)))
         # Steepest slope of the floor near each square; none where it is so deep that nobody needs to look.
         self._slope = np.where(np.repeat(self.lone, pads.raster[:, 1] * pads.raster[:, 2]), STEEPEST, np.nan)
         if before is not None:  # of the same fragments: what was surveyed holds
             for b, old in zip(*np.intersect1d(bodies, before.bodies, return_indices=True)[1:], strict=True):
                 if side[b] == before.side[old]:
-                    self._surveyed[b], self._ring[b] = before._surveyed[old], before._ring[old]
+                    for array, values in zip(self.survey[2:], before.survey[2:], strict=True):
+                        array[b] = values[old]
                     squares, those = (
                         slice(r[0], r[0] + r[1] * r[2]) for r in (pads.raster[b], before.whole.raster[old])
                     )
@@ -224,20 +254,27 @@ class Shoal:
         self, pose: Floats, reach: Floats, draft: Floats, near: NDArray[np.bool_], depth: DepthOf, c: KernelParameters
     ) -> None:  # fmt: skip
         """Survey the floor around bonded fragments that may leave the ring of the last survey on a way of ``reach`` m."""
-        scale = c.earth_radius if c.latlon else 1.0
-        moved = scale * np.linalg.norm(pose[:, :, 2] - self._surveyed[:, :, 2], axis=1)
-        moved += self.radius * np.linalg.norm(pose[:, :, 0] - self._surveyed[:, :, 0], axis=1)
-        old = np.flatnonzero(near & ~self.lone & ~(moved + reach <= self._ring))
-        for b in old.tolist():
-            self._surveyed[b], deepest = pose[b], draft[self.whole.row_start[b] : self.whole.row_start[b + 1]].max()
-            self._ring[b] = self._survey(b, pose[b], max(RING, 2.0 * reach[b]), float(deepest), depth, c)
-        if old.size:
+        survey, scale = self.survey, c.earth_radius if c.latlon else 1.0
+        old = [
+            b for b in np.flatnonzero(near & ~self.lone).tolist()
+            if not _way_since(pose[b], survey.pose[b], float(self.radius[b]), scale) + reach[b] <= survey.way[b]
+        ]  # fmt: skip
+        for b in old:
+            survey.pose[b], survey.draft[b] = (
+                pose[b],
+                draft[self.whole.row_start[b] : self.whole.row_start[b + 1]].max(),
+            )
+            way, nothing = self._survey(b, pose[b], max(RING, 2.0 * reach[b]), float(survey.draft[b]), depth, c)
+            survey.way[b], survey.open_way[b] = way, way if nothing else 0.0
+        if old:
             self._list()
 
-    def _survey(self, b: int, pose: Floats, ring: float, draft: float, depth: DepthOf, c: KernelParameters) -> float:
-        """Survey the floor around a fragment, on a raster of two sides of its pads; returns the way for which it holds (m).
+    def _survey(
+        self, b: int, pose: Floats, ring: float, draft: float, depth: DepthOf, c: KernelParameters
+    ) -> tuple[float, bool]:  # fmt: skip
+        """Survey the floor around a fragment, on a raster of two sides of its pads.
 
-        That is ``ring``, or more where there is nothing near.
+        Returns the way (m) for which it holds, ``ring`` or more where nothing is near, and whether nothing is.
         """
         from scipy.ndimage import maximum_filter, minimum_filter
 
@@ -247,7 +284,9 @@ class Shoal:
             2.0 * self.side[b],
             WIDER * ring + self.side[b],
         )
-        low, high = ice[:, 1:].min(axis=0) - margin, ice[:, 1:].max(axis=0) + margin
+        x, y = ice[:, 1], ice[:, 2]  # one by one: over rows of two numbers NumPy takes ten times as long
+        low = np.array([x.min(), y.min()]) - margin
+        high = np.array([x.max(), y.max()]) + margin
         n, m = (np.ceil((high - low) / step).astype(np.int64) + 1).tolist()
         x, y = np.meshgrid(low[0] + step * np.arange(n), low[1] + step * np.arange(m))
         frame = self.whole.frame[b]
@@ -255,6 +294,11 @@ class Shoal:
         floor = np.minimum(depth(lon, lat), OPEN_DEPTH).reshape(x.shape)
         deepest = minimum_filter(floor, 3)
         drop = maximum_filter(floor, 3) - deepest
+        if (
+            deepest - 0.5 * drop
+        ).min() >= draft + RESERVE:  # nothing in all that was surveyed: nearly always in deep water
+            self._slope[first : first + rows * columns] = np.nan
+            return WIDER * ring, True
         i, j = np.rint((ice[:, 1:] - low) / step).astype(np.int64).T
         for part in (WIDER, 0.5 * WIDER, 1.0):
             # Of all that the fragment may come over before the next survey.
@@ -264,7 +308,7 @@ class Shoal:
                 break
         slope = np.minimum(1.5 * maximum_filter(drop, size)[j, i] / step + 1e-3, STEEPEST) if near.any() else np.nan
         self._slope[first : first + rows * columns] = np.where(near, slope, np.nan)
-        return part * ring
+        return part * ring, not near.any()
 
 
 @kernel
@@ -322,10 +366,11 @@ class Seabed:
     def near(self, model: RunState, bodies: Bodies, h: float) -> NDArray[np.bool_]:
         """Which fragments may come near the floor in ``h`` s."""
         el, c, near = model.elements, model.constants, np.zeros(bodies.pose.shape[0], np.bool_)
-        around, body = el.environment, el.body
+        around, body, arrays = el.environment, el.body, (bodies.body, bodies.reference, el.body.id)
+        shoal = next((shoal for shoal in self._shoals if all(map(operator.is_, arrays, shoal.arrays))), None)
         least = _find_near(
             bodies, body.thickness, body.length, body.width, around.depth, around.uo, around.vo, el.keel.floor_load, c.rho_ice, h,
-            c.earth_radius if c.latlon else 1.0, near,
+            c.earth_radius if c.latlon else 1.0, NO_SURVEY if shoal is None else shoal.survey, near,
         )  # fmt: skip
         if not near.any():  # else it is looked at more closely
             self.clearance[0] = min(self.clearance[0], least)
@@ -382,6 +427,9 @@ class Seabed:
         reach = further * (h * np.maximum(speed, drift) + ASIDE)
         shoal.look_around(pose, reach, draft, near[which], self.depth, c)
         if not shoal.squares.size:
+            self.clearance[0] = np.fmin.reduce(
+                el.environment.depth - draft_of(el.body.thickness, c.rho_ice), initial=self.clearance[0]
+            )
             return None
         pads = melted(shoal.whole, np.sqrt(el.body.length[rows] * el.body.width[rows] / shoal.size))
         number, hull, mean = np.zeros((count, landing.NUMBERS)), np.empty((count, 3, 3)), np.empty(count)
