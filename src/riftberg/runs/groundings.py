@@ -221,10 +221,10 @@ def ground_lines(ground: dict[str, Any]) -> list[str]:
             "for weeks bears less (grounding.ice_modulus, fracture.flexural_strength)"
         )
     clearance, spacing = ground["least_clearance"], ground["bathymetry_spacing"]
-    if ground["first"] is None and clearance is not None and clearance < DOUBTFUL_CLEARANCE:
+    if ground["first"] is None and clearance is not None and 0.0 < clearance < DOUBTFUL_CLEARANCE:
         nodes = f" and has a node every {_kilometres(spacing)} here" if spacing else ""
         lines.append(
-            f"  the keel passed {max(clearance, 0.0):.0f} m above the floor; a chart is good to some tens of metres{nodes}"
+            f"  the keel passed {clearance:.0f} m above the floor; a chart is good to some tens of metres{nodes}"
         )
     return lines
 
