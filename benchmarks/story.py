@@ -284,7 +284,9 @@ def storyline() -> list[tuple[str, ...]]:
     ]
     moment = float(np.sqrt(np.mean(np.square(moments))))
     distance, turn, rectangle = np.sqrt(np.mean(early**2, axis=0))
-    tip, finger = (event for event in breakups(model) if event["area_km2"] >= SMALL)
+    large = [event for event in breakups(model) if event["area_km2"] >= SMALL]
+    tip = next(event for event in large if event["grounded"])
+    finger = max((event for event in large if not event["grounded"]), key=lambda event: event["area_km2"])
     there = model.elements.berg == next(
         f.number for f in model.fragments.breakups if f.grounded and f.area > 1e6 * SMALL
     )
