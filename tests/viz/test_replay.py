@@ -245,12 +245,16 @@ def test_the_page_draws_every_shape_and_place(tmp_path: Path) -> None:
         assert errors(browser) == []
 
 
+def members_at(k: int) -> Any:
+    """Return a member around the fake berg: of each four two drift north of it and break up on the second day."""
+    north, broken = 0.1 * (k % 4), 1 if k % 4 > 1 else None
+    return outcome(k, [-39.0, -38.9, -38.7], [-55.0, -55.0 + north, -55.0 + 3.0 * north], broken=broken)
+
+
 @pytest.fixture(scope="module")
 def forecast() -> xr.Dataset:
-    """Four members around the fake berg: two drift north of it and break up on the second day."""
-    members = [outcome(k, [-39.0, -38.9, -38.7], [-55.0, -55.0 + 0.1 * k, -55.0 + 0.3 * k], broken=1 if k > 1 else None)
-               for k in range(4)]  # fmt: skip
-    return forecast_of(members, 2)
+    """Four members."""
+    return forecast_of([members_at(k) for k in range(4)], 2)
 
 
 def test_members_and_probabilities_are_where_the_forecast_has_them(run: xr.Dataset, forecast: xr.Dataset) -> None:
@@ -275,6 +279,10 @@ def test_members_and_probabilities_are_where_the_forecast_has_them(run: xr.Datas
             assert share[k, j, i] == pytest.approx(100.0 * float(there), abs=0.3)
     assert set(share[0].ravel().tolist()) == {0.0, 100.0}  # all at one place at first
     # The ellipse of 90 % around the places of the second day: as far north as two of them are from their mean.
+    many = forecast_of([members_at(k) for k in range(12)], 2)  # four do not make one
+    content = ReplayContent(run, title="", observed={}, members=ForecastMembers(many, scenarios, "what is likely"))
+    found = content.data()["members"]
+    y = unpack(found["y"])
     line = np.reshape(found["ellipses"][1][2], (-1, 2))
     assert np.abs(line[:, 1] - y[:, 2].mean()).max() == pytest.approx(
         np.sqrt(-2 * np.log(0.1)) * y[:, 2].std(), rel=0.01

@@ -132,6 +132,7 @@ def test_metres_are_not_folded_by_the_period_of_degrees(tmp_path: Path) -> None:
 def test_no_line_crosses_the_seam_of_a_channel(tmp_path: Path) -> None:
     """Bug: each time the berg came round, its track ran back through the whole channel, and so did its elements."""
     run = finished(Channel(), tmp_path, 8.0)
+    run["x"].attrs.pop("comment", None)  # a file from before turns were counted
     assert float(np.ptp(run["x"].values)) > 0.9 * Channel.period  # the file itself is wrapped
     scene = Scene(run)
     assert np.abs(np.diff(scene.x, axis=0)).max() < 12e3
