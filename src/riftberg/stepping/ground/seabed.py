@@ -19,6 +19,7 @@ from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import bending_stress, friction_depth
 from riftberg.state import Floats, Ints
 from riftberg.state.population import rows_of
+from riftberg.state.variables import LARGEST
 from riftberg.stepping.bodies.dynamics import BodyOperators, add_inertia_and_floor_drag
 from riftberg.stepping.bodies.pose import Bodies, tangent_coordinates
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
@@ -354,14 +355,16 @@ class Seabed:
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
-        return {"bed_plastic": self.rubbed, "bed_clearance": self.clearance}
+        # Files hold finite numbers: a large one stands for no keel near the floor yet.
+        return {"bed_plastic": self.rubbed, "bed_clearance": np.minimum(self.clearance, 0.5 * LARGEST)}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Restore what `state_dict` gave."""
         if "bed_plastic" in saved:
             self.rubbed = np.array(saved["bed_plastic"], np.float64)[:1]  # earlier versions had gouges behind it
         if "bed_clearance" in saved:
-            self.clearance = np.array(saved["bed_clearance"], np.float64)
+            clearance = np.array(saved["bed_clearance"], np.float64)
+            self.clearance = np.where(clearance < 0.5 * LARGEST, clearance, np.inf)
 
     def near(self, model: RunState, bodies: Bodies, h: float) -> NDArray[np.bool_]:
         """Which fragments may come near the floor in ``h`` s."""
