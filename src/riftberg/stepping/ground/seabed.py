@@ -56,6 +56,9 @@ SEDIMENTS: Final[dict[str, dict[str, float]]] = {
 BEARING_FACTOR: Final = 6.0
 """Bearing strength of clay over its shear strength (a long strip 5.14)."""
 
+FARTHEST: Final = 512.0
+"""Times the expected way for which the floor is watched before a step is given up."""
+
 OPEN_DEPTH: Final = 1e4
 """Depth (m) beyond all data."""
 
@@ -112,8 +115,10 @@ def depth_of_bed(forcing: Forcing, middle: float = 0.0, period: float = 0.0) -> 
         lost = ~np.isfinite(found)
         if lost.any():
             dry = land_at(forcing, lon[lost], lat[lost])
+            # Beyond the data it is as deep as at its edge: a plane through a step of kilometres would overshoot into the keel.
+            beyond = OPEN_DEPTH if lost.all() else float(np.max(found[~lost]))
             found = found.copy()
-            found[lost] = np.where(dry, 0.0, OPEN_DEPTH)
+            found[lost] = np.where(dry, 0.0, beyond)
         return found
 
     return depth
@@ -503,6 +508,11 @@ class Seabed:
                 model.bonds.flexural_stress[:] = flexure
                 break
             further *= 8.0  # a light berg may be taken up by the water
+            if further > FARTHEST:
+                raise RunError(
+                    "the sea floor throws a berg over more than a hundred kilometres in a step: its keel stands far inside the "
+                    "floor. Compare thickness and depth, or take a shorter stepping.time_step"
+                )
         if prepared is None:
             self._lift_off(model)
             return None
