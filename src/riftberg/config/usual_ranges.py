@@ -157,7 +157,19 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
                 f"the long step of {step / 3600.0:g} h is too long for {what} {seconds / 3600.0:.4g} h, which it passes over: "
                 f"set stepping.time_step to {most:g} s or less"
             )
+    if parameters.stepping.scheme == "quasi_static" and _lacks_concentration(forcing):
+        said["sea_ice"] = "sea ice without its concentration (ice_fraction) exerts no force in the default scheme"
     return {**said, **without_effect(parameters)}
+
+
+def _lacks_concentration(forcing: Any) -> bool:
+    """Whether formulas give a thickness of sea ice, and nothing its concentration."""
+    parts = getattr(forcing, "parts", (forcing,))
+    given = [part for part in parts if {"Steady", "Uniform"} & set(_own_kinds(part)) and part.sea_ice[2] > 0.0]
+    known = any(
+        getattr(part, "ice_fraction", 0.0) > 0.0 or "ice_fraction" in getattr(part, "provides", ()) for part in parts
+    )
+    return bool(given) and not known
 
 
 def of_records(hours: float, days: float, parameters: Any) -> list[str]:

@@ -354,6 +354,9 @@ class Exchange:
             if tau_x.ndim == 0:
                 arrays["ua"], arrays["va"] = arrays["ua"][0, 0], arrays["va"][0, 0]
         self._refuse_lacking(arrays)
+        # A pack that only seems to stand still would hold bergs.
+        model = self.model
+        model.constants = model.constants._replace(ice_drift_known="ui" in arrays or "ice_thickness" not in arrays)
         before = self.forcing.fields_at(0.0)
         fields = {name: self.grid.extended(a) for name, a in arrays.items()}
         for u, v, where in (

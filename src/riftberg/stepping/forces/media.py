@@ -317,7 +317,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
             inertia = rectangle_inertia(mass[e], length[e], width[e])
         view = ElementView(
             mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], bond_radius[e], bond_mass[e],
-            inertia, area, m, depth[e], ice[e], fraction[e], uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e],
+            inertia, area, m, depth[e], ice[e], min(fraction[e], 1.0), uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e],
             vorticity[e],
             Waves(height[e], period[e], wave_x[e], wave_y[e]), side_share[e], berg_length[e], berg_width[e],
             own_x[e], own_y[e],

@@ -24,11 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
-from riftberg.state import Environment, Floats, Ints
-from riftberg.stepping.forces.media import LIMIT, LINEAR, SEA_ICE, YIELD, U, V
+from riftberg.errors import ForcingError
+from riftberg.state import Elements, Environment, Floats, Ints
+from riftberg.stepping.forces.media import LIMIT, LINEAR, SEA_ICE, YIELD, YIELD_SPEED, U, V
 
 if TYPE_CHECKING:
     from riftberg.stepping.bodies.dynamics import BodyOperators
+
+ROUND_OFF: Final = 0.0101
+"""By how much a concentration may lie outside of 0 to 1, as packed numbers of products do; it then counts as 0 or 1."""
 
 SUBSTEP_YIELD: Final = 2e-3
 """Speed (m s-1) through the pack at which it yields in sub-steps: that up to which these know velocities."""
@@ -75,6 +79,24 @@ def next_direction(
     x, y = (du + change[0] - p[0] * along) / size, (dv + change[1] - p[1] * along) / size
     length = max(math.sqrt(x * x + y * y), 1.0)
     return x / length, y / length
+
+
+def hold_by_pack(rows: Floats, u: Floats, v: Floats) -> Floats:
+    """Return the acceleration (m s-2, east and north) of elements by what a pack bears; ``rows``: theirs of sea ice."""
+    through = np.column_stack([u - rows[:, U], v - rows[:, V]])
+    return -(rows[:, LIMIT] / np.maximum(np.hypot(*through.T), YIELD_SPEED))[:, None] * through
+
+
+def check_concentration(elements: Elements) -> None:
+    """Refuse a concentration of sea ice that is no part of 1, such as one in per cent by a forcing of the user's own."""
+    fraction = elements.environment.ice_fraction
+    wrong = np.flatnonzero((fraction < -ROUND_OFF) | (fraction > 1.0 + ROUND_OFF))
+    if wrong.size:
+        e = wrong[0]
+        raise ForcingError(
+            f"ice_fraction = {fraction[e]:g} at element {elements.body.id[e]} is no part of the sea", where="forcing",
+            remedy="Give the concentration of sea ice from 0 to 1",
+        )  # fmt: skip
 
 
 def soft_pack(op: BodyOperators) -> BodyOperators:
