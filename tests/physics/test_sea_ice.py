@@ -119,9 +119,7 @@ def test_a_hold_grows_with_thickness_strength_and_front_and_falls_with_open_wate
 @pytest.mark.parametrize("capture", ["limited", "locked", "none"])
 def test_a_pack_takes_a_berg_its_own_way_and_as_fast_in_all_directions(way: tuple[float, float], capture: str) -> None:
     """Rotation: on a plane that does not turn the drift along the way of the pack is that along any other."""
-    model = model_of(
-        sea=pack(ice=(0.2 * way[0], 0.2 * way[1])), latitude=0.0, sea_ice={"capture": capture}, dt=600.0
-    )
+    model = model_of(sea=pack(ice=(0.2 * way[0], 0.2 * way[1])), latitude=0.0, sea_ice={"capture": capture}, dt=600.0)
     model.advance(steps=6)
     along, across = drift(model) @ way, drift(model) @ (-way[1], way[0])
     assert along == pytest.approx(SPEEDS.setdefault(capture, along), rel=1e-6)

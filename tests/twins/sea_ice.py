@@ -58,5 +58,7 @@ def drift(length, width, thickness, latitude, wind, ice, depth, fraction, curren
         return (force + mass * f * np.array([u[1] - current[1], current[0] - u[0]])) / (limit + 1e6)
 
     wind, ice, current = (np.asarray(v, float) for v in (wind, ice, current))
-    tries = (least_squares(total, start, xtol=1e-14, ftol=1e-14) for start in (ice, 0.3 * ice, [0.0, 0.0], [-0.02, 0.05]))
+    tries = (
+        least_squares(total, start, xtol=1e-14, ftol=1e-14) for start in (ice, 0.3 * ice, [0.0, 0.0], [-0.02, 0.05])
+    )
     return min(tries, key=lambda found: found.cost).x

@@ -123,8 +123,8 @@ class PackIce(Group):
     capture: Capture = quantity(
         "limited",
         "",
-        "what a pack does beside its drag; limited: it holds a berg by as much as it bears on its front. locked: it carries a berg "
-        "along where it is dense and strong, as published models have it. none: nothing",
+        "what a pack does beside its drag; limited: it holds a berg by as much as it bears on its front. locked: it carries a "
+        "berg along where it is dense and strong, as published models have it. none: nothing",
         "limited: Riftberg; locked: Lichey & Hellmer 2001",
     )
     strength: float = quantity(
@@ -132,7 +132,12 @@ class PackIce(Group):
         ge=0, le=1e7,
     )  # fmt: skip
     decay: float = quantity(
-        20.0, "1", "how the strength falls with the open water: P = P* h exp(-decay (1 - A))", "Hibler 1979", ge=0, le=1e3
+        20.0,
+        "1",
+        "how the strength falls with the open water: P = P* h exp(-decay (1 - A))",
+        "Hibler 1979",
+        ge=0,
+        le=1e3,
     )
     least_concentration: float = quantity(
         0.15, "1", "concentration below which the sea counts as open", "Lichey & Hellmer 2001", ge=0, le=1
@@ -142,7 +147,12 @@ class PackIce(Group):
         "FESOM-IB (Rackow et al. 2017), whose capture begins there and is complete at 0.9", ge=0, le=1,
     )  # fmt: skip
     locked_strength: float = quantity(
-        13e3, "N m-1", "capture locked: strength P of the pack from which on it does", "Lichey & Hellmer 2001", ge=0, le=1e9
+        13e3,
+        "N m-1",
+        "capture locked: strength P of the pack from which on it does",
+        "Lichey & Hellmer 2001",
+        ge=0,
+        le=1e9,
     )
 
 

@@ -200,9 +200,11 @@ def idle_fields(datasets: Sequence[xr.Dataset]) -> list[str]:
         if (waves := [name for name in WAVES if name in ds.data_vars]) and not have_waves(ds)
     ]
     held = {str(name): ds for ds in datasets for name in ds.data_vars}
-    if ice := [name for name in SEA_ICE if name in held]:
-        if lacking := [f"{words} ({name})" for name, words in SEA_ICE.items() if name not in held]:
-            said.append(f"{named(held[ice[0]])}: sea ice without its {' and '.join(lacking)} exerts no force in the default scheme")
+    ice = [name for name in SEA_ICE if name in held]
+    lacking = [f"{words} ({name})" for name, words in SEA_ICE.items() if name not in held]
+    if ice and lacking:
+        words = " and ".join(lacking)
+        said.append(f"{named(held[ice[0]])}: sea ice without its {words} exerts no force in the default scheme")
     return said
 
 

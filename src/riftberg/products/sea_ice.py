@@ -23,7 +23,9 @@ _OF_CELL: Final = re.compile(
 )
 """Words for one over the whole cell."""
 
-_WHOLE_AREA: Final = re.compile(r"\barea\s*:\s*(\w+\s*:\s*)*mean\b(?!\s+where)|\barea\s*:\s*(\w+\s*:\s*)*mean\s+where\s+(sea|all)\b")
+_WHOLE_AREA: Final = re.compile(
+    r"\barea\s*:\s*(\w+\s*:\s*)*mean\b(?!\s+where)|\barea\s*:\s*(\w+\s*:\s*)*mean\s+where\s+(sea|all)\b"
+)
 """The same as CF's cell methods say it: a mean over area, or over that of the sea."""
 
 

@@ -563,7 +563,9 @@ def first_half_kick(
 
 
 @kernel
-def subtract_corner_slopes(op: BodyOperators, twist: Floats, active: Booleans, direction: Floats, jacobian: Floats) -> None:
+def subtract_corner_slopes(
+    op: BodyOperators, twist: Floats, active: Booleans, direction: Floats, jacobian: Floats
+) -> None:
     """Take from the Jacobians of active fragments what the force of a pack loses by its limit."""
     for e in range(op.body.size):
         b, m, row = op.body[e], op.levers[e], op.forcing.media[e, SEA_ICE]

@@ -41,8 +41,8 @@ from riftberg.physics.drag import (
 )
 from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import coriolis_parameter
-from riftberg.physics.seabed import grounded_fraction, grounding_rate, grounding_spin_rate, quadratic_grounding
 from riftberg.physics.sea_ice import LIMITED, LOCKED, OF_REFERENCE, open_share, pack_depth, pack_strength
+from riftberg.physics.seabed import grounded_fraction, grounding_rate, grounding_spin_rate, quadratic_grounding
 from riftberg.state import Body, Elements, Environment, Floats, Place
 from riftberg.stepping.forces.sizes import Sizes, disc_inertia, rectangle_inertia, sides_of
 

@@ -4,9 +4,9 @@ A pack bears up to ``limit``, whatever the speed through it, and less only where
 
     F = -limit min(|du| / s, 1) du / |du|,   s = `YIELD_SPEED`
 
-Newton's method with the derivative of that force runs to and fro between both sides of the corner. So it is taken as two equations
-(Hintermueller & Stadler 2006, SIAM J. Sci. Comput. 28, 1-23): ``max(|du|, s) p = du``, with the direction p of the force as an
-unknown of its own. To first order in a change d of the velocity
+Newton's method with the derivative of that force runs to and fro between both sides of the corner. So it is taken as two
+equations (Hintermueller & Stadler 2006, SIAM J. Sci. Comput. 28, 1-23): ``max(|du|, s) p = du``, with the direction p of the
+force as an unknown of its own. To first order in a change d of the velocity
 
     p' = (du + d - p (du . d) / |du|) / |du|   beyond the corner,   (du + d) / s   below it,
 
@@ -50,10 +50,10 @@ def find_fragments_in_pack(body: Ints, media: Floats, in_pack: NDArray[np.bool_]
 @kernel
 def is_any(chosen: NDArray[np.bool_]) -> bool:
     """Whether any is chosen."""
+    count = 0
     for one in chosen:
-        if one:
-            return True
-    return False
+        count += int(one)
+    return count > 0
 
 
 @kernel
