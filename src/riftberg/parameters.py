@@ -125,9 +125,7 @@ class KernelParameters(NamedTuple):
     dem: bool
     bonds_on: bool
     hexagonal: bool
-    isotropic: bool  # Whether the lattice of bonds is alike in all directions, with diagonals in squares
     spring: float
-    spring_modulus: float  # Of spring bonds: modulus over density, m2 s-2
     youngs_modulus: Annotated[float, "bonds.youngs_modulus"]
     poisson: Annotated[float, "bonds.poisson"]
     bond_damping: Annotated[float, "bonds.damping"]
@@ -233,7 +231,6 @@ class Parameters(Group):
                 f"{asked} needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
                 "bonds.law = 'dem', or bonds.elasticity = 'bonds' and fracture.criterion = 'bond'"
             )
-        self._check_isotropic()
         self._check_criterion()
         self._check_grounding()
         self._check_contact()
@@ -250,48 +247,6 @@ class Parameters(Group):
                 "set stepping.interactions = false with it"
             )
         return self
-
-    @property
-    def isotropic_bonds(self) -> bool:
-        """Whether bonds together make a solid alike in all directions: the default of explicit schemes with own numerics."""
-        b = self.bonds
-        if b.elasticity is not None or self.stepping.scheme == "quasi_static" or self._published_bonds:
-            return b.elasticity == "isotropic"
-        return (b.law == "dem" and not b.no_shear) or (b.law == "spring" and b.spring is None)
-
-    @property
-    def _published_bonds(self) -> bool:
-        """Whether bonds are those of the reference, whose numerics must stay as they are."""
-        return self.compatibility.zero_start or self.compatibility.rest_length_from_sizes
-
-    def _check_isotropic(self) -> None:
-        """Refuse isotropic bonds where there are none, or none of this Poisson's ratio."""
-        b, asked = self.bonds, "bonds.elasticity = 'isotropic'"
-        if b.elasticity == "isotropic":
-            if self.stepping.scheme == "quasi_static":
-                raise ValueError(
-                    f"{asked} is for explicit schemes: with stepping.scheme = 'quasi_static' the ice is alike in all directions "
-                    "by bonds.elasticity = 'cells'"
-                )
-            if b.law == "none" or b.no_shear:
-                raise ValueError(
-                    f"{asked} needs bonds with shear: set bonds.law = 'dem' (or 'spring') and bonds.no_shear = false"
-                )
-            if self._published_bonds:
-                raise ValueError(
-                    f"{asked} changes the bonds that the reference has: leave out compatibility, or set it to 'bonds'"
-                )
-            if b.law == "spring" and b.spring is not None:
-                raise ValueError(f"{asked} gives springs the stiffness of the ice: leave out bonds.spring")
-        if not self.isotropic_bonds or b.law == "spring":
-            return
-        if b.poisson > 1.0 / 3.0 or (b.packing == "square" and b.poisson < 0.0):
-            bounds = "above -1 and up to 0.3333" if b.packing == "hexagonal" else "from 0 to 0.3333"
-            raise ValueError(
-                f"bonds.poisson = {b.poisson:g} is not what {asked}, the default of explicit schemes, can have with {b.packing} "
-                f"elements: give a value {bounds}, set it to 'bonds', or take stepping.scheme = 'quasi_static', whose elastic "
-                "cells can have any"
-            )
 
     @property
     def grounding_law(self) -> GroundingLaw:
@@ -485,12 +440,7 @@ class Parameters(Group):
             dem=p.bonds.law == "dem",
             bonds_on=p.bonds.law != "none",
             hexagonal=hexagonal,
-            isotropic=p.isotropic_bonds,
             spring=FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
-            # Springs in rows and diagonals of squares share the load of the rows alone: 3/4 and 3/8 of E H, nu = 1/3.
-            spring_modulus=p.bonds.youngs_modulus
-            / p.ice.density
-            * (0.75 if p.isotropic_bonds and not hexagonal else 1.0),
             max_bonds=(6 if hexagonal else 4) if p.bonds.max_bonds is None else p.bonds.max_bonds,
         )
 

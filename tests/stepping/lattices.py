@@ -190,7 +190,7 @@ def long_step(
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
     pairs = touching_pairs(el, bonds, p)
     around = allocate_surroundings(n) if around is None else around
-    work = Workspace(allocate_tiles(el, bonds, p), pairs, allocate_fields(n))
+    work = Workspace(allocate_tiles(el, bonds), pairs, allocate_fields(n))
     colliding, inside = partners._replace(bonded=none, same_berg=none), partners._replace(collision=none)
     rank = np.arange(n) if rank is None else rank
 

@@ -16,7 +16,7 @@ from riftberg.system.input_files import value_shown
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
-Elasticity = Literal["bonds", "isotropic", "cells"]
+Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["seabed", "none", "linear", "quadratic"]
 ContactLaw = Literal["spring", "crushing"]
 Sediment = Literal["rock", "sand", "clay", "other"]
@@ -256,11 +256,9 @@ class BondParameters(Group):
     elasticity: Elasticity | None = quantity(
         None,
         "",
-        "what is elastic: bonds, each for itself as published; isotropic (explicit schemes), bonds that make a solid alike "
-        "in all directions; cells (quasi_static), the ice of the elements, such a solid too. none means cells with quasi_static, "
-        "but for the criterion bond; isotropic with other schemes; bonds with the reference's numerics, without "
-        "shear and where bonds.spring is given for springs",
-        "equations 5; isotropic: Ostoja-Starzewski 2002; cells: Argyris 1964, Hughes and Brezzi 1989",
+        "what is elastic: bonds, each for itself as published; cells (quasi_static), the ice of the elements, a solid alike in "
+        "all directions. none means cells with quasi_static, but for the criterion bond; bonds with other schemes",
+        "equations 5; cells: Argyris 1964, Hughes and Brezzi 1989",
     )
     spring: float | None = quantity(
         None,

@@ -19,7 +19,7 @@ from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Bonds, Elements, Floats, Ints, zeros
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.explicit import tiles as tile
-from riftberg.stepping.explicit.tiles import BondTiles, free_diagonals, lane_of
+from riftberg.stepping.explicit.tiles import EMPTY, BondTiles, lane_of
 from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
 from riftberg.stepping.forces.sizes import Sizes
 
@@ -86,7 +86,7 @@ def grow_damage(bond: Floats, scratch: Floats, dt: float, p: KernelParameters) -
 def count_loaded(bond: Floats, scratch: Floats, threshold: float) -> int:
     """Count the intact bonds of a tile whose stress is above this part of their strength.
 
-    Bonds without stress and strength, and those whose stress is not a number, are not among them.
+    Those whose stress is not a number are not among them.
     """
     count = 0  # a whole number, so that the loop vectorises
     for k in range(tile.LANES):
@@ -142,11 +142,10 @@ def record_breaks(
     tiles: BondTiles, bonds: Bonds, bond_count: Ints, pairs: ContactPairs, time: float, keep_contact: bool
 ) -> None:
     """Mark bonds that broke at ``time``, take them from the counts of their ends, list them as contact pairs, layer by layer."""
-    layers = len(tiles.kinds)
-    for layer in range(layers):
+    for layer in range(tiles.layers):
         for i in range(bond_count.size):
-            b = tiles.bond_ids[lane_of(layer, i, layers)]
-            if b < 0 or bonds.break_time[b] != time:
+            b = tiles.bond_ids[lane_of(layer, i, tiles.layers)]
+            if b == EMPTY or bonds.break_time[b] != time:
                 continue
             bonds.status[b] = 1
             j = bonds.second[b]
@@ -156,14 +155,13 @@ def record_breaks(
                 n = pairs.used[0]
                 pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
                 pairs.used[0] = n + 1
-    free_diagonals(tiles, bonds.status)
 
 
 @kernel
 def store_bonds(bond_ids: Ints, bonds: Bonds, bond: Floats, scratch: Floats, rotation: Floats) -> None:
     """Write stresses, slip and length of the bonds of a tile to the state; broken ones keep those at which they broke."""
     for k in range(tile.LANES):
-        if bond[tile.INTACT + k] > 0.0 and bond_ids[k] >= 0:
+        if bond[tile.INTACT + k] > 0.0:
             store_bond(bonds, bond_ids[k], bond, scratch, k, rotation)
 
 

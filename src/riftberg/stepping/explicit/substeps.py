@@ -102,7 +102,7 @@ def allocate_fields(count: int) -> SubstepFields:
 def allocate_workspace(elements: Elements, bonds: Bonds, p: KernelParameters) -> Workspace:
     """Return a workspace for the sub-steps of these elements and bonds."""
     pairs = allocate_pairs(max(bonds.first.size, 1))
-    return Workspace(allocate_tiles(elements, bonds, p), pairs, allocate_fields(elements.size))
+    return Workspace(allocate_tiles(elements, bonds), pairs, allocate_fields(elements.size))
 
 
 @kernel
