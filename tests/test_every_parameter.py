@@ -213,6 +213,7 @@ WEARS = with_(
     OPEN,
     fracture={"enabled": True, "normal_strength": 1e3, "shear_strength": 1e7},
     damage={"enabled": True, "time_scale": 3600.0, "threshold": 0.0},
+    stepping={"scheme": "quasi_static"},
 )
 MELT = with_(OPEN, melt={"enabled": True})
 SHELF = with_(MELT, melt={"mode": "shelf"})

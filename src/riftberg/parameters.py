@@ -234,10 +234,10 @@ class Parameters(Group):
         self._check_criterion()
         self._check_grounding()
         self._check_contact()
-        if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
+        if self.damage.enabled and not (scheme == "quasi_static" and self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
-                "damage lowers the strength of DEM bonds that can break: set bonds.law = 'dem' and "
-                "fracture.enabled = true, or damage.enabled = false"
+                "damage lowers the strength of bonds that can break, by the stress of the ice in equilibrium: set "
+                "stepping.scheme = 'quasi_static', bonds.law = 'dem' and fracture.enabled = true, or damage.enabled = false"
             )
         self._check_life()
         quirks = self.compatibility

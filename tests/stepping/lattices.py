@@ -168,7 +168,6 @@ def long_step(
     starting=False,
     skip_outer=False,
     may_break=False,
-    grow_damage=False,
     rank=None,
     around=None,
     at_once=AT_ONCE,
@@ -184,7 +183,6 @@ def long_step(
         by_search=not p.broken_as_contact,
         break_inline=may_break,
         break_after=False,
-        grow_damage=grow_damage,
         at_once=at_once,
     )
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)

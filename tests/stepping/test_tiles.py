@@ -160,16 +160,14 @@ def test_elements_wait_for_all_bonds_that_see_them() -> None:
 def test_sub_steps_at_once_are_those_one_after_the_other() -> None:
     """To the last bit, with bonds that break in several of them, and contact from then on."""
     weak = {"enabled": True, "broken_as_contact": True, "normal_strength": 120e3, "shear_strength": 60e3}
-    p = parameters(stepping={"scheme": "mts"}, fracture=weak, damage={"enabled": True})
+    p = parameters(stepping={"scheme": "mts"}, fracture=weak)
     begin, whole = lattice(3, p, columns=40, rows=5, touching=False, speed=0.02, strain=1e-4)
     early, late = whole.first < 2 * tile.LANES, whole.first >= 4 * tile.LANES
 
     def stepped(strength: np.ndarray, at_once: int, starting: bool = False) -> tuple[Any, Any]:
         el, bonds = begin.copy(), whole.copy()
         bonds.strength[:] = strength
-        report = long_step(
-            el, bonds, p, 300.0, 15, starting=starting, may_break=True, grow_damage=True, at_once=at_once
-        )
+        report = long_step(el, bonds, p, 300.0, 15, starting=starting, may_break=True, at_once=at_once)
         assert report.broken == np.isfinite(bonds.break_time).sum() == (bonds.status != 0).sum()
         return el, bonds
 

@@ -22,8 +22,7 @@ from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.breaking import (
     add_contacts,
     break_overloaded,
-    count_loaded,
-    grow_damage,
+    count_overloaded,
     record_breaks,
     store_bonds,
 )
@@ -62,7 +61,6 @@ class SubstepFlags(NamedTuple):
     dt: float  # Its length, s
     time: float  # Time since the start at its end, s
     may_break: bool  # Whether to test for fracture at all
-    grow_damage: bool  # Whether stress takes from the strength
     last: bool  # Whether to store stresses and lengths in the state
     period: float  # Period of x, where bonds may lie across its seam, else 0
 
@@ -175,8 +173,7 @@ def _substep_flags(n: int, plan: StepPlan, period: float) -> SubstepFlags:
     """What happens to the bonds in sub-step ``n``; in -1, the evaluation before the first, no time passes."""
     moving = n >= 0
     dt = plan.dt / plan.substeps if moving else 0.0
-    may_break, damaging = plan.break_inline and moving, plan.grow_damage and moving
-    return SubstepFlags(dt, plan.time + (n + 1) * dt, may_break, damaging, n == plan.substeps - 1, period)
+    return SubstepFlags(dt, plan.time + (n + 1) * dt, plan.break_inline and moving, n == plan.substeps - 1, period)
 
 
 @stage
@@ -278,9 +275,7 @@ def _apply_bonds(
     else:
         gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
     apply_bond_law(bond, shape, scratch, ends, flags.dt, p, flags.period)
-    if flags.grow_damage:
-        grow_damage(bond, scratch, flags.dt, p)
-    if flags.may_break and count_loaded(bond, scratch, 1.0) > 0:
+    if flags.may_break and count_overloaded(bond, scratch) > 0:
         broken = break_overloaded(
             tiles.bond_ids[first:end], bond, shape, scratch, ends, tiles.rotation, bonds, aground, flags.time
         )

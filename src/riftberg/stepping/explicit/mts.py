@@ -340,8 +340,6 @@ class MultipleStepper(Stateless):
             by_search=not self._contact_by_bonds,
             break_inline=p.fracture.enabled and inline,
             break_after=p.fracture.enabled and after,
-            # A start that must not break bonds must not damage them either.
-            grow_damage=p.damage.enabled and (inline or after),
         )
 
     def _inner_partners(self, batch: Batch, group: Ints, run: RunState) -> NeighbourLists:

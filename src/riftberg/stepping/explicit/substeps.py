@@ -60,7 +60,6 @@ class StepPlan(NamedTuple):
     by_search: bool  # Contact inside a berg goes over candidates of a search, not over broken bonds
     break_inline: bool  # Test for fracture in every sub-step
     break_after: bool  # Test for fracture once, after the second outer half kick
-    grow_damage: bool  # Stress takes from the strength of the bonds, in every sub-step
     apply_outer: bool = True  # Apply the outer forces at its start: both half kicks, and fracture after the step before
     apply_inner: bool = True  # Take its sub-steps
     sync_only: bool = False  # Apply the outer half kick that completes the step before, and nothing else

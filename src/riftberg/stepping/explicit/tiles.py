@@ -77,10 +77,8 @@ INTACT, Y_REFERENCE, METRES_COS, METRES_SIN = (LANES * n for n in range(4))
 NORMAL_LIMIT, SHEAR_LIMIT, PEAK_STRESS, SLIP = (LANES * n for n in range(4, 8))
 # Force on the first end, N, and torque on the second, N m.
 FX, FY, TORQUE2 = (LANES * n for n in range(8, 11))
-# What only damage needs.
-STRENGTH, DAMAGE = (LANES * n for n in range(11, 13))
 
-BOND_TILE: Final = LANES * 13
+BOND_TILE: Final = LANES * 11
 """Numbers in a tile of bonds."""
 
 # In the scratch tile, after the second ends: direction of the bond, half its overlap, length, width, thickness, turn of the
@@ -260,13 +258,11 @@ def _fill_slots(tiles: BondTiles, second: Ints) -> None:
 @kernel
 def _copy_bond(bond: Floats, at: int, b: int, bonds: Bonds, p: KernelParameters) -> None:
     """What the state holds of bond ``b``."""
-    strength, damage = bonds.strength[b], bonds.damage[b]
     bond[at + INTACT] = 1.0
     # The step begins where the last one ended.
     bond[at + PEAK_STRESS] = bonds.normal_stress[b]
-    bond[at + STRENGTH], bond[at + DAMAGE] = strength, damage
     bond[at + NORMAL_LIMIT], bond[at + SHEAR_LIMIT] = residual_strength(
-        p.normal_strength, p.shear_strength, strength, damage
+        p.normal_strength, p.shear_strength, bonds.strength[b], bonds.damage[b]
     )
 
 
