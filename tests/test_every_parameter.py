@@ -272,7 +272,6 @@ TRIALS: Final[dict[str, Trial]] = {
     "grounding.start": Trial(
         "refuse", BED, more=BURIED, refused="8.* m below the sea floor"
     ),
-    "contact.law": Trial("crushing"),
     "contact.crushing_strength": Trial(1e6, QUASI),
     "contact.crushing_depth": Trial(10.0, QUASI),
     "contact.unloading_ratio": Trial(4.0, QUASI),

@@ -233,7 +233,6 @@ class Parameters(Group):
             )
         self._check_criterion()
         self._check_grounding()
-        self._check_contact()
         if self.damage.enabled and not (scheme == "quasi_static" and self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
                 "damage lowers the strength of bonds that can break, by the stress of the ice in equilibrium: set "
@@ -282,23 +281,6 @@ class Parameters(Group):
         if g.sediment == "other" and missing:
             raise ValueError(f"grounding.sediment = 'other' needs {', '.join(missing)}")
 
-    def _check_contact(self) -> None:
-        """Refuse a law of contact with a scheme or bonds that do not know it."""
-        if self.contact.law == "spring" and self.stepping.scheme == "quasi_static":
-            raise ValueError(
-                "contact.law = 'spring' needs stepping.scheme = 'mts', 'verlet' or 'runge_kutta': with 'quasi_static' bergs that "
-                "meet crush each other's faces, the law 'crushing'"
-            )
-        if not self.crushing:
-            return
-        if self.stepping.scheme not in ("quasi_static", "mts"):
-            raise ValueError(
-                f"contact.law = 'crushing' needs stepping.scheme = 'quasi_static' or 'mts', not {self.stepping.scheme!r}; the "
-                "law 'spring' acts in all explicit schemes"
-            )
-        if self.bonds.law == "spring":
-            raise ValueError("contact.law = 'crushing' needs rigid pieces: set bonds.law = 'dem' (or 'none')")
-
     def _check_criterion(self) -> None:
         """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
         f = self.fracture
@@ -335,14 +317,9 @@ class Parameters(Group):
         )
 
     @property
-    def crushing(self) -> bool:
-        """Whether bergs that meet crush each other's faces: always where fragments are rigid, else by choice."""
-        return self.stepping.scheme == "quasi_static" or self.contact.law == "crushing"
-
-    @property
     def contact_distance(self) -> float:
         """Distance of centres (m) within which any two elements touch: that of springs; faces meet where they are."""
-        return 0.0 if self.crushing else self.contact.distance
+        return 0.0 if self.stepping.scheme == "quasi_static" else self.contact.distance
 
     def _check_life(self) -> None:
         melt, footloose = self.melt, self.footloose
@@ -417,11 +394,12 @@ class Parameters(Group):
         hexagonal = p.bonds.packing == "hexagonal"
         multiple = p.stepping.scheme in ("mts", "quasi_static")
         law = p.grounding_law
-        fast_contact = p.crushing or (multiple and p.contact.on_substeps and p.stepping.explicit_substeps)
+        rigid = p.stepping.scheme == "quasi_static"
+        fast_contact = rigid or (multiple and p.contact.on_substeps and p.stepping.explicit_substeps)
         return KernelParameters(
             **{name: read(self) for name, read in _AS_THEY_STAND.items()},
             multiple_steps=multiple,
-            rigid_bodies=p.stepping.scheme == "quasi_static",
+            rigid_bodies=rigid,
             # Elements whose sides no bond covers stand in the water each for itself.
             forces_by_element=p.compatibility.forces_by_element or not p.drag.sides_by_bonds,
             max_sides=6 if hexagonal else 4,

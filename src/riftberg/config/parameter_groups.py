@@ -18,7 +18,6 @@ Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["seabed", "none", "linear", "quadratic"]
-ContactLaw = Literal["spring", "crushing"]
 Sediment = Literal["rock", "sand", "clay", "other"]
 DeepKeel = Literal["aground", "refuse"]
 Criterion = Literal["bond", "ice", "toughness"]
@@ -188,19 +187,19 @@ class Grounding(Group):
 
 
 class Contact(Group):
-    """Repulsion between bergs and between the pieces of a broken berg."""
+    """Repulsion between bergs and between the pieces of a broken berg.
 
-    law: ContactLaw | None = quantity(
-        None,
-        "",
-        "crushing: faces that bear a limited pressure and rub (always in quasi_static; mts on request), or spring: spring and "
-        "damper between centres (mts, verlet, runge_kutta). none means crushing with quasi_static, else spring",
-        "equations 5.2; crushing: Riftberg",
-    )
+    In quasi_static faces bear a limited pressure and rub; in mts, verlet and runge_kutta springs and dampers act between centres.
+    """
+
+    _gone: ClassVar[dict[str, str]] = {
+        "law": "Leave it out: faces crush with stepping.scheme = 'quasi_static', springs act with the other schemes"
+    }
+
     crushing_strength: float = quantity(
         1.5e6,
         "Pa",
-        "p_c, largest mean pressure on a face of the law crushing",
+        "p_c, largest mean pressure on a face (quasi_static)",
         "Riftberg; small impacts: 25 to 41 MPa",
         gt=0,
     )
@@ -210,7 +209,7 @@ class Contact(Group):
     unloading_ratio: float = quantity(
         100.0, "1", "stiffness of unloading over that of loading; faces rebound at one over its root", "Riftberg", ge=1
     )
-    friction: float = quantity(0.2, "1", "Coulomb friction between faces of the law crushing", "Riftberg", ge=0)
+    friction: float = quantity(0.2, "1", "Coulomb friction between faces (quasi_static)", "Riftberg", ge=0)
     spring: float | None = quantity(
         None,
         "s-2",

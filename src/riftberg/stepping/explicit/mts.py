@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,9 +50,6 @@ from riftberg.stepping.stepper import (
     sample_between_steps,
     update_fragments,
 )
-
-if TYPE_CHECKING:
-    from riftberg.stepping.explicit.impacts import RigidImpacts
 
 
 class Batch:
@@ -147,32 +142,6 @@ class MultipleStepper(Stateless):
         self._batch_key: tuple[int, bytes] | None = None
         self._needs_rank = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
-        self._impacts: RigidImpacts | None = None
-        if run.parameters.crushing:
-            from riftberg.stepping.explicit.impacts import RigidImpacts  # with shapely, for the footprints
-
-            self._impacts = RigidImpacts(run)
-
-    @property
-    def plastic(self) -> Floats:
-        """See `riftberg.stepping.stepper.Stepper.plastic`."""
-        return (
-            super().plastic if self._impacts is None else np.append(self._impacts.faces.pairs.dissipated, np.zeros(1))
-        )
-
-    def take_back(self, run: RunState) -> None:
-        """See `riftberg.stepping.stepper.Stepper.take_back`."""
-        if self._impacts is not None:
-            self._impacts.take_back(run)
-
-    def state_dict(self) -> dict[str, Any]:
-        """See `riftberg.stepping.stepper.Stepper.state_dict`."""
-        return {} if self._impacts is None else self._impacts.state_dict()
-
-    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
-        """See `riftberg.stepping.stepper.Stepper.load_state_dict`."""
-        if self._impacts is not None:
-            self._impacts.load_state_dict(kept)
 
     def step(self, run: RunState) -> None:
         """Advance by one long step."""
@@ -185,8 +154,7 @@ class MultipleStepper(Stateless):
         outer = self._collisions(run, sizes)
 
         # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
-        by_springs = c.contact_on_substeps and self._impacts is None
-        candidates = candidate_pairs(el, el.berg, sizes, dt, c) if by_springs else NO_PAIRS
+        candidates = candidate_pairs(el, el.berg, sizes, dt, c) if c.contact_on_substeps else NO_PAIRS
         islands, general = find_lone_islands(run, sizes, *candidates)
         candidates = candidates[0][general], candidates[1][general]
         subcycled = np.zeros(el.size)
@@ -206,14 +174,14 @@ class MultipleStepper(Stateless):
             self._around = allocate_surroundings(el.size)
 
         # Outer kicks and sub-steps: in one call where all bergs take the same number of sub-steps.
-        if batches[0].rows is None and self._impacts is None:
+        if batches[0].rows is None:
             plan = plan._replace(substeps=int(substeps[0]))
             report = take_long_step(el, bonds, batches[0].work, outer, inner[0], sizes, self._around, rank, plan, c)
             self._check_converged(report, run)
             broken = report.broken
         else:
             broken = self._step_in_batches(run, batches, outer, inner, sizes, rank, substeps, plan)
-        in_islands = NO_PAIRS if self._impacts is None else self._impacts.touched
+        in_islands = NO_PAIRS
         if islands is not None:
             in_islands = take_substeps_of_islands(el, islands, sizes, self._around, dt, plan.starting, c)
         if plan.starting:
@@ -225,7 +193,7 @@ class MultipleStepper(Stateless):
         )
 
         # Positions have moved: land, cells, then the forcing of the next step, then fragments.
-        apply_boundaries(run, find_faces=None if self._impacts is None else partial(self._impacts.find_near, run))
+        apply_boundaries(run)
         run.time += dt
         self.sample_forcing(run)
         if broken > 0:
@@ -241,10 +209,7 @@ class MultipleStepper(Stateless):
         outer_only = plan._replace(apply_inner=False)
         report = take_long_step(run.elements, run.bonds, work, outer, outer, sizes, self._around, rank, outer_only, c)
         self._check_converged(report, run)
-        broken, impact = report.broken, None
-        if self._impacts is not None:
-            impact, by_impacts = self._impacts.before_substeps(run, sizes, plan.dt)
-            broken += by_impacts
+        broken = report.broken
         for batch, partners in zip(batches, inner, strict=True):
             batch.gather(run)  # anew, since the kicks have changed the state
             some, around = batch.elements, batch.surroundings(self._around)
@@ -256,8 +221,6 @@ class MultipleStepper(Stateless):
             batch.scatter(run, around, self._around)
             self._check_converged(report, run)
             broken += report.broken
-        if self._impacts is not None:
-            self._impacts.after_substeps(run, sizes, impact)
         return broken
 
     @staticmethod
@@ -298,7 +261,7 @@ class MultipleStepper(Stateless):
         """Return the partners of the outer kicks: elements of other bergs."""
         near, c = self._near, run.constants
         none = no_pairs(run.elements.size)
-        if c.contact_on_substeps or self._impacts is not None:
+        if c.contact_on_substeps:
             return NeighbourLists(none, none, none, np.zeros(0), np.zeros(0, np.int64))
         near_by = near.collisions(run.elements, sizes, c, self._cells)
         one_group = run.parameters.compatibility.bergs_coupled
