@@ -26,7 +26,6 @@ from riftberg.stepping.contact.broad_phase import (
 )
 from riftberg.stepping.explicit.beams import take_substeps_of_beams
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs, pairs_from_list
-from riftberg.stepping.explicit.lone_bergs import find_lone_islands, take_substeps_of_islands
 from riftberg.stepping.explicit.springs import take_substeps_of_springs
 from riftberg.stepping.explicit.substeps import (
     POLAR_LATITUDE,
@@ -153,20 +152,14 @@ class MultipleStepper(Stateless):
         # Partners of the outer kicks by the positions now; the sub-steps look for theirs farther ahead.
         outer = self._collisions(run, sizes)
 
-        # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
+        # Broad phase: pairs that may meet in the step.
         candidates = candidate_pairs(el, el.berg, sizes, dt, c) if c.contact_on_substeps else NO_PAIRS
-        islands, general = find_lone_islands(run, sizes, *candidates)
-        candidates = candidates[0][general], candidates[1][general]
-        subcycled = np.zeros(el.size)
-        if islands is not None:
-            subcycled[islands.rows] = 1.0
         # Bergs that may meet take the same number of sub-steps, the largest of them.
         substeps = group_substeps(run, sizes, *candidates)
         batches = self._split_into_batches(run, substeps)
         for batch in batches:
             self._gather_pairs(batch, dt, c)
             batch.add_candidates(*candidates)
-            batch.work.fields.subcycled[:] = batch.of_all(subcycled)
         inner = [self._inner_partners(batch, batch.of_all(outer.group), run) for batch in batches]
         plan = self._plan(run)
         # Elements were born or have gone since the last step.
@@ -181,15 +174,12 @@ class MultipleStepper(Stateless):
             broken = report.broken
         else:
             broken = self._step_in_batches(run, batches, outer, inner, sizes, rank, substeps, plan)
-        in_islands = NO_PAIRS
-        if islands is not None:
-            in_islands = take_substeps_of_islands(el, islands, sizes, self._around, dt, plan.starting, c)
         if plan.starting:
             # A proper start has the second of the two half kicks alone; what acts in the sub-steps acts all the time.
             in_kicks = np.append(self._around.acts, True)
             self._around.applied[:, in_kicks] *= 0.5
         self._touched = concatenate_pairs(
-            [contact_rows(el, outer.collision, sizes, c), in_islands, *(batch.touched() for batch in batches)]
+            [contact_rows(el, outer.collision, sizes, c), *(batch.touched() for batch in batches)]
         )
 
         # Positions have moved: land, cells, then the forcing of the next step, then fragments.
