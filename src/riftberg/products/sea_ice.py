@@ -6,7 +6,6 @@ Models keep volume per area, and many write that as a thickness. Where half of a
 from __future__ import annotations
 
 import re
-from collections.abc import MutableMapping
 from typing import Final
 
 import xarray as xr
@@ -38,19 +37,26 @@ def is_per_cell(variable: xr.DataArray | xr.Variable) -> bool:
     return bool(_WHOLE_AREA.search(methods) or _OF_CELL.search(words))
 
 
-def thickness_of_ice(ds: xr.Dataset, fields: MutableMapping[str, xr.DataArray]) -> list[str]:
-    """Turn a thickness over the whole cell into that of the ice, where the fields have the concentration; return remarks."""
-    if "ice_thickness" not in fields:
-        return []
-    field = fields["ice_thickness"]
-    name = str(field.attrs["original_name"])
-    if not is_per_cell(ds[name]):
-        return []
-    if "ice_fraction" not in fields:
-        return [
+def thickness_of_ice(
+    field: xr.DataArray, variable: xr.DataArray, concentration: xr.DataArray | None
+) -> tuple[xr.DataArray, list[str]]:
+    """Return the thickness of the ice itself, from a ``field`` of the ``variable`` of a file, and remarks on it.
+
+    ``concentration``: that of the same file, if it has any.
+    """
+    name = str(variable.name)
+    if not is_per_cell(variable):
+        return field, []
+    if concentration is None or not _on_same_points(field, concentration):
+        return field, [
             f"{name} is sea ice spread over the whole cell, and no concentration stands beside it: where water is open the ice "
             "is thicker"
         ]
-    concentration = fields["ice_fraction"]
-    fields["ice_thickness"] = (field / concentration.clip(min=LEAST_CONCENTRATION)).assign_attrs(field.attrs)
-    return [f"{name} is sea ice spread over the whole cell: divided by {concentration.attrs['original_name']}"]
+    thicker = (field / concentration.clip(min=LEAST_CONCENTRATION)).assign_attrs(field.attrs)
+    return thicker, [f"{name} is sea ice spread over the whole cell: divided by {concentration.attrs['original_name']}"]
+
+
+def _on_same_points(field: xr.DataArray, other: xr.DataArray) -> bool:
+    return field.dims == other.dims and all(
+        field[dim].equals(other[dim]) for dim in field.dims if dim in field.coords and dim in other.coords
+    )
