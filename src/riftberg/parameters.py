@@ -379,10 +379,8 @@ class Parameters(Group):
         if self.stepping.scheme == "quasi_static":
             groups = _explicit_if_asked(groups)
         values: dict[str, Any] = self.model_dump()
-        # Which numbers of steps were named must stay known: others are chosen by the berg. So must what was said of the sea
-        # floor: the schemes have laws of their own.
-        for group in ("stepping", "grounding"):
-            values[group] = getattr(self, group).model_dump(exclude_unset=True)
+        # What was said of the sea floor must stay known: the schemes have laws of their own.
+        values["grounding"] = self.grounding.model_dump(exclude_unset=True)
         for group, changes in groups.items():
             merges = isinstance(changes, Mapping) and group in values
             values[group] = {**values[group], **changes} if merges else changes
