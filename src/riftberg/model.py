@@ -32,7 +32,6 @@ from riftberg.stepping.explicit.stability import (
     narrow_warning,
     resonance_warning,
     size_bins,
-    with_nonresonant_step,
 )
 from riftberg.stepping.forces.media import OWN
 from riftberg.stepping.fragments.connectivity import connected_parts
@@ -138,9 +137,8 @@ class BareModel(RunState):
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
         sized = _with_constant_size(packed, elements, bonds)
-        stepped = with_nonresonant_step(elements, bonds, sized)
         self._begin(
-            Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs, outlines=berg.outlines, laws=laws
+            Population(elements, bonds), forcing, sized, began, bergs=berg.bergs, outlines=berg.outlines, laws=laws
         )
         if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
             earth = asked.earth
