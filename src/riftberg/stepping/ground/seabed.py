@@ -129,6 +129,9 @@ class Seabed:
         # Work of friction since the start, J; least clearance of a keel, m.
         self.rubbed, self.clearance = np.zeros(1), np.full(1, np.inf)
         self._footprints = footprints
+        self._looked: tuple[Any, ...] = (None,) * 3
+        self._looked_for = (math.nan, math.nan)
+        self._found: tuple[NDArray[np.bool_], Floats, Shoal]
         self._shoals: list[Shoal] = []  # Of the last groups of fragments that went through a step, the latest first
 
     def checkpoint(self) -> tuple[Floats, Floats]:
@@ -141,6 +144,8 @@ class Seabed:
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
+        # The run that goes on looks at the floor anew, as a resumed one does: the least clearance hangs on what is asked for.
+        self._shoals, self._looked_for = [], (math.nan, math.nan)
         # Files hold finite numbers: a large one stands for no keel near the floor yet.
         return {"bed_plastic": self.rubbed, "bed_clearance": np.minimum(self.clearance, 0.5 * LARGEST)}
 
@@ -163,7 +168,11 @@ class Seabed:
 
         ``further``: factor of the way for which the floor is watched.
         """
-        el, c, shoal = model.elements, model.constants, self._shoal(model, bodies)
+        el, c, looked = model.elements, model.constants, (bodies.pose, bodies.twist, model.elements.keel)
+        # The stepper asks before it parts the bergs, then the trial step.
+        if (h, further) == self._looked_for and all(map(operator.is_, looked, self._looked)):
+            return self._found
+        shoal = self._shoal(model, bodies)
         survey, count, scale = shoal.survey, bodies.pose.shape[0], c.earth_radius if c.latlon else 1.0
         near, left, (reach, draft) = np.zeros(count, np.bool_), np.zeros(count, np.bool_), np.empty((2, count))
         least = find_near(
@@ -174,7 +183,8 @@ class Seabed:
             near[b] = survey.shallow[b]
         if not near.any():  # else it is looked at more closely
             self.clearance[0] = min(self.clearance[0], least)
-        return near, reach, shoal
+        self._looked, self._looked_for, self._found = looked, (h, further), (near, reach, shoal)
+        return self._found
 
     def _shoal(self, model: RunState, bodies: Bodies) -> Shoal:
         """Return what is known of these fragments since they last went through a step."""
@@ -192,10 +202,10 @@ class Seabed:
 
     def _keels(self, model: RunState, bodies: Bodies, near: NDArray[np.bool_], shoal: Shoal) -> Keels:
         """Return the pads of the fragments that are near."""
-        el, c, numbers, keels = model.elements, model.constants, np.flatnonzero(near), shoal.keels
-        ice = el.body.thickness.tobytes()
+        el, c, keels, ice = model.elements, model.constants, shoal.keels, model.elements.body.thickness.tobytes()
+        numbers = np.flatnonzero(near)
         if keels is not None:
-            fits = np.isin(numbers, keels.bodies).all()
+            fits = not (near & ~keels.cut).any()
             if fits and ice == shoal.ice:
                 return keels
             # Those that came near before may do so again.

@@ -19,8 +19,11 @@ from riftberg.stepping.ground.soundings import Floor, Soundings
 STEEPEST: Final = 0.5
 """Slope by which a floor that is not surveyed may rise towards the keel of a lone berg."""
 
-RING: Final = 6000.0
-"""Way (m) beyond that of a step for which a survey holds."""
+RING: Final = 10_000.0
+"""Way (m) beyond that of a step for which the floor is surveyed."""
+
+NEAR_RING: Final = 4000.0
+"""The same where a part of it is shallow; where that is farther away, nobody needs to look until the fragment comes to it."""
 
 RESERVE: Final = 10.0
 """Clearance (m) beyond the surveyed one that levels may take."""
@@ -209,6 +212,8 @@ class Keels:
 
     def __init__(self, bodies: Ints, side: Floats, pads: Pads, size: Floats, survey: Survey, pose: Floats) -> None:
         self.bodies, self.side, self.whole, self.size = bodies, side, pads, size
+        self.cut = np.zeros(survey.way.size, np.bool_)
+        self.cut[bodies] = True
         of = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
         self._square = pads.raster[of, 0] + pads.square[:, 0] * pads.raster[of, 2] + pads.square[:, 1]
         # Steepest slope of the floor that may come under each square; none where it is so deep that nobody needs to look.
@@ -256,9 +261,15 @@ class Shoal:
 
     def survey_around(self, b: int, pose: Floats, reach: float, draft: float, soundings: Soundings) -> None:
         """Survey the floor around a fragment."""
-        survey, way = self.survey, reach + RING
-        floor = soundings.around(pose, survey.box[b], way)
+        survey, box, way = self.survey, self.survey.box[b], reach + RING
+        floor = soundings.around(pose, box, way)
         shallow = floor.least < draft + RESERVE
+        if shallow.any():
+            x, y = floor.x[shallow], floor.y[shallow]
+            away = np.hypot(np.maximum(box[0] - x, x - box[2]).clip(0.0), np.maximum(box[1] - y, y - box[3]).clip(0.0))
+            open_way, way = float(away.min()) - floor.half, reach + NEAR_RING
+            if open_way > way:
+                shallow[:], way = False, open_way
         survey.pose[b], survey.way[b], survey.draft[b], survey.shallow[b] = pose, way, draft, shallow.any()
         survey.times[b] += 1
         self.floors[b] = floor, shallow
