@@ -516,14 +516,15 @@ class Iceberg(BondedBerg):
         heights = thickness_of(long * wide) if thickness is None else thickness
         settings = berg_options(options, FieldOptions, heights, placement=placement)
         assert settings.placement is not None
+        middle = settings.placement
         metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
-        plane = EqualAreaPlane(*settings.placement, settings.earth_radius) if settings.latlon else None
+        plane = EqualAreaPlane(*middle, settings.earth_radius) if settings.latlon else None
 
         def drawn() -> tuple[float, float]:
             away, turn = radius * np.sqrt(random.random()), 2.0 * np.pi * random.random()
             east, north = away * np.cos(turn), away * np.sin(turn)
             if plane is None:
-                return settings.placement[0] + east, settings.placement[1] + north
+                return middle[0] + east, middle[1] + north
             lon, lat = plane.inverse(np.array([east]), np.array([north]))
             return float(lon[0]), float(lat[0])
 

@@ -489,7 +489,7 @@ def _bergs_at_points(berg: Berg, path: Path, parameters: Parameters) -> Iceberg:
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.bergs.outline import table_of_points
 
-    columns = {"thickness": berg.thickness, **table_of_points(path)}
+    columns: dict[str, Any] = {"thickness": berg.thickness, **table_of_points(path)}
     if "length" in columns and "radius" in berg.model_fields_set:
         raise BergError(
             "a radius beside lengths", where=str(path), remedy="Leave berg.radius out, or the column length"
