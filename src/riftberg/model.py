@@ -143,7 +143,8 @@ class BareModel(RunState):
         self._begin(
             Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs, outlines=berg.outlines, laws=laws
         )
-        if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
+        # Runs with the reference's quirks must run as they stand, and bergs that do not act on each other may overlap.
+        if not asked.compatibility.zero_start and asked.stepping.interactions:
             earth = asked.earth
             refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from riftberg import Forcing, Iceberg, Model
+from riftberg import Forcing, Iceberg, Model, Parameters
 from riftberg.errors import BergError, InputError
 from riftberg.experiments import build
 from riftberg.plane import EqualAreaPlane
@@ -110,6 +110,16 @@ def test_a_cloud_lies_within_its_radius_and_its_bergs_do_not_touch(sizes: dict[s
     again = Iceberg.cloud(60, (179.95, -66.0), 20e3, seed=4, gap=10.0, **sizes)
     assert again.elements.lon.tobytes() == cloud.elements.lon.tobytes()
     assert Iceberg.cloud(60, (179.95, -66.0), 20e3, seed=5, gap=10.0, **sizes).elements.lon[0] != cloud.elements.lon[0]
+
+
+def test_bergs_of_a_cloud_overlap_where_that_is_asked_and_they_do_not_act_on_each_other() -> None:
+    cloud = Iceberg.cloud(40, (0.0, -60.0), 500.0, length=400.0, thickness=80.0, seed=1, overlap=True)
+    ocean = Forcing.uniform(current=(0.2, 0.0))
+    with pytest.raises(BergError, match="overlap"):
+        Model(cloud, ocean)
+    model = Model(cloud, ocean, Parameters().changed(stepping={"interactions": False}))
+    model.advance(steps=4)
+    assert np.ptp(model.elements.u) < 2e-5  # that of f between their latitudes
 
 
 def test_a_cloud_without_room_is_refused() -> None:

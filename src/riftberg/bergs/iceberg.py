@@ -342,16 +342,9 @@ class Iceberg(BondedBerg):
                 {"bond_length": bond_length, "outline": outline},
             )  # fmt: skip
         settings = berg_options(options, PointOptions, thickness)
-        unit = "degree" if settings.latlon else "m"
-        if period is None:
-            period = 360.0 if settings.latlon else 0.0
-        period = number(period, unit, where="period", kind=BergError)
         if bond_length is not None:
             bond_length = number(bond_length, "m", where="bond_length", kind=BergError)
-        lon = np.atleast_1d(numbers(lon, unit, where="lon", kind=BergError))
-        lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
-        if lon.shape != lat.shape or lon.ndim != 1:
-            raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
+        lon, lat, period = _positions(lon, lat, period, settings.latlon)
         berg = cls._of_points(
             lon, lat, settings, static=static, rule=BondRule(bond_length, settings.packing), period=period
         )
@@ -469,9 +462,10 @@ class Iceberg(BondedBerg):
         seed: int | None = None,
         gap: float = 0.0,
         between: tuple[float, float] = (0.1e6, 10e6),
+        overlap: bool = False,
         **options: Unpack[FieldOptions],
     ) -> Iceberg:
-        """Return ``n`` bergs of one element each around a place, which do not touch each other.
+        """Return ``n`` bergs of one element each around a place, which do not touch each other unless asked.
 
         Parameters
         ----------
@@ -483,6 +477,9 @@ class Iceberg(BondedBerg):
             Distance (m) from the middle within which the bergs' centres lie, each square metre as likely as any other.
         length, width : float, optional
             Plan sizes (m) of each berg; a berg without a width is a square. By default sizes are drawn as for `field`.
+        overlap : bool
+            Places are drawn without a look at the other bergs: each stands for one that may be there. For runs with
+            ``stepping.interactions: false``, in which bergs do not act on each other.
         thickness, sizes, seed, gap, between, **options
             As for `field`.
 
@@ -528,15 +525,18 @@ class Iceberg(BondedBerg):
             lon, lat = plane.inverse(np.array([east]), np.array([north]))
             return float(lon[0]), float(lat[0])
 
-        # Rectangles of any turn keep clear of each other where their corners do.
-        x, y = places(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
-        berg = cls.from_points(x, y, thickness=heights, length=long, width=wide, **options)
+        if flag(overlap, where="overlap", kind=BergError):
+            x, y = (np.array(part) for part in zip(*(drawn() for _ in range(n)), strict=True))
+        else:  # rectangles of any turn keep clear of each other where their corners do
+            x, y = places(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
+        berg = cls._lone_bergs(x, y, long, wide, heights, dict(options), {}, overlap=overlap)
         return replace(berg, report={"source": f"cloud of {n} bergs", "seed": seed})
 
     @classmethod
     def _lone_bergs(
-        cls, lon: Any, lat: Any, length: Any, width: Any, thickness: Any, options: dict[str, Any], idle: dict[str, Any]
-    ) -> Iceberg:
+        cls, lon: Any, lat: Any, length: Any, width: Any, thickness: Any, options: dict[str, Any], idle: dict[str, Any],
+        *, overlap: bool = False,
+    ) -> Iceberg:  # fmt: skip
         """Return bergs of one element each; ``idle``: what they cannot have, by name."""
         extra = [*(name for name, value in idle.items() if value is not None), *({"radius", "pieces"} & options.keys())]
         if extra:
@@ -549,9 +549,12 @@ class Iceberg(BondedBerg):
         long, wide = _sides(length, width, count)
         packing = options.get("packing", "square")
         radius = np.sqrt(long * wide / element_area(1.0, packing))
-        berg = cls.from_points(
-            lon, lat, thickness=thickness, radius=radius if count > 1 else float(radius[0]), pieces=np.arange(count), **options
-        )  # fmt: skip
+        static, period = options.pop("static", False), options.pop("period", None)
+        sized = {**options, "radius": radius if count > 1 else float(radius[0]), "pieces": np.arange(count)}
+        settings = berg_options(sized, PointOptions, thickness)
+        lon, lat, period = _positions(lon, lat, period, settings.latlon)
+        unbonded = BondRule(SHORTEST, settings.packing)
+        berg = cls._of_points(lon, lat, settings, static=static, rule=unbonded, period=period, overlap=overlap)
         names = tuple((f"{k + 1}", 1) for k in range(count)) if count > 1 else berg.bergs
         return replace(berg, report={"source": "points"}, bergs=names)._with_sides(long, wide)
 
@@ -563,12 +566,13 @@ class Iceberg(BondedBerg):
     @classmethod
     def _of_points(
         cls, lon: Floats, lat: Floats, settings: BergOptions, *, static: Any = False, rule: BondRule | None = None,
-        period: float = 0.0,
+        period: float = 0.0, overlap: bool = False,
     ) -> Iceberg:  # fmt: skip
         """Return the elements at these positions and the bonds between them."""
         elements = make_elements(lon, lat, settings, static=static)
         metric = Metric(settings.latlon, settings.earth_radius, period)
-        refuse_overlap(elements, settings.packing, metric)
+        if not overlap:
+            refuse_overlap(elements, settings.packing, metric)
         bonds = form_bonds(elements, rule or BondRule(packing=settings.packing), metric)
         if settings.pieces is not None:
             bonds = within_pieces(bonds, np.broadcast_to(np.asarray(settings.pieces, dtype=np.int64), lon.shape))
@@ -660,6 +664,20 @@ def _elements_of(region: Region, settings: BergOptions) -> tuple[Lattice, float]
 
 LONGEST: Final = 1e6
 """Greatest length of a lone berg, m."""
+
+SHORTEST: Final = 1e-6
+"""Distance (m) within which lone bergs would be bonded: none lie as close."""
+
+
+def _positions(lon: Any, lat: Any, period: Any, latlon: bool) -> tuple[Floats, Floats, float]:
+    """Return positions of elements and the zonal period (degrees; m if not ``latlon``), by default that of the globe."""
+    unit = "degree" if latlon else "m"
+    period = (360.0 if latlon else 0.0) if period is None else number(period, unit, where="period", kind=BergError)
+    lon = np.atleast_1d(numbers(lon, unit, where="lon", kind=BergError))
+    lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
+    if lon.shape != lat.shape or lon.ndim != 1:
+        raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
+    return lon, lat, period
 
 
 def _sides(length: Any, width: Any, count: int) -> tuple[Floats, Floats]:

@@ -206,6 +206,7 @@ class CloudOfBergs(Section):
     sizes: Literal["gladstone", "tournadre"] = key("gladstone", "", "distribution of the sizes, without a length")
     between: Pair = key((0.1e6, 10e6), "m2", "least and largest area of the power law (tournadre)")
     gap: float = key(0.0, "m", "least distance between bergs", ge=0)
+    overlap: bool = key(False, "", "draw places without a look at the other bergs, for stepping.interactions: false")
     seed: int = key(1, "", "the same seed gives the same cloud", ge=0)
 
     @model_validator(mode="after")

@@ -478,7 +478,7 @@ def _cloud_of_bergs(berg: Berg, cloud: CloudOfBergs, parameters: Parameters) -> 
     assert berg.placement is not None
     return Iceberg.cloud(
         cloud.number, berg.placement, cloud.radius, length=cloud.length, width=cloud.width, sizes=cloud.sizes,
-        between=cloud.between, gap=cloud.gap, seed=cloud.seed,
+        between=cloud.between, gap=cloud.gap, overlap=cloud.overlap, seed=cloud.seed,
         thickness=berg.thickness if "thickness" in berg.model_fields_set else None,
         density=parameters.ice.density, velocity=berg.velocity, latlon=parameters.earth.latlon,
         earth_radius=parameters.earth.radius,
