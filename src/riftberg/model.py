@@ -171,7 +171,8 @@ class BareModel(RunState):
         self._force = None if own.force is None else WithForce(forcing, own.forces())
         super().__init__(
             population, self._force or forcing, parameters,
-            parameters.kernel_values(), FragmentTree(list(fragments), bergs), start, time, step_number, outlines=outlines,
+            parameters.kernel_values()._replace(ice_drift_known=bool(getattr(forcing, "ice_drift_known", True))),
+            FragmentTree(list(fragments), bergs), start, time, step_number, outlines=outlines,
             laws=own,
         )  # fmt: skip
         self.life = LifeProcess(parameters, own.melt) if lives(parameters) else None

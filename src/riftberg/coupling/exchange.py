@@ -362,6 +362,9 @@ class Exchange:
                 "the ocean gives no sea level (sea_surface_height_above_geoid): its slope is 0, and large bergs lag behind the "
                 "current that it balances"
             )
+        # A pack that only seems to stand still would hold bergs.
+        model = self.model
+        model.constants = model.constants._replace(ice_drift_known="ui" in arrays or "ice_thickness" not in arrays)
         before = self.forcing.fields_at(0.0)
         fields = {name: self.grid.extended(a) for name, a in arrays.items()}
         for u, v, where in (

@@ -517,7 +517,9 @@ def build_forcing(
     if isinstance(forcing, ConstantForcing):
         from riftberg.ocean.analytic import Steady
 
-        return Steady(forcing.current, forcing.wind, forcing.slope, forcing.sea_ice, forcing.depth)
+        return Steady(
+            forcing.current, forcing.wind, forcing.slope, forcing.sea_ice, forcing.depth, ice_fraction=forcing.ice_fraction
+        )  # fmt: skip
     if isinstance(forcing, FileForcing):
         from riftberg.ocean.files_forcing import Run, shared_forcing
 

@@ -327,6 +327,11 @@ class DatasetForcing(DescribedForcing):
         return frozenset(VARIABLES) - frozenset(self._missing)
 
     @property
+    def ice_drift_known(self) -> bool:
+        """Whether sea ice, where a product gives any, has a velocity: a pack that only seems to stand still would hold bergs."""
+        return not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
+
+    @property
     def title(self) -> str:
         """Return the products, for titles."""
         return ", ".join(dict.fromkeys(part.shown for part in self.parts))

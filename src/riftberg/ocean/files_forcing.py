@@ -161,7 +161,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     taken = {str(name) for ds in datasets for name in ds.data_vars}
     if {"taux", "ua"} <= set(there) and "ua" in taken:
         said.append(f"{records.named(there['taux'])}: wind stress (taux, tauy) is not used beside a wind")
-    if not run.melts and (idle := [name for name in ("sst", "sss", "ice_fraction") if name in taken]):
+    if not run.melts and (idle := [name for name in ("sst", "sss") if name in taken]):
         said.append(f"{', '.join(idle)} are for melt alone, which is off in this run")
     if run.melts and "wave_height" in taken:
         said.append("given waves push the berg; what waves melt follows from the wind all the same")

@@ -48,7 +48,17 @@ from riftberg.config.values import (
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
-from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, land_at, pair_text, said, sea_level
+from riftberg.ocean.forcing import (
+    DescribedForcing,
+    Forcing,
+    compass,
+    flows_text,
+    ice_text,
+    land_at,
+    pair_text,
+    said,
+    sea_level,
+)
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
@@ -234,6 +244,12 @@ class Sum(Formula):
     def notices(self) -> tuple[str, ...]:
         """What should be known of it before a run."""
         return tuple(text for part in self.parts for text in getattr(part, "notices", ()))
+
+    @property
+    def ice_drift_known(self) -> bool:
+        """Whether every part that gives sea ice gives its velocity, or one part gives that alone."""
+        alone = any(any(getattr(part, "sea_ice", (0.0, 0.0))[:2]) for part in self.parts)
+        return alone or all(getattr(part, "ice_drift_known", True) for part in self.parts)
 
     @property
     def title(self) -> str:
@@ -437,6 +453,7 @@ class Uniform(Flow):
         0.0,
     )
     water: Annotated[float | None, about("m", "depth of water", gt=0, le=1e5)] = Field(default=None, alias="depth")
+    ice_fraction: Annotated[float, about("1", "part of the sea that sea ice covers", ge=0, le=1)] = 0.0
 
     @field_validator("water", mode="before")
     @classmethod
@@ -457,6 +474,8 @@ class Uniform(Flow):
         e.va[:] += self.wind[1]
         for values, value in zip((e.ui, e.vi, e.ice_thickness), self.sea_ice, strict=True):
             values[:] += value
+        if self.ice_fraction > 0.0:
+            np.maximum(e.ice_fraction, self.ice_fraction, out=e.ice_fraction)
         if self.water is not None:
             e.depth[:] = np.minimum(e.depth, self.water)
 
@@ -466,7 +485,7 @@ class Uniform(Flow):
 
     def describe(self) -> str:
         """Return the values in words."""
-        ice = f"sea ice of {self.sea_ice[2]:g} m at {pair_text(self.sea_ice[:2])} m/s" if any(self.sea_ice) else ""
+        ice = ice_text(self.sea_ice, self.ice_fraction)
         depth = "" if self.water is None else f"{self.water:g} m deep"
         return "uniform: " + said(flows_text(self.current, self.wind), ice, depth)
 
