@@ -18,6 +18,7 @@ from riftberg.config.parameter_groups import (
     BondLaw,
     BondParameters,
     Calving,
+    Capture,
     Compatibility,
     Contact,
     Damage,
@@ -30,6 +31,7 @@ from riftberg.config.parameter_groups import (
     Group,
     Ice,
     Melt,
+    PackIce,
     Packing,
     Rolling,
     Scheme,
@@ -38,6 +40,7 @@ from riftberg.config.parameter_groups import (
 )
 from riftberg.config.usual_ranges import PUBLISHED_SPRINGS
 from riftberg.config.values import unit_of
+from riftberg.physics.sea_ice import LIMITED, LOCKED, NO_CAPTURE, OF_REFERENCE
 
 __all__ = [
     "A68A_2022",
@@ -57,6 +60,7 @@ __all__ = [
     "Ice",
     "KernelParameters",
     "Melt",
+    "PackIce",
     "Packing",
     "Parameters",
     "Rolling",
@@ -88,6 +92,10 @@ DRAG_KEYS: Final = {
 """Keys of the drag laws, and what to write in their place with the scheme that has a bed of sediment."""
 
 
+CAPTURES: Final[dict[Capture, int]] = {"none": NO_CAPTURE, "limited": LIMITED, "locked": LOCKED}
+"""Captures by a pack of sea ice as compiled code knows them."""
+
+
 class KernelParameters(NamedTuple):
     """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees.
 
@@ -103,6 +111,13 @@ class KernelParameters(NamedTuple):
     radius_based: Annotated[bool, "compatibility.radius_based"]
     rotational_drag: Annotated[bool, "drag.rotational"]
     max_sides: int
+    ice_capture: int  # What a pack of sea ice does beside its drag (`riftberg.physics.sea_ice`)
+    ice_drift_known: bool  # Whether the forcing says how sea ice moves; else it exerts no force on rigid fragments
+    ice_strength: Annotated[float, "sea_ice.strength"]
+    ice_decay: Annotated[float, "sea_ice.decay"]
+    least_ice: Annotated[float, "sea_ice.least_concentration"]
+    locked_fraction: Annotated[float, "sea_ice.locked_concentration"]
+    locked_strength: Annotated[float, "sea_ice.locked_strength"]
     ground_coefficient: float
     ground_quadratic: float
     ground_ramp: Annotated[float, "grounding.ramp_height"]
@@ -184,6 +199,7 @@ class Parameters(Group):
 
     ice: Ice = Field(default_factory=Ice)
     drag: Drag = Field(default_factory=Drag)
+    sea_ice: PackIce = Field(default_factory=PackIce)
     grounding: Grounding = Field(default_factory=Grounding)
     contact: Contact = Field(default_factory=Contact)
     bonds: BondParameters = Field(default_factory=BondParameters)
@@ -401,6 +417,8 @@ class Parameters(Group):
             # Elements whose sides no bond covers stand in the water each for itself.
             forces_by_element=p.compatibility.forces_by_element or not p.drag.sides_by_bonds,
             max_sides=6 if hexagonal else 4,
+            ice_capture=CAPTURES[p.sea_ice.capture] if p.stepping.scheme == "quasi_static" else OF_REFERENCE,
+            ice_drift_known=True,
             ground_coefficient=p.grounding.coefficient if law == "linear" else 0.0,
             ground_quadratic=p.grounding.quadratic_coefficient if law == "quadratic" else 0.0,
             # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
@@ -492,6 +510,7 @@ def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
 
 A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
+    sea_ice=PackIce(capture="none"),
     contact=Contact(**PUBLISHED_SPRINGS, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=11e3, shear_strength=100e3),
