@@ -455,8 +455,11 @@ def without_idle_keys(values: Any, *, all_of_them: bool = False) -> Any:
     }  # fmt: skip
     if quasi_static:
         idle["grounding"] |= {name: (Grounding.model_fields[name].get_default(),) for name in DRAG_KEYS}
-    former = {"grounding": {"law": "linear", "start": "settle"}} if quasi_static else {"damage": {"enabled": True}}
-    former["bonds"] = {"elasticity": "isotropic"}
+    former: dict[str, dict[str, Any]] = {"bonds": {"elasticity": "isotropic"}}
+    if quasi_static:
+        former["grounding"] = {"law": "linear", "start": "settle"}
+    else:
+        former["damage"] = {"enabled": True}
     left = dict(values)
     for group, inner in values.items():
         if isinstance(inner, dict):
