@@ -141,6 +141,7 @@ class Seabed:
     def rollback(self, before: tuple[Floats, Floats]) -> None:
         """Return to what `checkpoint` gave."""
         self.rubbed, self.clearance = (array.copy() for array in before)
+        self._looked_for = (math.nan, math.nan)
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
