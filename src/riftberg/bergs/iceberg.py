@@ -27,6 +27,7 @@ from riftberg.bergs.bonding import (
 from riftberg.bergs.keys import (
     BergOptions,
     CloudOfBergs,
+    CloudOptions,
     FieldOfBergs,
     FieldOptions,
     LatticeRows,
@@ -455,15 +456,10 @@ class Iceberg(BondedBerg):
         placement: tuple[float, float],
         radius: float,
         *,
-        length: float | None = None,
-        width: float | None = None,
         thickness: Any = None,
         sizes: Any = "gladstone",
         seed: int | None = None,
-        gap: float = 0.0,
-        between: tuple[float, float] = (0.1e6, 10e6),
-        overlap: bool = False,
-        **options: Unpack[FieldOptions],
+        **options: Unpack[CloudOptions],
     ) -> Iceberg:
         """Return ``n`` bergs of one element each around a place, which do not touch each other unless asked.
 
@@ -475,13 +471,13 @@ class Iceberg(BondedBerg):
             Longitude and latitude (x and y in m if not ``latlon``) of the middle.
         radius : float
             Distance (m) from the middle within which the bergs' centres lie, each square metre as likely as any other.
-        length, width : float, optional
-            Plan sizes (m) of each berg; a berg without a width is a square. By default sizes are drawn as for `field`.
-        overlap : bool
-            Places are drawn without a look at the other bergs: each stands for one that may be there. For runs with
-            ``stepping.interactions: false``, in which bergs do not act on each other.
-        thickness, sizes, seed, gap, between, **options
+        thickness, sizes, seed
             As for `field`.
+        **options
+            ``length`` and ``width`` (m) of each berg, in place of sizes that are drawn; a berg without a width is a square.
+            ``overlap``: places are drawn without a look at the other bergs, each stands for one that may be there; for runs
+            with ``stepping.interactions: false``, in which bergs do not act on each other. ``gap``, ``between``, ``density``,
+            ``velocity``, ``latlon``, ``earth_radius``: as for `field`.
 
         Raises
         ------
@@ -494,24 +490,24 @@ class Iceberg(BondedBerg):
         >>> cloud.elements.size, float(cloud.mass) / 50
         (50, 5100000000.0)
         """
-        given_sizes = (
-            {"length": length, "width": width} if length is not None or width is not None else {"sizes": sizes}
-        )
+        rest: dict[str, Any] = dict(options)
+        length, width = rest.pop("length", None), rest.pop("width", None)
+        overlap = flag(rest.pop("overlap", False), where="overlap", kind=BergError)
         n = given(n, CloudOfBergs, "number", where="n", kind=BergError)
         check_elements(n, kind=BergError)
         radius = given(radius, CloudOfBergs, "radius", kind=BergError)
-        gap = given(gap, CloudOfBergs, "gap", kind=BergError)
-        between = given(between, CloudOfBergs, "between", kind=BergError)
+        gap = given(rest.pop("gap", 0.0), CloudOfBergs, "gap", kind=BergError)
+        between = given(rest.pop("between", (0.1e6, 10e6)), CloudOfBergs, "between", kind=BergError)
         seed = seed_of(seed)
         random = np.random.default_rng(seed)
-        if "sizes" in given_sizes:
+        if length is None and width is None:
             plan = areas(n, sizes, random, between)
             aspect = ASPECT if isinstance(sizes, str) and sizes == "gladstone" else 1.0
             long, wide = np.sqrt(aspect * plan), np.sqrt(plan / aspect)
         else:
             long, wide = _sides(length, width, n)
         heights = thickness_of(long * wide) if thickness is None else thickness
-        settings = berg_options(options, FieldOptions, heights, placement=placement)
+        settings = berg_options(rest, CloudOptions, heights, placement=placement)
         assert settings.placement is not None
         middle = settings.placement
         metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
@@ -525,11 +521,11 @@ class Iceberg(BondedBerg):
             lon, lat = plane.inverse(np.array([east]), np.array([north]))
             return float(lon[0]), float(lat[0])
 
-        if flag(overlap, where="overlap", kind=BergError):
+        if overlap:
             x, y = (np.array(part) for part in zip(*(drawn() for _ in range(n)), strict=True))
         else:  # rectangles of any turn keep clear of each other where their corners do
             x, y = places(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
-        berg = cls._lone_bergs(x, y, long, wide, heights, dict(options), {}, overlap=overlap)
+        berg = cls._lone_bergs(x, y, long, wide, heights, rest, {}, overlap=overlap)
         return replace(berg, report={"source": f"cloud of {n} bergs", "seed": seed})
 
     @classmethod
@@ -597,7 +593,7 @@ class Iceberg(BondedBerg):
     ) -> Iceberg:  # fmt: skip
         """Fill a region of a plane, turn it about its centroid (degrees) and place it; ``outline``: of the ice, on the plane."""
         with placed_in(report["source"]):
-            lattice, radius = _elements_of(region, settings)
+            lattice, radius = _fitting_lattice(region, settings)
         # Of a map where the ice was drawn, before it is turned and moved.
         heights = thickness_at(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
         cx, cy = plane.forward(np.array([centroid[0]]), np.array([centroid[1]]))
@@ -616,7 +612,7 @@ class Iceberg(BondedBerg):
         cls, region: Region, centre: tuple[float, float], settings: BergOptions, source: str, outline: Any
     ) -> Iceberg:
         """Fill a region in metres and place its centre; ``outline``: that of the ice about the centre."""
-        lattice, radius = _elements_of(region, settings)
+        lattice, radius = _fitting_lattice(region, settings)
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
         settings = settings.model_copy(update={"radius": radius})
         assert settings.placement is not None
@@ -655,7 +651,7 @@ class Iceberg(BondedBerg):
         return replace(self, outlines=tuple(getattr(there, "geoms", [there])))
 
 
-def _elements_of(region: Region, settings: BergOptions) -> tuple[Lattice, float]:
+def _fitting_lattice(region: Region, settings: BergOptions) -> tuple[Lattice, float]:
     """Return the elements of a region and their radius (m): without a radius one, if the berg is smaller than the default."""
     if "radius" not in settings.model_fields_set and is_lone(region, settings.radius, settings.packing):
         return lone_element(region, settings.packing)

@@ -146,6 +146,16 @@ class FieldOptions(TypedDict, total=False):
     earth_radius: float
 
 
+class CloudOptions(FieldOptions, total=False):
+    """What `Iceberg.cloud` takes beside what makes a cloud."""
+
+    length: float | None
+    width: float | None
+    gap: float
+    between: tuple[float, float]
+    overlap: bool
+
+
 def berg_options(options: Mapping[str, Any], kind: type, thickness: Any, **own: Any) -> BergOptions:
     """Return options without units; a typed dict lists those that are known, and ``own`` are further ones."""
     check_names(options, kind, "thickness", *own)

@@ -344,7 +344,10 @@ class DatasetForcing(DescribedForcing):
             getattr(elements, name)[:] = FIELD_DEFAULTS.get(name, 0.0)
         # The depth is that of the floor below mean sea level; the sea level is added once all parts are there.
         level = np.zeros(elements.lon.size)
+        balanced: Places | None = None
         for part, places in self._placed(elements):
+            if self._balance is not None and part.mesh is self._balance.mesh:
+                balanced = places
             for name in part.gives:
                 self._fill(part, name, places, elements, time)
             if "ssh" in part.gives and self._part_with("depth_below_surface") is not None:
@@ -354,7 +357,7 @@ class DatasetForcing(DescribedForcing):
         if self._balance is not None:
             # Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown.
             draft = draft_of(elements.body.thickness, self._density) if self._balance.records.has_levels else None
-            places = self._balance.mesh.locate(elements.lon, elements.lat)
+            places = balanced or self._balance.mesh.locate(elements.lon, elements.lat)
             u, v = (np.nan_to_num(_values(self._balance, name, places, time, draft)) for name in ("uo", "vo"))
             elements.slope_x[:], elements.slope_y[:] = balancing_slope(elements.lat, u, v)
 
