@@ -13,6 +13,7 @@ import xarray as xr
 from riftberg import Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.errors import ForcingError, InputError
 from riftberg.state import ELEMENT_VARIABLES
+from riftberg.stepping.bodies.linear_pack import SUBSTEP_YIELD
 from riftberg.stepping.forces.media import (
     FORCES,
     LIMIT,
@@ -24,7 +25,6 @@ from riftberg.stepping.forces.media import (
     allocate_surroundings,
     find_surroundings,
 )
-from riftberg.stepping.forces.pack import SUBSTEP_YIELD
 from riftberg.stepping.forces.sizes import interaction_sizes
 from twins import sea_ice as twin
 

@@ -95,7 +95,8 @@ def ice_text(ice: tuple[float, float, float], fraction: float) -> str:
     """Return velocity (m s-1) and thickness (m) of sea ice with its concentration in words; empty where there is none."""
     if not any(ice) and fraction == 0.0:
         return ""
-    return f"sea ice of {ice[2]:g} m at {pair_text(ice[:2])} m/s, concentration {fraction:g}"
+    concentration = f", concentration {fraction:g}" if fraction else ""
+    return f"sea ice of {ice[2]:g} m at {pair_text(ice[:2])} m/s{concentration}"
 
 
 class DescribedForcing:

@@ -12,13 +12,13 @@ force as an unknown of its own. To first order in a change d of the velocity
 
 and p' is then cut to length 1. The matrix is that of the rate ``limit / max(|du|, s)`` less ``limit / |du| p du^T / |du|``.
 
-Sub-steps of contact and of the bed have linear media. There the rate alone acts, and s is `SUBSTEP_YIELD`.
+Sub-steps of contact and of the bed have linear media (`riftberg.stepping.bodies.linear_pack`): there the rate alone acts.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,10 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.errors import ForcingError
 from riftberg.state import Elements, Environment, Floats, Ints
-from riftberg.stepping.forces.media import LIMIT, LINEAR, SEA_ICE, YIELD, YIELD_SPEED, U, V
-
-if TYPE_CHECKING:
-    from riftberg.stepping.bodies.dynamics import BodyOperators
+from riftberg.stepping.forces.media import LIMIT, SEA_ICE, YIELD, YIELD_SPEED, U, V
 
 ROUND_OFF: Final = 0.0101
 """By how much a concentration may lie outside of 0 to 1, as packed numbers of products do; it then counts as 0 or 1."""
-
-SUBSTEP_YIELD: Final = 2e-3
-"""Speed (m s-1) through the pack at which it yields in sub-steps: that up to which these know velocities."""
 
 
 @kernel
@@ -97,31 +91,6 @@ def check_concentration(elements: Elements) -> None:
             f"ice_fraction = {fraction[e]:g} at element {elements.body.id[e]} is no part of the sea", where="forcing",
             remedy="Give the concentration of sea ice from 0 to 1",
         )  # fmt: skip
-
-
-def soft_pack(op: BodyOperators) -> BodyOperators:
-    """Return operators whose pack yields at `SUBSTEP_YIELD`, for sub-steps that evaluate the media again and again."""
-    if not (op.forcing.media[:, SEA_ICE, LIMIT] > 0.0).any():
-        return op
-    media = op.forcing.media.copy()
-    media[:, SEA_ICE, YIELD] = SUBSTEP_YIELD
-    return op._replace(forcing=op.forcing._replace(media=media))
-
-
-def linear_pack(op: BodyOperators, twist: Floats) -> BodyOperators:
-    """Return operators whose pack drags by its rate at the velocities of the fragments, for sub-steps over the bed.
-
-    A pack that carries bergs along does not carry those on the sea floor.
-    """
-    row = op.forcing.media[:, SEA_ICE]
-    if not ((row[:, LIMIT] > 0.0) | (row[:, LINEAR] > 0.0)).any():
-        return op
-    media = op.forcing.media.copy()
-    q, m = twist[op.body], op.levers
-    du, dv = np.sum(m[:, 0:3] * q, axis=1) - row[:, U], np.sum(m[:, 3:6] * q, axis=1) - row[:, V]
-    media[:, SEA_ICE, LINEAR] = row[:, LIMIT] / np.maximum(np.hypot(du, dv), SUBSTEP_YIELD)
-    media[:, SEA_ICE, LIMIT] = 0.0
-    return op._replace(forcing=op.forcing._replace(media=media))
 
 
 def mean_pack(environment: Environment, mass: Floats, body: Ints) -> Environment:

@@ -24,6 +24,7 @@ from riftberg.stepping.bodies.dynamics import (
     check_converged,
     half_kick_newton,
 )
+from riftberg.stepping.bodies.linear_pack import linear_pack, soft_pack
 from riftberg.stepping.bodies.pose import Bodies, place_elements
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.faces import FaceContact, FacePairs
@@ -42,7 +43,6 @@ from riftberg.stepping.contact.land import (
     stopped_by_land,
 )
 from riftberg.stepping.forces.media import FORCES
-from riftberg.stepping.forces.pack import linear_pack, soft_pack
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
 from riftberg.stepping.fracture.criteria import Equilibrium, grow_damage
