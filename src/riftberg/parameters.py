@@ -395,10 +395,8 @@ class Parameters(Group):
         if self.stepping.scheme == "quasi_static":
             groups = _explicit_if_asked(groups)
         values: dict[str, Any] = self.model_dump()
-        # Which numbers of steps were named must stay known: others are chosen by the berg. So must what was said of the sea
-        # floor: the schemes have laws of their own.
-        for group in ("stepping", "grounding"):
-            values[group] = getattr(self, group).model_dump(exclude_unset=True)
+        # What was said of the sea floor must stay known: the schemes have laws of their own.
+        values["grounding"] = self.grounding.model_dump(exclude_unset=True)
         for group, changes in groups.items():
             merges = isinstance(changes, Mapping) and group in values
             values[group] = {**values[group], **changes} if merges else changes
@@ -441,32 +439,49 @@ class Parameters(Group):
         )
 
 
-FORMER_KEYS: Final[dict[str, dict[str, Any]]] = {"stepping": {"landing_steps": 8}, "grounding": {"cell": 50.0}}
-"""Keys that earlier versions wrote into their files, with the defaults that they had."""
-
-
 def without_idle_keys(values: Any, *, all_of_them: bool = False) -> Any:
     """Return parameters as a file of Riftberg has them, without keys that act no more and have their default.
 
-    Files hold all keys, those of the drag of other schemes too. ``all_of_them``: whatever their value, and without the law of
-    drag that `quasi_static` had by default in earlier versions.
+    Files hold all keys, those of the laws of other schemes too. ``all_of_them``: whatever their value, and without laws that
+    earlier versions had for the scheme: the parameters say what a run was, and no run goes on with them.
     """
     if not isinstance(values, dict):
         return values
-    idle: dict[str, dict[str, Any]] = {group: dict(keys) for group, keys in FORMER_KEYS.items()}
-    if values.get("stepping", {}).get("scheme") == "quasi_static":
-        fields = Grounding.model_fields
-        idle["grounding"] |= {name: fields[name].get_default() for name in DRAG_KEYS}
-        if all_of_them:
-            idle["grounding"] |= {"law": "linear", "start": "settle"}
+    quasi_static = values.get("stepping", {}).get("scheme") == "quasi_static"
+    # Keys of earlier versions, and those of the drag in the scheme without one, with the values that change nothing.
+    idle: dict[str, dict[str, tuple[Any, ...]]] = {
+        "stepping": {"landing_steps": (8,)}, "grounding": {"cell": (50.0,)},
+        "contact": {"law": (None, "crushing" if quasi_static else "spring")},
+    }  # fmt: skip
+    if quasi_static:
+        idle["grounding"] |= {name: (Grounding.model_fields[name].get_default(),) for name in DRAG_KEYS}
+    former: dict[str, dict[str, Any]] = {"bonds": {"elasticity": "isotropic"}}
+    if quasi_static:
+        former["grounding"] = {"law": "linear", "start": "settle"}
+    else:
+        former["damage"] = {"enabled": True}
     left = dict(values)
-    for group, keys in idle.items():
-        if isinstance(inner := values.get(group), dict):
+    for group, inner in values.items():
+        if isinstance(inner, dict):
+            keys, laws = idle.get(group, {}), former.get(group, {}) if all_of_them else {}
             left[group] = {
                 name: value for name, value in inner.items()
-                if name not in keys or not (value == keys[name] or (all_of_them and name not in ("law", "start")))
+                if not (name in keys and (all_of_them or value in keys[name])) and not (name in laws and value == laws[name])
             }  # fmt: skip
+    if not all_of_them and _had_isotropic_bonds(values):
+        left["bonds"] = {**left["bonds"], "elasticity": "isotropic"}
     return left
+
+
+def _had_isotropic_bonds(values: dict[str, Any]) -> bool:
+    """Whether a file is of a version, known by `contact.law`, in which its bonds were isotropic although it does not say so."""
+    bonds, quirks = values.get("bonds", {}), values.get("compatibility", {})
+    if values.get("stepping", {}).get("scheme") == "quasi_static" or "law" not in values.get("contact", {}):
+        return False
+    beams = bonds.get("law") == "dem" and not bonds.get("no_shear")
+    springs = bonds.get("law") == "spring" and bonds.get("spring") is None
+    published = quirks.get("zero_start") or quirks.get("rest_length_from_sizes")
+    return bonds.get("elasticity") is None and (beams or springs) and not published
 
 
 def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:

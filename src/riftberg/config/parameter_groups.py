@@ -417,7 +417,7 @@ class Stepping(Group):
     time_step: float = quantity(
         1800.0,
         "s",
-        "long step; with mts, bonds, and neither it nor substeps named: one with which stress does not ring",
+        "time step; with mts the long step, which a notice names where stress rings with it",
         "equations 10.5",
         gt=0,
     )

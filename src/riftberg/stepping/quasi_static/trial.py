@@ -200,8 +200,8 @@ class FragmentMotion:
         none = NO_PAIRS[0]
         if self.seabed is None:
             return self._resolve_contacts(start, h, none), None, False
-        before, keel = self.laws.checkpoint(), [array.copy() for array in self.el.keel]
-        contact = self._resolve_contacts(start, h, none)
+        before, contact = self.laws.checkpoint(), self._resolve_contacts(start, h, none)
+        keel = [array.copy() for array in self.el.keel] if contact is not None else []
         ground = self._run_aground(start, h, contact)
         if contact is None or ground is None:
             return contact, ground, False
