@@ -56,7 +56,9 @@ def lone(law: str, number: int, depth: float, *, melt: bool) -> Model:
     side = 4.0 * (number / 1000.0) ** 0.5
     berg = Iceberg.field(number, (-40.0, -40.0 + side, -58.0, -58.0 + 0.5 * side), seed=1)
     sea = Forcing.uniform((0.1, 0.05), wind=(8.0, 2.0), depth=depth)
-    return Model(berg, sea, Parameters(grounding={"law": law}, melt={"enabled": melt, "temperature": 1.0, "salinity": 34.0}))
+    return Model(
+        berg, sea, Parameters(grounding={"law": law}, melt={"enabled": melt, "temperature": 1.0, "salinity": 34.0})
+    )
 
 
 ROWS: dict[str, tuple[Callable[[str], Model], float, float]] = {
