@@ -27,7 +27,14 @@ NUMBERS_OF_METHOD = {
 }  # fmt: skip
 """Numbers that have no usual magnitude: of the method, or of where a run is."""
 
-SHARES = {"damage.threshold", "grounding.adhesion", "compatibility.sea_ice_shift", "melt.bits_fraction"}
+SHARES = {
+    "sea_ice.least_concentration",
+    "sea_ice.locked_concentration",
+    "damage.threshold",
+    "grounding.adhesion",
+    "compatibility.sea_ice_shift",
+    "melt.bits_fraction",
+}
 """Numbers whose limits leave only what is usual."""
 
 EXPERIMENT = """\

@@ -70,7 +70,6 @@ class Beam:
             drag={"rotational": False},
             grounding={"coefficient": 2.0 * self.slowest * self.density * self.thickness},
             contact={"spring": 1e-8, "distance": 0.0},
-            # A bar of one to three rows along its length is a row of beams; isotropic bonds lack the diagonals beyond its sides.
             bonds={
                 "youngs_modulus": self.youngs_modulus,
                 "damping": 0.1,
