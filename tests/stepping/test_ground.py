@@ -25,6 +25,7 @@ from riftberg.stepping.ground.pads import (
     share_of_ice,
     sides_of_pads,
 )
+from riftberg.stepping.ground.plate import PlateBook
 from riftberg.stepping.ground.press import HOLD, LIFT, LOAD, LOAD_X, LOAD_Y, PRESSED, YIELD, Bed, press
 from riftberg.stepping.ground.seabed import Shoal, _find_candidates, _place_squares, bed_of, bent_bonds, depth_of_bed
 from riftberg.stepping.lattice.footprints import BodyFootprint
@@ -57,7 +58,7 @@ class Berg:
         self.thickness, self.draft = np.full(i.size, THICKNESS), np.full(i.size, DRAFT)
         hull = np.empty((1, 3, 3))
         fill_hulls(self.pads, self.thickness, self.draft, modulus, 0.3, hull, np.empty(1), np.empty(1))
-        self.hull = hull[0]
+        self.hull, self.book = hull[0], PlateBook(self.pads, 0.3)
 
     def turned(self, points: Any) -> Any:
         return (points * self.mirror) @ self.axes + self.shift
@@ -75,10 +76,10 @@ class Berg:
             values = values[np.concatenate([own, count + polygons])]
         q, found = np.zeros(3), np.zeros((self.draft.size, PRESSED))
         some = every if polygons is None else polygons
-        bent = np.zeros((some.size, 5))
+        bent, length = np.zeros((some.size, 5)), self.length if bends else 0.0
+        plates = self.book.look_up(some, np.array([0, some.size]), np.array([length]), np.array([True]))
         steps, largest = press(
-            self.pads, 0, some, values, self.draft, level, bed, self.hull, self.length if bends else 0.0, THICKNESS, q, found,
-            bent,
+            self.pads, plates, 0, some, values, self.draft, level, bed, self.hull, length, THICKNESS, q, found, bent,
         )  # fmt: skip
         assert steps >= 0
         return SimpleNamespace(q=q, found=found, bent=bent, largest=largest, load=found[:, LOAD].sum())

@@ -26,6 +26,7 @@ from riftberg.stepping.bodies.dynamics import ElementForcing, add_forces, assemb
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, place_points
+from riftberg.stepping.ground.plate import Plates
 from riftberg.stepping.ground.press import HOLD, LOAD, LOAD_X, LOAD_Y, PUSH_X, PUSH_Y, YIELD, Bed, press
 
 VELOCITY_CHANGE: Final = 0.1
@@ -76,6 +77,7 @@ class Landing(NamedTuple):
     """Fragments on their way through a step; arrays by fragment unless said otherwise."""
 
     pads: Pads
+    plates: Plates
     polygons: Ints  # Those that may touch the floor, by fragment
     polygon_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
     pose: Floats  # At the start; shape (fragments, 3, 3)
@@ -302,8 +304,8 @@ def _press(now: Landing, a: int, bed: Bed, h: float, t: float, depth: Floats) ->
     """Press a fragment onto the floor ``t`` s from the start; returns whether it touches it."""
     some, number = slice(now.polygon_start[a], now.polygon_start[a + 1]), now.number[a]
     iterations, largest = press(
-        now.pads, a, now.polygons[some], depth, now.draft, _level_at(number, t / h), bed, now.hull[a], number[LENGTH],
-        number[THICKNESS], now.rise[a], now.found, now.bent[some],
+        now.pads, now.plates, a, now.polygons[some], depth, now.draft, _level_at(number, t / h), bed, now.hull[a],
+        number[LENGTH], number[THICKNESS], now.rise[a], now.found, now.bent[some],
     )  # fmt: skip
     number[CLEARANCE] = min(number[CLEARANCE], -largest)
     if iterations < 0:
