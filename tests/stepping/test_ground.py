@@ -29,8 +29,10 @@ from riftberg.stepping.ground.plate import PlateBook
 from riftberg.stepping.ground.press import HOLD, LIFT, LOAD, LOAD_X, LOAD_Y, PRESSED, YIELD, Bed, press
 from riftberg.stepping.ground.seabed import Shoal, _find_candidates, _place_squares, bed_of, bent_bonds, depth_of_bed
 from riftberg.stepping.lattice.footprints import BodyFootprint
-from twins.plate import Balance, balance
+from scripts import ROOT, loaded, table_rows
 
+PLATE = loaded("benchmarks/plate_on_water.py")
+PAGE = ROOT / "docs" / "evidence" / "plate-on-water.md"
 RADIUS = 6_371_229.0
 THICKNESS = 250.0
 DRAFT = 850.0 / 1025.0 * THICKNESS
@@ -182,24 +184,16 @@ def test_water_and_floor_carry_the_weight_together(bends: bool) -> None:
 
 @pytest.mark.parametrize(("stiffness", "strength"), [(2e4, 1e4), (5e4, 1e6)])
 @pytest.mark.parametrize("columns", [8, 40])
-def test_the_balance_is_that_of_a_plain_twin(stiffness: float, strength: float, columns: int) -> None:
-    """Sums over small squares, the plate by its Kelvin function, and a root finder that knows no tangent."""
-    berg, how = Berg(columns, 4, 500.0, turn=0.3), bed(stiffness=stiffness, strength=strength)
-
-    def floor(x: Any, y: Any) -> Any:
-        return tilted(x + 250.0 * (columns - 8), y)
-
-    now = berg.press(floor, how)
-    twin: Balance = balance(berg.pads, lambda x, y: DRAFT - floor(*berg_axes(berg, x, y)), berg.hull, berg.length, how)
-    assert now.load == pytest.approx(twin.load, rel=0.01)
-    assert now.q == pytest.approx(twin.q, rel=0.02, abs=0.01 * abs(twin.q).max())
-    assert now.bent[:, 1].max() == pytest.approx(twin.bending.max(), rel=0.02)
-
-
-def berg_axes(berg: Berg, x: Any, y: Any) -> Any:
-    """Coordinates of `tilted` of points about the centroid."""
-    points = np.column_stack([x, y]) + berg.pads.frame[0, :2] - berg.shift
-    return tuple((points @ berg.axes.T * berg.mirror).T)
+def test_the_balance_is_that_of_an_independent_plate(stiffness: float, strength: float, columns: int) -> None:
+    """Sums over points of Gauss, a finer plate, and another Newton; of a berg that is narrow, turned and tilts to both sides."""
+    berg, half = Berg(columns, 4, 500.0, turn=0.3), 250.0 * columns
+    now = berg.press(lambda x, y: tilted(x + half - 2000.0, y), bed(stiffness=stiffness, strength=strength))
+    x, y = PLATE.graded(2.0 * half, 125.0, 2000.0), np.linspace(0.0, 2000.0, 9)
+    zone = PLATE.Zone(PLATE.floating_plate(x, y, 9e9), (0.0, 2000.0), (0.0, 2000.0))
+    alone = zone.press(DRAFT - tilted(zone.x - 2000.0, zone.y - 1000.0), PLATE.Bed(stiffness, strength, friction=0.4))
+    # The height of the ice takes 1.3 % of its stiffness against tilt across, which the plate leaves out.
+    assert now.load == pytest.approx(alone.load, rel=0.01)
+    assert now.found[:, HOLD].sum() == pytest.approx(alone.friction, rel=0.01)
 
 
 def test_a_round_element_of_many_corners_rests_like_any() -> None:
@@ -278,6 +272,45 @@ def test_a_berg_wholly_on_a_flat_bed_is_borne_by_all_of_it(gap: float) -> None:
     """More pads than bend one by one: the bed bears the water that the berg does not displace."""
     now = Berg(6, 3, 3000.0).press(lambda x, y: np.full(np.shape(x), DRAFT - gap), ROCK)
     assert now.load == pytest.approx(WATER * 18e3 * 9e3 * gap, rel=0.005)
+
+
+def of_plate(case: str) -> float:
+    """Load (N) that the independent plate by finite elements bears (docs/evidence/plate-on-water.md)."""
+    rows = {row[0]: row[3] for row in table_rows(PAGE, "plate on a bed")}
+    return float(rows[case].removesuffix(" N"))
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("modulus", [9e9, 1e9])
+@pytest.mark.parametrize("width", PLATE.WIDTHS)
+def test_a_ramp_of_any_width_bears_what_the_plate_does(width: float, modulus: float) -> None:
+    """Bug: with one Green's function everywhere ramps of 2 to 10 lambda bore from 29 % too little to 14 % too much."""
+    wide = width * math.sqrt(2.0) * bending_length(modulus, 0.3, THICKNESS)
+    columns = math.ceil(max(20e3, wide / width * (width + 8.0)) / 2e3)
+    berg = Berg(columns, 5, 2e3, modulus=modulus)
+    near = np.flatnonzero(berg.points()[0][len(berg.pads.corner) :] > 1e3 * columns - wide - 500.0)
+    load = berg.press(lambda x, y: DRAFT - 1e-3 * (wide + x - 1e3 * columns), ROCK, polygons=near).load
+    assert load == pytest.approx(of_plate(f"ramp {width:g} λ wide, {modulus / 1e9:g} GPa, rock"), rel=0.03)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("sediment", ["rock", "sand", "clay"])
+@pytest.mark.parametrize("modulus", [9e9, 1e9])
+def test_a_bank_bears_what_the_plate_does(modulus: float, sediment: str) -> None:
+    """The end quarter of 40 x 30 km on a floor that rises by 1e-3: some 1,000 pads and more, bent by squares."""
+    berg, how = Berg(20, 15, 2e3, modulus=modulus), bed_of(Grounding(law="seabed", sediment=sediment))
+    near = np.flatnonzero(berg.points()[0][len(berg.pads.corner) :] > 10e3 - 500.0)
+    now = berg.press(lambda x, y: DRAFT - 1e-3 * (x - 10e3), how, polygons=near)
+    assert now.load == pytest.approx(of_plate(f"bank, {modulus / 1e9:g} GPa, {sediment}"), rel=0.03)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_a_bank_under_the_whole_berg_bears_the_water_of_its_volume(turn: float) -> None:
+    """A uniform and a linear overlap bend nothing, wherever the edges lie on the raster of elements."""
+    berg = Berg(6, 4, 1000.0, turn=turn)
+    now = berg.press(lambda x, y: DRAFT - 2.0 - 4e-4 * x + 3e-4 * y, ROCK)
+    assert now.load == pytest.approx(WATER * 24e6 * 2.0, rel=0.002)
+    assert now.bent[:, 1] == pytest.approx(0.0, abs=0.03)
 
 
 def test_a_floor_of_second_order_is_seen_between_the_corners_of_pads() -> None:
