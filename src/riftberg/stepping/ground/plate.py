@@ -1,10 +1,10 @@
 """Ice that bends: fragments as elastic plates on water, by finite elements of some pads each.
 
-Around the pads that may touch the floor the ice is a Kirchhoff plate with free edges on water, by bicubic elements (Bogner, Fox
-and Schmit 1965) with sides of about ``lambda``. Integrals over an element are sums over its pads, by area and centroid of the ice
-in each. So edges and corners lie where the outline has them, whatever their direction, and a uniform or a linear pressure lifts
-the plate without bending it, exactly. A plate hangs on pads, bending length and which elements are near the floor, and on nothing
-else, so that a restarted run has the same one.
+Around the pads that overlap the floor the ice is a Kirchhoff plate with free edges on water, by bicubic elements (Bogner, Fox and
+Schmit 1965) with sides of about ``lambda``. Integrals over an element are sums over its pads, by area and centroid of the ice in
+each. So edges and corners lie where the outline has them, whatever their direction, and a uniform or a linear pressure lifts the
+plate without bending it, exactly. A plate hangs on pads, bending length and the elements that overlap the floor, and on nothing
+else, so that a restarted run has the same one; it is made anew where one of these changes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from riftberg.state import Floats, Ints
 from riftberg.stepping.ground.pads import LOW_X, LOW_Y, SIDE, SIDES_PER_LAMBDA, Pads
 
 REACH: Final = 3.0
-"""How far around pads that may touch the floor the ice bends, over ``lambda``; what lies beyond counts 0.3 % of the stiffness."""
+"""How far around pads that overlap the floor the ice bends, over ``lambda``; what lies beyond counts 0.3 % of the stiffness."""
 
 MOST_NODES: Final = 300
 """Nodes of a plate; of more, elements with sides of 2, 4, ... ``lambda`` are taken."""
@@ -38,17 +38,19 @@ EMPTY_SQUARE: Final = 1e-6
 
 
 class Plates(NamedTuple):
-    """Plates of some fragments, one after the other.
+    """Plates of some fragments, one after the other, and room for more.
 
     Unknowns of a node are its rise, its slopes and its mixed derivative, over the side of the elements (m).
     """
 
-    node_start: Ints  # Where the raster of nodes of each fragment begins
-    node: Ints  # Numbers of the nodes of elements near the floor, else -1; rows and columns of a raster
-    shape: (
-        Ints  # Of each fragment: squares along the side of an element, columns of nodes, unknowns; shape (fragments, 3)
-    )
-    start: Ints  # Where the compliance of each fragment begins
+    bends: NDArray[np.bool_]  # Whether a fragment bends
+    element_start: Ints  # Where the elements of each fragment begin
+    near: NDArray[np.bool_]  # Whether loads may act on them; rows and columns of a raster
+    node_start: Ints  # Where the nodes of each fragment begin
+    node: Ints  # Their numbers, -1 for those of no element near; rows and columns of a raster
+    shape: Ints  # Of each fragment the columns below; shape (fragments, 3)
+    length: Floats  # Bending length for which it was made, m
+    start: Ints  # Where the compliance of each fragment begins, with room up to the next one
     compliance: Floats  # m N-1; (unknowns, unknowns) of each fragment
     rigid: (
         Floats  # Compliance of each whole fragment against heave and tilts by its water plane; shape (fragments, 3, 3)
@@ -56,7 +58,7 @@ class Plates(NamedTuple):
 
 
 PER_SIDE, COLUMNS, UNKNOWNS = range(3)
-"""Columns of `Plates.shape`; a fragment without unknowns is rigid."""
+"""Columns of `Plates.shape`: squares along the side of an element (none before a plate is made), columns of nodes, unknowns."""
 
 
 @kernel
@@ -85,18 +87,16 @@ def unknowns_of(node: Ints, columns: int, j: int, i: int, out: Ints) -> None:
 
 
 @kernel
-def _mark_elements(
-    pads: Pads, b: int, polygons: Ints, per: int, reach: int, near: NDArray[np.bool_], marked: NDArray[np.bool_]
-) -> None:  # fmt: skip
-    """Mark the elements with polygons as near, and those with ice within ``reach`` elements of them."""
+def _mark_around(pads: Pads, b: int, polygons: Ints, per: int, reach: int, marked: NDArray[np.bool_]) -> None:
+    """Mark the elements with ice within ``reach`` elements of those with polygons."""
     rows, columns = marked.shape
     first, high, wide = pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
-    near[:, :], band = False, np.zeros((rows, columns), np.bool_)
+    within, band = np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.bool_)
     for k in polygons:
-        near[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
+        within[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
     for j in range(rows):
         for i in range(columns):
-            if near[j, i]:
+            if within[j, i]:
                 for n in range(max(i - reach, 0), min(i + reach + 1, columns)):
                     band[j, n] = True
     for j in range(rows):
@@ -221,74 +221,96 @@ def _rigid_compliance(pads: Pads, b: int, out: Floats) -> None:
         out[0, k], out[1, k], out[2, k] = solve(moments, unit[k])
 
 
-class PlateBook:
-    """Plates of the fragments of some pads, made anew where other elements come near the floor."""
+@kernel
+def fit_plate(pads: Pads, plates: Plates, b: int, polygons: Ints, length: float, poisson: float) -> None:
+    """Make the plate of a fragment with loads on ``polygons`` or beside them, unless it is the one that is there."""
+    rounded, per = 2.0 ** (math.floor(LENGTH_RUNGS * math.log2(length) + 0.5) / LENGTH_RUNGS), int(SIDES_PER_LAMBDA)
+    while True:
+        rows, columns = (pads.raster[b, 1] - 1) // per + 1, (pads.raster[b, 2] - 1) // per + 1
+        marked, numbers = np.empty((rows, columns), np.bool_), np.empty((rows + 1) * (columns + 1), np.int64)
+        reach = math.floor(REACH * math.sqrt(2.0) * rounded / (per * pads.frame[b, SIDE]) + 0.5)
+        _mark_around(pads, b, polygons, per, max(reach, 1), marked)
+        count = _number_nodes(marked, numbers)
+        if count <= MOST_NODES:
+            break
+        per *= 2
+    near = np.empty((rows, columns), np.bool_)
+    _mark_around(pads, b, polygons, per, 1, near)
+    first, same = plates.element_start[b], plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
+    for n in range(rows * columns):
+        same = same and plates.near[first + n] == near[n // columns, n % columns]
+    if same:
+        return
+    nodes = plates.node[plates.node_start[b] : plates.node_start[b] + numbers.size]
+    unknowns = 4 * _number_nodes(near, nodes)
+    kept, matrix = np.empty(unknowns, np.int64), np.zeros((4 * count, 4 * count))
+    for n in range(nodes.size):
+        for k in range(4):
+            if nodes[n] >= 0:
+                kept[4 * nodes[n] + k] = 4 * numbers[n] + k
+    _assemble(pads, b, marked, numbers, per, rounded, poisson, matrix)
+    out = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
+    _invert(matrix, kept, out)
+    _rigid_compliance(pads, b, plates.rigid[b])
+    for n in range(rows * columns):
+        plates.near[first + n] = near[n // columns, n % columns]
+    plates.shape[b, PER_SIDE], plates.shape[b, COLUMNS], plates.shape[b, UNKNOWNS] = per, columns + 1, unknowns
+    plates.length[b] = rounded
 
-    def __init__(self, pads: Pads, poisson: float) -> None:
-        self._pads, self._poisson = pads, poisson
-        self._extent = pads.frame[:, SIDE] * pads.raster[:, 1:].max(axis=1)
-        self._key: dict[int, tuple[float, int, bytes]] = {}
-        self._arrays: dict[int, tuple[Ints, Floats, Floats]] = {}
-        self._plates: Plates | None = None
 
-    def look_up(self, polygons: Ints, start: Ints, length: Floats, tilts: NDArray[np.bool_]) -> Plates:
-        """Return the plates of fragments.
+@kernel
+def bears(pads: Pads, plates: Plates, b: int, k: int) -> bool:
+    """Whether loads on a polygon may act on the plate."""
+    per, columns = plates.shape[b, PER_SIDE], plates.shape[b, COLUMNS] - 1
+    at = plates.element_start[b] + pads.square[k, 0] // per * columns + pads.square[k, 1] // per
+    return bool(plates.near[at])
+
+
+@kernel
+def _find_room(pads: Pads, polygons: Ints, start: Ints, bends: NDArray[np.bool_], most: Ints) -> None:
+    """Find how many unknowns the plate of each fragment that bends can have, with loads on any of its polygons."""
+    for b in range(bends.size):
+        per, most[b], columns = int(SIDES_PER_LAMBDA), 0, 2
+        while bends[b] and columns > 1:  # elements of all sizes that it may have
+            rows, columns = (pads.raster[b, 1] - 1) // per + 1, (pads.raster[b, 2] - 1) // per + 1
+            near, numbers = np.empty((rows, columns), np.bool_), np.empty((rows + 1) * (columns + 1), np.int64)
+            _mark_around(pads, b, polygons[start[b] : start[b + 1]], per, 1, near)
+            most[b] = max(most[b], 4 * min(_number_nodes(near, numbers), MOST_NODES))
+            columns, per = max(rows, columns), 2 * per
+
+
+class PlateRoom:
+    """Room for the plates of the fragments of some pads, which grows as more of them comes near the floor."""
+
+    def __init__(self, pads: Pads) -> None:
+        count, per = len(pads.frame), int(SIDES_PER_LAMBDA)
+        elements = (pads.raster[:, 1:] - 1) // per + 1
+        self._pads, self._extent = pads, pads.frame[:, SIDE] * pads.raster[:, 1:].max(axis=1)
+        self._element_start = np.concatenate([[0], np.cumsum(elements.prod(axis=1))])
+        self._node_start = np.concatenate([[0], np.cumsum((elements + 1).prod(axis=1))])
+        self._room = np.zeros(count, np.int64)
+        self._plates = self._empty_plates()
+
+    def _empty_plates(self) -> Plates:
+        count, start = self._room.size, np.concatenate([[0], np.cumsum(self._room**2)])
+        return Plates(
+            np.zeros(count, np.bool_), self._element_start, np.zeros(self._element_start[-1], np.bool_), self._node_start,
+            np.empty(self._node_start[-1], np.int64), np.zeros((count, 3), np.int64), np.zeros(count), start,
+            np.empty(start[-1]), np.zeros((count, 3, 3)),
+        )  # fmt: skip
+
+    def reserve(self, polygons: Ints, start: Ints, length: Floats, tilts: NDArray[np.bool_]) -> Plates:
+        """Return the plates of the fragments, with room for loads on any of some polygons.
 
         ``polygons``: those that may touch the floor, from ``start`` on for each fragment; ``length``: of bending, m; ``tilts``:
         which fragments tilt.
         """
-        reach = math.sqrt(2.0) * length
-        bends = np.flatnonzero(tilts & (self._extent > SHORT * reach) & (length > 0.0) & (np.diff(start) > 0)).tolist()
-        changed = self._plates is None or bends != list(self._key)
-        for b in bends:
-            changed |= self._follow(b, polygons[start[b] : start[b + 1]], float(length[b]))
-        if changed:
-            self._key = {b: self._key[b] for b in bends}
-            self._arrays = {b: self._arrays[b] for b in bends}
-            self._plates = self._pack()
-        assert self._plates is not None
+        bends = tilts & (self._extent > SHORT * math.sqrt(2.0) * length) & (length > 0.0) & (np.diff(start) > 0)
+        most = np.empty_like(self._room)
+        _find_room(self._pads, polygons, start, bends, most)
+        if (most > self._room).any():
+            # Half as many nodes again, for the next ones that come near.
+            self._room = np.maximum(self._room, np.minimum(most + most // 2, 4 * MOST_NODES))
+            self._plates = self._empty_plates()
+        self._plates.bends[:] = bends
         return self._plates
-
-    def _follow(self, b: int, polygons: Ints, length: float) -> bool:
-        """Make the plate of a fragment, if it is not the one that is there; returns whether it was made."""
-        pads, per = self._pads, int(SIDES_PER_LAMBDA)
-        length = 2.0 ** (round(LENGTH_RUNGS * math.log2(length)) / LENGTH_RUNGS)
-        while True:
-            rows, columns = (-(-pads.raster[b, 1:] // per)).tolist()
-            near, marked = np.empty((2, rows, columns), np.bool_)
-            node, inner = np.empty((2, (rows + 1) * (columns + 1)), np.int64)
-            around = round(REACH * math.sqrt(2.0) * length / (per * pads.frame[b, SIDE]))
-            _mark_elements(pads, b, polygons, per, max(around, 1), near, marked)
-            count = _number_nodes(marked, node)
-            if count <= MOST_NODES:
-                break
-            per *= 2
-        key = length, per, near.tobytes()
-        if self._key.get(b) == key:
-            return False
-        kept = 4 * _number_nodes(near, inner)
-        matrix, compliance, rigid = np.zeros((4 * count, 4 * count)), np.empty((kept, kept)), np.empty((3, 3))
-        _assemble(pads, b, marked, node, per, length, self._poisson, matrix)
-        _invert(matrix, (4 * np.sort(node[inner >= 0])[:, None] + np.arange(4)).ravel(), compliance)
-        _rigid_compliance(pads, b, rigid)
-        self._key[b], self._arrays[b] = key, (inner, compliance, rigid)
-        return True
-
-    def _pack(self) -> Plates:
-        """Put the plates of all fragments into one."""
-        count = len(self._pads.frame)
-        shape, rigid, sizes = (
-            np.zeros((count, 3), np.int64),
-            np.zeros((count, 3, 3)),
-            np.zeros((2, count + 1), np.int64),
-        )
-        for b, (node, compliance, of_whole) in self._arrays.items():
-            per = self._key[b][1]
-            shape[b] = per, -(-self._pads.raster[b, 2] // per) + 1, len(compliance)
-            rigid[b], sizes[:, b + 1] = of_whole, (node.size, compliance.size)
-        node_start, start = np.cumsum(sizes, axis=1)
-        arrays = [self._arrays[b] for b in sorted(self._arrays)]
-        return Plates(
-            node_start, np.concatenate([np.zeros(0, np.int64), *(one[0] for one in arrays)]), shape, start,
-            np.concatenate([np.zeros(0), *(one[1].ravel() for one in arrays)]), rigid,
-        )  # fmt: skip

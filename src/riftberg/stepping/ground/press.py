@@ -24,7 +24,7 @@ from riftberg.physics.geometry import solve
 from riftberg.physics.seabed import WATER_STIFFNESS, bending_stress, plate_deflection, pressed
 from riftberg.state import Floats, Ints
 from riftberg.stepping.ground.pads import CORNERS, LOW_X, LOW_Y, ORIGIN_X, ORIGIN_Y, SIDE, Pads, share_of_ice
-from riftberg.stepping.ground.plate import COLUMNS, PER_SIDE, UNKNOWNS, Plates, cubics
+from riftberg.stepping.ground.plate import COLUMNS, PER_SIDE, UNKNOWNS, Plates, bears, cubics, fit_plate
 
 MAX_ITERATIONS: Final = 100
 """Of Newton's method; four to ten are usual."""
@@ -170,13 +170,28 @@ def _gather(
         merged *= 2
 
 
+# Many arguments: as in `press`.
+@kernel
+def _fit_below(
+    pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, highest: Floats, length: float, poisson: float
+) -> None:  # fmt: skip
+    """Make the plate for the polygons that overlap the floor, and for all that may be loaded where these lie far from them."""
+    below = polygons[highest > 0.0]
+    fit_plate(pads, plates, b, below, length, poisson)
+    near = True
+    for m in one.polygons:
+        near = near and bears(pads, plates, b, polygons[m])
+    if not near:
+        fit_plate(pads, plates, b, polygons[one.polygons], length, poisson)
+
+
 @kernel
 def _make_squares(
     pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, count: int, merged: int
 ) -> Squares:
     """Make squares of ``merged`` pads to a side, without loads."""
     per = plates.shape[b, PER_SIDE]
-    elements = max(merged // per, 1) if per > 0 else 0
+    elements = max(merged // per, 1) if plates.bends[b] else 0
     sq = Squares(
         np.zeros((count, count)), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((count, 3)),
         np.zeros((count, 2)), np.zeros(count), elements, np.zeros((count, 2), np.int64),
@@ -254,7 +269,7 @@ def _set_compliance(
                     nearest[i], first[i], sq.place[i, 0], sq.place[i, 1] = highest, k, piece[n, 0], piece[n, 1]
     narrow = DIMPLE * min(plates.shape[b, PER_SIDE] * pads.frame[b, SIDE], math.sqrt(2.0) * length)
     dimple, unknowns = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), plates.shape[b, UNKNOWNS]
-    matrix = plates.compliance[plates.start[b] : plates.start[b + 1]].reshape(unknowns, unknowns)
+    matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
     which, bent, heaved = np.empty((count, most), np.int64), np.zeros(unknowns), np.empty(3)
     for i in range(count):
         if weight[i, 0] > 0.0:
@@ -524,9 +539,11 @@ def press(
         0.2 * largest + 0.02,
         bed.strength / bed.stiffness,
     )
-    least, bends = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2, plates.shape[b, UNKNOWNS] > 0
+    least, bends = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2, plates.bends[b]
     while True:
         one, count, merged = _gather(pads, b, polygons, corner, highest, margin)
+        if bends:
+            _fit_below(pads, plates, b, polygons, one, highest, length, bed.poisson)
         sq, iterations = _make_squares(pads, plates, b, polygons, one, count, merged), 0
         q[0] = q[1] = q[2] = 0.0
         for search in range(2 if bends else 1):

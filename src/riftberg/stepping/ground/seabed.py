@@ -39,7 +39,7 @@ from riftberg.stepping.ground.pads import (
     place_points,
     sides_of_pads,
 )
-from riftberg.stepping.ground.plate import PlateBook
+from riftberg.stepping.ground.plate import PlateRoom
 from riftberg.stepping.ground.press import HOLD, LIFT, LOAD, PRESSED, STRESS, YIELD, Bed
 from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
@@ -228,7 +228,7 @@ class Shoal:
         self, key: list[bytes], bodies: Ints, side: Floats, pads: Pads, size: Floats, before: Shoal | None = None
     ) -> None:  # fmt: skip
         self.key, self.bodies, self.side, self.whole, self.size = key, bodies, side, pads, size
-        self.plates = PlateBook(pads, POISSON)
+        self.plates = PlateRoom(pads)
         self.arrays: tuple[NDArray[Any], ...] = ()  # of which the key was made, as they were last
         self.ice = b""  # and the thickness that it had then
         self.lone, of = np.diff(pads.row_start) == 1, np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
@@ -465,7 +465,7 @@ class Seabed:
             self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
             return None
         fill_hulls(pads, thickness, draft, self.bed.modulus, POISSON, hull, mean, number[:, landing.LENGTH])
-        plates = shoal.plates.look_up(polygons, start, number[:, landing.LENGTH], hull[:, 1, 1] < RIGID)
+        plates = shoal.plates.reserve(polygons, start, number[:, landing.LENGTH], hull[:, 1, 1] < RIGID)
         number[:, landing.THICKNESS], number[:, landing.CLEARANCE], number[:, landing.RADIUS] = (
             mean,
             clearance,
