@@ -1,4 +1,4 @@
-"""What damage does to the built-in A68a: break-ups by strength and time scale, what wears the bonds, long step or sub-step.
+"""What damage does to the built-in A68a: break-ups by strength and time scale, what wears the bonds.
 
 python benchmarks/damage.py             print table and figures
 python benchmarks/damage.py --write     also put them into docs/explanation/damage.md
@@ -19,7 +19,6 @@ from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import DAYS, story_model
-from riftberg.physics.bonds import damage_rate, grown_damage
 from riftberg.runs.model import Model
 from riftberg.state import Floats
 
@@ -30,13 +29,10 @@ STRENGTHS = (11.0, 13.0, 14.0, 16.0, 18.0, 21.0)
 TIMES = {"off": None, "10 days": 10.0, "3 days": 3.0, "1 day": 1.0, "6 hours": 0.25}
 """Time scales of the damage, days."""
 
-STUDIED, MOST_WORN = 30.0, 12
-"""Strength (kPa) and number of bonds for the damage by long steps: nothing breaks there, so that all bonds can be compared."""
 
-
-def worn_model(kilopascal: float, days: float | None, **stepping: Any) -> Model:
-    """Return the built-in run with another strength (kPa), time scale of the damage (days; None is without) and stepping."""
-    changes: dict[str, dict[str, Any]] = {"fracture": {"normal_strength": 1e3 * kilopascal}, "stepping": stepping}
+def worn_model(kilopascal: float, days: float | None) -> Model:
+    """Return the built-in run with another strength (kPa) and time scale of the damage (days; None is without)."""
+    changes: dict[str, dict[str, Any]] = {"fracture": {"normal_strength": 1e3 * kilopascal}}
     if days is not None:
         changes["damage"] = {"enabled": True, "time_scale": days * SECONDS_PER_DAY}
     return story_model(Options(changes))
@@ -90,33 +86,13 @@ def borne() -> str:
     )
 
 
-def by_long_steps() -> str:
-    """Say what damage the most worked bonds would get in the explicit scheme by the stresses at the ends of long steps alone."""
-    model = worn_model(STUDIED, 1.0, scheme="mts")
-    law, dt = model.parameters.damage, model.parameters.stepping.time_step
-    coarse = np.zeros(model.bonds.status.size)
-    for found in records(model):
-        for k in np.flatnonzero(found > law.threshold * (1.0 - coarse)):
-            rate = damage_rate(found[k] / (1.0 - coarse[k]), law.threshold, law.time_scale, law.exponent)
-            coarse[k] = grown_damage(coarse[k], rate, dt)
-    worst = np.argsort(-model.bonds.damage)[:MOST_WORN]
-    fine, share = model.bonds.damage[worst], coarse[worst] / model.bonds.damage[worst]
-    return (
-        f"With `mts` at {STUDIED:g} kPa and τ = 1 day, when {model.bonds_broken or 'no'} bonds break, the {MOST_WORN} most "
-        f"worked bonds get a damage of {fine.min():.2f} to {fine.max():.2f}; by those at the ends of long steps they would get "
-        f"{share.min():.1f} to {share.max():.1f} times as much, {int((share == 0.0).sum())} of them nothing."
-    )
-
-
 def main() -> int:
     """Run all, print table and sentences, and perhaps write them."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--write", action="store_true", help="put them into the documentation")
     write = parser.parse_args().write
     page = PAGE.read_text("utf-8")
-    for name, text in (
-        ("damage", table(("strength", *TIMES), rows())), ("borne", borne()), ("long-step", by_long_steps()),
-    ):  # fmt: skip
+    for name, text in (("damage", table(("strength", *TIMES), rows())), ("borne", borne())):
         print(text, end="\n\n")
         page = put(page, name, text)
     if write:

@@ -213,6 +213,7 @@ WEARS = with_(
     OPEN,
     fracture={"enabled": True, "normal_strength": 1e3, "shear_strength": 1e7},
     damage={"enabled": True, "time_scale": 3600.0, "threshold": 0.0},
+    stepping={"scheme": "quasi_static"},
 )
 MELT = with_(OPEN, melt={"enabled": True})
 SHELF = with_(MELT, melt={"mode": "shelf"})
@@ -271,7 +272,6 @@ TRIALS: Final[dict[str, Trial]] = {
     "grounding.start": Trial(
         "refuse", BED, more=BURIED, refused="8.* m below the sea floor"
     ),
-    "contact.law": Trial("crushing"),
     "contact.crushing_strength": Trial(1e6, QUASI),
     "contact.crushing_depth": Trial(10.0, QUASI),
     "contact.unloading_ratio": Trial(4.0, QUASI),

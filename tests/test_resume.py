@@ -22,11 +22,9 @@ STEPS = 7
 SPRING = {"bonds": {"law": "spring", "spring": 1e-4}, "fracture": {"enabled": False}}
 WEAK = {"normal_strength": 10e3, "shear_strength": 10e3}
 WEAKER = {"normal_strength": 2e3, "shear_strength": 2e3}
-STRONG = {"normal_strength": 12e3, "shear_strength": 12e3}
 # Faces that crush each other break more than springs, and pieces that grind on each other take short sub-steps.
 STRONGER = {"normal_strength": 20e3, "shear_strength": 20e3}
 STRONGEST = {"normal_strength": 30e3, "shear_strength": 30e3}
-WEAK_AFTER = {"normal_strength": 6e3, "shear_strength": 6e3}
 WEAR = {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}
 
 EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})
@@ -36,10 +34,6 @@ PHYSICS: dict[str, Parameters] = {
     "dem, broken bonds dropped": EXPLICIT.changed(fracture={**WEAK, "broken_as_contact": False}),
     # The reference's explicit drag of the floor flings a lone element that touches down: 30 m/s, and 0.4 m/s by the implicit one.
     "dem as the reference": A68A_2022_KID.changed(fracture=WEAK, stepping={"speed_limit": 100.0}),
-    "dem, damage": EXPLICIT.changed(fracture=STRONG, damage=WEAR, stepping={"substeps": None}),
-    "dem, damage, fracture after the step": EXPLICIT.changed(
-        fracture={**WEAK_AFTER, "on_substeps": False}, damage=WEAR
-    ),
     "quasi-static": A68A_2022.changed(fracture=STRONGER, stepping={"scheme": "quasi_static"}),
     "quasi-static, damage": A68A_2022.changed(fracture=STRONGEST, damage=WEAR, stepping={"scheme": "quasi_static"}),
     "spring": A68A_2022.changed(**SPRING, stepping={"substeps": None}),

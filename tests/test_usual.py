@@ -239,7 +239,7 @@ def test_what_no_law_reads_is_told_and_has_no_effect() -> None:
 
 
 def test_a_law_that_acts_reads_its_parameters_and_numerics_of_the_reference_are_left_alone() -> None:
-    acting = {"grounding.law": "seabed", "contact.law": "crushing", "fracture.criterion": "toughness"}
+    acting = {"grounding.law": "seabed", "fracture.criterion": "toughness"}
     for name, value in acting.items():
         group, key = name.split(".")
         more = {"toughness": 1e5} if value == "toughness" else {}

@@ -170,3 +170,11 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     """Return a question that names the most similar choice, or nothing where none is similar."""
     alike = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.6)
     return f"Did you mean {alike[0]!r}? " if alike else ""
+
+
+def line_of_fault(error: Exception) -> str:
+    """Return where a parser of JSON, XML or another text stopped, as " (line 3, column 5)"; empty if it does not say."""
+    line, column = getattr(error, "position", (getattr(error, "lineno", None), getattr(error, "colno", None)))
+    if line is None:
+        return ""
+    return f" (line {line})" if column is None else f" (line {line}, column {column})"

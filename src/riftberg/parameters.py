@@ -125,9 +125,7 @@ class KernelParameters(NamedTuple):
     dem: bool
     bonds_on: bool
     hexagonal: bool
-    isotropic: bool  # Whether the lattice of bonds is alike in all directions, with diagonals in squares
     spring: float
-    spring_modulus: float  # Of spring bonds: modulus over density, m2 s-2
     youngs_modulus: Annotated[float, "bonds.youngs_modulus"]
     poisson: Annotated[float, "bonds.poisson"]
     bond_damping: Annotated[float, "bonds.damping"]
@@ -233,14 +231,12 @@ class Parameters(Group):
                 f"{asked} needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
                 "bonds.law = 'dem', or bonds.elasticity = 'bonds' and fracture.criterion = 'bond'"
             )
-        self._check_isotropic()
         self._check_criterion()
         self._check_grounding()
-        self._check_contact()
-        if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
+        if self.damage.enabled and not (scheme == "quasi_static" and self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
-                "damage lowers the strength of DEM bonds that can break: set bonds.law = 'dem' and "
-                "fracture.enabled = true, or damage.enabled = false"
+                "damage lowers the strength of bonds that can break, by the stress of the ice in equilibrium: set "
+                "stepping.scheme = 'quasi_static', bonds.law = 'dem' and fracture.enabled = true, or damage.enabled = false"
             )
         self._check_life()
         quirks = self.compatibility
@@ -250,48 +246,6 @@ class Parameters(Group):
                 "set stepping.interactions = false with it"
             )
         return self
-
-    @property
-    def isotropic_bonds(self) -> bool:
-        """Whether bonds together make a solid alike in all directions: the default of explicit schemes with own numerics."""
-        b = self.bonds
-        if b.elasticity is not None or self.stepping.scheme == "quasi_static" or self._published_bonds:
-            return b.elasticity == "isotropic"
-        return (b.law == "dem" and not b.no_shear) or (b.law == "spring" and b.spring is None)
-
-    @property
-    def _published_bonds(self) -> bool:
-        """Whether bonds are those of the reference, whose numerics must stay as they are."""
-        return self.compatibility.zero_start or self.compatibility.rest_length_from_sizes
-
-    def _check_isotropic(self) -> None:
-        """Refuse isotropic bonds where there are none, or none of this Poisson's ratio."""
-        b, asked = self.bonds, "bonds.elasticity = 'isotropic'"
-        if b.elasticity == "isotropic":
-            if self.stepping.scheme == "quasi_static":
-                raise ValueError(
-                    f"{asked} is for explicit schemes: with stepping.scheme = 'quasi_static' the ice is alike in all directions "
-                    "by bonds.elasticity = 'cells'"
-                )
-            if b.law == "none" or b.no_shear:
-                raise ValueError(
-                    f"{asked} needs bonds with shear: set bonds.law = 'dem' (or 'spring') and bonds.no_shear = false"
-                )
-            if self._published_bonds:
-                raise ValueError(
-                    f"{asked} changes the bonds that the reference has: leave out compatibility, or set it to 'bonds'"
-                )
-            if b.law == "spring" and b.spring is not None:
-                raise ValueError(f"{asked} gives springs the stiffness of the ice: leave out bonds.spring")
-        if not self.isotropic_bonds or b.law == "spring":
-            return
-        if b.poisson > 1.0 / 3.0 or (b.packing == "square" and b.poisson < 0.0):
-            bounds = "above -1 and up to 0.3333" if b.packing == "hexagonal" else "from 0 to 0.3333"
-            raise ValueError(
-                f"bonds.poisson = {b.poisson:g} is not what {asked}, the default of explicit schemes, can have with {b.packing} "
-                f"elements: give a value {bounds}, set it to 'bonds', or take stepping.scheme = 'quasi_static', whose elastic "
-                "cells can have any"
-            )
 
     @property
     def grounding_law(self) -> GroundingLaw:
@@ -326,23 +280,6 @@ class Parameters(Group):
         ]
         if g.sediment == "other" and missing:
             raise ValueError(f"grounding.sediment = 'other' needs {', '.join(missing)}")
-
-    def _check_contact(self) -> None:
-        """Refuse a law of contact with a scheme or bonds that do not know it."""
-        if self.contact.law == "spring" and self.stepping.scheme == "quasi_static":
-            raise ValueError(
-                "contact.law = 'spring' needs stepping.scheme = 'mts', 'verlet' or 'runge_kutta': with 'quasi_static' bergs that "
-                "meet crush each other's faces, the law 'crushing'"
-            )
-        if not self.crushing:
-            return
-        if self.stepping.scheme not in ("quasi_static", "mts"):
-            raise ValueError(
-                f"contact.law = 'crushing' needs stepping.scheme = 'quasi_static' or 'mts', not {self.stepping.scheme!r}; the "
-                "law 'spring' acts in all explicit schemes"
-            )
-        if self.bonds.law == "spring":
-            raise ValueError("contact.law = 'crushing' needs rigid pieces: set bonds.law = 'dem' (or 'none')")
 
     def _check_criterion(self) -> None:
         """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
@@ -380,14 +317,9 @@ class Parameters(Group):
         )
 
     @property
-    def crushing(self) -> bool:
-        """Whether bergs that meet crush each other's faces: always where fragments are rigid, else by choice."""
-        return self.stepping.scheme == "quasi_static" or self.contact.law == "crushing"
-
-    @property
     def contact_distance(self) -> float:
         """Distance of centres (m) within which any two elements touch: that of springs; faces meet where they are."""
-        return 0.0 if self.crushing else self.contact.distance
+        return 0.0 if self.stepping.scheme == "quasi_static" else self.contact.distance
 
     def _check_life(self) -> None:
         melt, footloose = self.melt, self.footloose
@@ -462,11 +394,12 @@ class Parameters(Group):
         hexagonal = p.bonds.packing == "hexagonal"
         multiple = p.stepping.scheme in ("mts", "quasi_static")
         law = p.grounding_law
-        fast_contact = p.crushing or (multiple and p.contact.on_substeps and p.stepping.explicit_substeps)
+        rigid = p.stepping.scheme == "quasi_static"
+        fast_contact = rigid or (multiple and p.contact.on_substeps and p.stepping.explicit_substeps)
         return KernelParameters(
             **{name: read(self) for name, read in _AS_THEY_STAND.items()},
             multiple_steps=multiple,
-            rigid_bodies=p.stepping.scheme == "quasi_static",
+            rigid_bodies=rigid,
             # Elements whose sides no bond covers stand in the water each for itself.
             forces_by_element=p.compatibility.forces_by_element or not p.drag.sides_by_bonds,
             max_sides=6 if hexagonal else 4,
@@ -485,12 +418,7 @@ class Parameters(Group):
             dem=p.bonds.law == "dem",
             bonds_on=p.bonds.law != "none",
             hexagonal=hexagonal,
-            isotropic=p.isotropic_bonds,
             spring=FROM_ELEMENTS if p.bonds.spring is None else p.bonds.spring,
-            # Springs in rows and diagonals of squares share the load of the rows alone: 3/4 and 3/8 of E H, nu = 1/3.
-            spring_modulus=p.bonds.youngs_modulus
-            / p.ice.density
-            * (0.75 if p.isotropic_bonds and not hexagonal else 1.0),
             max_bonds=(6 if hexagonal else 4) if p.bonds.max_bonds is None else p.bonds.max_bonds,
         )
 

@@ -160,13 +160,13 @@ def test_vertices_off_the_earth_are_refused(points):
 
 def test_files_that_cannot_be_read_are_named(tmp_path):
     for name, text, match in [
-        ("a.geojson", "{", "not JSON"),
+        ("a.geojson", "{", r"not JSON \(line 1, column 2\)"),
         ("b.geojson", "[1]", "no GeoJSON object"),
         ("c.geojson", '{"type": "Blob", "coordinates": [1]}', "not a GeoJSON geometry"),
         ("d.geojson", '{"type": "FeatureCollection", "features": []}', "no geometry"),
         ("e.csv", "a,b\n1,2\n", "no columns of longitude and latitude among a, b"),
         ("f.csv", "lon,lat\n1,2\n1,x\n1,3\n", "line 3"),
-        ("g.kml", "<kml>", "not KML"),
+        ("g.kml", "<kml>", r"not KML \(line 1, column 5\)"),
         ("h.png", "x", "unknown kind of file '.png'"),
     ]:
         (tmp_path / name).write_text(text)

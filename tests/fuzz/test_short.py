@@ -23,7 +23,7 @@ from fuzz.layouts import LAYOUTS, kind_of
 from fuzz.more_kinds import more
 from fuzz.oceans import PLAIN, RUN, Ocean, experiment, plain_files, truth
 
-EACH = 2
+EACH = 1
 """Kinds of a class in the short form."""
 
 SLOW = ("bench", "plot", "animate")
@@ -50,7 +50,7 @@ def test_bad_input_of_every_class_is_refused_in_one_sentence(tmp_path: Path) -> 
 LONG = ("large_tables", "kills", "streams", "outputs_in_use", "quiet", "waves")
 """Families that take seconds for each kind; the long form has them."""
 
-EVERY = 30
+EVERY = 60
 """Every so-many-th layout in the short form."""
 
 

@@ -150,8 +150,8 @@ MASKS: Final = {
 }  # fmt: skip
 """Entries that hide what others do, at the value at which they do not: all pairs of the others stand in such rows."""
 
-ROWS: Final = 35
-QUICK: Final = (0, 7, 14, 21, 28, 34)
+ROWS: Final = 36
+QUICK: Final = (0, 7, 14, 21, 28, 35)
 
 
 @functools.cache

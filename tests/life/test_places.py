@@ -23,9 +23,6 @@ PLANE = {"latlon": False, "f_plane": True, "reference_latitude": -55.0, "period"
 SCHEMES: dict[str, dict[str, Any]] = {
     "quasi_static": {"stepping": {"scheme": "quasi_static", "time_step": 1800.0}},
     "mts": {"stepping": {"scheme": "mts", "time_step": 1800.0}, "bonds": {"youngs_modulus": 1e6}},
-    "mts, crushing": {
-        "stepping": {"scheme": "mts", "time_step": 1800.0}, "bonds": {"youngs_modulus": 1e6}, "contact": {"law": "crushing"},
-    },
     "verlet": {"stepping": {"scheme": "verlet", "time_step": 20.0}, "bonds": {"law": "spring", "spring": 1e-4}},
     "runge_kutta": {"stepping": {"scheme": "runge_kutta", "time_step": 20.0}, "bonds": {"law": "spring", "spring": 1e-4}},
 }  # fmt: skip

@@ -50,7 +50,7 @@ def composed(one, two, s, law, dt):
     parting, across = bonds.along_and_across(*(one.u - two.u), nx, ny)
     sliding = bonds.slip_speed(across, lever1 * one.spin + lever2 * two.spin)
     slip = bonds.advance_slip(bonds.signed_slip(*s, nx, ny), sliding, dt)
-    shear = 0.0 if law.no_shear else -bonds.shear_stiffness(law.E / rest, bonds.beam_parts(law.nu)[1], w, h) * slip
+    shear = 0.0 if law.no_shear else -bonds.shear_stiffness(law.E / rest, law.nu, w, h) * slip
     torque1 = bonds.torque_of(lever1, shear)
     torque2 = torque1 if law.shared_lever else bonds.torque_of(lever2, shear)
     turned = one.rotation - two.rotation
@@ -223,7 +223,7 @@ def test_stiffness_is_linear_in_modulus_and_thickness(e, w, h, rest, half, theta
     """Force, shear stiffness and bending moment all double with E and with H; stresses with E only."""
     for f in (
         lambda e, h: bonds.normal_force(e / rest, w, h, half),
-        lambda e, h: bonds.shear_stiffness(e / rest, bonds.beam_parts(0.3)[1], w, h),
+        lambda e, h: bonds.shear_stiffness(e / rest, 0.3, w, h),
         lambda e, h: bonds.bending_torque(e / rest, w, h, theta),
     ):
         assert f(2 * e, h) == pytest.approx(2 * f(e, h), rel=1e-14)
@@ -410,7 +410,7 @@ def test_shared_lever_quirk_gives_the_partner_the_wrong_torque_only_if_radii_dif
 @given(e=between(1e3, 1e9), nu=between(-0.5, 0.49), w=length, h=thickness, rest=length, slip=between(0, 50))
 def test_shear_stress_is_the_shear_force_over_the_section(e, nu, w, h, rest, slip):
     """Spec 5.4: |F_s| / (w H), whatever the section."""
-    force = bonds.shear_stiffness(e / rest, bonds.beam_parts(nu)[1], w, h) * slip
+    force = bonds.shear_stiffness(e / rest, nu, w, h) * slip
     assert bonds.shear_stress_of(e / rest, nu, slip) == pytest.approx(force / (w * h), rel=1e-13)
 
 

@@ -168,7 +168,6 @@ def long_step(
     starting=False,
     skip_outer=False,
     may_break=False,
-    grow_damage=False,
     rank=None,
     around=None,
     at_once=AT_ONCE,
@@ -184,13 +183,12 @@ def long_step(
         by_search=not p.broken_as_contact,
         break_inline=may_break,
         break_after=False,
-        grow_damage=grow_damage,
         at_once=at_once,
     )
     none, partners, sizes = no_pairs(n), partners_of(el, bonds, p, multiple=True), interaction_sizes(el, p)
     pairs = touching_pairs(el, bonds, p)
     around = allocate_surroundings(n) if around is None else around
-    work = Workspace(allocate_tiles(el, bonds, p), pairs, allocate_fields(n))
+    work = Workspace(allocate_tiles(el, bonds), pairs, allocate_fields(n))
     colliding, inside = partners._replace(bonded=none, same_berg=none), partners._replace(collision=none)
     rank = np.arange(n) if rank is None else rank
 

@@ -28,6 +28,7 @@ from riftberg.stepping.ground.pads import (
 from riftberg.stepping.ground.plate import PlateRoom
 from riftberg.stepping.ground.press import HOLD, LIFT, LOAD, LOAD_X, LOAD_Y, PRESSED, YIELD, Bed, press
 from riftberg.stepping.ground.seabed import Shoal, _find_candidates, _place_squares, bed_of, bent_bonds, depth_of_bed
+from riftberg.stepping.ground.soundings import Soundings
 from riftberg.stepping.lattice.footprints import BodyFootprint
 from scripts import ROOT, loaded, table_rows
 
@@ -325,7 +326,7 @@ def test_a_floor_of_second_order_is_seen_between_the_corners_of_pads() -> None:
 
 def test_pads_that_may_touch_are_found_before_they_do() -> None:
     """After a way of 300 m, and none far from the bank; a survey of the floor is kept as long as the berg is in its ring."""
-    berg, c = Berg(8, 4, 500.0), SimpleNamespace(latlon=False, earth_radius=RADIUS)
+    berg = Berg(8, 4, 500.0)
     shoal, asked = Shoal([], np.zeros(1, np.int64), berg.pads.frame[:, 2], berg.pads, np.ones(32)), [0]
 
     def depth(x: Any, y: Any) -> Any:  # a bank in the east that rises to 1.5 m above the keel
@@ -333,11 +334,12 @@ def test_pads_that_may_touch_are_found_before_they_do() -> None:
         return np.clip(DRAFT - 1.5 + 0.1 * (6000.0 - x), DRAFT - 1.5, 400.0)
 
     pose, reach, near = np.zeros((1, 3, 3)), np.array([300.0]), np.ones(1, bool)
+    soundings = Soundings(depth, False, RADIUS)
     pose[0, 0, 0] = pose[0, 1, 1] = 1.0
     for x in np.linspace(-12e3, 9e3, 40):
         pose[0, 0, 2] = x
         before = asked[0]
-        shoal.look_around(pose, reach, berg.draft, near, depth, c)
+        shoal.look_around(pose, reach, berg.draft, near, soundings, 1.0)
         surveyed = asked[0] > before
         lon, lat = np.empty((2, shoal.squares.size))
         _place_squares(berg.pads, shoal.squares, shoal.body, pose, False, RADIUS, lon, lat)
@@ -374,11 +376,14 @@ def test_the_floor_of_a_plane_that_repeats_is_asked_for_within_its_period() -> N
 
 
 def test_land_of_no_known_depth_is_dry_for_the_bed() -> None:
-    """It was 10 km deep, as what lies beyond all data: a keel went over the coast as if nothing were there."""
+    """It was 10 km deep, as what lies beyond all data: a keel went over the coast as if nothing were there.
+
+    Beyond the data it is as deep as at its edge.
+    """
     sea = SimpleNamespace(
         depth=lambda x, y: np.where(x < 0.0, 300.0, np.nan), land=lambda x, y: (x >= 0.0) & (x < 10.0)
     )
-    assert depth_of_bed(sea)(np.array([-1.0, 5.0, 20.0]), np.zeros(3)).tolist() == [300.0, 0.0, 1e4]  # type: ignore[arg-type]
+    assert depth_of_bed(sea)(np.array([-1.0, 5.0, 20.0]), np.zeros(3)).tolist() == [300.0, 0.0, 300.0]  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("thickness", [100.0, 250.0])

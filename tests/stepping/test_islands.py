@@ -252,3 +252,22 @@ def test_a_small_berg_does_not_jump_through_a_larger_one() -> None:
     for _ in range(4):
         model.advance(steps=1)
         assert np.diff(model.elements.lon) > 467.0
+
+
+def test_a_meeting_on_the_sphere_is_the_same_across_the_seam() -> None:
+    """Bergs that meet at the date line go as those that meet elsewhere."""
+
+    def apart(east: float) -> tuple[float, float]:
+        bergs = [
+            Iceberg.rectangle(
+                400.0, 400.0, thickness=100.0, radius=200.0, placement=(east + d, -60.0), velocity=(u, 0.0)
+            )
+            for d, u in ((-0.004, 0.3), (0.004, 0.0))
+        ]
+        model = Model(Iceberg.join(bergs), Steady())
+        model.advance(steps=4)
+        assert len(model.contacts.rows) == 1
+        el = model.elements
+        return float((el.lon[1] - el.lon[0] + 180.0) % 360.0 - 180.0), float(el.u[1])
+
+    np.testing.assert_allclose(apart(180.0), apart(20.0), rtol=1e-7)

@@ -22,7 +22,7 @@ from riftberg.stepping.forces.sizes import interaction_sizes
 from stepping.lattices import parameters
 
 LAW = {
-    "spring": 1e-6, "spring_modulus": 5.0, "modulus": 5.0, "contact_spring": 1e-7, "contact_stiffest": 1e-3,
+    "spring": 1e-6, "modulus": 5.0, "contact_spring": 1e-7, "contact_stiffest": 1e-3,
     "contact_distance": 4e3, "critical": True,
     "tangential_critical": True, "radial": 1e-4, "tangential": 2e-5, "by_speed": True, "latlon": True, "earth_radius": 6.37e6,
     "period": 360.0,

@@ -127,15 +127,15 @@ def opening_half_kick(elements, p, dt):
     return elements
 
 
-def multiple_step(elements, bonds, p, dt, substeps, *, skip_outer=False, may_break=False, grow_damage=False, time=0.0):
+def multiple_step(elements, bonds, p, dt, substeps, *, skip_outer=False, may_break=False, time=0.0):
     """One long step of equations 6.4 without the cell update at its end.
 
     Parameters
     ----------
     skip_slow : bool
         Leave out PART 1 and PART 2.
-    may_break, wears : bool
-        In-line fracture; damage.
+    may_break : bool
+        In-line fracture.
 
     Returns
     -------
@@ -156,7 +156,6 @@ def multiple_step(elements, bonds, p, dt, substeps, *, skip_outer=False, may_bre
                 p,
                 dt / substeps,
                 may_break=may_break,
-                grow_damage=grow_damage,
                 time=time + (n + 1) * dt / substeps,
             )
             broken += more

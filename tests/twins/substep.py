@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from twins import bonds as bond_law
-from twins import contact, damage, fracture, geometry, grounding
+from twins import contact, fracture, geometry, grounding
 from twins.elements import assign, between, bond_size, bonded_to, copies, draft, moves, own_size, vector
 from twins.velocity import implicit_acceleration, kid_pair
 
@@ -96,7 +96,7 @@ def set_convergence(elements, bonds, p):
         b.convergence = np.sin(mean) if p.latlon and not p.flat_relative_velocity else 0.0
 
 
-def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, grow_damage=False):
+def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground):
     """All unbroken bonds: update ``bonds`` and return forces and torques (elastic and damping together) per element."""
     force = np.zeros((len(elements), 2))
     torque = np.zeros(len(elements))
@@ -118,8 +118,6 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, grow_dam
         b.bond_length = float(result.length)
         b.relative_rotation += result.turn
         strengths = (b.strength * p.normal_strength, b.strength * p.shear_strength)
-        if grow_damage:
-            b.damage = damage.grow(b.damage, b.normal_stress, b.shear_stress, *strengths, p, dt)
         limits = (*strengths, 1 - b.damage)
         broken = may_break and fracture.breaks(b.normal_stress, b.shear_stress, *limits)
         if broken:
@@ -134,7 +132,7 @@ def evaluate_bonds(elements, bonds, p, dt, *, may_break, time, aground, grow_dam
     return force, torque, fresh
 
 
-def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0, grow_damage=False):
+def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0):
     """Equations 5.3 with DEM: accelerations (list of arrays) and spin rates; ``elements`` and ``bonds`` are changed.
 
     Contact pairs are the bonds that were broken before this evaluation, or those that a search finds.
@@ -143,9 +141,7 @@ def dem_accelerations(elements, bonds, p, dt, *, may_break=False, time=0.0, grow
     counts = [e.bond_count for e in elements]
     candidates = [searched(k, elements, bonds, p) for k in range(len(elements))]
     aground = [grounding.fraction(e.depth, draft(e, p), p.ground_ramp) > 0 for e in elements]
-    force, torque, fresh = evaluate_bonds(
-        elements, bonds, p, dt, may_break=may_break, time=time, aground=aground, grow_damage=grow_damage
-    )
+    force, torque, fresh = evaluate_bonds(elements, bonds, p, dt, may_break=may_break, time=time, aground=aground)
     accelerations = []
     for k, e in enumerate(elements):
         r, mass, _ = bond_size(e, p)
@@ -194,7 +190,7 @@ def floor_rates(e, p):
     return slide, turn
 
 
-def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0, grow_damage=False):
+def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0):
     """3a to 3d for all elements: returns new elements, new bonds and the number of bonds broken.
 
     Parameters
@@ -203,17 +199,13 @@ def explicit_substep(elements, bonds, p, dt, *, may_break=False, time=0.0, grow_
         Sub-step, s.
     may_break : bool
         Test for fracture in line (equations 7.2).
-    wears : bool
-        Let stress take from the strength of the bonds.
     time : float
         Time at the end of the sub-step, s.
     """
     elements, bonds = copies(elements), copies(bonds)
     drift(elements, p, dt)
     if p.dem:
-        accelerations, broken = dem_accelerations(
-            elements, bonds, p, dt, may_break=may_break, time=time, grow_damage=grow_damage
-        )
+        accelerations, broken = dem_accelerations(elements, bonds, p, dt, may_break=may_break, time=time)
     else:
         accelerations, broken = spring_accelerations(elements, bonds, p), 0
     for e, acceleration in zip(elements, accelerations, strict=True):

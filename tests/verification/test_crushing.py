@@ -15,7 +15,6 @@ import pytest
 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import fragment_areas
-from riftberg.errors import InputError
 from riftberg.experiments import Options, build
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import A68A_2022
@@ -390,89 +389,6 @@ def test_means_of_what_breaks_in_a_converging_current_hang_on_neither_step_nor_m
     """
     found = [broken_in_converging_current(strength, dt, modulus, aside) for aside in (0.0, 0.1, 0.2, 0.4, 0.7, 1.0)]
     assert abs(np.mean(found) - bonds) <= 5.0
-
-
-def in_mts(speed: float, dt: float, modulus: float, *, aside: float = 0.0, strength: float = 0.0) -> Model:
-    """20 x 10 km on 10 x 10 km with elastic lattices that oscillate."""
-    gap = 0.37 * speed * min(dt, 1800.0) + 5.0
-    shape = {"thickness": 250.0, "radius": 2500.0, "latlon": False}
-    one = Iceberg.rectangle(20e3, 10e3, velocity=(speed, 0.0), **shape)
-    two = Iceberg.rectangle(10e3, 10e3, placement=(15e3 + gap, aside), **shape)
-    parameters = Parameters(
-        earth={"latlon": False, "period": 0.0}, contact={"law": "crushing"},
-        stepping={"scheme": "mts", "time_step": dt, "only_interactions": True}, bonds={"youngs_modulus": modulus},
-        fracture={"enabled": strength > 0.0, "normal_strength": strength or 1e4},
-    )  # fmt: skip
-    return Model(Iceberg.join([one, two]), Steady(), parameters)
-
-
-def after_impact(model: Model, speed: float) -> tuple[float, float, float, float]:
-    """Restitution, changes of momentum and angular momentum (as parts), and plastic work over the energy lost."""
-    el = model.elements
-    first, inertia = el.u > 0.0, 0.5 * el.mass * 2500.0**2
-
-    def sums() -> np.ndarray:
-        e, m = model.elements, model.elements.mass
-        energy = 0.5 * (m @ (e.u**2 + e.v**2) + inertia @ e.spin**2)
-        # Spins stand half a sub-step ahead of the velocities.
-        spin = e.spin - 0.5 * model.parameters.stepping.time_step / e.body.substeps * e.spin_rate
-        return np.array([m @ e.u, m @ (e.lon * e.v - e.lat * e.u) + inertia @ spin, energy])
-
-    gap, before = float(np.ptp(el.lon)) - 25e3, sums()
-    while model.time < gap / speed + 200.0:
-        model.advance(steps=1)
-    el, (momentum, angular, energy) = model.elements, sums() - before
-    one, two = (np.average(el.u[s], weights=el.mass[s]) for s in (first, ~first))
-    turning = angular / (el.mass.sum() * speed * 10e3)
-    return (two - one) / speed, momentum / before[0], turning, model._stepper.plastic[0] / -energy
-
-
-@pytest.mark.parametrize(("speed", "dt"), [(0.3, 60.0), (0.3, 1800.0), (0.3, 10800.0), (0.01, 10800.0), (1.0, 600.0)])
-def test_elastic_bergs_rebound_at_a_tenth_too(speed: float, dt: float) -> None:
-    """In `mts` bars of other lengths would give back a part of their speed by their own ringing."""
-    restitution, momentum, angular, spent = after_impact(in_mts(speed, dt, 1e9), speed)
-    assert 0.05 < restitution < 0.15
-    assert abs(momentum) < 1e-12
-    # Levers are those of the predicted middle. Bodies at rest go on by their new velocity, which is off by the square of theirs.
-    assert abs(angular) < 2e-11
-    assert spent == pytest.approx(1.0, abs=0.01)
-
-
-@pytest.mark.parametrize("modulus", [1e9, 9e9])
-def test_what_an_impact_breaks_in_mts_does_not_hang_on_youngs_modulus(modulus: float) -> None:
-    model = in_mts(0.3, 600.0, modulus, aside=3e3, strength=3e4)
-    _, momentum, angular, spent = after_impact(model, 0.3)
-    assert int((model.bonds.status != 0).sum()) == 2
-    assert model.fragment_count == 3
-    assert abs(momentum) < 1e-12
-    # With the impulse on the piece as it was before the sub-steps deformed it, 2e-8.
-    assert abs(angular) < 1e-11
-    assert spent == pytest.approx(1.0, abs=0.01)
-
-
-def test_a_restart_within_an_impact_in_mts_goes_on_bit_for_bit(tmp_path: Path) -> None:
-    model = in_mts(0.3, 20.0, 1e7)
-    while not model._stepper.plastic[0]:
-        model.advance(steps=1)
-    path = model.save(tmp_path / "pressed.restart.nc")
-    again = Model.resume(path, Steady())
-    for run in (model, again):
-        run.advance(steps=2)
-    for name in ("lon", "lat", "u", "v", "spin"):
-        np.testing.assert_array_equal(getattr(again.elements, name), getattr(model.elements, name))
-    assert again._stepper.plastic[0] == model._stepper.plastic[0] > 0.0
-
-
-def test_schemes_without_a_law_of_contact_refuse_it_by_name() -> None:
-    with pytest.raises(
-        (InputError, ValueError), match=r"contact.law = 'crushing' needs stepping.scheme = 'quasi_static' or 'mts'"
-    ):
-        Parameters(contact={"law": "crushing"}, bonds={"law": "none"}, stepping={"scheme": "verlet"})
-    with pytest.raises(
-        (InputError, ValueError),
-        match=r"contact.law = 'spring' needs stepping.scheme = 'mts', 'verlet' or 'runge_kutta'",
-    ):
-        Parameters(contact={"law": "spring"})
 
 
 def test_springs_of_contact_change_nothing_in_the_default_scheme() -> None:

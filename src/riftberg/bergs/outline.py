@@ -24,7 +24,7 @@ import shapely.errors
 from shapely.geometry import shape
 
 from riftberg.bergs.seams import NO_BERG, fault_of_ring, whole_shapes
-from riftberg.errors import BergError
+from riftberg.errors import BergError, line_of_fault
 from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
 
 DATE_KEYS = (
@@ -155,7 +155,9 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
                 "not a GeoJSON geometry: members or numbers are missing", where=place, remedy=_RFC
             ) from error
         except (ValueError, shapely.errors.ShapelyError) as error:
-            raise BergError(f"not a GeoJSON geometry ({error})", where=place, remedy=_RFC) from error
+            raise BergError(
+                "not a GeoJSON geometry: its type or the shape of its coordinates is another", where=place, remedy=_RFC
+            ) from error
     return found, crs
 
 
@@ -186,7 +188,7 @@ def _from_geojson_file(path: Path) -> tuple[list[Feature], str | None]:
     try:
         data = json.loads(path.read_bytes())  # with or without a mark of its encoding
     except (ValueError, RecursionError) as error:
-        raise BergError(f"not JSON ({error})", where=str(path), remedy=_RFC) from error
+        raise BergError(f"not JSON{line_of_fault(error)}", where=str(path), remedy=_RFC) from error
     if not isinstance(data, dict):
         raise BergError("no GeoJSON object", where=str(path), remedy=_RFC)
     return _from_geojson(data, str(path))
@@ -411,7 +413,7 @@ def line_strings(source: Any, crs: str | None = None) -> list[Any]:
             lines = [np.asarray(line, dtype=float) for line in nested]
         except (IndexError, TypeError, ValueError) as error:
             raise BergError(
-                f"lines that are no numbers ({error})",
+                "lines that are no numbers",
                 where="lines",
                 remedy="Give arrays (n, 2) of longitude and latitude",
             ) from error
@@ -528,7 +530,9 @@ def features_of_kml(path: Path) -> list[Feature]:
             raise BergError("a document type or entities, which KML has not", where=str(path), remedy="Remove them")
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, zipfile.BadZipFile, ValueError, LookupError, RuntimeError) as error:
-        raise BergError(f"not KML ({error})", where=str(path), remedy="Export the outline again as KML") from error
+        raise BergError(
+            f"not KML{line_of_fault(error)}", where=str(path), remedy="Export the outline again as KML"
+        ) from error
     return list(_placemarks(root, {}, str(path)))
 
 

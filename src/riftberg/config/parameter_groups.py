@@ -16,9 +16,8 @@ from riftberg.system.input_files import value_shown
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
-Elasticity = Literal["bonds", "isotropic", "cells"]
+Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["seabed", "none", "linear", "quadratic"]
-ContactLaw = Literal["spring", "crushing"]
 Sediment = Literal["rock", "sand", "clay", "other"]
 DeepKeel = Literal["aground", "refuse"]
 Criterion = Literal["bond", "ice", "toughness"]
@@ -188,19 +187,19 @@ class Grounding(Group):
 
 
 class Contact(Group):
-    """Repulsion between bergs and between the pieces of a broken berg."""
+    """Repulsion between bergs and between the pieces of a broken berg.
 
-    law: ContactLaw | None = quantity(
-        None,
-        "",
-        "crushing: faces that bear a limited pressure and rub (always in quasi_static; mts on request), or spring: spring and "
-        "damper between centres (mts, verlet, runge_kutta). none means crushing with quasi_static, else spring",
-        "equations 5.2; crushing: Riftberg",
-    )
+    In quasi_static faces bear a limited pressure and rub; in mts, verlet and runge_kutta springs and dampers act between centres.
+    """
+
+    _gone: ClassVar[dict[str, str]] = {
+        "law": "Leave it out: faces crush with stepping.scheme = 'quasi_static', springs act with the other schemes"
+    }
+
     crushing_strength: float = quantity(
         1.5e6,
         "Pa",
-        "p_c, largest mean pressure on a face of the law crushing",
+        "p_c, largest mean pressure on a face (quasi_static)",
         "Riftberg; small impacts: 25 to 41 MPa",
         gt=0,
     )
@@ -210,7 +209,7 @@ class Contact(Group):
     unloading_ratio: float = quantity(
         100.0, "1", "stiffness of unloading over that of loading; faces rebound at one over its root", "Riftberg", ge=1
     )
-    friction: float = quantity(0.2, "1", "Coulomb friction between faces of the law crushing", "Riftberg", ge=0)
+    friction: float = quantity(0.2, "1", "Coulomb friction between faces (quasi_static)", "Riftberg", ge=0)
     spring: float | None = quantity(
         None,
         "s-2",
@@ -256,11 +255,9 @@ class BondParameters(Group):
     elasticity: Elasticity | None = quantity(
         None,
         "",
-        "what is elastic: bonds, each for itself as published; isotropic (explicit schemes), bonds that make a solid alike "
-        "in all directions; cells (quasi_static), the ice of the elements, such a solid too. none means cells with quasi_static, "
-        "but for the criterion bond; isotropic with other schemes; bonds with the reference's numerics, without "
-        "shear and where bonds.spring is given for springs",
-        "equations 5; isotropic: Ostoja-Starzewski 2002; cells: Argyris 1964, Hughes and Brezzi 1989",
+        "what is elastic: bonds, each for itself as published; cells (quasi_static), the ice of the elements, a solid alike in "
+        "all directions. none means cells with quasi_static, but for the criterion bond; bonds with other schemes",
+        "equations 5; cells: Argyris 1964, Hughes and Brezzi 1989",
     )
     spring: float | None = quantity(
         None,

@@ -245,13 +245,11 @@ LAWS: Final = (
         "ice_modulus", "start")),
     Law("grounding.law = 'quadratic'", lambda p: p.grounding_law == "quadratic", "grounding", ("quadratic_coefficient",)),
     Law("grounding.law = 'linear'", lambda p: p.grounding_law == "linear", "grounding", ("coefficient", "ramp_height", "torque")),
-    Law("contact.law = 'crushing'", lambda p: p.crushing, "contact", (
+    Law("stepping.scheme = 'quasi_static'", lambda p: p.stepping.scheme == "quasi_static", "contact", (
         "crushing_strength", "crushing_depth", "unloading_ratio", "friction")),
-    Law("contact.law = 'spring', of the schemes mts, verlet and runge_kutta", lambda p: not p.crushing, "contact", (
-        "spring", "distance", "on_substeps")),
     Law("a scheme other than quasi_static", lambda p: p.stepping.scheme != "quasi_static", "contact", (
-        "critical_damping", "tangential_critical_damping", "radial_damping", "tangential_damping", "iterate", "tolerance",
-        "max_iterations")),
+        "spring", "distance", "on_substeps", "critical_damping", "tangential_critical_damping", "radial_damping",
+        "tangential_damping", "iterate", "tolerance", "max_iterations")),
     Law("bonds.law = 'dem'", lambda p: p.bonds.law == "dem", "bonds", ("poisson", "damping")),
     Law("fracture.criterion = 'toughness'", lambda p: p.fracture.criterion == "toughness", "fracture", ("toughness",)),
     Law("damage.enabled", lambda p: p.damage.enabled, "damage", ("threshold", "time_scale", "exponent")),

@@ -34,7 +34,7 @@ ledger : ice (kg) at start and end, melt water (kg) and its heat (J) by process,
     nothing melts
 motion : momentum (N s, east and north) at start and end and what each force gave; kinetic energy (J) at start and end and the
     work of each force; energy in bonds, dissipated (null where bonds do not vibrate), released by cracks, and
-    crushed: plastic work and friction of contact.law crushing, rubbed: friction of grounding.law seabed
+    crushed: plastic work and friction of faces that crush each other, rubbed: friction of grounding.law seabed
 wall_seconds : wall time of the whole run, s
 seconds_per_day : wall time per simulated day without the first step and without compilation, s; null in runs of one step
 steps : long steps taken

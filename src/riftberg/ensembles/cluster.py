@@ -219,7 +219,7 @@ def _packed(function: Callable[[Any], Any], job: Any) -> bytes:
         return bytes(pickler.dumps((function, job)))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InputError(
-            f"the function that makes the models cannot be sent to other processes: {error}", where="sweep",
+            "the function that makes the models cannot be sent to other processes", where="sweep",
             remedy="Define it at the top of a module, install cloudpickle, or give workers=0",
         ) from error  # fmt: skip
 

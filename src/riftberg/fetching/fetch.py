@@ -136,18 +136,18 @@ def _in_order(parts: Sequence[Path]) -> list[Path]:
                 records = len(ds.dimensions["time"]) if "time" in ds.dimensions else 0
                 begins.append(float(ds["time"][0]) if records and "time" in ds.variables else 0.0)
         except (OSError, RuntimeError) as error:
-            raise _damaged(part, error) from error
+            raise _damaged(part) from error
         if not records:
             remedy = "The source has changed: do not use the data"
             raise ForcingError("this part has no records", where=str(part), remedy=remedy)
     return [part for _, part in sorted(zip(begins, parts, strict=True), key=lambda pair: pair[0])]
 
 
-def _damaged(part: Path, error: Exception) -> ForcingError:
+def _damaged(part: Path) -> ForcingError:
     """Remove a part that cannot be read, and return the error that says so."""
     part.unlink()
     remedy = "It was removed: run the same command again"
-    return ForcingError(f"this part is damaged ({error})", where=str(part), remedy=remedy)
+    return ForcingError("this part is damaged", where=str(part), remedy=remedy)
 
 
 def _join(parts: Sequence[Path], target: Path) -> None:
@@ -164,7 +164,7 @@ def _join(parts: Sequence[Path], target: Path) -> None:
                         try:
                             values = variable[...]
                         except (OSError, RuntimeError) as error:
-                            raise _damaged(part, error) from error
+                            raise _damaged(part) from error
                         out[name][first : first + len(ds.dimensions["time"])] = values
 
 

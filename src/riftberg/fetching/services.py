@@ -20,7 +20,7 @@ from typing import Any, Literal, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
-from riftberg.errors import ForcingError
+from riftberg.errors import ForcingError, line_of_fault
 from riftberg.fetching.download import (
     Progress,
     Resuming,
@@ -353,8 +353,8 @@ def _fault_of_floor(path: Path, lon: Span, lat: Span) -> str:
             if ds.data_model.startswith("NETCDF3") and path.stat().st_size < least:
                 return f"the answer was cut: {path.stat().st_size:,} of at least {least:,} bytes"
             ds["elevation"][-1, -1]
-    except (OSError, RuntimeError, IndexError, ValueError) as error:
-        return f"the answer cannot be read ({error})"
+    except (OSError, RuntimeError, IndexError, ValueError):
+        return "the answer is no file of NetCDF that can be read"
     return ""
 
 
@@ -432,7 +432,7 @@ def _in_netrc(path: Path, *machines: str) -> bool:
         hosts = netrc.netrc(path).hosts
     except (netrc.NetrcParseError, UnicodeDecodeError) as error:
         remedy = "Mend that line, or give the login in variables of the environment"
-        raise ForcingError(f"cannot be read ({error})", where=str(path), remedy=remedy) from error
+        raise ForcingError(f"cannot be read{line_of_fault(error)}", where=str(path), remedy=remedy) from error
     entries = [hosts[machine] for machine in machines if machine in hosts]
     return any(user and password for user, _, password in entries)
 

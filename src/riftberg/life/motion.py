@@ -27,10 +27,8 @@ from riftberg.parameters import Parameters
 from riftberg.physics.bonds import bond_section
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.neighbours import ANY, find_pairs
-from riftberg.stepping.explicit.stability import stiffness_parts
 from riftberg.stepping.forces.media import CORIOLIS, FORCES, OWN, SEA_FLOOR
 from riftberg.stepping.forces.sizes import disc_inertia, interaction_sizes, radius_of, rectangle_inertia
-from riftberg.stepping.lattice.diagonals import with_diagonals
 
 if TYPE_CHECKING:
     from riftberg.stepping.run_state import RunState
@@ -357,7 +355,7 @@ class MotionLedger:
         left = bonds_before.copy()
         left.status[broke] = 1
         held = [energy_in_bonds(before, some, run) or 0.0 for some in (bonds_before, left)]
-        kept[BONDS, 1] += held[0] - held[1]  # with what freed diagonals held
+        kept[BONDS, 1] += held[0] - held[1]
 
     def balance(self, run: RunState, remembered: MutableMapping[str, Floats]) -> MotionBalance:
         """Return the ledger from the start to now."""
@@ -461,32 +459,24 @@ BLOCK: Final = 2**17
 def energy_in_bonds(elements: Elements, bonds: Bonds, run: RunState) -> float | None:
     """Return the elastic energy (J) in unbroken bonds, None where their law is not that of a vibrating lattice.
 
-    Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``;
-    isotropic bonds have other parts of these, and diagonals.
+    Normal ``K (l - l0)^2 / 2`` with ``K = E H w / l0``, shear ``K s^2 / (4 (1 + nu))``, bending ``K w^2 (1 - cos theta) / 12``.
     """
-    c = run.constants
     if not bonds_vibrate(run):
         return None
     some = bonds.taken(bonds.status == 0) if (bonds.status != 0).any() else bonds
     if some.first.size == 0:
         return 0.0
-    i, j, rest = with_diagonals(elements, some, c)
-    beyond, energy = some.first.size, 0.0  # behind the bonds stand the diagonals
-    slip = np.append(some.shear_x**2 + some.shear_y**2, np.zeros(i.size - beyond))
     # In blocks: the twenty numbers that each bond needs would be the largest memory of a run of very many.
-    for k in range(0, i.size, BLOCK):
-        block = slice(k, k + BLOCK)
-        diagonal = np.arange(k, min(k + BLOCK, i.size)) >= beyond
-        energy += _energy_of(elements, run, i[block], j[block], rest[block], slip[block], diagonal)
-    return energy
+    return sum(
+        _elastic_energy(elements, some.taken(np.arange(k, min(k + BLOCK, some.first.size))), run)
+        for k in range(0, some.first.size, BLOCK)
+    )
 
 
-def _energy_of(
-    elements: Elements, run: RunState, i: Ints, j: Ints, rest: Floats, slip: Floats, diagonal: Booleans
-) -> float:
-    """Return the elastic energy (J) of bonds and diagonals from ``i`` to ``j``; ``slip``: squared, m2."""
+def _elastic_energy(elements: Elements, bonds: Bonds, run: RunState) -> float:
+    """Return the elastic energy (J) of bonds, none of them broken."""
     p, c = run.parameters, run.constants
-    of_normal, of_shear, facet = stiffness_parts(p, elements, i, diagonal)
+    i, j, rest = bonds.first, bonds.second, bonds.rest_length
     sizes = interaction_sizes(elements, c)
     radius, thickness = sizes.bond_radius, elements.body.thickness
     x, y = elements.place.lon, elements.place.lat
@@ -504,6 +494,5 @@ def _energy_of(
     angle = elements.motion.rotation - sub_step * elements.motion.spin
     bent = angle[i] - angle[j]
     bending = 0.5 * bent * bent if p.bonds.linear_bending else 1.0 - np.cos(bent)
-    slid = slip * (0.0 if p.bonds.no_shear else of_shear)
-    stretch = of_normal * (length - rest) ** 2
-    return float((stiffness * (0.5 * (stretch + slid) + facet**3 * width * width / 12.0 * bending)).sum())
+    slid = (bonds.shear_x**2 + bonds.shear_y**2) * (0.0 if p.bonds.no_shear else 0.5 / (1.0 + p.bonds.poisson))
+    return float((stiffness * (0.5 * ((length - rest) ** 2 + slid) + width * width / 12.0 * bending)).sum())

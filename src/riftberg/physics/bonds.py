@@ -68,51 +68,9 @@ def signed_slip(sx: float, sy: float, nx: float, ny: float) -> float:
 
 
 @kernel
-def beam_parts(poisson: float) -> tuple[float, float, float]:
-    """Parts of `isotropic_parts` for bonds that are beams of their own, as published: 1, ``1 / (2 (1 + nu))`` and 1."""
-    return 1.0, 0.5 / (1.0 + poisson), 1.0
-
-
-@kernel
-def isotropic_parts(sides: int, diagonal: bool, poisson: float) -> tuple[float, float, float]:
-    """Stiffness of bonds whose lattice is an isotropic solid in plane stress of modulus E and Poisson's ratio nu.
-
-    Parameters
-    ----------
-    sides : int
-        Sides of the elements: 6, or 4 for squares, whose bonds in rows need the diagonals too.
-    diagonal : bool
-        Whether it is a diagonal of squares: a spring between two centres, without shear and bending.
-    poisson : float
-        nu: above -1 and up to 1/3, beyond which the shear stiffness would be negative; for squares from 0 on.
-
-    Returns
-    -------
-    normal, shear : float
-        Stiffness against extension and slip as parts of E H w / l_0 (with w = l_0: of E H).
-        Hexagons ``1 / (sqrt(3) (1 - nu))`` and ``(1 - 3 nu) / (1 + nu)`` of it;
-        rows of squares ``1 / (1 + nu)`` and ``(1 - 3 nu) / (1 - nu^2)``; diagonals ``nu / (1 - nu^2)`` and 0.
-    facet : float
-        Length of the side along which both elements touch, as a part of the width w: ``1 / sqrt(3)``, 1, 0.
-
-    Notes
-    -----
-    They follow from the energy of a uniform strain in which all elements turn with the ice, for example
-    ``C11 = k_row + k_diagonal`` and ``C66 = k_shear / 2 + k_diagonal`` for squares (Ostoja-Starzewski 2002, Appl. Mech.
-    Rev. 55, 35-60).
-    """
-    if sides == 6:
-        normal = 1.0 / (math.sqrt(3.0) * (1.0 - poisson))
-        return normal, normal * (1.0 - 3.0 * poisson) / (1.0 + poisson), 1.0 / math.sqrt(3.0)
-    if diagonal:
-        return poisson / (1.0 - poisson * poisson), 0.0, 0.0
-    return 1.0 / (1.0 + poisson), (1.0 - 3.0 * poisson) / (1.0 - poisson * poisson), 1.0
-
-
-@kernel
-def shear_stiffness(modulus_per_metre: float, part: float, width: float, thickness: float) -> float:
-    """``K_s = p w H E / l_0``, N m-1, with p of `beam_parts` or `isotropic_parts`; the force on element 1 is -K_s q along t."""
-    return modulus_per_metre * width * thickness * part
+def shear_stiffness(modulus_per_metre: float, poisson: float, width: float, thickness: float) -> float:
+    """``K_s = w H E / (2 (1 + nu) l_0)``, N m-1; the force on element 1 is -K_s q along t."""
+    return modulus_per_metre * width * thickness * (0.5 / (1.0 + poisson))
 
 
 @kernel

@@ -17,7 +17,7 @@ from riftberg.physics.geometry import separation
 from riftberg.state import Elements, Floats, Ints
 from riftberg.state.population import enter_cells
 from riftberg.state.variables import GONE
-from riftberg.stepping.contact.land import FindFaces, apply_land_constraint
+from riftberg.stepping.contact.land import apply_land_constraint
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts, drop_broken_bonds, drop_parted_bonds
 from riftberg.stepping.run_state import RunState
@@ -99,13 +99,8 @@ def publish_positions(el: Elements) -> None:
     np.copyto(el.lat_pair, el.lat, where=moving)
 
 
-def apply_boundaries(
-    run: RunState, cells: tuple[Ints, Ints] | None = None, find_faces: FindFaces | None = None
-) -> None:
-    """Find the cells after a move from ``cells``, stop bergs at land, wrap longitudes (equations 8).
-
-    ``find_faces``: of a run in which bergs crush each other's faces.
-    """
+def apply_boundaries(run: RunState, cells: tuple[Ints, Ints] | None = None) -> None:
+    """Find the cells after a move from ``cells``, stop bergs at land, wrap longitudes (equations 8)."""
     el, grid = run.elements, run.forcing.grid
     if grid is not None:
         if run.parameters.compatibility.elements_stopped_alone:
@@ -113,7 +108,7 @@ def apply_boundaries(
             settle_elements(el, grid.arrays, run.constants)
             enter_cells(el, columns, rows)
         else:
-            apply_land_constraint(el, run.bonds, grid.arrays, run.constants, find_faces)
+            apply_land_constraint(el, run.bonds, grid.arrays, run.constants)
         if run.constants.grid_position_round_trip:
             el.lon_pair[:], el.lat_pair[:] = el.lon, el.lat
             round_trip(el, grid.arrays)

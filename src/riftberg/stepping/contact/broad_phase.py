@@ -22,7 +22,6 @@ from riftberg.state.neighbours import OTHER_BERG, SAME_BERG, PairList, adjacency
 from riftberg.state.population import numbered
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.diagonals import with_diagonals
 from riftberg.stepping.run_state import RunState
 
 NEWBORN_CHILD = -1.0
@@ -79,7 +78,6 @@ class NeighbourSearch:
 
     def __init__(self) -> None:
         self._bonded: tuple[PairList, Ints] | None = None
-        self._springs: tuple[PairList, Floats] | None = None
         self._listed: tuple[int, int, int] = (-1, -1, -1)
 
     def bonded(self, el: Elements, bonds: Bonds) -> tuple[PairList, Ints]:
@@ -88,22 +86,13 @@ class NeighbourSearch:
         listed = int((bonds.status == 0).sum()), int(bonds.id.max(initial=0)), el.size
         if self._bonded is None or listed != self._listed:
             self._bonded = adjacency(bonds.first, bonds.second, bonds.status, el.size)
-            self._listed, self._springs = listed, None
+            self._listed = listed
         return self._bonded
 
     def springs(self, el: Elements, bonds: Bonds, p: KernelParameters) -> tuple[PairList, Floats]:
-        """Partners over spring bonds and diagonals, and the rest length (m) of each entry; none with the reference's rule."""
+        """Partners over spring bonds, and the rest length (m) of each entry; none with the reference's rule."""
         partners, bond = self.bonded(el, bonds)
-        if p.rest_length_from_sizes:
-            return partners, np.zeros(0)
-        if not p.isotropic:
-            return partners, bonds.rest_length[bond]
-        if self._springs is None:
-            first, second, rest = with_diagonals(el, bonds, p)
-            status = np.append(bonds.status, np.zeros(first.size - bonds.status.size, np.int64))
-            partners, bond = adjacency(first, second, status, el.size)
-            self._springs = partners, rest[bond]
-        return self._springs
+        return partners, np.zeros(0) if p.rest_length_from_sizes else bonds.rest_length[bond]
 
     def find(
         self, el: Elements, reach: float, rule: int, c: KernelParameters, cells: CellSearch | None = None

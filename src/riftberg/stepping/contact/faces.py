@@ -128,20 +128,16 @@ class FaceContact:
         return out
 
     def resolve(
-        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes, turned: Floats | None = None
+        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, sizes: Sizes
     ) -> SubcycledMotion | None:
-        """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none touch.
-
-        ``turned``: angles (rad) of the elements since their footprints were made, where the axes of the bodies do not rotate with
-        them: an element alone has no neighbours that show it.
-        """
+        """Take the bodies that may touch through ``h`` s of sub-steps, and keep the pairs of faces; None where none touch."""
         el, c, before = model.elements, model.constants, self.pairs
         self.forget_pairs()
         polygons = self._faces_of(model, bodies)
         first, second = candidate_pairs(el, bodies.body, sizes._replace(radius=polygons.reach), h, c)
         if first.size == 0:
             return None
-        faces = self._laid_out(polygons, el, op.body, op.levers, turned)
+        faces = self._laid_out(polygons, el, op.levers)
         apart = pair_separations(el, first, second, c)
         # As far as both can come in the step by themselves and by what drives them.
         # The spin of the state may be that of a trial step that was rolled back.
@@ -168,13 +164,8 @@ class FaceContact:
         self.pairs = FacePairs(ids[kept], pair_state[kept], before.dissipated + dissipated)
         return subcycled_motion(op, lists, first, second, found, shortest, h)
 
-    def find_near(
-        self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, turned: Floats | None, within: float
-    ) -> NearPairs:
-        """Find faces of different bodies that are at most ``within`` m from each other, with elements at ``lon``, ``lat``.
-
-        ``turned``: as in `resolve`.
-        """
+    def find_near(self, model: RunState, bodies: Bodies, lon: Floats, lat: Floats, within: float) -> NearPairs:
+        """Find faces of different bodies that are at most ``within`` m from each other, with elements at ``lon``, ``lat``."""
         el, c, free = model.elements, model.constants, movable(model.elements)
         polygons, levers = self._faces_of(model, bodies), np.empty((el.size, 11))
         fill_levers(bodies, c.latlon, c.earth_radius, levers)
@@ -186,21 +177,14 @@ class FaceContact:
             )
         first, second = free[first], free[second]
         apart = np.column_stack(separations(metric_of(c), lon[first], lat[first], lon[second], lat[second]))
-        found = face_gaps(first, second, apart, self._laid_out(polygons, el, bodies.body, levers, turned))
+        found = face_gaps(first, second, apart, self._laid_out(polygons, el, levers))
         near = found[:, 0] <= within
         return NearPairs(first[near], second[near], found[near, 0], found[near, 1:])
 
     @staticmethod
-    def _laid_out(polygons: _Polygons, el: Elements, body: Ints, levers: Floats, turned: Floats | None) -> Faces:
-        """Turn the footprints to where the axes of the bodies stand; ``turned`` as in `resolve`."""
-        axis = levers[:, 9:11]
-        if turned is not None:
-            alone = (np.bincount(body)[body] == 1) * turned
-            c_turn, s_turn = np.cos(alone), np.sin(alone)
-            axis = np.column_stack(
-                [axis[:, 0] * c_turn - axis[:, 1] * s_turn, axis[:, 1] * c_turn + axis[:, 0] * s_turn]
-            )
-        axis = axis[polygons.element]
+    def _laid_out(polygons: _Polygons, el: Elements, levers: Floats) -> Faces:
+        """Turn the footprints to where the axes of the bodies stand."""
+        axis = levers[:, 9:11][polygons.element]
         x, y = polygons.corner.T
         corner = np.column_stack([axis[:, 0] * x - axis[:, 1] * y, axis[:, 1] * x + axis[:, 0] * y])
         return Faces(

@@ -66,9 +66,6 @@ class NearPairs(NamedTuple):
 FindNear = Callable[[float], NearPairs]
 """Finds the pairs whose edges are no farther from each other than some metres, by the law of contact of the run."""
 
-FindFaces = Callable[[Floats, Floats, Ints, float], NearPairs]
-"""The same for elements at some positions (degrees, or m), of parts with these numbers, by faces."""
-
 
 def leading_elements(correction: Floats, part: Ints, find_near: FindNear) -> Ints:
     """Return for each part of the ice the element whose correction it shares; -1 for parts that stay.
@@ -127,13 +124,8 @@ def movable(el: Elements) -> Ints:
     return np.flatnonzero((el.static < 0.5) & (el.life.fl_k != NEWBORN_CHILD))
 
 
-def apply_land_constraint(
-    el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParameters, find_faces: FindFaces | None = None
-) -> None:
-    """Find the cells of all elements at the end of a step; where land stops one, its berg is stopped and put back with it.
-
-    ``find_faces``: of a run in which bergs crush each other's faces.
-    """
+def apply_land_constraint(el: Elements, bonds: Bonds, grid: GridArrays, c: KernelParameters) -> None:
+    """Find the cells of all elements at the end of a step; where land stops one, its berg is stopped and put back with it."""
     part = None
     for _ in range(MAX_PASSES):
         lon, lat = el.lon.copy(), el.lat.copy()
@@ -143,11 +135,7 @@ def apply_land_constraint(
             return
         if part is None:
             part = connected_parts(el.size, bonds.first, bonds.second, bonds.status)
-        if find_faces is None:
-            find_near = partial(find_near_circles, el, lon, lat, part, c)
-        else:
-            find_near = partial(find_faces, lon, lat, part)
-        leader = leading_elements(correction, part, find_near)[part]
+        leader = leading_elements(correction, part, partial(find_near_circles, el, lon, lat, part, c))[part]
         moved = np.flatnonzero((leader >= 0) & (el.static < 0.5))
         # The mean over all that moves together: what bonds oscillate by is no motion into the land, and would be taken from all
         # in one direction alone.

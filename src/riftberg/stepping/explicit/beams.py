@@ -7,9 +7,8 @@ to the positions of the sub-step that follows. So forces are summed while they a
 Several sub-steps go through the elements together, one close behind the other, so that bonds and elements of a large berg
 come out of memory once for all of them. One that follows takes the bonds of a tile as soon as the one before has moved on all
 elements that they see. So each does what it would do alone, in the same order, to the last bit. Where a bond breaks, those
-behind stop: its ends have not been moved on yet, so they have met neither these nor the diagonals there. They go on from
-where they stand when the break has been recorded; one by one if anything may touch, since contact looks at all elements at
-one time.
+behind stop: its ends have not been moved on yet, so they have not met these. They go on from where they stand when the break
+has been recorded; one by one if anything may touch, since contact looks at all elements at one time.
 """
 
 from __future__ import annotations
@@ -23,8 +22,7 @@ from riftberg.stepping.explicit import tiles as tile
 from riftberg.stepping.explicit.breaking import (
     add_contacts,
     break_overloaded,
-    count_loaded,
-    grow_damage,
+    count_overloaded,
     record_breaks,
     store_bonds,
 )
@@ -63,7 +61,6 @@ class SubstepFlags(NamedTuple):
     dt: float  # Its length, s
     time: float  # Time since the start at its end, s
     may_break: bool  # Whether to test for fracture at all
-    grow_damage: bool  # Whether stress takes from the strength
     last: bool  # Whether to store stresses and lengths in the state
     period: float  # Period of x, where bonds may lie across its seam, else 0
 
@@ -176,8 +173,7 @@ def _substep_flags(n: int, plan: StepPlan, period: float) -> SubstepFlags:
     """What happens to the bonds in sub-step ``n``; in -1, the evaluation before the first, no time passes."""
     moving = n >= 0
     dt = plan.dt / plan.substeps if moving else 0.0
-    may_break, damaging = plan.break_inline and moving, plan.grow_damage and moving
-    return SubstepFlags(dt, plan.time + (n + 1) * dt, may_break, damaging, n == plan.substeps - 1, period)
+    return SubstepFlags(dt, plan.time + (n + 1) * dt, plan.break_inline and moving, n == plan.substeps - 1, period)
 
 
 @stage
@@ -245,13 +241,8 @@ def _take_tile(
     p: KernelParameters,
 ) -> None:  # fmt: skip
     """Take sub-step ``n`` through its next tile of elements, and move on those whose bonds are all done."""
-    dt, layers, e, flags = (
-        plan.dt / plan.substeps,
-        len(tiles.kinds),
-        front[tile.TILE],
-        _substep_flags(n, plan, on.period),
-    )
-    while front[tile.BONDS] < on.bond_tiles and tiles.in_use[front[tile.BONDS]] // layers == e:
+    dt, e, flags = plan.dt / plan.substeps, front[tile.TILE], _substep_flags(n, plan, on.period)
+    while front[tile.BONDS] < on.bond_tiles and tiles.in_use[front[tile.BONDS]] // tiles.layers == e:
         front[tile.BROKEN] += _apply_bonds(bonds, tiles, tiles.in_use[front[tile.BONDS]], aground, flags, p)
         front[tile.BONDS] += 1
     # A kick moves ends: it waits for all bonds that see them.
@@ -272,26 +263,23 @@ def _apply_bonds(
 
     What `record_breaks` has to do for these is left to it.
     """
-    scratch, kind, e = tiles.scratch, tiles.kinds[b % len(tiles.kinds)], b // len(tiles.kinds)
+    scratch, e = tiles.scratch, b // tiles.layers
     # Views of one tile: LLVM sees that no index in it is negative, which an offset from outside would hide.
     bond = tiles.bond[b * tile.BOND_TILE : (b + 1) * tile.BOND_TILE]
     ends = tiles.ends[e * tile.END_TILE : (e + 1) * tile.END_TILE]
     shape = tiles.shape[tiles.shape_of[b] : tiles.shape_of[b] + tile.SHAPE_TILE]
     first, end, broken = b * tile.LANES, (b + 1) * tile.LANES, 0
-    if b % len(tiles.kinds) == 0:
+    if b % tiles.layers == 0:
         # The first layer holds the bonds to the next element: its second ends lie side by side.
         shift_second_ends(scratch, tiles.ends[e * tile.END_TILE : (e + 2) * tile.END_TILE])
     else:
         gather_second_ends(scratch, tiles.second_end[first:end], tiles.ends)
-    apply_bond_law(bond, shape, scratch, ends, kind, flags.dt, p, flags.period)
-    bears = kind[2] > 0.0  # diagonals have neither a stress nor a strength
-    if bears and flags.grow_damage:
-        grow_damage(bond, scratch, flags.dt, p)
-    if bears and flags.may_break and count_loaded(bond, scratch, 1.0) > 0:
+    apply_bond_law(bond, shape, scratch, ends, flags.dt, p, flags.period)
+    if flags.may_break and count_overloaded(bond, scratch) > 0:
         broken = break_overloaded(
             tiles.bond_ids[first:end], bond, shape, scratch, ends, tiles.rotation, bonds, aground, flags.time
         )
-    if bears and flags.last:
+    if flags.last:
         store_bonds(tiles.bond_ids[first:end], bonds, bond, scratch, tiles.rotation)
     accumulate_first_ends(bond, scratch, tiles.sums[e * tile.SUM_TILE : (e + 1) * tile.SUM_TILE])
     return broken

@@ -1,10 +1,4 @@
-"""Damage and breaking of bonds inside a sub-step, and the contact of broken bonds and of bergs (equations 7.2, 5.5).
-
-Damage grows in the sub-steps, where stresses are found and tested, and before the test: stresses in a lattice ring with
-periods of minutes, and a long step that looked only at its end would see one phase of that. The limits in the tiles hold
-what is left of the strengths, so the test itself does not change. Where no bond is above the threshold, which is most of
-the time with a threshold of some tenths, nothing but one vectorised loop is run.
-"""
+"""Breaking of bonds inside a sub-step, and the contact of broken bonds and of bergs (equations 7.2, 5.5)."""
 
 from __future__ import annotations
 
@@ -13,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from riftberg.compiled.kernels import kernel, stage
-from riftberg.parameters import KernelParameters
-from riftberg.physics.bonds import damage_rate, exceeds, grown_damage, normal_force, residual_strength, stress_ratio
+from riftberg.physics.bonds import exceeds, normal_force
 from riftberg.physics.geometry import same_axes, separation
 from riftberg.state import Bonds, Elements, Floats, Ints, zeros
 from riftberg.state.neighbours import PairList
 from riftberg.stepping.explicit import tiles as tile
-from riftberg.stepping.explicit.tiles import BondTiles, free_diagonals, lane_of
+from riftberg.stepping.explicit.tiles import EMPTY, BondTiles, lane_of
 from riftberg.stepping.forces.pair_law import COLLISION, SAME_BERG_CONTACT, PairLaw, pair_terms
 from riftberg.stepping.forces.sizes import Sizes
 
@@ -62,36 +55,12 @@ def pairs_from_list(pairs: ContactPairs, candidates: PairList, bonded: PairList,
 
 
 @kernel
-def grow_damage(bond: Floats, scratch: Floats, dt: float, p: KernelParameters) -> None:
-    """Let the damage of the intact bonds of a tile grow over ``dt`` (s), and lower their limits accordingly."""
-    threshold = p.damage_threshold
-    if count_loaded(bond, scratch, threshold) == 0:
-        return
-    for k in range(tile.LANES):
-        tension, shear = scratch[tile.NORMAL_STRESS + k], scratch[tile.SHEAR_STRESS + k]
-        normal, sliding = bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k]
-        over = tension > threshold * normal or shear > threshold * sliding
-        if bond[tile.INTACT + k] == 0.0 or not over:
-            continue
-        ratio = stress_ratio(tension, shear, normal, sliding)
-        rate = damage_rate(ratio, threshold, p.damage_time, p.damage_exponent)
-        damage = grown_damage(bond[tile.DAMAGE + k], rate, dt)
-        bond[tile.DAMAGE + k] = damage
-        bond[tile.NORMAL_LIMIT + k], bond[tile.SHEAR_LIMIT + k] = residual_strength(
-            p.normal_strength, p.shear_strength, bond[tile.STRENGTH + k], damage
-        )
-
-
-@kernel
-def count_loaded(bond: Floats, scratch: Floats, threshold: float) -> int:
-    """Count the intact bonds of a tile whose stress is above this part of their strength.
-
-    Bonds without stress and strength, and those whose stress is not a number, are not among them.
-    """
+def count_overloaded(bond: Floats, scratch: Floats) -> int:
+    """Count the intact bonds of a tile whose stress is above their strength; one that is not a number is not."""
     count = 0  # a whole number, so that the loop vectorises
     for k in range(tile.LANES):
-        torn = scratch[tile.NORMAL_STRESS + k] > threshold * bond[tile.NORMAL_LIMIT + k]
-        sheared = scratch[tile.SHEAR_STRESS + k] > threshold * bond[tile.SHEAR_LIMIT + k]
+        torn = scratch[tile.NORMAL_STRESS + k] > bond[tile.NORMAL_LIMIT + k]
+        sheared = scratch[tile.SHEAR_STRESS + k] > bond[tile.SHEAR_LIMIT + k]
         count += 1 if (torn | sheared) & (bond[tile.INTACT + k] > 0.0) else 0
     return count
 
@@ -142,11 +111,10 @@ def record_breaks(
     tiles: BondTiles, bonds: Bonds, bond_count: Ints, pairs: ContactPairs, time: float, keep_contact: bool
 ) -> None:
     """Mark bonds that broke at ``time``, take them from the counts of their ends, list them as contact pairs, layer by layer."""
-    layers = len(tiles.kinds)
-    for layer in range(layers):
+    for layer in range(tiles.layers):
         for i in range(bond_count.size):
-            b = tiles.bond_ids[lane_of(layer, i, layers)]
-            if b < 0 or bonds.break_time[b] != time:
+            b = tiles.bond_ids[lane_of(layer, i, tiles.layers)]
+            if b == EMPTY or bonds.break_time[b] != time:
                 continue
             bonds.status[b] = 1
             j = bonds.second[b]
@@ -156,14 +124,13 @@ def record_breaks(
                 n = pairs.used[0]
                 pairs.first[n], pairs.second[n], pairs.bond[n] = i, j, -1
                 pairs.used[0] = n + 1
-    free_diagonals(tiles, bonds.status)
 
 
 @kernel
 def store_bonds(bond_ids: Ints, bonds: Bonds, bond: Floats, scratch: Floats, rotation: Floats) -> None:
     """Write stresses, slip and length of the bonds of a tile to the state; broken ones keep those at which they broke."""
     for k in range(tile.LANES):
-        if bond[tile.INTACT + k] > 0.0 and bond_ids[k] >= 0:
+        if bond[tile.INTACT + k] > 0.0:
             store_bond(bonds, bond_ids[k], bond, scratch, k, rotation)
 
 
@@ -175,7 +142,6 @@ def store_bond(bonds: Bonds, b: int, bond: Floats, scratch: Floats, k: int, rota
     bonds.normal_stress[b], bonds.shear_stress[b] = scratch[tile.NORMAL_STRESS + k], scratch[tile.SHEAR_STRESS + k]
     bonds.bond_length[b], bonds.peak_stress[b] = scratch[tile.LENGTH + k], bond[tile.PEAK_STRESS + k]
     bonds.relative_rotation[b] += rotation[bonds.first[b]] - rotation[bonds.second[b]]
-    bonds.damage[b] = bond[tile.DAMAGE + k]
 
 
 @stage

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +26,6 @@ from riftberg.stepping.contact.broad_phase import (
 )
 from riftberg.stepping.explicit.beams import take_substeps_of_beams
 from riftberg.stepping.explicit.breaking import OTHER_BERGS, TOUCHED, allocate_pairs, pairs_from_list
-from riftberg.stepping.explicit.lone_bergs import find_lone_islands, take_substeps_of_islands
 from riftberg.stepping.explicit.springs import take_substeps_of_springs
 from riftberg.stepping.explicit.substeps import (
     POLAR_LATITUDE,
@@ -52,9 +49,6 @@ from riftberg.stepping.stepper import (
     sample_between_steps,
     update_fragments,
 )
-
-if TYPE_CHECKING:
-    from riftberg.stepping.explicit.impacts import RigidImpacts
 
 
 class Batch:
@@ -147,32 +141,6 @@ class MultipleStepper(Stateless):
         self._batch_key: tuple[int, bytes] | None = None
         self._needs_rank = c.shared_shear_lever or c.bond_thickness_of_second
         self._contact_by_bonds = c.dem and c.broken_as_contact and c.fracture_on_substeps
-        self._impacts: RigidImpacts | None = None
-        if run.parameters.crushing:
-            from riftberg.stepping.explicit.impacts import RigidImpacts  # with shapely, for the footprints
-
-            self._impacts = RigidImpacts(run)
-
-    @property
-    def plastic(self) -> Floats:
-        """See `riftberg.stepping.stepper.Stepper.plastic`."""
-        return (
-            super().plastic if self._impacts is None else np.append(self._impacts.faces.pairs.dissipated, np.zeros(1))
-        )
-
-    def take_back(self, run: RunState) -> None:
-        """See `riftberg.stepping.stepper.Stepper.take_back`."""
-        if self._impacts is not None:
-            self._impacts.take_back(run)
-
-    def state_dict(self) -> dict[str, Any]:
-        """See `riftberg.stepping.stepper.Stepper.state_dict`."""
-        return {} if self._impacts is None else self._impacts.state_dict()
-
-    def load_state_dict(self, kept: Mapping[str, Any]) -> None:
-        """See `riftberg.stepping.stepper.Stepper.load_state_dict`."""
-        if self._impacts is not None:
-            self._impacts.load_state_dict(kept)
 
     def step(self, run: RunState) -> None:
         """Advance by one long step."""
@@ -184,21 +152,14 @@ class MultipleStepper(Stateless):
         # Partners of the outer kicks by the positions now; the sub-steps look for theirs farther ahead.
         outer = self._collisions(run, sizes)
 
-        # Broad phase: pairs that may meet in the step. Those of single elements form islands with sub-steps of their own.
-        by_springs = c.contact_on_substeps and self._impacts is None
-        candidates = candidate_pairs(el, el.berg, sizes, dt, c) if by_springs else NO_PAIRS
-        islands, general = find_lone_islands(run, sizes, *candidates)
-        candidates = candidates[0][general], candidates[1][general]
-        subcycled = np.zeros(el.size)
-        if islands is not None:
-            subcycled[islands.rows] = 1.0
+        # Broad phase: pairs that may meet in the step.
+        candidates = candidate_pairs(el, el.berg, sizes, dt, c) if c.contact_on_substeps else NO_PAIRS
         # Bergs that may meet take the same number of sub-steps, the largest of them.
         substeps = group_substeps(run, sizes, *candidates)
         batches = self._split_into_batches(run, substeps)
         for batch in batches:
             self._gather_pairs(batch, dt, c)
             batch.add_candidates(*candidates)
-            batch.work.fields.subcycled[:] = batch.of_all(subcycled)
         inner = [self._inner_partners(batch, batch.of_all(outer.group), run) for batch in batches]
         plan = self._plan(run)
         # Elements were born or have gone since the last step.
@@ -206,26 +167,23 @@ class MultipleStepper(Stateless):
             self._around = allocate_surroundings(el.size)
 
         # Outer kicks and sub-steps: in one call where all bergs take the same number of sub-steps.
-        if batches[0].rows is None and self._impacts is None:
+        if batches[0].rows is None:
             plan = plan._replace(substeps=int(substeps[0]))
             report = take_long_step(el, bonds, batches[0].work, outer, inner[0], sizes, self._around, rank, plan, c)
             self._check_converged(report, run)
             broken = report.broken
         else:
             broken = self._step_in_batches(run, batches, outer, inner, sizes, rank, substeps, plan)
-        in_islands = NO_PAIRS if self._impacts is None else self._impacts.touched
-        if islands is not None:
-            in_islands = take_substeps_of_islands(el, islands, sizes, self._around, dt, plan.starting, c)
         if plan.starting:
             # A proper start has the second of the two half kicks alone; what acts in the sub-steps acts all the time.
             in_kicks = np.append(self._around.acts, True)
             self._around.applied[:, in_kicks] *= 0.5
         self._touched = concatenate_pairs(
-            [contact_rows(el, outer.collision, sizes, c), in_islands, *(batch.touched() for batch in batches)]
+            [contact_rows(el, outer.collision, sizes, c), *(batch.touched() for batch in batches)]
         )
 
         # Positions have moved: land, cells, then the forcing of the next step, then fragments.
-        apply_boundaries(run, find_faces=None if self._impacts is None else partial(self._impacts.find_near, run))
+        apply_boundaries(run)
         run.time += dt
         self.sample_forcing(run)
         if broken > 0:
@@ -241,10 +199,7 @@ class MultipleStepper(Stateless):
         outer_only = plan._replace(apply_inner=False)
         report = take_long_step(run.elements, run.bonds, work, outer, outer, sizes, self._around, rank, outer_only, c)
         self._check_converged(report, run)
-        broken, impact = report.broken, None
-        if self._impacts is not None:
-            impact, by_impacts = self._impacts.before_substeps(run, sizes, plan.dt)
-            broken += by_impacts
+        broken = report.broken
         for batch, partners in zip(batches, inner, strict=True):
             batch.gather(run)  # anew, since the kicks have changed the state
             some, around = batch.elements, batch.surroundings(self._around)
@@ -256,8 +211,6 @@ class MultipleStepper(Stateless):
             batch.scatter(run, around, self._around)
             self._check_converged(report, run)
             broken += report.broken
-        if self._impacts is not None:
-            self._impacts.after_substeps(run, sizes, impact)
         return broken
 
     @staticmethod
@@ -298,7 +251,7 @@ class MultipleStepper(Stateless):
         """Return the partners of the outer kicks: elements of other bergs."""
         near, c = self._near, run.constants
         none = no_pairs(run.elements.size)
-        if c.contact_on_substeps or self._impacts is not None:
+        if c.contact_on_substeps:
             return NeighbourLists(none, none, none, np.zeros(0), np.zeros(0, np.int64))
         near_by = near.collisions(run.elements, sizes, c, self._cells)
         one_group = run.parameters.compatibility.bergs_coupled
@@ -340,8 +293,6 @@ class MultipleStepper(Stateless):
             by_search=not self._contact_by_bonds,
             break_inline=p.fracture.enabled and inline,
             break_after=p.fracture.enabled and after,
-            # A start that must not break bonds must not damage them either.
-            grow_damage=p.damage.enabled and (inline or after),
         )
 
     def _inner_partners(self, batch: Batch, group: Ints, run: RunState) -> NeighbourLists:

@@ -32,12 +32,10 @@ from riftberg.config.units import duration_text
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import InputError
 from riftberg.parameters import Parameters
-from riftberg.physics.bonds import beam_parts, isotropic_parts
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.state.population import cut_out, numbered
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
-from riftberg.stepping.lattice.diagonals import with_diagonals
 from riftberg.stepping.run_state import RunState
 
 ACCURACY: Final = 0.01
@@ -102,14 +100,9 @@ def _directions(p: Parameters, elements: Elements, first: Ints, second: Ints) ->
 
 
 def _dem_stiffness(
-    p: Parameters,
-    radii: tuple[Floats, Floats],
-    thickness: Floats,
-    parts: tuple[Floats, Floats, Floats],
-    i: Ints,
-    j: Ints,
+    p: Parameters, radii: tuple[Floats, Floats], thickness: Floats, i: Ints, j: Ints
 ) -> tuple[Floats, Floats, Floats]:
-    """Normal, shear (N m-1) and bending (N m) stiffness of undeformed bonds (equations 5.4); ``parts``: `stiffness_parts`."""
+    """Normal, shear (N m-1) and bending (N m) stiffness of undeformed bonds (equations 5.4)."""
     r1, r2 = radii
     rest = r1 + r2
     reach = np.minimum(r1, r2) / rest
@@ -119,22 +112,8 @@ def _dem_stiffness(
     if p.compatibility.bond_thickness_of_second:
         height = np.maximum(thickness[i], thickness[j]) + reach * np.abs(thickness[i] - thickness[j])
     beam = p.bonds.youngs_modulus * height * width / rest
-    of_normal, of_shear, facet = parts
-    shear = 0.0 * beam if p.bonds.no_shear else beam * of_shear
-    return beam * of_normal, shear, beam * facet**3 * width**2 / 12.0
-
-
-def stiffness_parts(
-    p: Parameters, elements: Elements, first: Ints, diagonal: NDArray[np.bool_]
-) -> tuple[Floats, Floats, Floats]:
-    """Stiffness of bonds as parts of that of a beam, by the sides of their first elements: see `isotropic_parts`."""
-    nu, sides = p.bonds.poisson, elements.body.sides[first]
-    sides = np.where(sides > 0, sides, 6 if p.bonds.packing == "hexagonal" else 4)
-    of = np.empty((first.size, 3))
-    for kind in {*zip(sides.tolist(), diagonal.tolist(), strict=True)}:
-        here = (sides == kind[0]) & (diagonal == kind[1])
-        of[here] = isotropic_parts(*kind, nu) if p.isotropic_bonds else beam_parts(nu)
-    return of[:, 0], of[:, 1], of[:, 2]
+    shear = 0.0 * beam if p.bonds.no_shear else beam * (0.5 / (1.0 + p.bonds.poisson))
+    return beam, shear, beam * width**2 / 12.0
 
 
 def _radii_when_formed(p: Parameters, rest: Floats, r1: Floats, r2: Floats) -> tuple[Floats, Floats]:
@@ -153,7 +132,7 @@ def _dem_damping(p: Parameters, sizes: Sizes, i: Ints, j: Ints) -> Floats:
 def _spring_stiffness(p: Parameters, rest: Floats) -> Floats:
     """Stiffness (s-2) of spring bonds of some rest lengths (m): as given, or that of the ice (equations 5.2; Riftberg)."""
     if p.bonds.spring is None:
-        return np.asarray(p.kernel_values().spring_modulus / rest**2)
+        return np.asarray(p.kernel_values().modulus / rest**2)
     return np.full(rest.shape, p.bonds.spring)
 
 
@@ -176,15 +155,13 @@ class SubstepMatrix:
     """
 
     def __init__(self, p: Parameters, elements: Elements, bonds: Bonds, sizes: Sizes) -> None:
-        on, kernel = bonds.status == 0, p.kernel_values()
-        i, j, rest = with_diagonals(elements, bonds, kernel, on)
-        diagonal = np.arange(i.size) >= on.sum()
+        on = bonds.status == 0
+        i, j, rest = bonds.first[on], bonds.second[on], bonds.rest_length[on]
         nothing = np.zeros(i.size)
         r1, r2 = _radii_when_formed(p, rest, sizes.bond_radius[i], sizes.bond_radius[j])
         if p.bonds.law == "dem":
-            parts = stiffness_parts(p, elements, i, diagonal)
-            stiffness = _dem_stiffness(p, (r1, r2), elements.thickness, parts, i, j)
-            damper = np.where(diagonal, 0.0, _dem_damping(p, sizes, i, j))
+            stiffness = _dem_stiffness(p, (r1, r2), elements.thickness, i, j)
+            damper = _dem_damping(p, sizes, i, j)
             slip, tangent = (damper, nothing) if p.bonds.objective_damping else (nothing, damper)
             self._damping = damper, slip, tangent, damper
         else:
@@ -319,12 +296,12 @@ def _spring_frequency(run: RunState) -> float:
     held = np.flatnonzero(bonds.status == 0)
     if held.size == 0:
         return 0.0
-    i, j, _ = with_diagonals(el, bonds, c, held)
+    i, j = bonds.first[held], bonds.second[held]
     mass = el.body.mass
     metric = Metric(c.latlon, c.earth_radius, c.period)
     x, y = separations(metric, el.place.lon[i], el.place.lat[i], el.place.lon[j], el.place.lat[j])
     squared = np.maximum(x * x + y * y, 1e-300)
-    stiffness = np.full(i.size, c.spring) if c.spring >= 0.0 else c.spring_modulus / squared
+    stiffness = np.full(i.size, c.spring) if c.spring >= 0.0 else c.modulus / squared
     lighter = stiffness * np.minimum(mass[i], mass[j]) / squared
     sums = np.zeros((el.size, 2, 2))
     for end in (i, j):

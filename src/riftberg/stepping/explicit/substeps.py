@@ -1,9 +1,8 @@
 """What the sub-steps of a long step share, whatever law the bonds have, and the outer kicks around them.
 
 A sub-step is velocity Verlet with the forces of bonds and contact (equations 6.4, part 3): `mid_step_velocity` and `drifted`
-are its drift (3a), `kicked` is its kick with the drag of the sea floor (3b). Three modules loop over them, one for each way
-in which elements stand in memory: `springs` (arrays of the state), `tile_kernels` (tiles, bonds as beams) and `lone_bergs`
-(a table for each island of single elements).
+are its drift (3a), `kicked` is its kick with the drag of the sea floor (3b). Two modules loop over them, one for each way in
+which elements stand in memory: `springs` (arrays of the state) and `tile_kernels` (tiles, bonds as beams).
 
 The outer kicks are two half kicks per long step (equations 6.4, parts 1 and 2). As in r-RESPA, drag, slope and Coriolis
 force act in half kicks at both ends of the long step, bonds in the sub-steps between. The second half kick of one step and
@@ -60,7 +59,6 @@ class StepPlan(NamedTuple):
     by_search: bool  # Contact inside a berg goes over candidates of a search, not over broken bonds
     break_inline: bool  # Test for fracture in every sub-step
     break_after: bool  # Test for fracture once, after the second outer half kick
-    grow_damage: bool  # Stress takes from the strength of the bonds, in every sub-step
     apply_outer: bool = True  # Apply the outer forces at its start: both half kicks, and fracture after the step before
     apply_inner: bool = True  # Take its sub-steps
     sync_only: bool = False  # Apply the outer half kick that completes the step before, and nothing else
@@ -71,7 +69,6 @@ class SubstepFields(NamedTuple):
     """One value per element, as long as the sub-steps of a long step last."""
 
     active: Floats  # 1 where it moves
-    subcycled: Floats  # 1 where it has sub-steps of its own (`riftberg.stepping.explicit.lone_bergs`)
     aground: Floats  # How far it is aground, 0 to 1
     per_mass: Floats  # 1 over its mass, kg-1
     per_inertia: Floats  # 1 over its moment of inertia, kg-1 m-2
@@ -102,7 +99,7 @@ def allocate_fields(count: int) -> SubstepFields:
 def allocate_workspace(elements: Elements, bonds: Bonds, p: KernelParameters) -> Workspace:
     """Return a workspace for the sub-steps of these elements and bonds."""
     pairs = allocate_pairs(max(bonds.first.size, 1))
-    return Workspace(allocate_tiles(elements, bonds, p), pairs, allocate_fields(elements.size))
+    return Workspace(allocate_tiles(elements, bonds), pairs, allocate_fields(elements.size))
 
 
 @kernel
@@ -157,7 +154,7 @@ def begin_substeps(
     """
     static, thickness, depth = el.body.static, el.body.thickness, el.environment.depth
     radius, mass, media = sizes.bond_radius, sizes.bond_mass, around.media
-    active, subcycled, aground, rate = fields.active, fields.subcycled, fields.aground, fields.floor_rate
+    active, aground, rate = fields.active, fields.aground, fields.floor_rate
     linear, quadratic = fields.floor_linear, fields.floor_quadratic
     decay, spin_decay = fields.floor_decay, fields.floor_spin_decay
     # A floor that acts in the outer kicks must not act here again.
@@ -166,7 +163,7 @@ def begin_substeps(
     fields.floor_impulse_x[:] = 0.0
     fields.floor_impulse_y[:] = 0.0
     for e in range(active.size):
-        active[e] = 1.0 if static[e] < 0.5 and subcycled[e] == 0.0 else 0.0
+        active[e] = 1.0 if static[e] < 0.5 else 0.0
         fraction = grounded_part(thickness[e], depth[e], p)
         aground[e] = fraction
         turning = grounding_spin_rate(p.ground_coefficient, radius[e], mass[e], fraction)
@@ -220,7 +217,7 @@ def publish_velocities(el: Elements, active: Floats) -> None:
 
 @kernel
 def publish_all_velocities(el: Elements, u: Floats, v: Floats) -> None:
-    """Let pair forces see these velocities of all elements that are not held, also of those with sub-steps of their own."""
+    """Let pair forces see these velocities of all elements that are not held."""
     u_shown, v_shown, static = el.shown.u_pair, el.shown.v_pair, el.body.static
     for e in range(u.size):
         if static[e] < 0.5:

@@ -131,8 +131,7 @@ def sines(bond: Floats, scratch: Floats, ends: Floats, linear_bending: bool) -> 
 
 @kernel
 def forces(
-    bond: Floats, shape: Floats, scratch: Floats, ends: Floats, kind: Floats, dt: float, poisson: float, objective: bool,
-    no_shear: bool, isotropic: bool,
+    bond: Floats, shape: Floats, scratch: Floats, ends: Floats, dt: float, poisson: float, objective: bool, no_shear: bool,
 ) -> None:  # fmt: skip
     """Advance shear displacements over ``dt`` (s); find forces on the first ends, torques on both, and stresses.
 
@@ -141,10 +140,6 @@ def forces(
     """
     shear_on = 0.0 if no_shear else 1.0
     slip_part = 1.0 if objective else 0.0
-    # Elements turn with the ice, so that a facet slips by half of what the ice is sheared.
-    turning = 2.0 if isotropic else 1.0
-    # Of all bonds of the tile, and so no load of memory: see `BondKind`.
-    shear_part, youngs_part, facet = kind[1], kind[2], kind[3]
     for k in range(tile.LANES):
         nx, ny, half, sine = scratch[tile.NX + k], scratch[tile.NY + k], scratch[tile.HALF + k], scratch[tile.SINE + k]
         width, thickness, intact = (scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], bond[tile.INTACT + k] > 0.0)
@@ -158,12 +153,11 @@ def forces(
         )
         slip = advance_slip(bond[tile.SLIP + k], sliding, dt)
         push = normal_force(modulus, width, thickness, half) - damping * parting
-        shear = -shear_on * shear_stiffness(modulus, shear_part, width, thickness) * slip
-        youngs = modulus * youngs_part
+        shear = -shear_on * shear_stiffness(modulus, poisson, width, thickness) * slip
         damper = -damping * (sliding if objective else across)
         at_contact, drag = shear + slip_part * damper, shear + damper
-        bending = bending_torque(youngs, width * facet, thickness, sine) - damping * (spin1 - spin2)
-        stress = tensile_stress(youngs, half, sine, width * facet)
+        bending = bending_torque(modulus, width, thickness, sine) - damping * (spin1 - spin2)
+        stress = tensile_stress(modulus, half, sine, width)
         fx, fy = push * nx - drag * ny, push * ny + drag * nx
         torque1 = torque_of(shape[tile.LEVER1 + k] - half, at_contact) + bending
         torque2 = torque_of(shape[tile.LEVER2 + k] - half, at_contact) - bending
@@ -172,46 +166,23 @@ def forces(
         bond[tile.FX + k], bond[tile.FY + k] = fx if intact else 0.0, fy if intact else 0.0
         scratch[tile.TORQUE1 + k], bond[tile.TORQUE2 + k] = torque1 if intact else 0.0, torque2 if intact else 0.0
         scratch[tile.NORMAL_STRESS + k] = stress
-        scratch[tile.SHEAR_STRESS + k] = shear_on * shear_stress_of(youngs, poisson, abs(slip)) * turning
+        scratch[tile.SHEAR_STRESS + k] = shear_on * shear_stress_of(modulus, poisson, abs(slip))
         bond[tile.PEAK_STRESS + k] = stress if stress > peak else peak
 
 
 @kernel
-def pull_diagonals(bond: Floats, shape: Floats, scratch: Floats) -> None:
-    """Find the forces of a tile of diagonals, which pull along themselves: they neither slip nor bend nor damp."""
-    for k in range(tile.LANES):
-        push = normal_force(
-            shape[tile.MODULUS + k], scratch[tile.WIDTH + k], scratch[tile.THICKNESS + k], scratch[tile.HALF + k]
-        )
-        fx, fy, intact = push * scratch[tile.NX + k], push * scratch[tile.NY + k], bond[tile.INTACT + k] > 0.0
-        # Where there is no bond, what stands in the lane may be no number.
-        bond[tile.FX + k], bond[tile.FY + k] = fx if intact else 0.0, fy if intact else 0.0
-        scratch[tile.TORQUE1 + k] = bond[tile.TORQUE2 + k] = 0.0
-
-
-@kernel
 def apply_bond_law(
-    bond: Floats,
-    shape: Floats,
-    scratch: Floats,
-    ends: Floats,
-    kind: Floats,
-    dt: float,
-    p: KernelParameters,
-    period: float,
+    bond: Floats, shape: Floats, scratch: Floats, ends: Floats, dt: float, p: KernelParameters, period: float
 ) -> None:
-    """Apply the beam law to a tile of bonds of a `BondKind`, whose second ends have been fetched, over ``dt`` seconds.
+    """Apply the beam law to a tile of bonds, whose second ends have been fetched, over ``dt`` seconds.
 
     Writes forces on the first ends, torques on both ends, stresses, lengths and the new shear displacements.
     """
     if period > 0.0:
         _wrap(scratch, ends, period)
     find_sections(bond, shape, scratch, ends, p.latlon, p.flat_relative_velocity, p.earth_radius)
-    if kind[2] == 0.0:  # nearly half of the bonds of squares: they need less than half of what follows
-        pull_diagonals(bond, shape, scratch)
-        return
     sines(bond, scratch, ends, p.linear_bending)
-    forces(bond, shape, scratch, ends, kind, dt, p.poisson, p.objective_damping, p.no_shear, p.isotropic)
+    forces(bond, shape, scratch, ends, dt, p.poisson, p.objective_damping, p.no_shear)
 
 
 @kernel

@@ -9,10 +9,9 @@ bonds see of them in ``ends``, what they have for themselves in ``elem``.
 Lanes stand in layers: the first layer holds the bonds from each element to the next one, in order of the elements, the others
 one more bond each that begins there. So the first ends of a tile of bonds are one tile of elements, which lie side by side too;
 the tiles of all layers that begin at the same elements follow each other, in the order in which a sub-step goes through them.
-Where an element has no such bond its lane is not intact; a tile without a bond is left out. A layer holds bonds of one kind, so
-that numbers that are those of the kind are not in the lanes. What the sizes of their ends make of bonds stands in tiles of its
-own, ``shape``, and tiles of a layer that are alike share one: ice of one thickness has one for each layer, which stays in the
-cache.
+Where an element has no such bond its lane is not intact; a tile without a bond is left out. What the sizes of their ends make of
+bonds stands in tiles of its own, ``shape``, and tiles of a layer that are alike share one: ice of one thickness has one for each
+layer, which stays in the cache.
 
 Why: numbers have to come from the second-level cache, or from memory, in each sub-step, and that takes longer than the law
 itself; so a lane holds as little as it can, and all that happens to a tile happens while it is in the cache. All distances
@@ -32,11 +31,10 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel, stage
 from riftberg.constants import DEGREE
 from riftberg.parameters import KernelParameters
-from riftberg.physics.bonds import beam_parts, damping_constant, isotropic_parts, residual_strength, signed_slip
+from riftberg.physics.bonds import damping_constant, residual_strength, signed_slip
 from riftberg.physics.geometry import fast_cos_latitude, separation
 from riftberg.state import Bonds, Elements, Floats, Ints, zeros
 from riftberg.stepping.forces.sizes import Sizes
-from riftberg.stepping.lattice.diagonals import Diagonals, diagonal_length, find_diagonals, holds
 
 Indices = NDArray[np.uint32]
 """Unsigned, because numba then leaves out the test for negative (wrap-around) indices."""
@@ -79,10 +77,8 @@ INTACT, Y_REFERENCE, METRES_COS, METRES_SIN = (LANES * n for n in range(4))
 NORMAL_LIMIT, SHEAR_LIMIT, PEAK_STRESS, SLIP = (LANES * n for n in range(4, 8))
 # Force on the first end, N, and torque on the second, N m.
 FX, FY, TORQUE2 = (LANES * n for n in range(8, 11))
-# What only damage needs.
-STRENGTH, DAMAGE = (LANES * n for n in range(11, 13))
 
-BOND_TILE: Final = LANES * 13
+BOND_TILE: Final = LANES * 11
 """Numbers in a tile of bonds."""
 
 # In the scratch tile, after the second ends: direction of the bond, half its overlap, length, width, thickness, turn of the
@@ -131,35 +127,14 @@ def tile_count(count: int) -> int:
     return (count + LANES - 1) // LANES
 
 
-class BondKind(NamedTuple):
-    """What all bonds of one kind have alike, as parts of what `isotropic_parts` calls 1."""
-
-    normal: float  # Stiffness against extension
-    shear: float  # Stiffness against slip, as a part of that against extension
-    youngs: float  # Young's modulus, as a part of that of the extension; 0 for what neither bends nor has a stress
-    facet: float  # Side along which both elements touch, as a part of the width
-
-
-def bond_kind(sides: int, diagonal: bool, p: KernelParameters) -> BondKind:
-    """Return the kind of the bonds of elements with so many sides, or of their diagonals."""
-    normal, shear, facet = isotropic_parts(sides, diagonal, p.poisson) if p.isotropic else beam_parts(p.poisson)
-    return BondKind(normal, 0.0, 0.0, 0.0) if diagonal else BondKind(normal, shear / normal, 1.0 / normal, facet)
-
-
 EMPTY: Final = -1
 """Stands for a bond in a lane that holds none."""
-
-
-@kernel
-def diagonal_of(bond_id: int) -> int:
-    """Number of the diagonal in a lane, below 0 where it holds none; the reverse goes by the same formula."""
-    return EMPTY - 1 - bond_id
 
 
 class BondTiles(NamedTuple):
     """Intact bonds in lanes, layer by layer, and the elements that they join."""
 
-    bond_ids: Ints  # Row in the state of the bond of each lane; `EMPTY`, or below it a diagonal: see `diagonal_of`
+    bond_ids: Ints  # Row in the state of the bond of each lane, or `EMPTY`
     second_end: Indices  # Where its second end begins in ``ends``; its first end is its place in the layer
     ends: Floats  # What bonds see of elements, in tiles, and one tile more; where no element is, numbers that differ
     elem: Floats  # What elements have for themselves, in tiles
@@ -175,10 +150,7 @@ class BondTiles(NamedTuple):
     slots: Indices  # Where the k-th bond that ends at each element begins in ``bond``, or the zeros; shape (elements, slots)
     rotation: Floats  # By how much elements have turned since the bonds were packed, rad
     counter: Ints  # Work space, one number for each element
-    diagonals: Diagonals
-    row_kind: Ints  # 0, or 1 where both elements have not as many sides as others of the run
-    first_layer: Ints  # Of each kind of bonds, and of the diagonals, not counting that of bonds to the next element
-    kinds: Floats  # What the bonds of each layer have alike: `BondKind`; shape (layers, 4)
+    layers: int
 
 
 def _aligned(count: int) -> Floats:
@@ -188,21 +160,15 @@ def _aligned(count: int) -> Floats:
     return padded[begin : begin + count]
 
 
-def allocate_tiles(elements: Elements, bonds: Bonds, p: KernelParameters) -> BondTiles:
-    """Allocate lanes for all bonds of the state, and for the diagonals; `pack_bonds` fills them."""
-    count, diagonals = elements.size, find_diagonals(elements, bonds, p)
-    sides = np.where(elements.body.sides > 0, elements.body.sides, p.max_sides)
-    odd = sides[bonds.first] != p.max_sides if p.isotropic else np.zeros(bonds.first.size, bool)
-    # Bonds to the next element have a layer of their own before all others, where they are of the first kind.
-    further = (bonds.second != bonds.first + 1) & ~odd
-    begin = [np.bincount(first, minlength=count) for first in (bonds.first[further], bonds.first[odd], diagonals.first)]
-    layers = [int(of_element.max(initial=0)) for of_element in begin] if bonds.first.size else [0, 0, 0]
-    other = 10 - p.max_sides  # squares beside hexagons, or hexagons beside squares
-    of_kind = [bond_kind(p.max_sides, False, p), bond_kind(other, False, p), bond_kind(4, True, p)]
-    width = tile_count(count)
-    tiles = width * (1 + sum(layers)) if bonds.first.size else 0
+def allocate_tiles(elements: Elements, bonds: Bonds) -> BondTiles:
+    """Allocate lanes for all bonds of the state; `pack_bonds` fills them."""
+    count = elements.size
+    # Bonds to the next element have a layer of their own before all others.
+    begin = np.bincount(bonds.first[bonds.second != bonds.first + 1], minlength=count)
+    end = np.bincount(bonds.second, minlength=count)
+    width, layers = tile_count(count), 1 + int(begin.max(initial=0))
+    tiles = width * layers if bonds.first.size else 0
     size = tiles * LANES
-    end = np.bincount(np.append(bonds.second, diagonals.second), minlength=count)
     ends = _aligned((width + 1) * END_TILE)
     # Numbers that differ, so that lanes without a bond divide by no length of 0.
     ends[:] = np.arange(ends.size)
@@ -223,51 +189,32 @@ def allocate_tiles(elements: Elements, bonds: Bonds, p: KernelParameters) -> Bon
         slots=np.zeros((count, max(int(end.max(initial=0)), 1)), np.uint32),
         rotation=np.zeros(width * LANES),
         counter=np.zeros(count, np.int64),
-        diagonals=diagonals,
-        row_kind=odd.astype(np.int64),
-        first_layer=1 + np.cumsum([0, *layers[:2]]),
-        kinds=np.repeat(np.array(of_kind), [1 + layers[0], *layers[1:]], axis=0),
+        layers=layers,
     )
 
 
 @kernel
 def _assign_lanes(tiles: BondTiles, bonds: Bonds) -> None:
-    """Give each unbroken bond a layer: the first one to the next element, else the next one of its first end and its kind."""
-    bond_ids, second, counter, status, kind = (
-        tiles.bond_ids,
-        tiles.second_end,
-        tiles.counter,
-        bonds.status,
-        tiles.row_kind,
-    )
-    begin, end, way = tiles.diagonals.first, tiles.diagonals.second, tiles.diagonals.way
-    layers = len(tiles.kinds)
+    """Give each unbroken bond a layer: the first one to the next element, else the next one of its first end."""
+    bond_ids, second, counter, status = tiles.bond_ids, tiles.second_end, tiles.counter, bonds.status
     bond_ids[:] = EMPTY
-    for of_kind in range(2):
-        counter[:] = tiles.first_layer[of_kind]
-        for b in range(status.size):
-            if status[b] == 0 and kind[b] == of_kind:
-                i, j = bonds.first[b], bonds.second[b]
-                layer = 0
-                # Layer 0 is kept for the bonds to the next element, whose second ends need no gathering.
-                if of_kind == 1 or j != i + 1:
-                    layer = counter[i]
-                    counter[i] += 1
-                r = lane_of(layer, i, layers)
-                bond_ids[r], second[r] = b, end_offset(j)
-    counter[:] = tiles.first_layer[2]
-    for d in range(begin.size):
-        if holds(way, d, status):
-            r = lane_of(counter[begin[d]], begin[d], layers)
-            counter[begin[d]] += 1
-            bond_ids[r], second[r] = diagonal_of(d), end_offset(end[d])
+    counter[:] = 1
+    for b in range(status.size):
+        if status[b] == 0:
+            i, j = bonds.first[b], bonds.second[b]
+            layer = 0
+            # Layer 0 is kept for the bonds to the next element, whose second ends need no gathering.
+            if j != i + 1:
+                layer = counter[i]
+                counter[i] += 1
+            r = lane_of(layer, i, tiles.layers)
+            bond_ids[r], second[r] = b, end_offset(j)
 
 
 @kernel
 def _list_tiles(tiles: BondTiles) -> int:
     """List the tiles with bonds; returns their number."""
-    bond_ids, second, bond, in_use = tiles.bond_ids, tiles.second_end, tiles.bond, tiles.in_use
-    layers = len(tiles.kinds)
+    bond_ids, second, bond, in_use, layers = tiles.bond_ids, tiles.second_end, tiles.bond, tiles.in_use, tiles.layers
     count = 0
     for b in range(in_use.size):
         holds_bonds = False
@@ -290,19 +237,18 @@ def _fill_slots(tiles: BondTiles, second: Ints) -> None:
 
     Unused slots point at the tile of zeros.
     """
-    slots, counter, bond_ids, end = tiles.slots, tiles.counter, tiles.bond_ids, tiles.diagonals.second
+    slots, counter, bond_ids, layers = tiles.slots, tiles.counter, tiles.bond_ids, tiles.layers
     last, farthest = tiles.last_tile, tiles.farthest
     counter[:] = 0
     for e in range(last.size):
         last[e] = farthest[e] = e
     # The last tile holds zeros for good: an unused slot adds nothing, and no branch is needed.
     slots[:, :] = tiles.bond.size - BOND_TILE
-    layers = len(tiles.kinds)
     for layer in range(layers if bond_ids.size else 0):
         for i in range(counter.size):
             r = lane_of(layer, i, layers)
             if bond_ids[r] != EMPTY:
-                j = second[bond_ids[r]] if bond_ids[r] >= 0 else end[diagonal_of(bond_ids[r])]
+                j = second[bond_ids[r]]
                 slots[j, counter[j]] = bond_offset(r)
                 counter[j] += 1
                 last[j // LANES] = max(last[j // LANES], i // LANES)
@@ -312,13 +258,11 @@ def _fill_slots(tiles: BondTiles, second: Ints) -> None:
 @kernel
 def _copy_bond(bond: Floats, at: int, b: int, bonds: Bonds, p: KernelParameters) -> None:
     """What the state holds of bond ``b``."""
-    strength, damage = bonds.strength[b], bonds.damage[b]
     bond[at + INTACT] = 1.0
     # The step begins where the last one ended.
     bond[at + PEAK_STRESS] = bonds.normal_stress[b]
-    bond[at + STRENGTH], bond[at + DAMAGE] = strength, damage
     bond[at + NORMAL_LIMIT], bond[at + SHEAR_LIMIT] = residual_strength(
-        p.normal_strength, p.shear_strength, strength, damage
+        p.normal_strength, p.shear_strength, bonds.strength[b], bonds.damage[b]
     )
 
 
@@ -335,10 +279,10 @@ def _thickness_rule(
 
 @kernel
 def _fill_shape(
-    shape: Floats, k: int, i: int, j: int, rest_length: float, normal: float, elements: Elements,
-    sizes: Sizes, rank: Ints, p: KernelParameters,
+    shape: Floats, k: int, i: int, j: int, rest_length: float, elements: Elements, sizes: Sizes, rank: Ints,
+    p: KernelParameters,
 ) -> None:  # fmt: skip
-    """Constants of the law for a bond or diagonal from i to j in lane k (equations 5.4, Q10, Q11); ``normal``: `BondKind`."""
+    """Constants of the law for a bond from i to j in lane k (equations 5.4, Q10, Q11)."""
     r1, r2, thickness = sizes.bond_radius[i], sizes.bond_radius[j], elements.body.thickness
     rest = r1 + r2
     if not p.rest_length_from_sizes and not math.isnan(rest_length):
@@ -356,14 +300,14 @@ def _fill_shape(
     shape[k + DAMPING] = damping_constant(
         p.youngs_modulus, p.poisson, p.bond_damping, sizes.bond_mass[i], sizes.bond_mass[j]
     )
-    shape[k + MODULUS] = p.youngs_modulus / rest * normal
+    shape[k + MODULUS] = p.youngs_modulus / rest
 
 
 @kernel
 def _fill_place(
     bond: Floats, at: int, i: int, j: int, sx: float, sy: float, elements: Elements, p: KernelParameters
 ) -> None:
-    """Latitude of a bond or diagonal with its cosine and sine, and the shear displacement along its present tangent."""
+    """Latitude of a bond with its cosine and sine, and the shear displacement along its present tangent."""
     x, y = elements.shown.lon_pair, elements.shown.lat_pair
     mean = 0.5 * (y[i] + y[j])
     per_unit = DEGREE * p.earth_radius if p.latlon else 1.0
@@ -388,13 +332,9 @@ def pack_bonds(
     bond, first, second, sx, sy = tiles.bond, bonds.first, bonds.second, bonds.shear_x, bonds.shear_y
     for r in range(tiles.bond_ids.size):
         b, at = tiles.bond_ids[r], bond_offset(r)
-        if b >= 0:
+        if b != EMPTY:
             _copy_bond(bond, at, b, bonds, p)
             _fill_place(bond, at, first[b], second[b], sx[b], sy[b], elements, p)
-        elif b != EMPTY:
-            d = diagonal_of(b)
-            bond[at + INTACT] = 1.0
-            _fill_place(bond, at, tiles.diagonals.first[d], tiles.diagonals.second[d], 0.0, 0.0, elements, p)
     return count
 
 
@@ -403,8 +343,7 @@ def _fill_shapes(
     tiles: BondTiles, b: int, free: int, elements: Elements, bonds: Bonds, sizes: Sizes, rank: Ints, p: KernelParameters
 ) -> int:
     """Find the shapes of tile ``b`` of bonds, those before it are known; returns from where on ``shape`` is free."""
-    rest, diagonals, layers = bonds.rest_length, tiles.diagonals, len(tiles.kinds)
-    shape, normal = tiles.shape[free : free + SHAPE_TILE], tiles.kinds[b % layers, 0]
+    rest, layers, shape = bonds.rest_length, tiles.layers, tiles.shape[free : free + SHAPE_TILE]
     # Of the same layer, at the elements before.
     before = tiles.shape_of[max(b - layers, 0)]
     filled = -1
@@ -412,16 +351,8 @@ def _fill_shapes(
         bond = tiles.bond_ids[b * LANES + k]
         if bond == EMPTY:
             continue
-        if bond >= 0:
-            _fill_shape(shape, k, bonds.first[bond], bonds.second[bond], rest[bond], normal, elements, sizes, rank, p)
-        else:
-            d = diagonal_of(bond)
-            length = diagonal_length(diagonals.way, d, rest, bonds.status)
-            _fill_shape(shape, k, diagonals.first[d], diagonals.second[d], length, normal, elements, sizes, rank, p)
-            # The rows damp whatever moves; more would shorten the sub-step for nothing.
-            shape[k + DAMPING] = 0.0
+        _fill_shape(shape, k, bonds.first[bond], bonds.second[bond], rest[bond], elements, sizes, rank, p)
         filled = k
-    # Lanes without a bond have the shape of one that is there: a row that ends is no reason for a tile of its own.
     alike = b >= layers
     for n in range(SHAPE_TILE):
         # Lanes without a bond have the shape of one that is there: where a row ends is no reason for a tile of its own.
@@ -430,15 +361,6 @@ def _fill_shapes(
         alike = alike and (filled < 0 or shape[n] == tiles.shape[before + n])
     tiles.shape_of[b] = before if alike else free
     return free if alike else free + SHAPE_TILE
-
-
-@kernel
-def free_diagonals(tiles: BondTiles, status: Ints) -> None:
-    """Free the diagonals of whose corner no way is left."""
-    bond_ids, bond, way = tiles.bond_ids, tiles.bond, tiles.diagonals.way
-    for r in range(bond_ids.size):
-        if bond_ids[r] < EMPTY and not holds(way, diagonal_of(bond_ids[r]), status):
-            bond[bond_offset(r) + INTACT] = 0.0
 
 
 @kernel

@@ -28,8 +28,7 @@ BONDED, SAME_BERG_CONTACT, COLLISION, PLAIN_CONTACT, PLAIN_BOND = 0, 1, 2, 3, 4
 class PairLaw(NamedTuple):
     """Numbers of the pair law."""
 
-    spring: float  # Stiffness of bonds over mass, s-2; negative: from their modulus
-    spring_modulus: float  # That of bonds, m2 s-2
+    spring: float  # Stiffness of bonds over mass, s-2; negative: from the modulus
     modulus: float  # m2 s-2: stiffness times the square of the rest length
     contact_spring: float  # Stiffness of contact over mass, s-2; negative: from the modulus
     contact_stiffest: float  # Largest stiffness of contact, s-2
@@ -109,7 +108,7 @@ def stiffness_and_reach(kind: int, sum_radii: float, law: PairLaw) -> tuple[floa
     if kind in (COLLISION, PLAIN_CONTACT):
         stiffness = pair_stiffness(law.contact_spring, law.modulus, sum_radii, law.contact_stiffest)
         return stiffness, max(sum_radii, law.contact_distance)
-    return pair_stiffness(law.spring, law.spring_modulus, sum_radii, math.inf), sum_radii
+    return pair_stiffness(law.spring, law.modulus, sum_radii, math.inf), sum_radii
 
 
 @kernel
@@ -228,7 +227,6 @@ def pair_law(p: KernelParameters) -> PairLaw:
     """Pick the scalars of the pair law."""
     return PairLaw(
         p.spring,
-        p.spring_modulus,
         p.modulus,
         p.contact_spring,
         p.contact_stiffest,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import kernel
 from riftberg.errors import InputError, RunError
 from riftberg.ocean.forcing import Forcing, land_at, sea_level
-from riftberg.parameters import Grounding, KernelParameters
+from riftberg.parameters import Grounding
 from riftberg.physics.floating import draft_of
 from riftberg.physics.seabed import bending_stress, friction_depth
 from riftberg.state import Floats, Ints
@@ -28,6 +28,8 @@ from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.ground import landing
 from riftberg.stepping.ground.pads import (
+    LOW_X,
+    LOW_Y,
     ORIGIN_X,
     ORIGIN_Y,
     RIGID,
@@ -41,6 +43,7 @@ from riftberg.stepping.ground.pads import (
 )
 from riftberg.stepping.ground.plate import PlateRoom
 from riftberg.stepping.ground.press import HOLD, LIFT, LOAD, PRESSED, STRESS, YIELD, Bed
+from riftberg.stepping.ground.soundings import DepthOf, Floor, Soundings
 from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
 
@@ -70,9 +73,6 @@ STEEPEST: Final = 0.5
 RING: Final = 5000.0
 """Way (m) for which the floor around a fragment is surveyed at once."""
 
-WIDER: Final = 4.0
-"""Factor of that way for which it is surveyed; the survey holds as long as nothing near is in it."""
-
 RESERVE: Final = 5.0
 """Clearance (m) beyond the surveyed one that levels may take."""
 
@@ -84,8 +84,6 @@ STRUCK: Final = 0.05
 
 DEEP_KEEL: Final = 1.0
 """How far below the floor a keel may start, m, where it is not to start aground."""
-
-DepthOf = Callable[[Floats, Floats], Floats]
 
 INSIDE: Final = 0.75
 """Share of ice around a load from which the ice cracks along the line of the load; elsewhere a piece of the edge breaks off."""
@@ -260,73 +258,55 @@ class Shoal:
         )
 
     def look_around(
-        self, pose: Floats, reach: Floats, draft: Floats, near: NDArray[np.bool_], depth: DepthOf, c: KernelParameters
+        self, pose: Floats, reach: Floats, draft: Floats, near: NDArray[np.bool_], soundings: Soundings, scale: float
     ) -> None:  # fmt: skip
-        """Survey the floor around bonded fragments that may leave the ring of the last survey on a way of ``reach`` m."""
-        survey, scale = self.survey, c.earth_radius if c.latlon else 1.0
-        old = [
+        """Survey the floor around bonded fragments that may leave that of the last survey on a way of ``reach`` m.
+
+        ``scale``: radius of the earth, or 1 in a plane.
+        """
+        survey, pads = self.survey, self.whole
+        left = [
             b for b in np.flatnonzero(near & ~self.lone).tolist()
             if not _way_since(pose[b], survey.pose[b], float(self.radius[b]), scale) + reach[b] <= survey.way[b]
         ]  # fmt: skip
-        for b in old:
-            survey.pose[b], survey.draft[b] = (
-                pose[b],
-                draft[self.whole.row_start[b] : self.whole.row_start[b + 1]].max(),
+        for b in left:
+            low, (first, rows, columns) = pads.frame[b, [LOW_X, LOW_Y]], pads.raster[b].tolist()
+            box = np.concatenate([low, low + self.side[b] * np.array([columns, rows])]) + np.tile(pads.frame[b, :2], 2)
+            way, deepest = reach[b] + RING, float(draft[pads.row_start[b] : pads.row_start[b + 1]].max())
+            floor = soundings.around(pose[b], box, way)
+            shallow = floor.least < deepest + RESERVE
+            _watch_squares(
+                pads.raster[b], pads.frame[b], floor, shallow, way, self._slope[first : first + rows * columns]
             )
-            way, nothing = self._survey(b, pose[b], max(RING, 2.0 * reach[b]), float(survey.draft[b]), depth, c)
-            survey.way[b], survey.open_way[b] = way, way if nothing else 0.0
-        if old:
+            survey.pose[b], survey.draft[b], survey.way[b] = pose[b], deepest, way
+            survey.open_way[b] = 0.0 if shallow.any() else way
+        if left:
             self._list()
-
-    def _survey(
-        self, b: int, pose: Floats, ring: float, draft: float, depth: DepthOf, c: KernelParameters
-    ) -> tuple[float, bool]:  # fmt: skip
-        """Survey the floor around a fragment, on a raster of two sides of its pads.
-
-        Returns the way (m) for which it holds, ``ring`` or more where nothing is near, and whether nothing is.
-        """
-        from scipy.ndimage import maximum_filter, minimum_filter
-
-        first, rows, columns = self.whole.raster[b].tolist()
-        ice, step, margin = (
-            self.whole.ice[first : first + rows * columns],
-            2.0 * self.side[b],
-            WIDER * ring + self.side[b],
-        )
-        x, y = ice[:, 1], ice[:, 2]  # one by one: over rows of two numbers NumPy takes ten times as long
-        low = np.array([x.min(), y.min()]) - margin
-        high = np.array([x.max(), y.max()]) + margin
-        n, m = (np.ceil((high - low) / step).astype(np.int64) + 1).tolist()
-        x, y = np.meshgrid(low[0] + step * np.arange(n), low[1] + step * np.arange(m))
-        frame = self.whole.frame[b]
-        lon, lat = _place_all(x.ravel() + frame[ORIGIN_X], y.ravel() + frame[ORIGIN_Y], pose, c.latlon, c.earth_radius)
-        floor = np.minimum(depth(lon, lat), OPEN_DEPTH).reshape(x.shape)
-        deepest = minimum_filter(floor, 3)
-        drop = maximum_filter(floor, 3) - deepest
-        if (
-            deepest - 0.5 * drop
-        ).min() >= draft + RESERVE:  # nothing in all that was surveyed: nearly always in deep water
-            self._slope[first : first + rows * columns] = np.nan
-            return WIDER * ring, True
-        i, j = np.rint((ice[:, 1:] - low) / step).astype(np.int64).T
-        for part in (WIDER, 0.5 * WIDER, 1.0):
-            # Of all that the fragment may come over before the next survey.
-            size = 2 * math.ceil(part * ring / step) + 3
-            near = minimum_filter(deepest - 0.5 * drop, size)[j, i] < draft + RESERVE
-            if not near.any():
-                break
-        slope = np.minimum(1.5 * maximum_filter(drop, size)[j, i] / step + 1e-3, STEEPEST) if near.any() else np.nan
-        self._slope[first : first + rows * columns] = np.where(near, slope, np.nan)
-        return part * ring, not near.any()
 
 
 @kernel
-def _place_all(x: Floats, y: Floats, pose: Floats, latlon: bool, radius: float) -> tuple[Floats, Floats]:
-    """Find the positions (degrees, or m) of points of a fragment, given on its tangent plane (m)."""
-    lon, lat = np.empty_like(x), np.empty_like(y)
-    for n in range(x.size):
-        lon[n], lat[n] = place_points(x[n], y[n], pose, latlon, radius)
-    return lon, lat
+def _watch_squares(
+    raster: Ints, frame: Floats, floor: Floor, shallow: NDArray[np.bool_], way: float, slope: Floats
+) -> None:
+    """Find the steepest slope of the floor within ``way`` m of squares, NaN where no tile within it is shallow.
+
+    Blocks of squares of some half a tile have the same.
+    """
+    rows, columns, side = raster[1], raster[2], frame[SIDE]
+    wide = max(int(0.7 * floor.half / side), 1)
+    reach = way + floor.half + 0.71 * wide * side
+    for j in range((rows - 1) // wide + 1):
+        for i in range((columns - 1) // wide + 1):
+            x = frame[ORIGIN_X] + frame[LOW_X] + (i + 0.5) * wide * side
+            y = frame[ORIGIN_Y] + frame[LOW_Y] + (j + 0.5) * wide * side
+            steepest, near = 0.0, False
+            for n in range(shallow.size):
+                if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
+                    near = near or shallow[n]
+                    steepest = max(steepest, floor.slope[n])
+            for row in range(j * wide, min((j + 1) * wide, rows)):
+                for column in range(i * wide, min((i + 1) * wide, columns)):
+                    slope[row * columns + column] = steepest if near else math.nan
 
 
 @kernel
@@ -347,6 +327,7 @@ class Seabed:
         self.depth = depth_of_bed(
             model.forcing, float(lon[0]) if lon.size else 0.0, 0.0 if p.earth.latlon else p.earth.period
         )
+        self.soundings = Soundings(self.depth, p.earth.latlon, model.constants.earth_radius)
         self.familiar: Ints | None = None  # Identifiers of the elements that were there in the last step; None at first
         # Work of friction since the start, J; least clearance of a keel, m.
         self.rubbed, self.clearance = np.zeros(1), np.full(1, np.inf)
@@ -436,7 +417,7 @@ class Seabed:
         speed = np.hypot(twist[:, 0], twist[:, 1]) + shoal.radius * np.abs(twist[:, 2])
         drift = np.where(shoal.lone, np.hypot(el.environment.uo[first], el.environment.vo[first]), 0.0)
         reach = further * (h * np.maximum(speed, drift) + ASIDE)
-        shoal.look_around(pose, reach, draft, near[which], self.depth, c)
+        shoal.look_around(pose, reach, draft, near[which], self.soundings, c.earth_radius if c.latlon else 1.0)
         if not shoal.squares.size:
             self.clearance[0] = np.fmin.reduce(
                 el.environment.depth - draft_of(el.body.thickness, c.rho_ice), initial=self.clearance[0]

@@ -23,7 +23,6 @@ from riftberg.parameters import KernelParameters
 from riftberg.state import Bonds, Elements, Floats, Ints
 from riftberg.stepping.bodies.dynamics import longest_trial_step
 from riftberg.stepping.bodies.pose import Bodies, bodies_from_elements, split_bodies
-from riftberg.stepping.contact.faces import NO_FACE_PAIRS, FaceContact
 from riftberg.stepping.contact.islands import PeakContactLoad
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
@@ -409,28 +408,3 @@ def first_moment(
         else:
             a, low = t, now
     return b
-
-
-BREAK_NAMES = ("status", "break_time", "break_grounded", "break_strength", "released_energy", "cracked_area")
-"""What a break leaves in the bonds."""
-
-
-def break_under_impact(
-    model: RunState, bodies: Bodies, peak: PeakContactLoad, faces: FaceContact
-) -> tuple[int, Floats]:
-    """Break the bonds that do not bear an impact; returns their number, and the stress (Pa) of all under it.
-
-    For schemes whose lattices oscillate: all but the bonds, and the numbers of the fragments, stays as it is. ``bodies``: the
-    fragments where the impact finds them; its forces come to those of the media.
-    """
-    el, bonds, pairs = model.elements, model.bonds, faces.pairs
-    kept = [(array, array.copy()) for group in (el.motion, el.shown, el.kicks) for array in group]
-    kept += [(array, array.copy()) for name, array in bonds.arrays().items() if name not in BREAK_NAMES]
-    before = int(np.count_nonzero(bonds.status))
-    faces.pairs = NO_FACE_PAIRS  # what presses before the impact is over is a part of its largest force
-    step = TimeStep(model, bodies, laws=LawsWithMemory(None, faces))
-    faces.pairs = pairs
-    stress = step.break_under(peak)
-    for array, values in kept:
-        array[:] = values
-    return int(np.count_nonzero(bonds.status)) - before, stress

@@ -265,7 +265,7 @@ class FragmentMotion:
             if self.faces is None:  # nobody may touch another
                 find_near = partial(find_near_circles, el, lon, lat, bodies.body, c)
             else:
-                find_near = partial(self.faces.find_near, self.model, bodies, lon, lat, None)
+                find_near = partial(self.faces.find_near, self.model, bodies, lon, lat)
             leading = leading_elements(correction, bodies.body, find_near)
             bodies = bodies._replace(pose=corrected_poses(bodies.pose, el, lon, lat, leading, c))
             stopped = np.flatnonzero(leading >= 0)
