@@ -250,6 +250,23 @@ def test_the_balance_does_not_depend_on_how_the_berg_lies(where: dict[str, Any])
     assert there.load == pytest.approx(here.load, rel=1e-9 if "shift" in where else 0.01)
 
 
+@pytest.mark.compiled
+def test_the_balance_does_not_depend_on_which_pads_are_watched() -> None:
+    """Nor on what was pressed before: a run that is resumed surveys the floor elsewhere, and has made no plate yet."""
+
+    def floor(x: Any, y: Any, rise: float = 0.0) -> Any:
+        return DRAFT - rise + 2e-3 * (x + 10e3)
+
+    berg, every, ahead = Berg(20, 8, 1000.0), [], np.flatnonzero(Berg(20, 8, 1000.0).points()[0] < -7000.0)
+    for rise in (0.5, 1.0, 2.0):
+        every.append(berg.press(lambda x, y, rise=rise: floor(x, y, rise), ROCK).found)
+    watched = Berg(20, 8, 1000.0)
+    some = ahead[ahead >= len(watched.pads.corner)] - len(watched.pads.corner)
+    for rise, found in ((2.0, every[2]), (0.5, every[0])):
+        again = watched.press(lambda x, y, rise=rise: floor(x, y, rise), ROCK, polygons=some)
+        assert np.array_equal(again.found, found)
+
+
 @pytest.mark.parametrize("side", [150.0, 226.0, 362.0, 376.0])
 def test_a_corner_is_borne_by_the_plate_there_whatever_the_pads(side: float) -> None:
     """Bug: pads that bore nothing yet were taken to bear at the middle of their overlap, and then took half of the load.
