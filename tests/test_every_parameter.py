@@ -203,6 +203,7 @@ KID = with_(
 )
 # A landing is followed in parts of two seconds, each dear: a step of twenty seconds has all that one of minutes has.
 BED = with_(OPEN, grounding={"law": "seabed"}, stepping={"scheme": "quasi_static", "time_step": 20.0})
+ICY: Final = {"sea": {"sea_ice": (0.1, 0.05, 2.0), "ice_fraction": 0.95}}
 SHALLOW: Final = {"sea": {"depth": 150.0}}
 AGROUND: Final = {"sea": {"depth": 165.6}, "steps": 1}
 BURIED: Final = {"sea": {"depth": 157.0}, "steps": 1}
@@ -251,6 +252,12 @@ TRIALS: Final[dict[str, Trial]] = {
         base=with_(OPEN, compatibility={"forces_by_element": True}), more={"packing": "hexagonal"}
     ),
     "drag.rotational": Trial(),
+    "sea_ice.capture": Trial("none", QUASI, more=ICY),
+    "sea_ice.strength": Trial(1e3, QUASI, more=ICY),
+    "sea_ice.decay": Trial(30.0, QUASI, more=ICY),
+    "sea_ice.least_concentration": Trial(0.99, QUASI, more=ICY),
+    "sea_ice.locked_concentration": Trial(0.99, with_(QUASI, sea_ice={"capture": "locked"}), more=ICY),
+    "sea_ice.locked_strength": Trial(1e6, with_(QUASI, sea_ice={"capture": "locked"}), more=ICY),
     "grounding.law": Trial("quadratic", with_(OPEN, grounding={"law": "linear", "quadratic_coefficient": 10.0}), more=SHALLOW),
     "grounding.coefficient": Trial(2e4, more=SHALLOW),
     "grounding.quadratic_coefficient": Trial(

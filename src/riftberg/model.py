@@ -22,6 +22,7 @@ from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
 from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
+from riftberg.ocean.balance import slope_notice
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Environment, Floats, Ints, copy_state
@@ -32,7 +33,6 @@ from riftberg.stepping.explicit.stability import (
     narrow_warning,
     resonance_warning,
     size_bins,
-    with_nonresonant_step,
 )
 from riftberg.stepping.forces.media import OWN
 from riftberg.stepping.fragments.connectivity import connected_parts
@@ -138,11 +138,11 @@ class BareModel(RunState):
         packed = asked.changed(bonds={"packing": berg.packing}) if berg.packing != asked.bonds.packing else asked
         elements, bonds = copy_state(berg.elements, berg.bonds)
         sized = _with_constant_size(packed, elements, bonds)
-        stepped = with_nonresonant_step(elements, bonds, sized)
         self._begin(
-            Population(elements, bonds), forcing, stepped, began, bergs=berg.bergs, outlines=berg.outlines, laws=laws
+            Population(elements, bonds), forcing, sized, began, bergs=berg.bergs, outlines=berg.outlines, laws=laws
         )
-        if not asked.compatibility.zero_start:  # runs with the reference's quirks must run as they stand
+        # Runs with the reference's quirks must run as they stand, and bergs that do not act on each other may overlap.
+        if not asked.compatibility.zero_start and asked.stepping.interactions:
             earth = asked.earth
             refuse_overlap(self.elements, asked.bonds.packing, Metric(earth.latlon, earth.radius, earth.period))
 
@@ -171,7 +171,8 @@ class BareModel(RunState):
         self._force = None if own.force is None else WithForce(forcing, own.forces())
         super().__init__(
             population, self._force or forcing, parameters,
-            parameters.kernel_values(), FragmentTree(list(fragments), bergs), start, time, step_number, outlines=outlines,
+            parameters.kernel_values()._replace(ice_drift_known=bool(getattr(forcing, "ice_drift_known", True))),
+            FragmentTree(list(fragments), bergs), start, time, step_number, outlines=outlines,
             laws=own,
         )  # fmt: skip
         self.life = LifeProcess(parameters, own.melt) if lives(parameters) else None
@@ -633,7 +634,18 @@ class BareModel(RunState):
         """What should be known of a run with these parameters, a sentence each."""
         rings = resonance_warning(self.elements, self.bonds, self.parameters)
         stiff = narrow_warning(self.elements, self.parameters)
-        return (*(text for text in (rings, stiff) if text), *self.unusual.values())
+        return (*(text for text in (self.sea_level_notice, rings, stiff) if text), *self.unusual.values())
+
+    @property
+    def sea_level_notice(self) -> str:
+        """What is assumed of the sea level where no data give one, with a figure for the largest berg; empty where they do."""
+        if not getattr(self.forcing, "tells_sea_level", False):
+            return ""
+        body, bonds = self.elements.body, self.bonds
+        part = connected_parts(body.id.size, bonds.first, bonds.second, bonds.status)
+        areas = np.bincount(part, weights=body.length * body.width)
+        largest = np.flatnonzero(part == areas.argmax()) if areas.size else part
+        return slope_notice(self.forcing, self.elements, largest, self.parameters)
 
     @property
     def unusual(self) -> dict[str, str]:

@@ -18,6 +18,7 @@ from riftberg.config.parameter_groups import (
     BondLaw,
     BondParameters,
     Calving,
+    Capture,
     Compatibility,
     Contact,
     Damage,
@@ -30,6 +31,7 @@ from riftberg.config.parameter_groups import (
     Group,
     Ice,
     Melt,
+    PackIce,
     Packing,
     Rolling,
     Scheme,
@@ -38,6 +40,7 @@ from riftberg.config.parameter_groups import (
 )
 from riftberg.config.usual_ranges import PUBLISHED_SPRINGS
 from riftberg.config.values import unit_of
+from riftberg.physics.sea_ice import LIMITED, LOCKED, NO_CAPTURE, OF_REFERENCE
 
 __all__ = [
     "A68A_2022",
@@ -57,6 +60,7 @@ __all__ = [
     "Ice",
     "KernelParameters",
     "Melt",
+    "PackIce",
     "Packing",
     "Parameters",
     "Rolling",
@@ -88,6 +92,10 @@ DRAG_KEYS: Final = {
 """Keys of the drag laws, and what to write in their place with the scheme that has a bed of sediment."""
 
 
+CAPTURES: Final[dict[Capture, int]] = {"none": NO_CAPTURE, "limited": LIMITED, "locked": LOCKED}
+"""Captures by a pack of sea ice as compiled code knows them."""
+
+
 class KernelParameters(NamedTuple):
     """Scalars that compiled code reads; SI units, angles in degrees where the state has degrees.
 
@@ -103,6 +111,13 @@ class KernelParameters(NamedTuple):
     radius_based: Annotated[bool, "compatibility.radius_based"]
     rotational_drag: Annotated[bool, "drag.rotational"]
     max_sides: int
+    ice_capture: int  # What a pack of sea ice does beside its drag (`riftberg.physics.sea_ice`)
+    ice_drift_known: bool  # Whether the forcing says how sea ice moves; else it exerts no force on rigid fragments
+    ice_strength: Annotated[float, "sea_ice.strength"]
+    ice_decay: Annotated[float, "sea_ice.decay"]
+    least_ice: Annotated[float, "sea_ice.least_concentration"]
+    locked_fraction: Annotated[float, "sea_ice.locked_concentration"]
+    locked_strength: Annotated[float, "sea_ice.locked_strength"]
     ground_coefficient: float
     ground_quadratic: float
     ground_ramp: Annotated[float, "grounding.ramp_height"]
@@ -184,6 +199,7 @@ class Parameters(Group):
 
     ice: Ice = Field(default_factory=Ice)
     drag: Drag = Field(default_factory=Drag)
+    sea_ice: PackIce = Field(default_factory=PackIce)
     grounding: Grounding = Field(default_factory=Grounding)
     contact: Contact = Field(default_factory=Contact)
     bonds: BondParameters = Field(default_factory=BondParameters)
@@ -379,10 +395,8 @@ class Parameters(Group):
         if self.stepping.scheme == "quasi_static":
             groups = _explicit_if_asked(groups)
         values: dict[str, Any] = self.model_dump()
-        # Which numbers of steps were named must stay known: others are chosen by the berg. So must what was said of the sea
-        # floor: the schemes have laws of their own.
-        for group in ("stepping", "grounding"):
-            values[group] = getattr(self, group).model_dump(exclude_unset=True)
+        # What was said of the sea floor must stay known: the schemes have laws of their own.
+        values["grounding"] = self.grounding.model_dump(exclude_unset=True)
         for group, changes in groups.items():
             merges = isinstance(changes, Mapping) and group in values
             values[group] = {**values[group], **changes} if merges else changes
@@ -403,6 +417,8 @@ class Parameters(Group):
             # Elements whose sides no bond covers stand in the water each for itself.
             forces_by_element=p.compatibility.forces_by_element or not p.drag.sides_by_bonds,
             max_sides=6 if hexagonal else 4,
+            ice_capture=CAPTURES[p.sea_ice.capture] if p.stepping.scheme == "quasi_static" else OF_REFERENCE,
+            ice_drift_known=True,
             ground_coefficient=p.grounding.coefficient if law == "linear" else 0.0,
             ground_quadratic=p.grounding.quadratic_coefficient if law == "quadratic" else 0.0,
             # Implicit sub-steps solve for the bonds alone; the long step takes the sea floor implicitly too.
@@ -423,32 +439,46 @@ class Parameters(Group):
         )
 
 
-FORMER_KEYS: Final[dict[str, dict[str, Any]]] = {"stepping": {"landing_steps": 8}, "grounding": {"cell": 50.0}}
-"""Keys that earlier versions wrote into their files, with the defaults that they had."""
-
-
 def without_idle_keys(values: Any, *, all_of_them: bool = False) -> Any:
     """Return parameters as a file of Riftberg has them, without keys that act no more and have their default.
 
-    Files hold all keys, those of the drag of other schemes too. ``all_of_them``: whatever their value, and without the law of
-    drag that `quasi_static` had by default in earlier versions.
+    Files hold all keys, those of the laws of other schemes too. ``all_of_them``: whatever their value, and without laws that
+    earlier versions had for the scheme: the parameters say what a run was, and no run goes on with them.
     """
     if not isinstance(values, dict):
         return values
-    idle: dict[str, dict[str, Any]] = {group: dict(keys) for group, keys in FORMER_KEYS.items()}
-    if values.get("stepping", {}).get("scheme") == "quasi_static":
-        fields = Grounding.model_fields
-        idle["grounding"] |= {name: fields[name].get_default() for name in DRAG_KEYS}
-        if all_of_them:
-            idle["grounding"] |= {"law": "linear", "start": "settle"}
+    quasi_static = values.get("stepping", {}).get("scheme") == "quasi_static"
+    # Keys of earlier versions, and those of the drag in the scheme without one, with the values that change nothing.
+    idle: dict[str, dict[str, tuple[Any, ...]]] = {
+        "stepping": {"landing_steps": (8,)}, "grounding": {"cell": (50.0,)},
+        "contact": {"law": (None, "crushing" if quasi_static else "spring")},
+    }  # fmt: skip
+    if quasi_static:
+        idle["grounding"] |= {name: (Grounding.model_fields[name].get_default(),) for name in DRAG_KEYS}
+    former = {"grounding": {"law": "linear", "start": "settle"}} if quasi_static else {"damage": {"enabled": True}}
+    former["bonds"] = {"elasticity": "isotropic"}
     left = dict(values)
-    for group, keys in idle.items():
-        if isinstance(inner := values.get(group), dict):
+    for group, inner in values.items():
+        if isinstance(inner, dict):
+            keys, laws = idle.get(group, {}), former.get(group, {}) if all_of_them else {}
             left[group] = {
                 name: value for name, value in inner.items()
-                if name not in keys or not (value == keys[name] or (all_of_them and name not in ("law", "start")))
+                if not (name in keys and (all_of_them or value in keys[name])) and not (name in laws and value == laws[name])
             }  # fmt: skip
+    if not all_of_them and _had_isotropic_bonds(values):
+        left["bonds"] = {**left["bonds"], "elasticity": "isotropic"}
     return left
+
+
+def _had_isotropic_bonds(values: dict[str, Any]) -> bool:
+    """Whether a file is of a version, known by `contact.law`, in which its bonds were isotropic although it does not say so."""
+    bonds, quirks = values.get("bonds", {}), values.get("compatibility", {})
+    if values.get("stepping", {}).get("scheme") == "quasi_static" or "law" not in values.get("contact", {}):
+        return False
+    beams = bonds.get("law") == "dem" and not bonds.get("no_shear")
+    springs = bonds.get("law") == "spring" and bonds.get("spring") is None
+    published = quirks.get("zero_start") or quirks.get("rest_length_from_sizes")
+    return bonds.get("elasticity") is None and (beams or springs) and not published
 
 
 def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
@@ -480,6 +510,7 @@ def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
 
 A68A_2022 = Parameters(
     drag=Drag(ocean_scale=17.8),
+    sea_ice=PackIce(capture="none"),
     contact=Contact(**PUBLISHED_SPRINGS, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),
     fracture=Fracture(normal_strength=11e3, shear_strength=100e3),

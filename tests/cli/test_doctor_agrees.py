@@ -115,7 +115,7 @@ def test_currents_alone_are_ready_and_what_is_assumed_is_said(folder: Path) -> N
     path.write_text(HEAD.format(start="2020-12-09 13:00", days=1, files="currents.nc"))
     result = call("doctor", "--for", path)
     assert result.exit_code == 0, result.output
-    assert "Assumed: no file gives the sea level (ssh)" in result.output
+    assert "Assumed: no sea level is given: its slope balances the current" in result.output
     assert "the air is calm" in result.output
 
 

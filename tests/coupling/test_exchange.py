@@ -486,3 +486,13 @@ def test_a_berg_that_leaves_gives_the_ocean_its_last_drag_at_the_edge() -> None:
         force = given[name].values * area
         assert float(force.sum()) * run.ocean_step == pytest.approx(-(after[k] - before[k]), rel=1e-9)
         assert force[5:7, 0].sum() == pytest.approx(force.sum(), rel=1e-12)
+
+
+def test_an_ocean_without_a_sea_level_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    """Bergs of 15 km stood still beside a coupled ocean that handed over its currents alone, in silence."""
+    for more, count in (({}, 1), ({"sea_surface_height_above_geoid": 0.1}, 0)):
+        caplog.clear()
+        beside = exchange()
+        for _ in range(3):
+            beside.step(ocean(**more))
+        assert len([text for text in caplog.messages if "the ocean gives no sea level" in text]) == count

@@ -224,12 +224,13 @@ def test_mistakes_in_the_new_keys_are_told_with_their_place(tmp_path: Path, old:
 def test_missing_sea_level_and_wind_are_noticed_unless_left_out_on_purpose(tmp_path: Path, spacing: str) -> None:
     ds = records(range(5, 17), fields=("uo", "vo"))
     model, info = build(str(experiment(tmp_path, ds, spacing)))
-    assert len(info.notices) == 2
-    assert "sea level (ssh)" in info.notices[0]
-    assert "wind (ua, va): the air is calm" in info.notices[1]
-    assert info.notices[1] in model.forcing.describe()  # and so in run.nc and summary.json
-    _, info = build(str(experiment(tmp_path, more=f"{spacing}  sea_level: none\n")))
+    assert len(info.notices) == 1
+    assert "wind (ua, va): the air is calm" in info.notices[0]
+    assert info.notices[0] in model.forcing.describe()  # and so in run.nc and summary.json
+    assert model.notices[0].startswith("no sea level is given: its slope balances the current")
+    model, info = build(str(experiment(tmp_path, more=f"{spacing}  sea_level: none\n")))
     assert [notice[:23] for notice in info.notices] == ["no file gives the wind "]
+    assert model.sea_level_notice == ""
     _, info = build(str(experiment(tmp_path, more=f"{spacing}  sea_level: none\n  wind: none\n")))
     assert info.notices == ()
 

@@ -26,6 +26,7 @@ from products.test_odd_files import (
     written,
 )
 from riftberg.errors import ForcingError
+from riftberg.ocean.balance import balancing_slope
 from riftberg.ocean.datasets import DatasetForcing
 from riftberg.ocean.doctor import doctor
 from riftberg.ocean.files_forcing import Run, forcing_from_files
@@ -227,8 +228,8 @@ def test_a_sea_level_above_the_ellipsoid_moves_nothing(tmp_path: Path, said: str
     ds["ssh"].attrs = {"units": "m", "long_name": words, **({"standard_name": said} if said else {})}
     forcing, e = told(tmp_path, ds, "ssh is", "which is none of these"), elements()
     forcing.sample(e, 0.0)
-    assert (e.slope_x == 0.0).all()
-    assert any("no file gives the sea level" in line for line in forcing.notices)
+    np.testing.assert_allclose(e.slope_y, balancing_slope(e.lat, e.uo, e.vo)[1], rtol=0.1)
+    assert forcing.assumes_slope
 
 
 def test_a_sea_level_above_the_ellipsoid_of_a_known_product_is_refused(tmp_path: Path) -> None:
@@ -387,10 +388,53 @@ def test_a_level_of_the_air_alone_still_shuts_currents_out_and_a_depth_is_judged
 
 
 def test_sea_ice_without_its_thickness_is_told(tmp_path: Path) -> None:
-    words = "sea ice without its thickness (ice_thickness) exerts no drag"
-    told(tmp_path, plain(names=("uo", "vo", "ice_fraction")), words)
-    told(tmp_path, plain(names=("uo", "vo", "ui", "vi")), words)
-    not_told(tmp_path, plain(names=("uo", "vo", "ui", "vi", "ice_thickness")), "exerts no drag")
+    words = "sea ice without its thickness (ice_thickness)"
+    told(tmp_path, plain(names=("uo", "vo", "ice_fraction")), f"{words} and velocity (ui) exerts no force")
+    told(tmp_path, plain(names=("uo", "vo", "ui", "vi", "ice_fraction")), f"{words} exerts no force")
+    not_told(tmp_path, plain(names=("uo", "vo", "ui", "vi", "ice_thickness", "ice_fraction")), "exerts no force")
+
+
+OF_THE_ICE: dict[str, dict[str, str]] = {
+    "nothing said": {}, "plain words": {"long_name": "Sea ice thickness"},
+    "where there is ice": {"cell_methods": "area: mean where sea_ice"},
+    "CMIP": {"cell_methods": "area: time: mean where sea_ice (comment: mask=siconc)"},
+    "a mean in time": {"cell_methods": "time: mean"}, "over the ice": {"long_name": "thickness over ice-covered water"},
+}  # fmt: skip
+OF_THE_CELL: dict[str, dict[str, str]] = {
+    "CMIP volume": {"long_name": "Sea-Ice Volume per Area", "cell_methods": "area: mean where sea time: mean"},
+    "CICE": {"long_name": "grid cell mean ice thickness"}, "ROMS": {"long_name": "average ice thickness in cell"},
+    "effective": {"long_name": "Effective sea ice thickness"}, "FESOM": {"description": "ice height per unit area"},
+    "area": {"cell_methods": "time: mean area: mean"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("said", "factor"), [
+    *(pytest.param(words, 1.0, id=name) for name, words in OF_THE_ICE.items()),
+    *(pytest.param(words, 2.0, id=name) for name, words in OF_THE_CELL.items()),
+])  # fmt: skip
+def test_thickness_spread_over_a_cell_becomes_that_of_the_ice(
+    said: dict[str, str], factor: float, tmp_path: Path
+) -> None:
+    """Where half of a cell is open, its ice is twice as thick as its volume per area; files say which one they give."""
+    ds = plain(names=("uo", "vo", "ui", "vi", "ice_fraction", "ice_thickness"))
+    name = next(name for name in ds.data_vars if ds[name].attrs.get("standard_name") == "sea_ice_thickness")
+    cover = next(name for name in ds.data_vars if ds[name].attrs.get("standard_name") == "sea_ice_area_fraction")
+    ds[cover][:] = 0.5
+    ds[name].attrs |= said
+    read = open_product(written(tmp_path, ds))
+    np.testing.assert_allclose(read["ice_thickness"].values, factor * ds[name].values, rtol=1e-6)
+    words = f"{name} is sea ice spread over the whole cell: divided by {cover}"
+    assert (words in read.attrs.get("told", "")) == (factor == 2.0)
+    ds[cover][:] = 0.01  # round-off must not make mountains of a few floes
+    thin = open_product(written(tmp_path, ds))["ice_thickness"].values
+    np.testing.assert_allclose(thin, (1.0 if factor == 1.0 else 1.0 / 0.15) * ds[name].values, rtol=1e-6)
+
+
+def test_thickness_of_a_cell_without_a_concentration_is_told(tmp_path: Path) -> None:
+    ds = plain(names=("uo", "vo", "ui", "vi", "ice_thickness"))
+    name = next(name for name in ds.data_vars if ds[name].attrs.get("standard_name") == "sea_ice_thickness")
+    ds[name].attrs["long_name"] = "grid cell mean thickness"
+    told(tmp_path, ds, "spread over the whole cell, and no concentration stands beside it")
 
 
 def test_fields_of_melt_are_told_where_nothing_melts(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""OSCAR v1, v2.0 and the announced v3, on files with the published headers (no real file was to be had)."""
+"""OSCAR v1 and v2.0, on files with the published headers (no real file was to be had)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from products import product_files as files
 from products.probe import at_points
 from riftberg.errors import ForcingError
-from riftberg.products import open_product, recognise, window
+from riftberg.products import open_product, window
 
 
 def test_v2_order_longitude_latitude_is_told_by_name(tmp_path: Path) -> None:
@@ -65,28 +65,6 @@ def test_v1_dates_count_from_october_1992(tmp_path: Path) -> None:
     expected = np.datetime64("1992-10-05") + np.array([10288, 10293])
     np.testing.assert_array_equal(ds["time"].values, expected.astype("datetime64[ns]"))
     np.testing.assert_allclose(ds["lon"], [-37.6667, -37.3333, -37.0, -36.6667], atol=1e-4)
-
-
-def test_v3_as_announced_is_read_by_dimension_name(tmp_path: Path) -> None:
-    """Layout from the announcement only: (time, latitude, longitude), 0.125 degree, uw and vw added."""
-    u = np.arange(6, dtype=np.float32).reshape(1, 2, 3)
-    field = ("f4", ("time", "latitude", "longitude"))
-    speed = {"units": "m s-1"}
-    path = files.write(
-        tmp_path / "oscar_currents_final_20201216.nc",
-        {"time": 1, "latitude": 2, "longitude": 3},
-        {
-            "latitude": ("f4", ("latitude",), [-56.0, -55.875], {"units": "degrees_north"}),
-            "longitude": ("f4", ("longitude",), [-38.0, -37.875, -37.75], {"units": "degrees_east"}),
-            "time": ("f8", ("time",), [11307.0], {"units": "days since 1990-01-01", "calendar": "standard"}),
-            **{name: (*field, u, speed) for name in ("u", "v", "ug", "vg", "uw", "vw")},
-        },
-        product_version="v3.0",
-    )
-    ds = open_product(path)
-    assert recognise(path).name == "oscar-v3"
-    np.testing.assert_allclose(ds["uo"].values, u)
-    assert ds["time"].values[0] == np.datetime64("2020-12-16T12:00")
 
 
 def test_daily_means_serve_their_own_day_but_no_more(tmp_path: Path) -> None:

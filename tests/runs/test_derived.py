@@ -17,7 +17,13 @@ from riftberg.runs.derived import force_variables
 from riftberg.runs.run_file import RunWriter, open_run
 
 P = A68A_2022.changed(stepping={"substeps": 90, "time_step": 1800.0}, bonds={"constant_size": False})
-SEA = {"current": (0.3, -0.1), "wind": (8.0, -4.0), "slope": (2e-6, -1e-6), "sea_ice": (0.1, 0.05, 1.5)}
+SEA = {
+    "current": (0.3, -0.1),
+    "wind": (8.0, -4.0),
+    "slope": (2e-6, -1e-6),
+    "sea_ice": (0.1, 0.05, 1.5),
+    "ice_fraction": 0.9,
+}
 
 
 def made(path: Path, *, depth: float = 1e4, steps: int = 4, forces: bool = True) -> xr.Dataset:

@@ -27,8 +27,7 @@ from riftberg.stepping.ground.pads import (
 )
 from riftberg.stepping.ground.plate import PlateRoom
 from riftberg.stepping.ground.press import HOLD, LIFT, LOAD, LOAD_X, LOAD_Y, PRESSED, YIELD, Bed, press
-from riftberg.stepping.ground.seabed import Shoal, _find_candidates, _place_squares, bed_of, bent_bonds, depth_of_bed
-from riftberg.stepping.ground.soundings import Soundings
+from riftberg.stepping.ground.seabed import bed_of, bent_bonds, depth_of_bed
 from riftberg.stepping.lattice.footprints import BodyFootprint
 from scripts import ROOT, loaded, table_rows
 
@@ -339,43 +338,6 @@ def test_a_floor_of_second_order_is_seen_between_the_corners_of_pads() -> None:
         loads.append(fine.press(lambda x, y: DRAFT - 0.05 + 2e-7 * (x * x + y * y), bed(), bends=False).load)
     assert loads[0] == pytest.approx(loads[1], rel=0.02)
     assert berg.press(lambda x, y: np.full(np.shape(x), DRAFT + 1.0), bed()).largest == pytest.approx(-1.0)
-
-
-def test_pads_that_may_touch_are_found_before_they_do() -> None:
-    """After a way of 300 m, and none far from the bank; a survey of the floor is kept as long as the berg is in its ring."""
-    berg = Berg(8, 4, 500.0)
-    shoal, asked = Shoal([], np.zeros(1, np.int64), berg.pads.frame[:, 2], berg.pads, np.ones(32)), [0]
-
-    def depth(x: Any, y: Any) -> Any:  # a bank in the east that rises to 1.5 m above the keel
-        asked[0] += np.size(x)
-        return np.clip(DRAFT - 1.5 + 0.1 * (6000.0 - x), DRAFT - 1.5, 400.0)
-
-    pose, reach, near = np.zeros((1, 3, 3)), np.array([300.0]), np.ones(1, bool)
-    soundings = Soundings(depth, False, RADIUS)
-    pose[0, 0, 0] = pose[0, 1, 1] = 1.0
-    for x in np.linspace(-12e3, 9e3, 40):
-        pose[0, 0, 2] = x
-        before = asked[0]
-        shoal.look_around(pose, reach, berg.draft, near, soundings, 1.0)
-        surveyed = asked[0] > before
-        lon, lat = np.empty((2, shoal.squares.size))
-        _place_squares(berg.pads, shoal.squares, shoal.body, pose, False, RADIUS, lon, lat)
-        polygons, start = np.empty(shoal.polygons.size, np.int64), np.zeros(2, np.int64)
-        _find_candidates(
-            berg.pads, shoal.polygons, shoal.square, shoal.body, shoal.slope, depth(lon, lat), berg.draft, reach, near, polygons,
-            start, np.full(1, np.inf),
-        )  # fmt: skip
-        some = set(polygons[: start[1]].tolist())
-        for way in (-300.0, 0.0, 300.0):
-            over = DRAFT - depth(berg.pads.corner[:, 0] + x + way, berg.pads.corner[:, 1]) > 0.0
-            touching = {
-                k for k in range(berg.pads.owner.size) if over[berg.pads.start[k] : berg.pads.start[k + 1]].any()
-            }
-            assert touching <= some
-        assert all(berg.pads.centre[k, 0] + x > 2500.0 for k in some)
-        if x < -11e3:
-            assert surveyed or x > -12e3
-            assert not some
 
 
 def test_the_floor_of_a_plane_that_repeats_is_asked_for_within_its_period() -> None:

@@ -183,7 +183,9 @@ def test_what_acts_on_sides_is_the_bergs_on_every_lattice(name):
     totals = []
     for radius, packing, angle in ((7500.0, "square", 0.0), (1500.0, "square", 0.0), (1000.0, "hexagonal", 30.0)):
         berg = berg_of(radius=radius, packing=packing, lattice_angle=angle)
-        model = Model(berg, Steady(wind=(15.0, 5.0), current=(0.2, 0.1), sea_ice=(0.3, 0.1, 1.0)), Parameters())
+        model = Model(
+            berg, Steady(wind=(15.0, 5.0), current=(0.2, 0.1), sea_ice=(0.3, 0.1, 1.0), ice_fraction=0.8), Parameters()
+        )
         model.step()
         el, p = model.elements, model.constants
         around = allocate_surroundings(el.size)

@@ -20,7 +20,13 @@ pytestmark = pytest.mark.compiled
 
 PLANE = {"earth": {"latlon": False, "period": 0.0, "reference_latitude": -60.0}}
 MELT = {"melt": {"enabled": True, "temperature": 1.0, "salinity": 34.0}}
-OCEAN = {"current": (0.1, 0.05), "wind": (8.0, -3.0), "sea_ice": (0.05, 0.0, 0.6), "slope": (1e-7, -2e-7)}
+OCEAN = {
+    "current": (0.1, 0.05),
+    "wind": (8.0, -3.0),
+    "sea_ice": (0.05, 0.0, 0.6),
+    "ice_fraction": 0.9,
+    "slope": (1e-7, -2e-7),
+}
 
 
 @pytest.fixture(autouse=True)

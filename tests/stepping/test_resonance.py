@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,14 +11,10 @@ from typer.testing import CliRunner
 
 from riftberg import A68A_2022, A68A_2022_KID, Forcing, Iceberg, Model, Parameters
 from riftberg.cli.main import app
-from riftberg.experiments import Options, build
 from riftberg.state import Floats
 from riftberg.stepping.explicit.stability import (
-    LONG_STEPS,
-    NONRESONANT,
     bending_period,
     resonance_warning,
-    with_nonresonant_step,
 )
 
 EXPLICIT = Parameters().changed(stepping={"scheme": "mts", "time_step": 1800.0})
@@ -90,87 +85,15 @@ def test_the_command_line_tells_it_before_the_run(tmp_path: Any) -> None:
 
 
 MTS = Parameters(stepping={"scheme": "mts"})
-SHAPES = [("60 km", "12 km", 5e6), ("60 km", "30 km", 5e6), ("30 km", "12 km", 5e6), ("60 km", "12 km", 50e6)]
 
 
-@pytest.mark.parametrize(("length", "width", "modulus"), SHAPES)
-def test_a_long_step_that_nobody_named_does_not_ring(length: str, width: str, modulus: float) -> None:
-    """It was 1800 s for all: up to 17 kPa that were not there beside a strength of 18."""
-    model = Model(berg(length, width), Forcing.uniform((0.1, 0.0)), MTS.changed(bonds={"youngs_modulus": modulus}))
-    step, period = model.parameters.stepping.time_step, bending_period(model.elements, model.parameters)
-    assert model.notices == ()
-    assert step * NONRESONANT <= period or step == LONG_STEPS[-1]
-    longer = [one for one in LONG_STEPS if one > step]
-    assert not longer or min(longer) * NONRESONANT > period
-    assert 3600.0 % step == 0.0
-
-
-def test_the_shortest_long_step_is_taken_and_told_where_none_is_short_enough() -> None:
-    model = Model(berg("9 km", "6 km"), Forcing.uniform((0.1, 0.0)), MTS)
-    assert model.parameters.stepping.time_step == 60.0
-    assert "rings" in model.notices[0]
-
-
-@pytest.mark.parametrize(
-    ("asked", "step"),
-    [
-        (MTS.changed(stepping={"time_step": 900.0}), 900.0),
-        (MTS.changed(stepping={"time_step": 1800.0}), 1800.0),
-        (Parameters(stepping={"substeps": 90}), 1800.0),
-        (MTS.changed(fracture={"enabled": False}), 150.0),
-        (MTS.changed(stepping={"substeps": None}), 150.0),
-        (MTS.changed(stepping={"only_interactions": True}), 1800.0),
-        (MTS.changed(bonds={"law": "spring"}, fracture={"enabled": False}), 1800.0),
-        (Parameters(), 1800.0),
-        (A68A_2022.changed(stepping={"scheme": "mts"}), 1800.0),
-        (A68A_2022_KID, 1800.0),
-    ],
-)
-def test_a_long_step_that_is_named_or_need_not_be_short_stays(asked: Parameters, step: float) -> None:
-    ice = berg()
-    assert with_nonresonant_step(ice.elements, ice.bonds, asked).stepping.time_step == step
-    assert with_nonresonant_step(ice.elements, ice.bonds.taken(slice(0)), MTS).stepping.time_step == 1800.0
-
-
-def test_pieces_without_a_bond_that_holds_keep_the_long_step() -> None:
+def test_pieces_without_a_bond_that_holds_do_not_ring() -> None:
     pieces = berg()
     pieces.bonds.status[:] = 2
     pieces.elements.bond_count[:] = 0
     pieces.elements.berg[:] = np.arange(pieces.elements.size)
-    model = Model(pieces, Forcing.uniform((0.1, 0.0)), MTS)
-    assert model.parameters.stepping.time_step == 1800.0
+    model = Model(pieces, Forcing.uniform((0.1, 0.0)), EXPLICIT)
     assert model.notices == ()
-
-
-@pytest.mark.parametrize(("asked", "step"), [("", 150.0), ("time_step: 30 min", 1800.0), ("substeps: 90", 1800.0)])
-def test_an_experiment_in_a_file_gets_it_too(asked: str, step: float, tmp_path: Path) -> None:
-    """Its number of sub-steps is left open in so many words, which is no number named."""
-    path = tmp_path / "long.yaml"
-    path.write_text(
-        "title: a long berg\nstart: 2020-12-09\ndays: 1\n"
-        "berg:\n  rectangle: {length: 60 km, width: 12 km}\n  thickness: 200 m\n  placement: [-38, -56]\n"
-        "forcing:\n  kind: constant\n  current: [0.2, 0.0]\n"
-        f"parameters:\n  stepping:\n    scheme: mts\n    {asked}\n"
-    )
-    assert build(str(path), Options())[0].parameters.stepping.time_step == step
-
-
-def test_a_change_of_other_values_does_not_name_the_long_step() -> None:
-    """Nor does a step that a berg has been given stay with the parameters that were asked for."""
-    asked = MTS.changed(fracture={"normal_strength": 2e4}).changed(
-        bonds={"packing": "square"}, stepping={"safety": 0.7}
-    )
-    for length, step in (("60 km", 150.0), ("120 km", 600.0)):
-        assert Model(berg(length), Forcing.uniform((0.1, 0.0)), asked).parameters.stepping.time_step == step
-    assert "time_step" not in asked.stepping.model_fields_set
-
-
-def test_a_run_goes_on_with_the_long_step_that_it_was_given(tmp_path: Any) -> None:
-    model = Model(berg("60 km", "30 km"), Forcing.uniform((0.1, 0.0)), MTS)
-    model.advance(steps=2)
-    model.save(tmp_path / "state.nc")
-    back = Model.resume(tmp_path / "state.nc", model.forcing)
-    assert back.parameters.stepping.time_step == model.parameters.stepping.time_step == 60.0
 
 
 def _largest(scheme: str, step: float, size: tuple[str, str] = ("60 km", "30 km"), modulus: float = 5e6) -> Floats:
@@ -193,16 +116,3 @@ def test_a_compact_berg_rings_far_above_its_load_and_less_with_shorter_steps() -
     assert _largest("quasi_static", 450.0).max() == pytest.approx(held, rel=0.01)
     assert _largest("mts", 1800.0).max() > 10.0 * held
     assert _largest("mts", 150.0).max() - held < 1e3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("length", "width", "modulus"), SHAPES)
-def test_the_stress_with_the_long_step_that_is_chosen_is_that_of_equilibrium_to_half_a_kpa(
-    length: str, width: str, modulus: float
-) -> None:
-    ice, asked = berg(length, width), MTS.changed(bonds={"youngs_modulus": modulus})
-    step = with_nonresonant_step(ice.elements, ice.bonds, asked).stepping.time_step
-    held, own = (
-        _largest(scheme, dt, (length, width), modulus) for scheme, dt in (("quasi_static", 1800.0), ("mts", step))
-    )
-    assert abs(own.max() - held.max()) < 500.0

@@ -111,7 +111,7 @@ def test_bonded_elements_turn_with_their_berg_whose_sides_have_their_levers_alre
 def test_sea_ice_covers_a_part_of_the_sides_and_the_switch_takes_all_drag_on_spin() -> None:
     model = lone(60.0, 40.0)
     open_water = spin_row(model)[0]
-    model.elements.ice_thickness[:] = 3.0
+    model.elements.ice_thickness[:], model.elements.ice_fraction[:] = 3.0, 1.0
     draft, covered = twin.draft(40.0, 850.0), spin_row(model)[0]
     base = twin.spin(850.0 * 2400.0 * 40.0 * 5200.0 / 12.0, 0.5 * np.sqrt(2400.0), 1.0)
     assert (covered - base) / (open_water - base) == pytest.approx((draft - 3.0) / draft, rel=1e-12)

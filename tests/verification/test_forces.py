@@ -62,14 +62,16 @@ class Whirl(Steady):
 
 
 def afloat(
-    forcing: Steady, *, step: float = 1.0, latitude: float = 0.0, velocity: Sequence[float] = (0.0, 0.0)
-) -> Model:
+    forcing: Steady, *, step: float = 1.0, latitude: float = 0.0, velocity: Sequence[float] = (0.0, 0.0),
+    capture: str = "limited",
+) -> Model:  # fmt: skip
     """Return the berg on a plane, whole, in the default scheme."""
     berg = Iceberg.rectangle(LENGTH, WIDTH, thickness=THICKNESS, radius=1e3, latlon=False, velocity=tuple(velocity))
     return Model(
         berg, forcing,
         Parameters(
-            stepping={"time_step": step}, earth={"latlon": False, "reference_latitude": latitude}, fracture={"enabled": False}
+            stepping={"time_step": step}, earth={"latlon": False, "reference_latitude": latitude}, fracture={"enabled": False},
+            sea_ice={"capture": capture},
         ),
     )  # fmt: skip
 
@@ -91,11 +93,11 @@ def drift(model: Model, hours: float) -> Any:
     return after
 
 
-def around(name: str, make: Callable[[Any], Steady], size: float, *, towards: float = 1.0) -> float:
+def around(name: str, make: Callable[[Any], Steady], size: float, *, towards: float = 1.0, **others: Any) -> float:
     """Check size and direction of a force for forcing in eight directions; return the size, N."""
     sizes = []
     for unit in COMPASS:
-        got = force(name, make(np.array(unit)))
+        got = force(name, make(np.array(unit)), **others)
         np.testing.assert_allclose(got, towards * size * np.array(unit), atol=2e-3 * size)
         sizes.append(float(np.hypot(*got)))
     return float(np.mean(sizes))
@@ -144,8 +146,20 @@ def test_4_swell_pushes_where_it_travels() -> None:
 
 def test_5_sea_ice_takes_the_berg_along() -> None:
     size = 916.7 * 0.5 * 0.9 * SIDE * 1.0 * 0.2**2
-    got = around("sea_ice", lambda unit: Steady(sea_ice=(0.2 * unit[0], 0.2 * unit[1], 1.0)), size)
-    assert np.hypot(*force("sea_ice", Steady(sea_ice=(0.2, 0.0, 0.0)))) == 0.0  # no ice, no force
+    got = around(
+        "sea_ice",
+        lambda unit: Steady(sea_ice=(0.2 * unit[0], 0.2 * unit[1], 1.0), ice_fraction=1.0),
+        size,
+        capture="none",
+    )
+    half = force("sea_ice", Steady(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.5), capture="none")
+    assert np.hypot(*half) == pytest.approx(0.5 * got, rel=2e-3)
+    assert np.hypot(*force("sea_ice", Steady(sea_ice=(0.2, 0.0, 0.0), ice_fraction=1.0))) == 0.0  # no ice, no force
+    assert (
+        np.hypot(*force("sea_ice", Steady(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.1))) == 0.0
+    )  # nor from single floes
+    bears = np.hypot(*force("sea_ice", Steady(sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.9)))
+    assert bears == pytest.approx(20e3 * math.exp(-2.0) * SIDE + 0.9 * size, rel=2e-3)
     note(5, size, got)
 
 

@@ -26,6 +26,7 @@ from riftberg.bergs.bonding import (
 )
 from riftberg.bergs.keys import (
     BergOptions,
+    CloudOfBergs,
     FieldOfBergs,
     FieldOptions,
     LatticeRows,
@@ -35,7 +36,17 @@ from riftberg.bergs.keys import (
     TableOptions,
     berg_options,
 )
-from riftberg.bergs.lattice import Region, cells_of_rows, cells_region, fill, rectangle_region
+from riftberg.bergs.lattice import (
+    Lattice,
+    Region,
+    cells_of_rows,
+    cells_region,
+    element_area,
+    fill,
+    is_lone,
+    lone_element,
+    rectangle_region,
+)
 from riftberg.bergs.raster import Raster, check_on_globe, read_raster, unbroken
 from riftberg.bergs.regions import (
     FillingPlane,
@@ -274,9 +285,11 @@ class Iceberg(BondedBerg):
         length = given(length, Rectangle, "length", kind=BergError)
         width = given(width, Rectangle, "width", kind=BergError)
         region = rectangle_region(length, width)
-        return cls._about(
+        berg = cls._about(
             region, (0.0, 0.0), settings, f"rectangle {length:g} m x {width:g} m", shapely.box(*region.bounds)
         )
+        lone = "radius" not in options and berg.elements.size == 1
+        return berg._with_sides(np.array([length]), np.array([width])) if lone else berg
 
     @classmethod
     def from_points(
@@ -285,13 +298,15 @@ class Iceberg(BondedBerg):
         lat: Any,
         *,
         thickness: Any,
+        length: Any = None,
+        width: Any = None,
         static: Any = False,
         bond_length: float | None = None,
         period: float | None = None,
         outline: Any = None,
         **options: Unpack[PointOptions],
     ) -> Iceberg:
-        """Build a berg from the positions of its elements, which stay exactly where they are.
+        """Build a berg from the positions of its elements, or lone bergs of given length and width; they stay where they are.
 
         Parameters
         ----------
@@ -299,6 +314,9 @@ class Iceberg(BondedBerg):
             Positions, degrees (m if not ``latlon``).
         thickness : float or array_like
             Thickness, m.
+        length, width : float or array_like, optional
+            Plan sizes (m) of lone bergs, of which each is one element and none is bonded, instead of a radius; a berg without a
+            width is a square. The longer side counts as the length.
         static : bool or array_like
             Elements that never move.
         bond_length : float, optional
@@ -311,18 +329,22 @@ class Iceberg(BondedBerg):
             Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius,
             velocity and spin may be arrays (spins are then those of elements about themselves, and not of their berg), and
             elements of different pieces are not bonded, however close they are.
+
+        Examples
+        --------
+        >>> bergs = Iceberg.from_points([-37.0, -36.9], -56.0, length=[300.0, 800.0], width=200.0, thickness=100.0)
+        >>> bergs.elements.length, bergs.bonds.first.size
+        (array([300., 800.]), 0)
         """
+        if length is not None or width is not None:
+            return cls._lone_bergs(
+                lon, lat, length, width, thickness, {"static": static, "period": period, **options},
+                {"bond_length": bond_length, "outline": outline},
+            )  # fmt: skip
         settings = berg_options(options, PointOptions, thickness)
-        unit = "degree" if settings.latlon else "m"
-        if period is None:
-            period = 360.0 if settings.latlon else 0.0
-        period = number(period, unit, where="period", kind=BergError)
         if bond_length is not None:
             bond_length = number(bond_length, "m", where="bond_length", kind=BergError)
-        lon = np.atleast_1d(numbers(lon, unit, where="lon", kind=BergError))
-        lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
-        if lon.shape != lat.shape or lon.ndim != 1:
-            raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
+        lon, lat, period = _positions(lon, lat, period, settings.latlon)
         berg = cls._of_points(
             lon, lat, settings, static=static, rule=BondRule(bond_length, settings.packing), period=period
         )
@@ -416,7 +438,8 @@ class Iceberg(BondedBerg):
         # Rectangles of any turn keep clear of each other where their corners do.
         reach = np.sqrt(0.25 * (aspect + 1.0 / aspect) * plan)
         metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
-        x, y = places(reach, area, gap, metric, random)
+        box = checked_box(area)
+        x, y = places(reach, lambda: _drawn(*box, metric.latlon, random), gap, metric, where="Iceberg.field")
         berg = cls.from_points(
             x, y, thickness=heights, radius=0.5 * np.sqrt(plan), pieces=np.arange(n), **options
         )  # fmt: skip
@@ -426,14 +449,130 @@ class Iceberg(BondedBerg):
         return replace(berg, report=report, bergs=tuple((f"{k + 1}", 1) for k in range(n)))
 
     @classmethod
+    def cloud(
+        cls,
+        n: int,
+        placement: tuple[float, float],
+        radius: float,
+        *,
+        length: float | None = None,
+        width: float | None = None,
+        thickness: Any = None,
+        sizes: Any = "gladstone",
+        seed: int | None = None,
+        gap: float = 0.0,
+        between: tuple[float, float] = (0.1e6, 10e6),
+        overlap: bool = False,
+        **options: Unpack[FieldOptions],
+    ) -> Iceberg:
+        """Return ``n`` bergs of one element each around a place, which do not touch each other unless asked.
+
+        Parameters
+        ----------
+        n : int
+            Number of bergs.
+        placement : tuple of float
+            Longitude and latitude (x and y in m if not ``latlon``) of the middle.
+        radius : float
+            Distance (m) from the middle within which the bergs' centres lie, each square metre as likely as any other.
+        length, width : float, optional
+            Plan sizes (m) of each berg; a berg without a width is a square. By default sizes are drawn as for `field`.
+        overlap : bool
+            Places are drawn without a look at the other bergs: each stands for one that may be there. For runs with
+            ``stepping.interactions: false``, in which bergs do not act on each other.
+        thickness, sizes, seed, gap, between, **options
+            As for `field`.
+
+        Raises
+        ------
+        BergError
+            If so many bergs have no room there.
+
+        Examples
+        --------
+        >>> cloud = Iceberg.cloud(50, (-37.0, -56.0), 10e3, length=300.0, width=200.0, thickness=100.0, seed=1)
+        >>> cloud.elements.size, float(cloud.mass) / 50
+        (50, 5100000000.0)
+        """
+        given_sizes = (
+            {"length": length, "width": width} if length is not None or width is not None else {"sizes": sizes}
+        )
+        n = given(n, CloudOfBergs, "number", where="n", kind=BergError)
+        check_elements(n, kind=BergError)
+        radius = given(radius, CloudOfBergs, "radius", kind=BergError)
+        gap = given(gap, CloudOfBergs, "gap", kind=BergError)
+        between = given(between, CloudOfBergs, "between", kind=BergError)
+        seed = seed_of(seed)
+        random = np.random.default_rng(seed)
+        if "sizes" in given_sizes:
+            plan = areas(n, sizes, random, between)
+            aspect = ASPECT if isinstance(sizes, str) and sizes == "gladstone" else 1.0
+            long, wide = np.sqrt(aspect * plan), np.sqrt(plan / aspect)
+        else:
+            long, wide = _sides(length, width, n)
+        heights = thickness_of(long * wide) if thickness is None else thickness
+        settings = berg_options(options, FieldOptions, heights, placement=placement)
+        assert settings.placement is not None
+        middle = settings.placement
+        metric = Metric(settings.latlon, settings.earth_radius, 360.0 if settings.latlon else 0.0)
+        plane = EqualAreaPlane(*middle, settings.earth_radius) if settings.latlon else None
+
+        def drawn() -> tuple[float, float]:
+            away, turn = radius * np.sqrt(random.random()), 2.0 * np.pi * random.random()
+            east, north = away * np.cos(turn), away * np.sin(turn)
+            if plane is None:
+                return middle[0] + east, middle[1] + north
+            lon, lat = plane.inverse(np.array([east]), np.array([north]))
+            return float(lon[0]), float(lat[0])
+
+        if flag(overlap, where="overlap", kind=BergError):
+            x, y = (np.array(part) for part in zip(*(drawn() for _ in range(n)), strict=True))
+        else:  # rectangles of any turn keep clear of each other where their corners do
+            x, y = places(0.5 * np.hypot(long, wide), drawn, gap, metric, where="Iceberg.cloud")
+        berg = cls._lone_bergs(x, y, long, wide, heights, dict(options), {}, overlap=overlap)
+        return replace(berg, report={"source": f"cloud of {n} bergs", "seed": seed})
+
+    @classmethod
+    def _lone_bergs(
+        cls, lon: Any, lat: Any, length: Any, width: Any, thickness: Any, options: dict[str, Any], idle: dict[str, Any],
+        *, overlap: bool = False,
+    ) -> Iceberg:  # fmt: skip
+        """Return bergs of one element each; ``idle``: what they cannot have, by name."""
+        extra = [*(name for name, value in idle.items() if value is not None), *({"radius", "pieces"} & options.keys())]
+        if extra:
+            raise BergError(
+                f"{extra[0]} beside length and width", where="Iceberg.from_points",
+                remedy="Each berg of given length and width is one element, which is bonded to none: leave it out",
+            )  # fmt: skip
+        count = max(np.size(lon), np.size(lat))
+        lon, lat = (np.broadcast_to(np.atleast_1d(part), count) if np.size(part) == 1 else part for part in (lon, lat))
+        long, wide = _sides(length, width, count)
+        packing = options.get("packing", "square")
+        radius = np.sqrt(long * wide / element_area(1.0, packing))
+        static, period = options.pop("static", False), options.pop("period", None)
+        sized = {**options, "radius": radius if count > 1 else float(radius[0]), "pieces": np.arange(count)}
+        settings = berg_options(sized, PointOptions, thickness)
+        lon, lat, period = _positions(lon, lat, period, settings.latlon)
+        unbonded = BondRule(SHORTEST, settings.packing)
+        berg = cls._of_points(lon, lat, settings, static=static, rule=unbonded, period=period, overlap=overlap)
+        names = tuple((f"{k + 1}", 1) for k in range(count)) if count > 1 else berg.bergs
+        return replace(berg, report={"source": "points"}, bergs=names)._with_sides(long, wide)
+
+    def _with_sides(self, length: Floats, width: Floats) -> Iceberg:
+        """Return lone bergs with their length and width (m), of which the longer one counts as the length."""
+        self.elements.length[:], self.elements.width[:] = np.maximum(length, width), np.minimum(length, width)
+        return self
+
+    @classmethod
     def _of_points(
         cls, lon: Floats, lat: Floats, settings: BergOptions, *, static: Any = False, rule: BondRule | None = None,
-        period: float = 0.0,
+        period: float = 0.0, overlap: bool = False,
     ) -> Iceberg:  # fmt: skip
         """Return the elements at these positions and the bonds between them."""
         elements = make_elements(lon, lat, settings, static=static)
         metric = Metric(settings.latlon, settings.earth_radius, period)
-        refuse_overlap(elements, settings.packing, metric)
+        if not overlap:
+            refuse_overlap(elements, settings.packing, metric)
         bonds = form_bonds(elements, rule or BondRule(packing=settings.packing), metric)
         if settings.pieces is not None:
             bonds = within_pieces(bonds, np.broadcast_to(np.asarray(settings.pieces, dtype=np.int64), lon.shape))
@@ -458,7 +597,7 @@ class Iceberg(BondedBerg):
     ) -> Iceberg:  # fmt: skip
         """Fill a region of a plane, turn it about its centroid (degrees) and place it; ``outline``: of the ice, on the plane."""
         with placed_in(report["source"]):
-            lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
+            lattice, radius = _elements_of(region, settings)
         # Of a map where the ice was drawn, before it is turned and moved.
         heights = thickness_at(thickness, *plane.inverse(lattice.x, lattice.y), read_raster)
         cx, cy = plane.forward(np.array([centroid[0]]), np.array([centroid[1]]))
@@ -477,7 +616,7 @@ class Iceberg(BondedBerg):
         cls, region: Region, centre: tuple[float, float], settings: BergOptions, source: str, outline: Any
     ) -> Iceberg:
         """Fill a region in metres and place its centre; ``outline``: that of the ice about the centre."""
-        lattice, radius = fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
+        lattice, radius = _elements_of(region, settings)
         x, y = turned(lattice.x - centre[0], lattice.y - centre[1], settings.rotation)
         settings = settings.model_copy(update={"radius": radius})
         assert settings.placement is not None
@@ -514,6 +653,50 @@ class Iceberg(BondedBerg):
         # Straight sides of the plane are none in longitude and latitude: they get points as dense as the elements.
         there = shapely.transform(shapely.segmentize(outline, 2.0 * self.radius), placed, interleaved=False)
         return replace(self, outlines=tuple(getattr(there, "geoms", [there])))
+
+
+def _elements_of(region: Region, settings: BergOptions) -> tuple[Lattice, float]:
+    """Return the elements of a region and their radius (m): without a radius one, if the berg is smaller than the default."""
+    if "radius" not in settings.model_fields_set and is_lone(region, settings.radius, settings.packing):
+        return lone_element(region, settings.packing)
+    return fill(region, settings.radius, settings.packing, settings.offset, settings.lattice_angle)
+
+
+LONGEST: Final = 1e6
+"""Greatest length of a lone berg, m."""
+
+SHORTEST: Final = 1e-6
+"""Distance (m) within which lone bergs would be bonded: none lie as close."""
+
+
+def _positions(lon: Any, lat: Any, period: Any, latlon: bool) -> tuple[Floats, Floats, float]:
+    """Return positions of elements and the zonal period (degrees; m if not ``latlon``), by default that of the globe."""
+    unit = "degree" if latlon else "m"
+    period = (360.0 if latlon else 0.0) if period is None else number(period, unit, where="period", kind=BergError)
+    lon = np.atleast_1d(numbers(lon, unit, where="lon", kind=BergError))
+    lat = np.atleast_1d(numbers(lat, unit, where="lat", kind=BergError))
+    if lon.shape != lat.shape or lon.ndim != 1:
+        raise BergError(f"lon has shape {lon.shape}, lat {lat.shape}", remedy="Give two lists of equal length")
+    return lon, lat, period
+
+
+def _sides(length: Any, width: Any, count: int) -> tuple[Floats, Floats]:
+    """Return length and width (m) of so many bergs, or refuse what are none."""
+    if length is None:
+        raise BergError("a width without a length", where="width", remedy="Give length too")
+    sides = []
+    for name, value in (("length", length), ("width", length if width is None else width)):
+        side = numbers(value, "m", where=name, kind=BergError)
+        if side.shape not in ((), (1,), (count,)):
+            raise BergError(
+                f"{side.size} values for {count} bergs", where=name, remedy="Give one number, or one for each"
+            )
+        if not (np.isfinite(side) & (side > 0.0) & (side <= LONGEST)).all():
+            raise BergError(
+                f"a {name} that no berg has", where=name, remedy=f"Give metres above 0, at most {LONGEST:g}"
+            )
+        sides.append(np.broadcast_to(side, count).astype(np.float64))
+    return sides[0], sides[1]
 
 
 # ---- fields of many small bergs: sizes from a distribution of the literature, places drawn without overlap ---------------
@@ -594,33 +777,37 @@ def thickness_of(area: Floats) -> Floats:
     return np.asarray(np.interp(np.sqrt(ASPECT * area), LENGTHS, THICKNESSES), np.float64)
 
 
-def places(
-    radius: Floats, box: tuple[float, float, float, float], gap: float, metric: Metric, random: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Return places in a box at which discs of these radii (m) keep a gap (m), the largest first placed.
-
-    ``radius``: half of the greatest extent of each berg, m; ``box``: west, east, south and north (degrees; ``gap``:
-    least distance of the rims, m.
-    """
+def checked_box(box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return west, east, south and north, or refuse them in another order."""
     west, east, south, north = box
     if not (west < east and south < north and all(np.isfinite(box))):
         raise BergError(
             f"area {list(box)}", where="Iceberg.field", remedy="Give west, east, south and north, the smaller one first"
         )
+    return box
+
+
+def places(
+    radius: Floats, drawn: Callable[[], tuple[float, float]], gap: float, metric: Metric, *, where: str
+) -> tuple[Floats, Floats]:
+    """Return places at which discs of these radii (m) keep a gap (m), the largest first placed.
+
+    ``radius``: half of the greatest extent of each berg, m; ``drawn`` draws a place; ``gap``: least distance of the rims, m.
+    """
     # The largest first: they find no place once small ones stand everywhere.
     order = np.argsort(-radius, kind="stable")
     lon, lat = np.full(radius.size, np.nan), np.full(radius.size, np.nan)
     for n, k in enumerate(order):
         done = order[:n]
         for _ in range(TRIES):
-            x, y = _drawn(west, east, south, north, metric.latlon, random)
+            x, y = drawn()
             dx, dy = separations(metric, lon[done], lat[done], np.asarray(x), np.asarray(y))
             if n == 0 or (np.hypot(dx, dy) > radius[done] + radius[k] + gap).all():
                 lon[k], lat[k] = x, y
                 break
         else:
             raise BergError(
-                f"no place is left for berg {n + 1} of {radius.size}", where="Iceberg.field",
+                f"no place is left for berg {n + 1} of {radius.size}", where=where,
                 remedy="Take a larger area, fewer bergs, or a smaller gap",
             )  # fmt: skip
     return lon, lat

@@ -51,7 +51,13 @@ LATTICE = frozenset({"lattice_angle", "offset"})
 class LatticeKeys(Section):
     """Elements that fill a shape: what a result should not depend on."""
 
-    radius: float = key(1500.0, "m", "half the width of an element", gt=0, le=1e6)
+    radius: float = key(
+        1500.0,
+        "m",
+        "half the width of an element; a berg smaller than one of the default size is one element, if no radius is given",
+        gt=0,
+        le=1e6,
+    )
     packing: Packing = key("square", "", "square or hexagonal elements")
     lattice_angle: float = key(0.0, "degree", "rotation of the lattice inside the outline, counter-clockwise")
     # By default the shift with which the centre of the elements comes nearest to that of the outline.
@@ -188,6 +194,30 @@ class Rectangle(Section):
 
     length: float = key(..., "m", "extent to the east before rotation", gt=0, le=1e8)
     width: float = key(..., "m", "extent to the north before rotation", gt=0, le=1e8)
+
+
+class CloudOfBergs(Section):
+    """Bergs of one element each around a place, which do not touch each other."""
+
+    number: int = key(..., "", "number of bergs", ge=1)
+    radius: float = key(..., "m", "distance from the place within which they lie", gt=0, le=1e7)
+    length: float | None = key(None, "m", "length of each berg; by default sizes are drawn", gt=0, le=1e6)
+    width: float | None = key(None, "m", "width of each berg; by default its length", gt=0, le=1e6)
+    sizes: Literal["gladstone", "tournadre"] = key("gladstone", "", "distribution of the sizes, without a length")
+    between: Pair = key((0.1e6, 10e6), "m2", "least and largest area of the power law (tournadre)")
+    gap: float = key(0.0, "m", "least distance between bergs", ge=0)
+    overlap: bool = key(False, "", "draw places without a look at the other bergs, for stepping.interactions: false")
+    seed: int = key(1, "", "the same seed gives the same cloud", ge=0)
+
+    @model_validator(mode="after")
+    def _one_kind_of_size(self) -> CloudOfBergs:
+        if self.width is not None and self.length is None:
+            raise ValueError("a width without a length")
+        if self.length is not None and "sizes" in self.model_fields_set:
+            raise ValueError("give either length or sizes")
+        if "between" in self.model_fields_set and self.sizes != "tournadre":
+            raise ValueError(f"between is that of sizes: tournadre; {self.sizes} has sizes of its own")
+        return self
 
 
 class FieldOfBergs(Section):

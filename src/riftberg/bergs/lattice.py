@@ -150,6 +150,24 @@ def fill(
     return along(lattice), own
 
 
+LONGEST_LONE = 3.0
+"""Greatest extent of a region that one element may stand for, in sides of a square of its area."""
+
+
+def is_lone(region: Region, radius: float, packing: Packing) -> bool:
+    """Return whether a region is smaller than an element, and of a shape that one element can stand for."""
+    x0, y0, x1, y1 = region.bounds
+    compact = math.hypot(x1 - x0, y1 - y0) <= math.sqrt(2.0) * LONGEST_LONE * math.sqrt(region.area)
+    return region.pieces == 1 and compact and region.area < element_area(radius, packing)
+
+
+def lone_element(region: Region, packing: Packing) -> tuple[Lattice, float]:
+    """Return one element at the centroid of a region, and the radius (m) with which it has the region's area."""
+    x, y = (np.array([place]) for place in region.centroid)
+    place = np.zeros(1, np.int64)
+    return Lattice(x, y, place, place), math.sqrt(region.area / element_area(1.0, packing))
+
+
 def _filled(region: Region, radius: float, packing: Packing, shift: tuple[float, float], angle: float) -> Lattice:
     """Return the lattice points in a region, the lattice turned by an angle (degrees) about the middle of its box."""
     if angle == 0.0:

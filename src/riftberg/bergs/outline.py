@@ -25,6 +25,7 @@ from shapely.geometry import shape
 
 from riftberg.bergs.seams import NO_BERG, fault_of_ring, whole_shapes
 from riftberg.errors import BergError, line_of_fault
+from riftberg.state import Floats
 from riftberg.system.input_files import MOST_TEXT, check_archive, check_file, needed, reading, rows_of_csv, value_shown
 
 DATE_KEYS = (
@@ -474,6 +475,37 @@ def features_of_csv(path: Path, *, lines: bool = False) -> list[Feature]:
         groups.setdefault(key, {}).setdefault(part, []).append(point)
     combined = _lines_of_rows if lines else _polygons_of_rings
     return [Feature(combined(list(g.values()), path), dict(zip(keys, key, strict=True))) for key, g in groups.items()]
+
+
+def table_of_points(path: Path) -> dict[str, Floats]:
+    """Return ``lon`` and ``lat`` (degrees; m of bergs in metres), ``length``, ``width`` and ``thickness`` (m) of a table.
+
+    Raises
+    ------
+    BergError
+        If there is no place in it, or a number is none.
+    """
+    rows, separator = rows_of_csv(path, BergError)
+    columns = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
+    names = {"lon": LON_NAMES, "lat": LAT_NAMES, **{size: (size,) for size in ("length", "width", "thickness")}}
+    read = {key: next((columns[n] for n in known if n in columns), None) for key, known in names.items()}
+    if read["lon"] is None or read["lat"] is None:
+        raise BergError(
+            f"no columns of longitude and latitude among {', '.join(columns) or 'none'}", where=str(path),
+            remedy="Name them lon and lat in the first line; length, width and thickness may follow",
+        )  # fmt: skip
+    table: dict[str, list[float]] = {key: [] for key, column in read.items() if column is not None}
+    for number, row in enumerate(rows, start=2):
+        for key, values in table.items():
+            text = row[str(read[key])]
+            try:
+                values.append(_number_of_text(text, separator))
+            except (TypeError, ValueError, AttributeError) as error:
+                raise BergError(
+                    f"the {key} {value_shown(text)} is no number", where=f"{path}, line {number}",
+                    remedy="Write decimal degrees, and sizes in metres without a unit",
+                ) from error  # fmt: skip
+    return {key: np.array(values) for key, values in table.items()}
 
 
 def _number_of_text(text: str, separator: str) -> float:

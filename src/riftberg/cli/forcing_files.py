@@ -174,7 +174,7 @@ def _asked(name: str, named: bool) -> Asked:
             )
         end = experiment.start + timedelta(days=experiment.days)
         products = {in_folder(Path(name).parent, entry.file): entry.choice for entry in forcing.entries}
-        left_out = set() if forcing.sea_level == "files" else {"ssh"}
+        left_out = set() if forcing.sea_level in ("auto", "files") else {"ssh"}
         left_out |= {"ua", "va"} if forcing.wind == "none" else set()
         max_gap, hold = (None if hours is None else 3600.0 * hours for hours in (forcing.max_gap, forcing.hold))
         return Asked(

@@ -18,6 +18,7 @@ Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
 Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["seabed", "none", "linear", "quadratic"]
+Capture = Literal["limited", "locked", "none"]
 Sediment = Literal["rock", "sand", "clay", "other"]
 DeepKeel = Literal["aground", "refuse"]
 Criterion = Literal["bond", "ice", "toughness"]
@@ -112,6 +113,45 @@ class Drag(Group):
         "",
         "skin drag of the water on a spinning element, so that loose elements come to rest",
         "Riftberg; reference has none",
+    )
+
+
+class PackIce(Group):
+    """Sea ice around bergs: what a pack bears and when it holds (quasi_static; explicit schemes drag by thickness alone)."""
+
+    capture: Capture = quantity(
+        "limited",
+        "",
+        "what a pack does beside its drag; limited: it holds a berg by as much as it bears on its front. locked: it carries a "
+        "berg along where it is dense and strong, as published models have it. none: nothing",
+        "limited: Riftberg; locked: Lichey & Hellmer 2001",
+    )
+    strength: float = quantity(
+        20e3, "Pa", "strength P* of a closed pack per metre of thickness", "Hibler 1979; 20 kPa in Lichey & Hellmer 2001",
+        ge=0, le=1e7,
+    )  # fmt: skip
+    decay: float = quantity(
+        20.0,
+        "1",
+        "how the strength falls with the open water: P = P* h exp(-decay (1 - A))",
+        "Hibler 1979",
+        ge=0,
+        le=1e3,
+    )
+    least_concentration: float = quantity(
+        0.15, "1", "concentration below which the sea counts as open", "Lichey & Hellmer 2001", ge=0, le=1
+    )
+    locked_concentration: float = quantity(
+        0.86, "1", "capture locked: concentration from which on a pack carries bergs along",
+        "FESOM-IB (Rackow et al. 2017), whose capture begins there and is complete at 0.9", ge=0, le=1,
+    )  # fmt: skip
+    locked_strength: float = quantity(
+        13e3,
+        "N m-1",
+        "capture locked: strength P of the pack from which on it does",
+        "Lichey & Hellmer 2001",
+        ge=0,
+        le=1e9,
     )
 
 
@@ -377,7 +417,7 @@ class Stepping(Group):
     time_step: float = quantity(
         1800.0,
         "s",
-        "long step; with mts, bonds, and neither it nor substeps named: one with which stress does not ring",
+        "time step; with mts the long step, which a notice names where stress rings with it",
         "equations 10.5",
         gt=0,
     )

@@ -40,6 +40,9 @@ _SALT: Final = Usual(20.0, 37.0, "from fjords to the open Atlantic", "1e-3")
 USUAL: Final[dict[str, Usual]] = {
     "ice.density": Usual(800.0, 920.0, "from firn-covered shelves (850, Silva et al. 2006) to solid ice (917)"),
     "drag.ocean_scale": Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True),
+    "sea_ice.strength": Usual(5e3, 5e4, "5 to 27.5 kPa in models of sea ice (Hibler 1979)", off=True),
+    "sea_ice.decay": Usual(5.0, 40.0, "20 in models of sea ice (Hibler 1979)"),
+    "sea_ice.locked_strength": Usual(1e3, 1e5, "10 to 13 kN m-1 in models of icebergs", off=True),
     "grounding.coefficient": Usual(1e2, 1e6, "1e4 in Huth et al. 2022", off=True),
     "grounding.quadratic_coefficient": Usual(
         1.0, 1e6, "of the order of 1e3: as much drag as 1e4 at some m and m s-1", off=True
@@ -154,7 +157,19 @@ def unusual(parameters: Any, elements: Any, forcing: Any, *, placed: bool = True
                 f"the long step of {step / 3600.0:g} h is too long for {what} {seconds / 3600.0:.4g} h, which it passes over: "
                 f"set stepping.time_step to {most:g} s or less"
             )
+    if parameters.stepping.scheme == "quasi_static" and _lacks_concentration(forcing):
+        said["sea_ice"] = "sea ice without its concentration (ice_fraction) exerts no force in the default scheme"
     return {**said, **without_effect(parameters)}
+
+
+def _lacks_concentration(forcing: Any) -> bool:
+    """Whether formulas give a thickness of sea ice, and nothing its concentration."""
+    parts = getattr(forcing, "parts", (forcing,))
+    given = [part for part in parts if {"Steady", "Uniform"} & set(_own_kinds(part)) and part.sea_ice[2] > 0.0]
+    known = any(
+        getattr(part, "ice_fraction", 0.0) > 0.0 or "ice_fraction" in getattr(part, "provides", ()) for part in parts
+    )
+    return bool(given) and not known
 
 
 def of_records(hours: float, days: float, parameters: Any) -> list[str]:
@@ -240,6 +255,11 @@ class Law(NamedTuple):
 
 
 LAWS: Final = (
+    Law("stepping.scheme = 'quasi_static'", lambda p: p.stepping.scheme == "quasi_static", "sea_ice", (
+        "strength", "decay", "least_concentration", "locked_concentration", "locked_strength")),
+    Law("sea_ice.capture = 'limited' or 'locked'", lambda p: p.sea_ice.capture != "none", "sea_ice", ("strength", "decay")),
+    Law("sea_ice.capture = 'locked'", lambda p: p.sea_ice.capture == "locked", "sea_ice", (
+        "locked_concentration", "locked_strength")),
     Law("grounding.law = 'seabed'", lambda p: p.grounding_law == "seabed", "grounding", (
         "sediment", "stiffness", "bearing_strength", "friction", "shear_strength", "adhesion", "anchor_way", "bending",
         "ice_modulus", "start")),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -83,6 +84,8 @@ def refuse_ice_on_bergs(old: Elements, new: Elements, metric: Metric) -> None:
                 where="ice shelf, mask", remedy="Leave cells with bergs out of the mask",
             )  # fmt: skip
 
+
+_LOG = logging.getLogger(__name__)
 
 STORES: Final = "exchange_"
 """Beginning of the names under which a restart keeps stores and ledger of the exchange."""
@@ -354,6 +357,14 @@ class Exchange:
             if tau_x.ndim == 0:
                 arrays["ua"], arrays["va"] = arrays["ua"][0, 0], arrays["va"][0, 0]
         self._refuse_lacking(arrays)
+        if "ssh" not in arrays and not self.forcing.given:  # the first step says it for all
+            _LOG.warning(
+                "the ocean gives no sea level (sea_surface_height_above_geoid): its slope is 0, and large bergs lag behind the "
+                "current that it balances"
+            )
+        # A pack that only seems to stand still would hold bergs.
+        model = self.model
+        model.constants = model.constants._replace(ice_drift_known="ui" in arrays or "ice_thickness" not in arrays)
         before = self.forcing.fields_at(0.0)
         fields = {name: self.grid.extended(a) for name, a in arrays.items()}
         for u, v, where in (

@@ -48,6 +48,7 @@ from riftberg.state import ELEMENT_VARIABLES, Elements, Floats, Ints, new_elemen
 from riftberg.stepping.forces import media
 from riftberg.stepping.forces.implicit_velocity import apply_at_velocities
 from riftberg.stepping.forces.media import allocate_surroundings, find_surroundings
+from riftberg.stepping.forces.pack import hold_by_pack
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.tree import measure_outlines
 
@@ -89,6 +90,7 @@ def external_forces(run: xr.Dataset, record: int, p: KernelParameters) -> dict[s
     find_surroundings(el, interaction_sizes(el, p), around, p)
     around.acts[:] = True  # the sub-steps' part too
     apply_at_velocities(el, around)
+    around.applied[:, media.SEA_ICE] += hold_by_pack(around.media[:, media.SEA_ICE], el.u, el.v)
     return {name: el.mass[:, None] * around.applied[:, row] for name, row in _ROWS.items()}
 
 

@@ -182,7 +182,7 @@ def reference_numerics(parameters: Parameters) -> Parameters:
         drag={"rotational": False},
         grounding={"implicit": False},
         bonds={"objective_damping": False},
-        contact={"law": None, "on_substeps": False},
+        contact={"on_substeps": False},
         stepping={"scheme": "mts", "skip_first_long_force": True},
         compatibility={name: value for name, value in A68A_2022_KID.compatibility if value},
     )

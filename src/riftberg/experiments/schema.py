@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from riftberg.bergs.keys import LATTICE, BergKeys, FieldOfBergs, LatticeRows, Rectangle
+from riftberg.bergs.keys import LATTICE, BergKeys, CloudOfBergs, FieldOfBergs, LatticeRows, Rectangle
 from riftberg.config.values import (
     NORTHERNMOST,
     SOUTHERNMOST,
@@ -28,7 +28,7 @@ from riftberg.ocean.analytic import ConstantForcing
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
-SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "field")
+SHAPES = ("outline", "mask", "shelf", "rectangle", "lattice", "points", "seed", "field")
 """Ways to give the shape of a berg."""
 
 
@@ -73,6 +73,16 @@ class Shelf(Dated):
     )
     date: str | None = key(None, "", "time of the file")
     crs: str | None = key(None, "", "coordinate system of x and y in m, such as EPSG:3031")
+
+
+class PointsFile(Section):
+    """Bergs, or the elements of one, from a table of places."""
+
+    file: str = key(
+        ...,
+        "",
+        "CSV with columns lon and lat; length (m) makes each row a lone berg, with width and thickness (m) if given",
+    )
 
 
 class Rift(Section):
@@ -142,6 +152,8 @@ class Berg(BergKeys):
     shelf: Shelf | None = key(None, "", "ice shelf that calves: a file, or a section of its own")
     rectangle: Rectangle | None = None
     lattice: LatticeRows | None = None
+    points: PointsFile | None = key(None, "", "lone bergs, or elements, at places: a table, or a section of its own")
+    seed: CloudOfBergs | None = None
     field: FieldOfBergs | None = None
     rifts: list[Rift] = key(
         [], "", "weak or missing bonds where the berg lies at the start, a section or a list of them"
@@ -154,13 +166,19 @@ class Berg(BergKeys):
         if len(shapes) != 1:
             count = f"has {len(shapes)} shapes ({', '.join(shapes)})" if shapes else "has no shape"
             raise ValueError(f"the berg {count}; give exactly one of {', '.join(SHAPES)}")
-        if shapes[0] in ("rectangle", "lattice") and self.placement is None:
+        if shapes[0] in ("rectangle", "lattice", "seed") and self.placement is None:
             raise ValueError(f"a berg from a {shapes[0]} needs placement: [longitude, latitude]")
-        if shapes[0] in ("rectangle", "lattice", "field") and isinstance(self.thickness, str):
+        if shapes[0] in ("rectangle", "lattice", "points", "seed", "field") and isinstance(self.thickness, str):
             raise ValueError(f"a berg from a {shapes[0]} takes no map of thickness; give it in metres")
-        extra = sorted(self.model_fields_set - {"field", "thickness", "velocity"})
-        if shapes[0] == "field" and extra:
-            raise ValueError(f"a field of bergs has no {extra[0]}; beside field it may have thickness and velocity")
+        may_have = {
+            "field": ("thickness", "velocity"),
+            "seed": ("placement", "thickness", "velocity"),
+            "points": ("thickness", "velocity", "radius", "packing"),
+        }.get(shapes[0])
+        extra = sorted(self.model_fields_set - {shapes[0], *(may_have or self.model_fields_set)})
+        if extra:
+            *others, last = may_have or ("",)
+            raise ValueError(f"{shapes[0]} has no {extra[0]}; beside it there may be {', '.join(others)} and {last}")
         placed = sorted(self.model_fields_set & {"thickness", "placement", "rotation", "shift", *LATTICE})
         if shapes[0] == "shelf" and placed:
             raise ValueError(

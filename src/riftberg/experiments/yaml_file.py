@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from riftberg.bergs.bonded import lost_in_lattice
-from riftberg.bergs.keys import FieldOfBergs
+from riftberg.bergs.keys import CloudOfBergs, FieldOfBergs
 from riftberg.config.values import Place, findings, sections_in
 from riftberg.errors import BergError, InputError, nearest, together
 from riftberg.experiments.changes import changed_document, reference_numerics
@@ -363,6 +363,12 @@ def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path, draw
     if berg.field is not None:
         with _key_named(f"{place}.field"):
             return _field_of_bergs(berg, berg.field, parameters)
+    if berg.seed is not None:
+        with _key_named(f"{place}.seed"):
+            return _cloud_of_bergs(berg, berg.seed, parameters)
+    if berg.points is not None:
+        with _key_named(f"{place}.points"):
+            return _bergs_at_points(berg, Path(in_folder(folder, berg.points.file)), parameters)
     made = _whole_berg(berg, parameters, folder)
     for index, rift in enumerate(berg.rifts):
         with _key_named(f"{place}.rifts.{index}"):
@@ -409,7 +415,7 @@ def _whole_berg(berg: Berg, parameters: Parameters, folder: Path) -> Iceberg:
 
     thickness = berg.thickness if isinstance(berg.thickness, float) else Path(in_folder(folder, berg.thickness))
     common: dict[str, Any] = {
-        "thickness": thickness, "radius": berg.radius, "packing": berg.packing, "density": parameters.ice.density,
+        "thickness": thickness, **_radius_given(berg), "packing": berg.packing, "density": parameters.ice.density,
         "velocity": berg.velocity, "spin": berg.spin, "rotation": berg.rotation,
         "earth_radius": parameters.earth.radius, "lattice_angle": berg.lattice_angle, "offset": berg.offset,
     }  # fmt: skip
@@ -461,6 +467,40 @@ def _field_of_bergs(berg: Berg, field: FieldOfBergs, parameters: Parameters) -> 
     )  # fmt: skip
 
 
+def _radius_given(berg: Berg) -> dict[str, float]:
+    """Return the radius that a file gives; without one a berg smaller than an element of the default size is one element."""
+    return {"radius": berg.radius} if "radius" in berg.model_fields_set else {}
+
+
+def _cloud_of_bergs(berg: Berg, cloud: CloudOfBergs, parameters: Parameters) -> Iceberg:
+    from riftberg.bergs.iceberg import Iceberg
+
+    assert berg.placement is not None
+    return Iceberg.cloud(
+        cloud.number, berg.placement, cloud.radius, length=cloud.length, width=cloud.width, sizes=cloud.sizes,
+        between=cloud.between, gap=cloud.gap, overlap=cloud.overlap, seed=cloud.seed,
+        thickness=berg.thickness if "thickness" in berg.model_fields_set else None,
+        density=parameters.ice.density, velocity=berg.velocity, latlon=parameters.earth.latlon,
+        earth_radius=parameters.earth.radius,
+    )  # fmt: skip
+
+
+def _bergs_at_points(berg: Berg, path: Path, parameters: Parameters) -> Iceberg:
+    from riftberg.bergs.iceberg import Iceberg
+    from riftberg.bergs.outline import table_of_points
+
+    columns: dict[str, Any] = {"thickness": berg.thickness, **table_of_points(path)}
+    if "length" in columns and "radius" in berg.model_fields_set:
+        raise BergError(
+            "a radius beside lengths", where=str(path), remedy="Leave berg.radius out, or the column length"
+        )
+    size = {} if "length" in columns else {"radius": berg.radius}
+    return Iceberg.from_points(
+        **columns, **size, packing=berg.packing, density=parameters.ice.density, velocity=berg.velocity,
+        latlon=parameters.earth.latlon, earth_radius=parameters.earth.radius,
+    )  # fmt: skip
+
+
 def build_forcing(
     experiment: Experiment, folder: Path, days: float, options: Options, berg: Iceberg, parameters: Parameters
 ) -> Forcing:
@@ -477,7 +517,9 @@ def build_forcing(
     if isinstance(forcing, ConstantForcing):
         from riftberg.ocean.analytic import Steady
 
-        return Steady(forcing.current, forcing.wind, forcing.slope, forcing.sea_ice, forcing.depth)
+        return Steady(
+            forcing.current, forcing.wind, forcing.slope, forcing.sea_ice, forcing.depth, ice_fraction=forcing.ice_fraction
+        )  # fmt: skip
     if isinstance(forcing, FileForcing):
         from riftberg.ocean.files_forcing import Run, shared_forcing
 

@@ -12,7 +12,7 @@ from riftberg.config.values import ICE_UNITS, Pair, SeaIce, Section, Velocity, W
 from riftberg.constants import EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import OVER_KEEL
-from riftberg.ocean.forcing import flows_text, pair_text, said
+from riftberg.ocean.forcing import flows_text, ice_text, pair_text, said
 from riftberg.ocean.formulas import SUMMED, UNKNOWN, Formula
 from riftberg.parameters import Earth
 from riftberg.state import Elements, Floats, new_elements
@@ -39,7 +39,7 @@ class Steady(Formula):
     temperature, salinity : float, optional
         Of the sea, degrees Celsius and 1e-3; melt needs them.
     ice_fraction : float, optional
-        Part of the sea that sea ice covers.
+        Part of the sea that sea ice covers, its concentration: without it sea ice exerts no force on rigid bergs.
 
     Attributes
     ----------
@@ -70,6 +70,7 @@ class Steady(Formula):
         ice_fraction: float = 0.0,
     ) -> None:
         self._water = _checked_water(temperature, salinity, ice_fraction)
+        self.ice_fraction = self._water[2]
         self.temperature = None if temperature is None else self._water[0]
         self.salinity = None if salinity is None else self._water[1]
         said = (("sst", temperature), ("sss", salinity))
@@ -148,7 +149,8 @@ class Steady(Formula):
     def describe(self) -> str:
         """Return the values in words."""
         depth = f"{self.water:g} m deep" if self.water != DEEP else ""
-        return "steady and uniform: " + said(flows_text(self.current, self.wind), depth)
+        ice = ice_text(self.sea_ice, self.ice_fraction)
+        return "steady and uniform: " + said(flows_text(self.current, self.wind), ice, depth)
 
 
 def _checked_water(temperature: Any, salinity: Any, ice_fraction: Any) -> tuple[float, float, float]:
@@ -237,3 +239,4 @@ class ConstantForcing(Section):
     )
     sea_ice: SeaIce = key((0.0, 0.0, 0.0), "", "velocity (m s-1) and thickness (m) of sea ice", **ICE_UNITS)
     depth: float = key(1e4, "m", "depth of water", gt=0, le=1e5)
+    ice_fraction: float = key(0.0, "1", "part of the sea that sea ice covers", ge=0, le=1)

@@ -5,27 +5,31 @@ A field is interpolated once in time and once in space (`riftberg.ocean.product_
 
 from __future__ import annotations
 
+import copy
 import logging
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, datetime
 from pathlib import PurePath
-from typing import Any, Final, Literal, NamedTuple, TypedDict
+from typing import Any, Final, NamedTuple, TypedDict
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from riftberg.config.values import check_names, given, moment, number, required
-from riftberg.constants import DEGREE, EARTH_RADIUS_KID, EARTH_ROTATION, GRAVITY
+from riftberg.constants import EARTH_RADIUS_KID
 from riftberg.errors import ForcingError
 from riftberg.ocean import formulas
+from riftberg.ocean.balance import MeanCurrents, SeaLevel, balancing_slope, decided, mean_currents
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
 from riftberg.ocean.forcing import DescribedForcing
 from riftberg.ocean.grid import Grid
 from riftberg.ocean.product_records import (
     NO_RINGS,
     RINGS,
-    DayMeans,
+    SURFACE,
+    Blend,
     ProductRecords,
     add_shore_drift,
     fill_slopes,
@@ -70,6 +74,9 @@ MUST_BE_KNOWN: Final = ("uo", "vo", "ua", "va", "ssh")
 """Fields without which an element cannot start: where they are unknown there is no water, or no data."""
 
 
+MOST_SHOWN: Final = 20_000
+"""Points of a sea level that are looked at for gaps; of more some are left out."""
+
 NO_NAMES: Final = ("cf", "")
 """Products that are known by their conventions alone, which do not say whose fields they are."""
 
@@ -110,19 +117,24 @@ def product_part(ds: xr.Dataset, start: datetime, *, keel: float = np.inf) -> Pa
 
 
 def balance_of(part: Part) -> Part:
-    """Return the part of currents as means over a day, whose geostrophic balance the sea surface keeps."""
-    return Part(part.mesh, DayMeans(part.records), ())
+    """Return the part of currents as means over 25 hours twice, whose geostrophic balance the sea surface keeps."""
+    return Part(part.mesh, mean_currents(part.records), ())
 
 
-def shallow_balance(balance: Part) -> list[str]:
-    """Return a notice where the slope of the sea surface comes from currents near the surface alone."""
-    if balance.records.has_levels or balance.original("uo") in WITHOUT_WIND_DRIFT:
-        return []
-    return [
-        f"{named(balance.records.ds) or balance.source}: the slope of the sea surface balances currents near the surface "
-        "(sea_level: geostrophic), whose wind drift has no slope: in ORAS5 this errs by 0.04 m/s, with means over the draft by "
-        "0.012 m/s"
-    ]
+def balance_remarks(balance: Part) -> list[str]:
+    """Return what should be known of a slope that balances these currents: at the ends of their records, near the surface."""
+    said = []
+    if isinstance(balance.records, MeanCurrents):
+        said.append(
+            "the current is its mean over 25 hours, taken twice: in the first and last 25 hours of the records, of those that "
+            "are there"
+        )
+    if not balance.records.has_levels and balance.original("uo") not in WITHOUT_WIND_DRIFT:
+        said.append(
+            f"{named(balance.records.ds) or balance.source} gives currents near the surface, whose wind drift has no slope: in "
+            "ORAS5 this errs by 0.04 m/s, with means over the draft by 0.012 m/s"
+        )
+    return said
 
 
 def provided_by(records: ProductRecords) -> tuple[str, ...]:
@@ -140,7 +152,7 @@ class DatasetOptions(TypedDict, total=False):
     notices: Sequence[str]
     max_gap: Any
     hold: Any
-    sea_level: Literal["files", "geostrophic", "none"]
+    sea_level: SeaLevel
     names: Mapping[str, str] | None
 
 
@@ -160,7 +172,10 @@ class DatasetForcing(DescribedForcing):
     grid : Grid, optional
         Grid that stops elements at land; the fields do not need one.
     balance : Part, optional
-        Currents (means over a day) with which the slope of the sea surface is in geostrophic balance, instead of a sea level.
+        Currents (means over 25 hours, twice) with which the slope of the sea surface is in geostrophic balance, instead of a
+        sea level.
+    assumes_slope : bool
+        Whether that balance was not asked for, but is taken because no sea level is given.
     notices : sequence of str
         What should be known of it before a run.
 
@@ -182,12 +197,15 @@ class DatasetForcing(DescribedForcing):
         coastal_drift: float = 0.0,
         grid: Grid | None = None,
         balance: Part | None = None,
+        assumes_slope: bool = False,
         notices: Sequence[str] = (),
     ) -> None:
         wanted = "a list of parts, or take DatasetForcing.from_xarray"
         required(parts, (list, tuple), wanted, where="parts", kind=ForcingError)
         self.parts, self.grid, self.notices = tuple(parts), grid, tuple(notices)
-        self._balance = balance
+        self._balance, self.assumes_slope = balance, assumes_slope
+        self._gaps: float | None = None  # Share of the sea level that is unknown, at start and end of a run
+        self.slope_remarks = () if balance is None else tuple(balance_remarks(balance))
         self.coastal_drift = number(coastal_drift, "m s-1", where="coastal_drift", kind=ForcingError)
         self.draft = number(draft, "m", where="draft", kind=ForcingError)
         self._density: float = given(ice_density, Ice, "density", where="ice_density", kind=ForcingError)
@@ -196,10 +214,20 @@ class DatasetForcing(DescribedForcing):
             if provided.count(name) > 1:
                 raise ForcingError(f"{name} comes from two products", where="forcing", remedy="Name one of them")
         if balance is not None:
-            self.notices = (*self.notices, *shallow_balance(balance))
             provided.append("ssh")
+            if self.slope_remarks and not assumes_slope:  # else a model says it, with a figure for its berg
+                self.notices = (*self.notices, f"sea_level: geostrophic: {'; '.join(self.slope_remarks)}")
         filled = {variable for name in provided for variable in FILLS[name]}
         self._missing = tuple(name for name in VARIABLES if name not in filled)
+
+    def without_assumed_slope(self) -> DatasetForcing:
+        """Return the same forcing without a slope of the sea surface that was not asked for: a sum has another one."""
+        if not self.assumes_slope:
+            return self
+        other = copy.copy(self)
+        other._balance, other.assumes_slope, other.slope_remarks = None, False, ()
+        other._missing = (*self._missing, *FILLS["ssh"])
+        return other
 
     @classmethod
     def from_xarray(
@@ -209,7 +237,7 @@ class DatasetForcing(DescribedForcing):
         *,
         max_gap: Any = None,
         hold: Any = None,
-        sea_level: Literal["files", "geostrophic", "none"] = "files",
+        sea_level: SeaLevel = "auto",
         names: Mapping[str, str] | None = None,
         **options: Any,
     ) -> DatasetForcing:
@@ -229,8 +257,9 @@ class DatasetForcing(DescribedForcing):
         hold : float or str, optional
             How long the first and last record are held (s), else half the time that a mean stands for.
         sea_level : str, optional
-            ``"files"``: that of the datasets. ``"geostrophic"``: at each place the slope that balances the mean current over the
-            draft and a day there (f/g times the current, turned by a right angle). ``"none"``: no slope.
+            ``"files"``: that of the datasets. ``"geostrophic"``: at each place the slope that balances the current there (f/g
+            times the current, turned by a right angle): its mean over the draft and 25 hours, taken twice. ``"none"``: no slope.
+            ``"auto"``: that of the datasets if one gives it, else the slope that balances the current, with a notice.
         names : mapping, optional
             Variables by the quantity or coordinate that they hold, where the datasets do not say it: ``{"uo": "u", "vo": "v"}``.
         **options
@@ -263,10 +292,13 @@ class DatasetForcing(DescribedForcing):
             for key, (value, name) in limits.items()
             if value is not None
         }
-        if sea_level not in ("files", "geostrophic", "none"):
-            raise ForcingError(f"{sea_level!r} is no choice", where="sea_level", remedy="files, geostrophic or none")
         given = [ds.assign_attrs(in_python=1, **rules) for ds in in_memory(several, names)]
-        if sea_level != "files":
+        slope = decided(
+            sea_level, {str(name) for ds in given for name in ds.data_vars}, where="sea_level",
+            level_wanted="Add a dataset of it, or leave sea_level away: then the slope balances the current",
+            currents_wanted="Add a dataset of currents, or leave sea_level away",
+        )  # fmt: skip
+        if slope != "files":
             given = [rest for ds in given if (rest := ds.drop_vars("ssh", errors="ignore")).data_vars]
         check_pairs(given)
         if begin is None:  # the first date at which all have begun
@@ -282,14 +314,9 @@ class DatasetForcing(DescribedForcing):
                 _LOG.warning("%s: %s", named(ds), ds.attrs["unread"])
         notices = [*named_remarks(given), *idle_fields(given), *doubtful_units(given)]
         parts = [product_part(ds, begin) for ds in given]
-        if sea_level == "geostrophic":
-            currents = next((part for part in parts if "uo" in part.gives), None)
-            if currents is None:
-                raise ForcingError(
-                    "no dataset gives currents, which the sea surface could balance", where="sea_level: geostrophic",
-                    remedy="Add a dataset of currents, or leave sea_level away",
-                )  # fmt: skip
-            options = {"balance": balance_of(currents), **options}
+        if slope == "geostrophic":
+            currents = next(part for part in parts if "uo" in part.gives)
+            options = {"balance": balance_of(currents), "assumes_slope": sea_level == "auto", **options}
         forcing = cls(parts, **{"notices": notices, **options})
         forcing.start = begin
         return forcing
@@ -298,6 +325,11 @@ class DatasetForcing(DescribedForcing):
     def provides(self) -> frozenset[str]:
         """Variables of the elements that come from a product."""
         return frozenset(VARIABLES) - frozenset(self._missing)
+
+    @property
+    def ice_drift_known(self) -> bool:
+        """Whether sea ice, where a product gives any, has a velocity: a pack that only seems to stand still would hold bergs."""
+        return not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
 
     @property
     def title(self) -> str:
@@ -324,8 +356,7 @@ class DatasetForcing(DescribedForcing):
             draft = draft_of(elements.body.thickness, self._density) if self._balance.records.has_levels else None
             places = self._balance.mesh.locate(elements.lon, elements.lat)
             u, v = (np.nan_to_num(_values(self._balance, name, places, time, draft)) for name in ("uo", "vo"))
-            per_speed = 2.0 * EARTH_ROTATION * np.sin(elements.lat * DEGREE) / GRAVITY
-            elements.slope_x[:], elements.slope_y[:] = per_speed * v, -per_speed * u
+            elements.slope_x[:], elements.slope_y[:] = balancing_slope(elements.lat, u, v)
 
     def _fill(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
         """Fill the variables of the elements that come from one field; 0 where it is unknown."""
@@ -407,6 +438,8 @@ class DatasetForcing(DescribedForcing):
         draft = draft_of(float(elements.thickness[row]), self._density)
         for part in (*self.parts, *([self._balance] if self._balance else [])):
             part.records.reach(draft)
+        if self._balance is not None and self._balance.records is not getattr(self._part_with("uo"), "records", None):
+            self._balance.records.check(start, end)  # first, for it reads the currents once and more of them
         for part, places in self._placed(elements):
             part.records.check(start, end)
             for name in part.gives:
@@ -415,6 +448,9 @@ class DatasetForcing(DescribedForcing):
                         self._check_known(part, component, places, elements, start)
             if "uo" in part.gives and part.records.has_levels:
                 _check_keel(part, draft, f"element {elements.id[row]}")
+        self._gaps = max(
+            self._share_of_gaps(time) for time in (end, start)
+        )  # the start last: a run begins with its records
 
     def _check_known(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
         """Refuse elements where a field is unknown, or the sea floor above the water."""
@@ -443,6 +479,48 @@ class DatasetForcing(DescribedForcing):
         east = (np.diff(lon, axis=0) + 180.0) % 360.0 - 180.0
         apart = np.hypot(east * np.cos(np.radians(lat[1:])), np.diff(lat, axis=0))
         return float(np.radians(np.nanmedian(apart)) * EARTH_RADIUS_KID)
+
+    @property
+    def tells_sea_level(self) -> bool:
+        """Whether a model has something to say of the sea level."""
+        return self.assumes_slope or bool(self.level_gaps)
+
+    @property
+    def level_gaps(self) -> str:
+        """What is missing of a given sea level at the start, and at the end of a run that was checked; empty if nothing is."""
+        share = self._gaps
+        if share is None:
+            try:
+                share = self._share_of_gaps(0.0)
+            except ForcingError:  # whatever it is, the check before the first step says it
+                return ""
+        part = self._part_with("ssh")
+        if part is None or share == 0.0:
+            return ""
+        return (
+            f"{named(part.records.ds) or part.source}: the sea level is unknown at {max(100.0 * share, 0.1):.2g} % of the points "
+            "whose current is known; there its slope is 0. With sea_level: geostrophic the slope balances the current everywhere"
+        )
+
+    def _share_of_gaps(self, time: float) -> float:
+        """Return at which share of points with water all around the sea level is unknown."""
+        level, current = self._part_with("ssh"), self._part_with("uo")
+        if level is None or current is None or isinstance(level.mesh, NodeMesh) or isinstance(current.mesh, NodeMesh):
+            return 0.0
+        moment = level.records.moment("ssh", time)
+        unknown = np.isnan(moment.before[0]) & np.isnan(moment.after[0])
+        every = math.ceil(math.sqrt(unknown.size / MOST_SHOWN))
+        at = level.mesh.points
+        lon, lat, unknown = (_flat(values[::every, ::every]) for values in (at.lon, at.lat, unknown))
+        water = current.records.moment("uo", time)
+        wet = np.where(np.isnan(water.before[:1]), 0.0, 1.0)
+        known = np.empty(lon.size)
+        blend = Blend(wet, wet, 0.0, SURFACE, np.nan)
+        fill_values(
+            blend, current.mesh.locate(lon, lat), np.ones(lon.size), current.mesh.points.columns, NO_RINGS, known
+        )
+        water_around = known > 1.0 - 1e-9
+        return float((water_around & (unknown > 0.0)).sum() / max(1, water_around.sum()))
 
     def _part_with(self, name: str) -> Part | None:
         return next((part for part in self.parts if name in part.gives), None)
@@ -489,8 +567,11 @@ class DatasetForcing(DescribedForcing):
         said = [_described(part) for part in self.parts]
         drift = [f"coastal drift {self.coastal_drift:g} m/s"] if self.coastal_drift > 0.0 else []
         if self._balance is not None:
-            over = " over the draft and" if self._balance.records.has_levels else ""
-            said.append(f"slope of the sea surface: in geostrophic balance with the mean current{over} over a day")
+            over = ["the draft"] * self._balance.records.has_levels
+            over += ["25 hours, taken twice"] * isinstance(self._balance.records, MeanCurrents)
+            mean = f"the mean current over {' and '.join(over)}" if over else "the current"
+            why = ", for no sea level is given" if self.assumes_slope else ""
+            said.append(f"slope of the sea surface: in geostrophic balance with {mean}{why}")
         grid = [f"elements are stopped by the land of a grid of {self.grid.describe()}"] if self.grid else []
         text = "\n".join(["each product on its own points", *said, *drift, *grid, *self.notices])
         return text.replace("\n", "\n    ")

@@ -44,8 +44,7 @@ NEEDED = ("uo", "vo")
 """Fields without which no run starts; sea ice is optional (none = open water), depth only for grounding."""
 
 ASSUMED = {
-    "ssh": "no slope of the sea surface, which balances most of the Coriolis force on a large berg "
-    "(unless sea_level is geostrophic)",
+    "ssh": "the slope of the sea surface that balances the current (sea_level says otherwise)",
     "ua": "calm air",
     "va": "calm air",
 }

@@ -16,6 +16,7 @@ import xarray as xr
 from riftberg.config.units import box_text, duration_text, place_text
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, SECONDS_PER_DAY
 from riftberg.errors import ForcingError
+from riftberg.ocean.balance import MEAN, decided
 from riftberg.ocean.cells import OVER_KEEL
 from riftberg.ocean.datasets import DatasetForcing, Part, balance_of, product_part, provided_by
 from riftberg.ocean.files_schema import FileForcing, NamedFiles
@@ -112,6 +113,12 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     _check_member(settings, folder)
     opened = open_named(_paths(settings.entries, folder), settings.member)
     settings, chosen = _with_box(settings, opened, run)
+    slope = decided(
+        settings.sea_level, {str(name) for ds in opened for name in ds.data_vars}, where="forcing.sea_level",
+        level_wanted="Add a file of it, or leave sea_level out: then the slope balances the current",
+        currents_wanted="Add a file of currents, or leave sea_level out",
+    )  # fmt: skip
+    assumed, settings = settings.sea_level == "auto", settings.model_copy(update={"sea_level": slope})
     # What the run does not take is left out before any values are read.
     datasets = [part for ds in serving_only(opened, settings) for part in _near(ds, settings, run)]
     if not any("uo" in ds for ds in datasets):
@@ -130,18 +137,17 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     def part(ds: xr.Dataset) -> Part:
         return product_part(ds, run.start, keel=float(run.drafts.max())) if grid is None else grid.part(ds, run)
 
-    balance = None
-    if settings.sea_level == "geostrophic":  # over the draft also where the surface alone drives the berg
-        balance = balance_of(part(_as_needed(currents[["uo", "vo"]], {"uo", "vo"})))
     parts = [part(ds) for ds in datasets]
+    balance = None
+    if slope == "geostrophic":
+        balance = next(each for each in parts if "uo" in each.gives)
+        # Over the draft also where the surface alone drives the berg; on the product's own points and dates.
+        if grid is not None or (settings.currents == "surface" and "depth" in currents.dims):
+            balance = product_part(currents[["uo", "vo"]], run.start, keel=float(run.drafts.max()))
+        balance = balance_of(balance)
     # What the files leave out, and doubts about them, in a line each.
     held = {str(name) for ds in datasets for name in ds.data_vars}
     notices = [*records.named_remarks(datasets), *records.doubtful_units(datasets)]
-    if "ssh" not in held and settings.sea_level == "files":
-        notices.append(
-            "no file gives the sea level (ssh): its slope, which balances most of the Coriolis force on a large berg, "
-            "is 0. With sea_level: geostrophic in forcing it balances the current, with sea_level: none this is not said"
-        )
     if not held & {"ua", "taux"} and settings.wind == "files":
         notices.append("no file gives the wind (ua, va): the air is calm. With wind: none in forcing this is not said")
     notices += [
@@ -155,7 +161,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
     taken = {str(name) for ds in datasets for name in ds.data_vars}
     if {"taux", "ua"} <= set(there) and "ua" in taken:
         said.append(f"{records.named(there['taux'])}: wind stress (taux, tauy) is not used beside a wind")
-    if not run.melts and (idle := [name for name in ("sst", "sss", "ice_fraction") if name in taken]):
+    if not run.melts and (idle := [name for name in ("sst", "sss") if name in taken]):
         said.append(f"{', '.join(idle)} are for melt alone, which is off in this run")
     if run.melts and "wave_height" in taken:
         said.append("given waves push the berg; what waves melt follows from the wind all the same")
@@ -166,6 +172,7 @@ def forcing_from_files(settings: FileForcing, folder: Path, run: Run) -> Dataset
         coastal_drift=settings.coastal_drift,
         grid=None if grid is None else grid.grid,
         balance=balance,
+        assumes_slope=assumed and balance is not None,
         notices=(*chosen, *notices, *said),
     )
 
@@ -451,7 +458,7 @@ def serving_only(datasets: list[xr.Dataset], settings: FileForcing) -> list[xr.D
         pair = next((pair for pair in records.VECTORS if name in pair), (name,))
         return max(int(ds[part].attrs.get(records.PLACE, number)) for part in pair if part in ds.data_vars)
 
-    left_out = set() if settings.sea_level == "files" else {"ssh"}
+    left_out = set() if settings.sea_level in ("auto", "files") else {"ssh"}
     held = {str(name) for ds in datasets for name in ds.data_vars}
     if settings.wind == "none" or {"ua", "va"} <= held:
         left_out |= {"taux", "tauy"} | ({"ua", "va"} if settings.wind == "none" else set())
@@ -489,8 +496,8 @@ def _near(ds: xr.Dataset, settings: FileForcing, run: Run) -> list[xr.Dataset]:
         ds = ds.assign_attrs({name: 3600.0 * hours for name, hours in limits.items() if hours is not None})
         records.check_ends(ds, np.array([first, last]))
         # So much more that a missing record at the edge can be bridged by those beyond it.
-        day_means = settings.sea_level == "geostrophic" and "uo" in ds
-        ds = window_in_time(ds, (first, last), max(records.gap_limit(ds), 0.5 * SECONDS_PER_DAY * day_means))
+        balanced = settings.sea_level == "geostrophic" and "uo" in ds
+        ds = window_in_time(ds, (first, last), max(records.gap_limit(ds), MEAN * balanced))
     near = window(ds, *settings.box, margin=margin)
     for axis in ("lat", "lon", "y", "x"):
         if near.sizes.get(axis, 2) < 2:

@@ -9,6 +9,7 @@ from pydantic import field_validator, model_validator
 
 from riftberg.config.values import Pair, Section, UnfitError, key
 from riftberg.errors import ForcingError
+from riftberg.ocean.balance import SeaLevel
 from riftberg.system.input_files import hidden
 
 if TYPE_CHECKING:
@@ -94,8 +95,11 @@ class FileForcing(Section):
     hold: float | None = key(
         None, "h", "how long first and last record are held, else half the time that a mean stands for", ge=0
     )
-    sea_level: Literal["files", "geostrophic", "none"] = key(
-        "files", "", "geostrophic: the slope that balances the current; none leaves it out: no slope, unannounced"
+    sea_level: SeaLevel = key(
+        "auto",
+        "",
+        "files: that of the files; geostrophic: the slope that balances the current; auto: the first if it is there, else the "
+        "second, with a notice; none: no slope",
     )
     wind: Literal["files", "none"] = key("files", "", "none leaves it out: calm air, unannounced")
     member: int | None = key(

@@ -91,6 +91,13 @@ def compass(towards: float) -> str:
     return POINTS[int(eighth)] if rest == 0.0 else f"{towards:g} degrees"
 
 
+def ice_text(ice: tuple[float, float, float], fraction: float) -> str:
+    """Return velocity (m s-1) and thickness (m) of sea ice with its concentration in words; empty where there is none."""
+    if not any(ice) and fraction == 0.0:
+        return ""
+    return f"sea ice of {ice[2]:g} m at {pair_text(ice[:2])} m/s, concentration {fraction:g}"
+
+
 class DescribedForcing:
     """Gives a forcing its `repr` and its look in notebooks; it needs a method ``describe``."""
 

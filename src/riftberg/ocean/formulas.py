@@ -48,7 +48,17 @@ from riftberg.config.values import (
 from riftberg.constants import DEGREE, EARTH_RADIUS_A68, EARTH_ROTATION, GRAVITY
 from riftberg.errors import ForcingError
 from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
-from riftberg.ocean.forcing import DescribedForcing, Forcing, compass, flows_text, land_at, pair_text, said, sea_level
+from riftberg.ocean.forcing import (
+    DescribedForcing,
+    Forcing,
+    compass,
+    flows_text,
+    ice_text,
+    land_at,
+    pair_text,
+    said,
+    sea_level,
+)
 from riftberg.ocean.grid import Grid
 from riftberg.state import Elements, Floats
 from riftberg.system.input_files import value_shown
@@ -173,6 +183,11 @@ def _is_forcing(other: Any) -> bool:
     return callable(getattr(other, "sample", None))
 
 
+def _gives_level(part: Any) -> bool:
+    """Return whether a part says that it gives the slope of the sea surface; one that it assumes does not count."""
+    return "slope_x" in getattr(part, "provides", ()) and not getattr(part, "assumes_slope", False)
+
+
 def _parts_of(forcing: Any) -> list[Any]:
     return list(forcing.parts) if isinstance(forcing, Sum) else [forcing]
 
@@ -198,6 +213,14 @@ class Sum(Formula):
                     f"two parts give the {what} of the water: {one}; and {other}", where="forcing",
                     remedy=f"Leave the {what} to one of them",
                 )  # fmt: skip
+        # One slope of the sea surface: that of data which give a level, and none beside it that was assumed.
+        levels = [part for part in self.parts if _gives_level(part)]
+        if levels:
+            self.parts = tuple(
+                part.without_assumed_slope() if getattr(part, "assumes_slope", False) else part for part in self.parts
+            )
+        # A level without currents belongs to those of the formulas, whose own slopes are left out beside it.
+        self._level_of_all = any("uo" not in part.provides for part in levels)
         self.grid = others[0].grid if others else None
         self.provides = frozenset(name for part in parts for name in getattr(part, "provides", ()))
         for name in ("latlon", "latitude"):
@@ -223,20 +246,51 @@ class Sum(Formula):
         return tuple(text for part in self.parts for text in getattr(part, "notices", ()))
 
     @property
+    def ice_drift_known(self) -> bool:
+        """Whether every part that gives sea ice gives its velocity, or one part gives that alone."""
+        alone = any(any(getattr(part, "sea_ice", (0.0, 0.0))[:2]) for part in self.parts)
+        return alone or all(getattr(part, "ice_drift_known", True) for part in self.parts)
+
+    @property
     def title(self) -> str:
         """What it is, for titles."""
         return ", ".join(filter(None, (str(getattr(part, "title", "")) for part in self.parts)))
 
     def _flows(self) -> tuple[Flow, ...]:
-        return tuple(part for part in self.parts if isinstance(part, Flow))
+        return () if self._level_of_all else tuple(part for part in self.parts if isinstance(part, Flow))
+
+    @property
+    def assumes_slope(self) -> bool:
+        """Whether a part takes a slope of the sea surface that was not asked for."""
+        return any(getattr(part, "assumes_slope", False) for part in self.parts)
+
+    @property
+    def tells_sea_level(self) -> bool:
+        """Whether a model has something to say of the sea level."""
+        return any(getattr(part, "tells_sea_level", False) for part in self.parts)
+
+    @property
+    def slope_remarks(self) -> tuple[str, ...]:
+        """What should be known of a slope that was assumed."""
+        return tuple(text for part in self.parts for text in getattr(part, "slope_remarks", ()))
+
+    @property
+    def level_gaps(self) -> str:
+        """What is missing of a given sea level; empty if nothing is."""
+        return next(filter(None, (getattr(part, "level_gaps", "") for part in self.parts)), "")
 
     def add_to(self, elements: Elements, time: float) -> None:
         """Add all parts."""
+        e = elements.environment
         for part in self.parts:
-            if isinstance(part, Formula):
-                part.add_to(elements, time)
-            else:
+            if not isinstance(part, Formula):
                 part.sample(elements, time)
+            elif self._level_of_all and isinstance(part, Flow):
+                slopes = e.slope_x.copy(), e.slope_y.copy()
+                part.add_to(elements, time)
+                e.slope_x[:], e.slope_y[:] = slopes
+            else:
+                part.add_to(elements, time)
 
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless all parts cover these elements from ``start`` to ``end`` (s)."""
@@ -399,6 +453,7 @@ class Uniform(Flow):
         0.0,
     )
     water: Annotated[float | None, about("m", "depth of water", gt=0, le=1e5)] = Field(default=None, alias="depth")
+    ice_fraction: Annotated[float, about("1", "part of the sea that sea ice covers", ge=0, le=1)] = 0.0
 
     @field_validator("water", mode="before")
     @classmethod
@@ -419,6 +474,8 @@ class Uniform(Flow):
         e.va[:] += self.wind[1]
         for values, value in zip((e.ui, e.vi, e.ice_thickness), self.sea_ice, strict=True):
             values[:] += value
+        if self.ice_fraction > 0.0:
+            np.maximum(e.ice_fraction, self.ice_fraction, out=e.ice_fraction)
         if self.water is not None:
             e.depth[:] = np.minimum(e.depth, self.water)
 
@@ -428,7 +485,7 @@ class Uniform(Flow):
 
     def describe(self) -> str:
         """Return the values in words."""
-        ice = f"sea ice of {self.sea_ice[2]:g} m at {pair_text(self.sea_ice[:2])} m/s" if any(self.sea_ice) else ""
+        ice = ice_text(self.sea_ice, self.ice_fraction)
         depth = "" if self.water is None else f"{self.water:g} m deep"
         return "uniform: " + said(flows_text(self.current, self.wind), ice, depth)
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.config.units import place_text
-from riftberg.constants import EARTH_RADIUS_A68, SECONDS_PER_DAY
+from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import SharedLock
 from riftberg.ocean.grid import wind_from_stress
@@ -365,6 +365,7 @@ class ProductRecords:
                 )
         self.ds, self._whole, self._limits = ds, ds, SURFACE[:1]
         self._blocks: dict[int, Block] = {}
+        self._judged: frozenset[int] = frozenset()  # First records of the blocks that have been read, and are sound
         self._lock = SharedLock()
         self.reach(keel)
         self.start = start
@@ -387,6 +388,7 @@ class ProductRecords:
         with self._lock:
             if layers >= self._limits.size:
                 self.ds, self._limits, self._blocks = self._whole.isel(depth=slice(0, layers)), limits[: layers + 1], {}
+                self._judged = frozenset()
 
     @property
     def cover(self) -> tuple[float, float]:
@@ -421,12 +423,13 @@ class ProductRecords:
         return Blend(before[:layers], after[:layers], around.weight, limits, 0.0 if name in MAY_BE_EMPTY else np.nan)
 
     def check(self, start: float, end: float) -> None:
-        """Read all records from ``start`` to ``end`` (s)."""
+        """Read all records from ``start`` to ``end`` (s) that have not been read before."""
         first, last = self._between(start), self._between(end)
         for record in range(first.before, last.after + 1):
             if record < last.after:
                 self._check_gap(record, max(start, self.times[record]))
-            self._record(record)
+            if record // self._length * self._length not in self._judged:
+                self._record(record)
 
     def _between(self, time: float) -> Between:
         if len(self.times) < 2:
@@ -469,6 +472,7 @@ class ProductRecords:
                 # The dictionary is replaced, never changed: other threads look into it without the lock.
                 spared = sorted(self._blocks, key=lambda old: abs(old - first))[: KEPT_BLOCKS - 1]
                 self._blocks = {**{old: self._blocks[old] for old in spared}, first: block}
+                self._judged |= {first}
         # A field without time beside others has one record.
         return {name: values[number - first if len(values) > 1 else 0] for name, values in block.items()}
 
@@ -487,54 +491,6 @@ class ProductRecords:
         if "depth_below_surface" in block:  # land counts as depth 0, so that shores shoal
             block["depth_below_surface"] = np.nan_to_num(block["depth_below_surface"])
         return block
-
-
-class DayMeans(ProductRecords):
-    """Currents of other records as running means over a day, which shift inwards at the ends of a series.
-
-    Inertial motion, tides and gusts are faster: they have no slope of the sea surface in geostrophic balance.
-    """
-
-    def __init__(self, of: ProductRecords) -> None:
-        self._of = of
-        super().__init__(of.ds[["uo", "vo"]], of.start, keel=float(of.limits[-1]))
-        self.dates, self.times, self._length = of.dates, of.times, of._length
-
-    def reach(self, keel: float) -> None:
-        """Average levels down to a draft (m) from now on."""
-        with self._lock:
-            self._of.reach(keel)
-            self.ds, self._limits, self._blocks = self._of.ds[["uo", "vo"]], self._of.limits, {}
-
-    def _read(self, records: slice) -> Block:
-        numbers = range(*records.indices(len(self.times))) if self.times else range(1)
-        means = [self._mean(number) for number in numbers]
-        return {name: np.stack([mean[name] for mean in means]) for name in self.names}
-
-    def _mean(self, number: int) -> Block:
-        """Return the mean over a day around a record, of currents that change linearly from record to record."""
-        times = np.asarray(self.times)
-        if times.size < 2 or np.median(np.diff(times)) >= SECONDS_PER_DAY:
-            return self._of._record(number)
-        first = min(max(times[number] - 0.5 * SECONDS_PER_DAY, times[0]), max(times[-1] - SECONDS_PER_DAY, times[0]))
-        # The weights of records in the integral from first to last (s) of a series that is linear between them.
-        begins, ends = times[:-1], times[1:]
-        low, high = np.maximum(begins, float(first)), np.minimum(ends, float(min(first + SECONDS_PER_DAY, times[-1])))
-        length, share = np.maximum(high - low, 0.0), (0.5 * (low + high) - begins) / (ends - begins)
-        weights = np.zeros(times.size)
-        weights[:-1] += length * (1.0 - share)
-        weights[1:] += length * share
-        near = {int(k): self._of._record(int(k)) for k in np.flatnonzero(weights)}
-        mean = {}
-        for name in self.names:
-            known = sum(weights[k] * np.isfinite(block[name]) for k, block in near.items())
-            total = sum(weights[k] * np.nan_to_num(block[name]) for k, block in near.items())
-            with np.errstate(invalid="ignore"):
-                mean[name] = np.asarray(total / np.where(known, known, np.nan))
-        return mean
-
-    def _check_gap(self, record: int, time: float) -> None:
-        self._of._check_gap(record, time)
 
 
 def records_at_once(values: float) -> int:

@@ -14,10 +14,9 @@ from riftberg.products.product import DAY, Evidence, Heading, Product, Source, n
 from riftberg.products.quantities import QUANTITIES, labelled
 from riftberg.products.records import usual_interval
 
-# OSCAR surface currents, mean over the top 30 m: third-degree v1 (retired), v2.0 (quarter degree, daily), v3.
+# OSCAR surface currents, mean over the top 30 m: third-degree v1 (retired), v2.0 (quarter degree, daily).
 #
-# Checked against published headers of v1 and v2.0 (no real file was to be had). v3 is not released: its reader follows
-# the announcement only (dimensions time, latitude, longitude; the same variable names).
+# Checked against published headers (no real file was to be had).
 
 _OSCAR_CURRENTS = (Source("uo", ("u",), "m s-1"), Source("vo", ("v",), "m s-1"))
 
@@ -26,18 +25,8 @@ def _is_oscar_v1(heading: Heading) -> bool:
     return {"u", "um"} <= heading.names and "depth" in heading.sizes and "year" in heading.names
 
 
-def _has_oscar_fields(heading: Heading) -> bool:
-    names = heading.names
-    return {"u", "v"} <= names and bool({"ug", "uw"} & names) and {"latitude", "longitude"} <= set(heading.sizes)
-
-
-def _is_oscar_v3(heading: Heading) -> bool:
-    new = "v3" in heading.says("product_version", "title", "id") or "uw" in heading.names
-    return _has_oscar_fields(heading) and new
-
-
 def _is_oscar_v2(heading: Heading) -> bool:
-    return _has_oscar_fields(heading) and not _is_oscar_v3(heading)
+    return {"u", "v", "ug"} <= heading.names and {"latitude", "longitude"} <= set(heading.sizes)
 
 
 def _drop_year_axis(ds: xr.Dataset) -> xr.Dataset:
@@ -82,18 +71,6 @@ OSCAR_V2 = Product(
     finish=stamped_at_noon,
     averaging=DAY,
     notes=(*_OSCAR_NOTES, "daily means: stamps put at 12:00 UTC", "file order is (time, longitude, latitude)"),
-)
-OSCAR_V3 = Product(
-    name="oscar-v3",
-    title="OSCAR L4 surface currents v3 (announced layout)",
-    citation="OSCAR L4 v3, PO.DAAC (in preparation)",
-    evidence="documentation",
-    matches=_is_oscar_v3,
-    sources=_OSCAR_CURRENTS,
-    reshape=_by_coordinate,
-    finish=stamped_at_noon,
-    averaging=DAY,
-    notes=(*_OSCAR_NOTES, "daily means: stamps put at 12:00 UTC", "not released when this reader was written"),
 )
 
 

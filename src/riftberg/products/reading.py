@@ -44,6 +44,7 @@ from riftberg.products.repair import (
     without_flags,
     without_land,
 )
+from riftberg.products.sea_ice import thickness_of_ice
 from riftberg.products.vectors import COMPONENTS, is_true, with_angle
 from riftberg.system.input_files import check_file, hidden, is_address, is_folder, reading, whole_address
 from riftberg.system.netcdf_lock import noted_as_open, open_lazily, whole_size
@@ -338,6 +339,11 @@ def gathered(ds: xr.Dataset, product: Product, *, where: str) -> list[xr.Dataset
     headings = " ".join(str(ds.attrs.get(key, "")) for key in ("title", "id", "product", "summary")).lower()
     parts: list[xr.Dataset] = []
     for key, fields in groups.items():
+        if "ice_thickness" in fields:
+            field = fields["ice_thickness"]
+            cover = next((others["ice_fraction"] for others in groups.values() if "ice_fraction" in others), None)
+            fields["ice_thickness"], remarks = thickness_of_ice(field, ds[str(field.attrs["original_name"])], cover)
+            remarks_by_field[key].extend(remarks)
         part = xr.Dataset(fields)
         away = turned_away(ds.drop_vars(product.names.values(), errors="ignore")) if product.select is not None else ""
         told = "; ".join(dict.fromkeys(filter(None, [str(ds.attrs.get("told", "")), *remarks_by_field[key], away])))

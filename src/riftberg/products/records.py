@@ -92,6 +92,9 @@ def own_interval(ds: xr.Dataset) -> float:
     return min([*known, *([shown] if shown > 0.0 else [])], default=0.0)
 
 
+SEA_ICE: Final = {"ice_fraction": "concentration", "ice_thickness": "thickness", "ui": "velocity"}
+"""What is needed for a force of sea ice, in words."""
+
 LONGEST_PERIOD: Final = 1e10
 """Three hundred years (s): longer ones are beyond what dates can hold."""
 
@@ -197,8 +200,11 @@ def idle_fields(datasets: Sequence[xr.Dataset]) -> list[str]:
         if (waves := [name for name in WAVES if name in ds.data_vars]) and not have_waves(ds)
     ]
     held = {str(name): ds for ds in datasets for name in ds.data_vars}
-    if ice := [name for name in ("ice_fraction", "ui") if name in held and "ice_thickness" not in held]:
-        said.append(f"{named(held[ice[0]])}: sea ice without its thickness (ice_thickness) exerts no drag")
+    ice = [name for name in SEA_ICE if name in held]
+    lacking = [f"{words} ({name})" for name, words in SEA_ICE.items() if name not in held]
+    if ice and lacking:
+        words = " and ".join(lacking)
+        said.append(f"{named(held[ice[0]])}: sea ice without its {words} exerts no force in the default scheme")
     return said
 
 

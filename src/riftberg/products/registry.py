@@ -31,7 +31,6 @@ LONGEST_NAME = 60
 PRODUCTS: tuple[Product, ...] = (
     oceans.GLOBCURRENT,
     oceans.OSCAR_V1,
-    oceans.OSCAR_V3,
     oceans.OSCAR_V2,
     oceans.DUACS,
     oceans.DUACS_GEOSTROPHIC,

@@ -314,6 +314,7 @@ def run_attributes(model: BareModel, *, experiment: str = "", seed: int | None =
         "start": model.start.isoformat(),
         "forcing": forcing_text(model.forcing),
         "forcing_title": forcing_title(model.forcing),
+        **({"sea_level": level} if (level := model.sea_level_notice) else {}),
         **({"laws": laws} if (laws := model.laws.named()) else {}),
         "parameters": model.parameters.describe(),
         "parameters_json": model.parameters.model_dump_json(),

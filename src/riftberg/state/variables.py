@@ -254,7 +254,9 @@ class Environment(NamedTuple):
         Floats,
         _is("1e-3", "salinity of the sea, mean over the draft; NaN where that of the surface holds", default=np.nan),
     ]
-    ice_fraction: Annotated[Floats, _is("1", "sea-ice area fraction", standard_name="sea_ice_area_fraction")]
+    ice_fraction: Annotated[
+        Floats, _is("1", "sea-ice area fraction", standard_name="sea_ice_area_fraction", output=True)
+    ]
     ice_thickness: Annotated[Floats, _is("m", "sea-ice thickness", standard_name="sea_ice_thickness", output=True)]
     vorticity: Annotated[Floats, _is("s-1", "relative vorticity of the ocean current")]
     wave_height: Annotated[

@@ -41,20 +41,24 @@ from riftberg.constants import EARTH_ROTATION
 from riftberg.errors import RunError
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import multiply, solve, times
+from riftberg.physics.sea_ice import yield_rate
 from riftberg.state import Elements, Floats, Ints, Shown
 from riftberg.state import Motion as ElementMotion
 from riftberg.stepping.forces.media import (
     CORIOLIS,
+    LIMIT,
     LINEAR,
     MEDIA,
     PUSH_X,
     PUSH_Y,
     QUADRATIC,
     SEA_FLOOR,
+    SEA_ICE,
     SPIN,
     SPIN_LINEAR,
     SPIN_QUADRATIC,
     WATER,
+    YIELD,
     ForcedElements,
     Medium,
     Surroundings,
@@ -63,6 +67,7 @@ from riftberg.stepping.forces.media import (
     find_surroundings,
     grounded_part,
 )
+from riftberg.stepping.forces.pack import corner_slope, find_fragments_in_pack, is_any, next_direction
 from riftberg.stepping.forces.sizes import Sizes, rectangle_inertia
 
 Booleans = NDArray[np.bool_]
@@ -215,13 +220,18 @@ def add_inertia_and_floor_drag(
 
 @kernel
 def drag_and_jacobian(row: Floats, u: float, v: float) -> tuple[float, float, float, float, float, float]:
-    """Acceleration (m s-2) by one medium, minus its derivatives xx, xy, yy, and the drag per velocity through it (s-1)."""
+    """Acceleration (m s-2) by one medium, minus its derivatives xx, xy, yy, and the drag per velocity through it (s-1).
+
+    Of a hold that yields the derivatives are those of its rate alone (`riftberg.stepping.forces.pack`).
+    """
     du, dv = u - row[U], v - row[V]
-    linear, c = row[LINEAR], row[QUADRATIC]
-    if linear == 0.0 and c == 0.0:
+    linear, c, limit = row[LINEAR], row[QUADRATIC], row[LIMIT]
+    if linear == 0.0 and c == 0.0 and limit == 0.0:
         return row[PUSH_X], row[PUSH_Y], 0.0, 0.0, 0.0, 0.0
     speed = math.sqrt(du * du + dv * dv)
     rate, inverse = linear + c * speed, (c / speed if speed > 0.0 else 0.0)
+    if limit > 0.0:
+        rate += yield_rate(limit, speed, row[YIELD])
     return (
         row[PUSH_X] - rate * du,
         row[PUSH_Y] - rate * dv,
@@ -388,15 +398,17 @@ class BodyWorkspace(NamedTuple):
     last_change: Floats  # Relative size of the last increment; shape (fragments,)
     active: Booleans  # Fragments whose velocities have not converged; shape (fragments,)
     scratch: Floats  # shape (4, 3, 3)
+    in_pack: Booleans  # Fragments that a pack of sea ice holds; shape (fragments,)
+    direction: Floats  # Of that force on each element (`riftberg.stepping.forces.pack`); shape (elements, 2)
 
 
-def allocate_body_workspace(count: int) -> BodyWorkspace:
-    """Return a workspace for ``count`` fragments."""
+def allocate_body_workspace(count: int, elements: int = 0) -> BodyWorkspace:
+    """Return a workspace for ``count`` fragments of ``elements`` elements."""
     jacobian = np.empty((count, 3, 3))
     net_force, residual, increment = np.empty((3, count, 3))
     return BodyWorkspace(
         jacobian, net_force, residual, increment, np.empty(count), np.empty(count, np.bool_),
-        np.empty((4, 3, 3)),
+        np.empty((4, 3, 3)), np.zeros(count, np.bool_), np.empty((elements, 2)),
     )  # fmt: skip
 
 
@@ -420,9 +432,12 @@ def excess_spin_rate(rate: float, half_dt: float) -> float:
 
 @kernel
 def rate_of_medium(row: Floats, u: float, v: float, least: float) -> float:
-    """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more."""
-    speed: float = max(math.hypot(u - row[U], v - row[V]), least)
-    return float(row[LINEAR] + row[QUADRATIC] * speed)
+    """Drag (s-1) of a medium per velocity through it, at ``least`` m s-1 or more; a hold that yields at the speed as it is."""
+    through = math.hypot(u - row[U], v - row[V])
+    rate = row[LINEAR] + row[QUADRATIC] * max(through, least)
+    if row[LIMIT] > 0.0:
+        rate += yield_rate(row[LIMIT], through, row[YIELD])
+    return float(rate)
 
 
 @kernel
@@ -548,6 +563,36 @@ def first_half_kick(
 
 
 @kernel
+def subtract_corner_slopes(
+    op: BodyOperators, twist: Floats, active: Booleans, direction: Floats, jacobian: Floats
+) -> None:
+    """Take from the Jacobians of active fragments what the force of a pack loses by its limit."""
+    for e in range(op.body.size):
+        b, m, row = op.body[e], op.levers[e], op.forcing.media[e, SEA_ICE]
+        if row[LIMIT] == 0.0 or not active[b]:
+            continue
+        u, v, _ = element_velocity(m, twist[b])
+        factor, dx, dy = corner_slope(row, u, v)
+        factor *= op.forcing.mass[e]
+        for i in range(3):
+            along = factor * (direction[e, 0] * m[i] + direction[e, 1] * m[3 + i])
+            for j in range(3):
+                jacobian[b, i, j] -= along * (dx * m[j] + dy * m[3 + j])
+
+
+@kernel
+def turn_directions(op: BodyOperators, twist: Floats, increment: Floats, active: Booleans, direction: Floats) -> None:
+    """Take the directions of the force of a pack on active fragments on, with the ``increment`` of their velocities."""
+    for e in range(op.body.size):
+        b, m, row = op.body[e], op.levers[e], op.forcing.media[e, SEA_ICE]
+        if row[LIMIT] > 0.0 and active[b]:
+            u, v, _ = element_velocity(m, twist[b])
+            du, dv, _ = element_velocity(m, increment[b])
+            before = direction[e, 0], direction[e, 1]
+            direction[e, 0], direction[e, 1] = next_direction(row, before, (u, v), (du, dv))
+
+
+@kernel
 def newton_increment(op: BodyOperators, middle: Floats, new: Floats, half_dt: float, work: BodyWorkspace) -> None:
     """Find the increment of Newton's method for each active fragment, from the velocities ``new``.
 
@@ -556,6 +601,8 @@ def newton_increment(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
     work.net_force[:, :] = 0.0
     work.jacobian[:, :, :] = 0.0
     assemble_force_and_jacobian(op.body, op.levers, new, op.forcing, work.active, work.net_force, work.jacobian)
+    if is_any(work.in_pack):
+        subtract_corner_slopes(op, new, work.active, work.direction, work.jacobian)
     matrix, right = work.scratch[0], work.scratch[1, 0]
     for b in range(new.shape[0]):
         if not work.active[b]:
@@ -603,8 +650,14 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
     """
     active, last_change = work.active, work.last_change
     last_change[:] = 0.0
+    find_fragments_in_pack(op.body, op.forcing.media, work.in_pack)
+    held = is_any(work.in_pack)
+    if held:
+        work.direction[:, :] = 0.0
     for n in range(MAX_ITERATIONS):
         newton_increment(op, middle, new, half_dt, work)
+        if held:
+            turn_directions(op, new, work.increment, active, work.direction)
         more = False
         for b in range(new.shape[0]):
             if not active[b]:
@@ -612,7 +665,8 @@ def half_kick_newton(op: BodyOperators, middle: Floats, new: Floats, half_dt: fl
             for i in range(3):
                 new[b, i] += work.increment[b, i]
             before, change = last_change[b], relative_increment(work.increment[b], new[b], op.matrices.inertia[b])
-            last_change[b] = change
+            # Beside a corner one small change tells nothing of the next.
+            last_change[b] = 0.0 if work.in_pack[b] else change
             converged = has_converged(change, before)
             # Velocities that are not numbers end the iteration; the checks of loads and places then say where they came from.
             active[b] = not converged and np.isfinite(new[b, 0] + new[b, 1] + new[b, 2])

@@ -63,12 +63,6 @@ BIN_WIDTH: Final = 0.01
 STEADY: Final = 12.0
 """Long steps in a bending period of the berg from which on the stress is within 1 kPa of that in equilibrium (numerics page)."""
 
-NONRESONANT: Final = 24.0
-"""Long steps in a bending period that are chosen where none is named: the error goes with the square of the step."""
-
-LONG_STEPS: Final = tuple(1800.0 / n for n in (1, 2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 18, 20, 24, 25, 30))
-"""Long steps (s) to choose from, longest first: parts of half an hour, so that records every hour fall on them."""
-
 FIRST_MODE: Final = 22.373
 """Square of the first eigenvalue of a free beam, ``cos(k) cosh(k) = 1``."""
 
@@ -395,22 +389,6 @@ def resonance_warning(elements: Elements, bonds: Bonds, parameters: Parameters) 
         f"which is long beside the {duration_text(period / SECONDS_PER_DAY)} of a swing of the berg{breaks}. "
         "stepping.scheme=quasi_static gives the stress that the ice has to bear"
     )
-
-
-def with_nonresonant_step(elements: Elements, bonds: Bonds, parameters: Parameters) -> Parameters:
-    """Return the parameters with a long step with which the stress in the bonds does not ring, where they name none.
-
-    It is the longest of `LONG_STEPS` of which `NONRESONANT` fit into a bending period of the largest berg, and the shortest of
-    them where none does. A long step that is named, or a number of sub-steps in it, stays as it is.
-    """
-    p = parameters
-    named = "time_step" in p.stepping.model_fields_set or p.stepping.substeps is not None
-    if named or not _may_resonate(bonds, p):
-        return p
-    period = bending_period(elements, p)
-    # From the longest on: the first that fits is taken.
-    step = next((step for step in LONG_STEPS if step * NONRESONANT <= period), LONG_STEPS[-1])
-    return p.changed(stepping={"time_step": step})
 
 
 def _may_resonate(bonds: Bonds, p: Parameters) -> bool:

@@ -2,7 +2,7 @@
 
 Per unit mass a medium that moves at V acts on an element that moves at U by
 
-    push - (linear + quadratic |U - V|) (U - V)
+    push - (linear + quadratic |U - V|) (U - V) - limit min(|U - V| / yield, 1) (U - V) / |U - V|
 
 and per unit moment of inertia, where it turns at S and the element at W, by
 
@@ -41,6 +41,7 @@ from riftberg.physics.drag import (
 )
 from riftberg.physics.floating import draft_of
 from riftberg.physics.geometry import coriolis_parameter
+from riftberg.physics.sea_ice import LIMITED, LOCKED, OF_REFERENCE, open_share, pack_depth, pack_strength
 from riftberg.physics.seabed import grounded_fraction, grounding_rate, grounding_spin_rate, quadratic_grounding
 from riftberg.state import Body, Elements, Environment, Floats, Place
 from riftberg.stepping.forces.sizes import Sizes, disc_inertia, rectangle_inertia, sides_of
@@ -58,6 +59,8 @@ class Medium(NamedTuple):
     spin_linear: float  # Rate of linear drag on the spin, s-1
     spin_quadratic: float  # Coefficient of quadratic drag on the spin, rad-1
     spin: float  # Spin of the medium, s-1
+    limit: float  # Largest deceleration by a hold that yields, m s-2; of rigid fragments alone
+    yield_speed: float  # Speed through the medium from which on it yields, m s-1
 
 
 class Media(NamedTuple):
@@ -75,16 +78,24 @@ class Media(NamedTuple):
 MEDIA: Final = Media._fields
 """Names of the media."""
 
-LINEAR, QUADRATIC, U, V, PUSH_X, PUSH_Y, SPIN_LINEAR, SPIN_QUADRATIC, SPIN = range(len(Medium._fields))
+LINEAR, QUADRATIC, U, V, PUSH_X, PUSH_Y, SPIN_LINEAR, SPIN_QUADRATIC, SPIN, LIMIT, YIELD = range(len(Medium._fields))
 """Columns of a row."""
 
 WATER: Final = MEDIA.index("water")
+
+SEA_ICE: Final = MEDIA.index("sea_ice")
 
 SEA_FLOOR: Final = MEDIA.index("sea_floor")
 """Row of the one medium that may act in the sub-steps instead of the long step; its drag on the spin always does."""
 
 OWN: Final = MEDIA.index("own")
 """Row of the forces by laws of the user."""
+
+YIELD_SPEED: Final = 1e-4
+"""Speed (m s-1) through a pack of sea ice from which on it yields: a berg that it holds goes 9 m in a day."""
+
+LOCKED_RATE: Final = 1.0
+"""Rate (s-1) at which a pack that carries bergs along brings them to its velocity: winds and currents shift them by 0.1 mm/s."""
 
 CORIOLIS: Final = len(MEDIA)
 """Row of the Coriolis force among the applied forces, after the media."""
@@ -132,6 +143,7 @@ class ElementView(NamedTuple):
     ground_mass: float  # Mass that it sees, kg
     depth: float
     ice_thickness: float
+    ice_fraction: float
     uo: float
     vo: float
     ua: float
@@ -170,13 +182,27 @@ def spin_after(media: Floats, e: int, w: float, dt: float) -> float:
 @kernel
 def dragged(quadratic: float, u: float, v: float) -> Medium:
     """Row of a medium that drags with the square of the relative speed, and on no spin."""
-    return Medium(0.0, quadratic, u, v, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return Medium(0.0, quadratic, u, v, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
 def pushed(push: tuple[float, float]) -> Medium:
     """Row of a medium that accelerates whatever the velocity."""
-    return Medium(0.0, 0.0, 0.0, 0.0, push[0], push[1], 0.0, 0.0, 0.0)
+    return Medium(0.0, 0.0, 0.0, 0.0, push[0], push[1], 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel
+def sea_ice(el: ElementView, side: float, depth: float, exposed: float, p: KernelParameters) -> Medium:
+    """Row of sea ice of a mean ``depth`` (m) beside an element, which bears the share ``exposed`` of sides of ``side`` m."""
+    drag = sea_ice_drag(el.mass, side, depth, exposed, el.ui, el.vi, p.frozen_sea_ice_drag)
+    linear = limit = 0.0
+    if depth > 0.0 and (p.ice_capture == LIMITED or p.ice_capture == LOCKED):
+        strength = pack_strength(el.ice_thickness, el.ice_fraction, p.ice_strength, p.ice_decay)
+        if p.ice_capture == LIMITED:
+            limit = strength * side * exposed / el.mass
+        elif el.ice_fraction >= p.locked_fraction and strength >= p.locked_strength:
+            linear = LOCKED_RATE
+    return Medium(linear, drag, el.ui, el.vi, 0.0, 0.0, 0.0, 0.0, 0.0, limit, YIELD_SPEED)
 
 
 @kernel
@@ -184,12 +210,12 @@ def sea_floor(el: ElementView, p: KernelParameters) -> Medium:
     """Row of the sea floor, which stands still."""
     fraction = grounded_part(el.thickness, el.depth, p)
     if fraction == 0.0:
-        return Medium(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return Medium(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     excess = draft_of(el.thickness, p.rho_ice) - el.depth
     linear = grounding_rate(p.ground_coefficient, el.ground_area, el.ground_mass, fraction)
     quadratic = quadratic_grounding(p.ground_quadratic, el.ground_area, el.ground_mass, excess)
     turning = grounding_spin_rate(p.ground_coefficient, el.radius, el.bond_mass, fraction) if p.ground_torque else 0.0
-    return Medium(linear, quadratic, 0.0, 0.0, 0.0, 0.0, turning, 0.0, 0.0)
+    return Medium(linear, quadratic, 0.0, 0.0, 0.0, 0.0, turning, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
@@ -208,7 +234,11 @@ def media_of(el: ElementView, p: KernelParameters) -> Media:
     """Find the rows of one element (equations 4.1)."""
     draft = draft_of(el.thickness, p.rho_ice)
     freeboard = el.thickness - draft
-    ice = min(el.ice_thickness, draft)
+    depth, open_side = el.ice_thickness, 1.0
+    if p.ice_capture != OF_REFERENCE:
+        depth = pack_depth(el.ice_thickness, el.ice_fraction, p.least_ice) if p.ice_drift_known else 0.0
+        open_side = open_share(el.ice_fraction, p.least_ice)
+    ice = min(depth, draft)
     if p.forces_by_element:
         # The reference takes the sides of an element from its radius, but only in its code for hexagons with beams.
         by_diameter = p.multiple_steps and p.dem and el.sides == 6 and p.radius_based
@@ -226,18 +256,17 @@ def media_of(el: ElementView, p: KernelParameters) -> Media:
         # Bonded elements turn with their berg: the drag on its sides has its levers there.
         turning += side_spin_drag(el.inertia, el.length, el.width, max(0.0, draft - ice), p.ocean_scale)
     air = air_drag(el.mass, el.length, el.width, side, freeboard, exposed)
-    sea_ice = sea_ice_drag(el.mass, side, ice, exposed, el.ui, el.vi, p.frozen_sea_ice_drag)
     if el.waves.height < 0.0:
         push = wave_acceleration(el.ua, el.va, el.uo, el.vo, el.mass, freeboard, facing_length, facing_width)
     else:
         push = given_wave_acceleration(el.waves, el.mass, freeboard, facing_length, facing_width)
     return Media(
         # Water under the element turns with half its vorticity.
-        Medium(0.0, water, el.uo, el.vo, 0.0, 0.0, 0.0, turning, 0.5 * el.vorticity),
+        Medium(0.0, water, el.uo, el.vo, 0.0, 0.0, 0.0, turning, 0.5 * el.vorticity, 0.0, 0.0),
         pushed(slope_acceleration(el.slope_x, el.slope_y)),
         dragged(air, el.ua, el.va),
-        dragged(sea_ice, el.ui, el.vi),
-        pushed((facing * push[0], facing * push[1])),
+        sea_ice(el, side, ice, exposed, p),
+        pushed((open_side * facing * push[0], open_side * facing * push[1])),
         sea_floor(el, p),
         pushed((el.own_x / el.mass, el.own_y / el.mass)),
     )
@@ -254,6 +283,7 @@ def put_row(media: Floats, e: int, k: int, row: Medium) -> None:
         row.spin_quadratic,
         row.spin,
     )
+    media[e, k, LIMIT], media[e, k, YIELD] = row.limit, row.yield_speed
 
 
 class ForcedElements(NamedTuple):
@@ -272,6 +302,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
     body, env, lat = el.body, el.environment, el.place.lat
     mass, length, width, thickness = body.mass, body.length, body.width, body.thickness
     sides, bonds, depth, ice, vorticity = body.sides, body.bond_count, env.depth, env.ice_thickness, env.vorticity
+    fraction = env.ice_fraction
     uo, vo, ua, va, ui, vi, sx, sy = env.uo, env.vo, env.ua, env.va, env.ui, env.vi, env.slope_x, env.slope_y
     height, period, wave_x, wave_y = env.wave_height, env.wave_period, env.wave_x, env.wave_y
     side_share, berg_length, berg_width = body.side_share, body.berg_length, body.berg_width
@@ -286,7 +317,8 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
             inertia = rectangle_inertia(mass[e], length[e], width[e])
         view = ElementView(
             mass[e], length[e], width[e], thickness[e], sides_of(sides[e], p), bonds[e], bond_radius[e], bond_mass[e],
-            inertia, area, m, depth[e], ice[e], uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e], vorticity[e],
+            inertia, area, m, depth[e], ice[e], min(fraction[e], 1.0), uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e],
+            vorticity[e],
             Waves(height[e], period[e], wave_x[e], wave_y[e]), side_share[e], berg_length[e], berg_width[e],
             own_x[e], own_y[e],
         )  # fmt: skip

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from riftberg.compiled.kernels import kernel
 from riftberg.constants import GRAVITY
 from riftberg.parameters import KernelParameters
 from riftberg.physics.floating import draft_of
@@ -98,11 +99,12 @@ class GroundingLog:
             self.rows.append(row)
             return
         way = known.way + row.way
-        self.rows[k] = replace(
-            row, time=known.time, lon=known.lon, lat=known.lat, towards=known.towards, elements=known.elements,
-            times=known.times + (known.end < began), seconds=known.seconds + row.seconds, way=way,
-            **{name: max(getattr(known, name), getattr(row, name)) for name in ("lift", "stress", "gouge")},
-            stopped=known.stopped if known.stopped >= 0.0 or row.stopped < 0.0 else way,
+        stopped = known.stopped if known.stopped >= 0.0 or row.stopped < 0.0 else way
+        # Field by field: a copy that names what changes takes most of the time of a field of bergs aground.
+        self.rows[k] = GroundingEvent(
+            row.number, known.time, row.end, known.lon, known.lat, known.towards, known.elements,
+            known.times + (known.end < began), known.seconds + row.seconds, row.carried, row.load, row.capacity, row.pressing,
+            max(known.lift, row.lift), max(known.stress, row.stress), max(known.gouge, row.gouge), way, stopped,
         )  # fmt: skip
 
 
@@ -132,38 +134,35 @@ def _measured(
     p: KernelParameters, forces: Floats,
 ) -> list[_Measured]:  # fmt: skip
     """Return what a step alone shows of each fragment on the floor."""
-    rows = np.flatnonzero(np.isin(el.body.berg, numbers))
-    which, first = np.searchsorted(numbers, el.body.berg[rows]), np.empty(numbers.size, np.int64)
-    first[which[::-1]] = rows[::-1]
-
-    def total(values: Floats) -> Floats:
-        return np.asarray(np.bincount(which, weights=values[rows], minlength=numbers.size))
-
-    def largest(values: Floats) -> list[float]:
-        most = np.zeros(numbers.size)
-        np.maximum.at(most, which, values[rows])
-        return most.tolist()
-
-    mass, place, motion = el.body.mass, el.place, el.motion
+    at = np.minimum(np.searchsorted(numbers, el.body.berg), numbers.size - 1)
+    rows = np.flatnonzero(numbers[at] == el.body.berg)
+    fragment, first = at[rows], np.empty(numbers.size, np.int64)
+    first[fragment[::-1]] = rows[::-1]
+    mass, place, motion, keel = el.body.mass, el.place, el.motion, el.keel
     east, north = _metres_per_unit(place.lat, p)
     # From the first element of each fragment: across the seam too.
     start = np.zeros(el.size, np.int64)
-    start[rows] = first[which]
+    start[rows] = first[fragment]
     x, y = _nearest(place.lon - place.lon[start], p), place.lat - place.lat[start]
     gone_x, gone_y = _nearest(place.lon - before.place.lon, p), place.lat - before.place.lat
     load = GRAVITY * mass_on_floor(el, p)
     # Drag may act on a keel that has not come to the floor yet: where nothing is carried, all elements aground count alike.
     weight = np.where(touching, np.maximum(load, 1.0), 0.0)
-    touch_x, touch_y = total(weight * x) / total(weight), total(weight * y) / total(weight)
-    centre_x, centre_y = total(mass * x) / total(mass), total(mass * y) / total(mass)
-    way = np.hypot(total(mass * gone_x * east), total(mass * gone_y * north)) / total(mass)
-    speed = np.hypot(total(mass * motion.u_sync), total(mass * motion.v_sync)) / total(mass)
     push = np.delete(forces, SEA_FLOOR, axis=1).sum(axis=1)
-    pressing = np.hypot(total(push[:, 0]), total(push[:, 1]))
-    carried, borne, holds = total(touching.astype(np.float64)), total(load), total(el.keel.floor_hold)
-    lift, stress, gouge = map(largest, (el.keel.floor_lift, el.keel.floor_stress, el.keel.floor_yield))
+    values = np.stack([
+        mass, weight, weight * x, weight * y, mass * x, mass * y, mass * gone_x * east, mass * gone_y * north,
+        mass * motion.u_sync, mass * motion.v_sync, push[:, 0], push[:, 1], touching.astype(np.float64), load, keel.floor_hold,
+        el.body.length * el.body.width,
+    ])  # fmt: skip
+    total, largest = np.zeros((len(values), numbers.size)), np.zeros((3, numbers.size))
+    _sum_up(rows, fragment, values, total)
+    _take_largest(rows, fragment, np.stack([keel.floor_lift, keel.floor_stress, keel.floor_yield]), largest)
+    weights, masses = total[1], total[0]
+    touch_x, touch_y, centre_x, centre_y = total[2] / weights, total[3] / weights, total[4] / masses, total[5] / masses
+    way, speed = np.hypot(*total[6:8]) / masses, np.hypot(*total[8:10]) / masses
+    pressing, (carried, borne, holds, area) = np.hypot(*total[10:12]), total[12:]
+    lift, stress, gouge = largest.tolist()
     towards = np.degrees(np.arctan2((touch_x - centre_x) * east[first], (touch_y - centre_y) * north)) % 360.0
-    area = total(el.body.length * el.body.width)
     (began, ended), measured = step, []
     for n, (number, k) in enumerate(zip(numbers.tolist(), first.tolist(), strict=True)):
         event = GroundingEvent(
@@ -173,6 +172,22 @@ def _measured(
         )  # fmt: skip
         measured.append(_Measured(number, float(area[n]), event))
     return measured
+
+
+@kernel
+def _sum_up(rows: Ints, fragment: Ints, values: Floats, total: Floats) -> None:
+    """Add up several values of elements by fragment."""
+    for n in range(rows.size):
+        for k in range(len(values)):
+            total[k, fragment[n]] += values[k, rows[n]]
+
+
+@kernel
+def _take_largest(rows: Ints, fragment: Ints, values: Floats, largest: Floats) -> None:
+    """Take the largest of several values of elements by fragment."""
+    for n in range(rows.size):
+        for k in range(len(values)):
+            largest[k, fragment[n]] = max(largest[k, fragment[n]], values[k, rows[n]])
 
 
 def _metres_per_unit(lat: Floats, p: KernelParameters) -> tuple[Floats, float]:

@@ -22,12 +22,26 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.physics.geometry import solve, times
 from riftberg.state import Floats, Ints
-from riftberg.stepping.bodies.dynamics import ElementForcing, add_forces, assemble_force_and_jacobian
+from riftberg.state.variables import Keel
+from riftberg.stepping.bodies.dynamics import BodyMatrices, ElementForcing, add_forces, assemble_force_and_jacobian
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
-from riftberg.stepping.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, place_points
+from riftberg.stepping.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, fill_hulls, place_points
 from riftberg.stepping.ground.plate import Plates
-from riftberg.stepping.ground.press import HOLD, LOAD, LOAD_X, LOAD_Y, PUSH_X, PUSH_Y, YIELD, Bed, press
+from riftberg.stepping.ground.press import (
+    HOLD,
+    LIFT,
+    LOAD,
+    LOAD_X,
+    LOAD_Y,
+    PRESSED,
+    PUSH_X,
+    PUSH_Y,
+    STRESS,
+    YIELD,
+    Bed,
+    press,
+)
 
 VELOCITY_CHANGE: Final = 0.1
 """Largest part of its speed by which the floor changes that of a fragment in a sub-step, unless it holds it."""
@@ -98,6 +112,17 @@ class Landing(NamedTuple):
     bent: Floats  # What `press` finds for the polygons; shape (polygons, 3)
     applied: Floats  # Changes of velocity by all forces, m s-1; shape (elements, forces, 2)
     peak: Floats  # Forces when the floor pressed hardest, and the axes then; shape (elements, 5)
+
+
+def prepared(pads: Pads, plates: Plates, polygons: Ints, start: Ints, pose: Floats, draft: Floats) -> Landing:
+    """Make room for the step of some fragments."""
+    count, n = len(pose), draft.size
+    return Landing(
+        pads, plates, polygons, start, pose, np.empty_like(pose), np.empty_like(pose), np.empty_like(pose),
+        np.zeros((count, 7, 3)), np.zeros((count, NUMBERS)), np.zeros((count, 5), np.int64), np.zeros((count, 3)), draft,
+        np.empty((n, 3)), np.empty((n, 11)), np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, PRESSED)), np.empty(n),
+        np.zeros((polygons.size, 5)), np.zeros((n, len(FORCES), 2)), np.zeros((n, 5)),
+    )  # fmt: skip
 
 
 @kernel
@@ -445,13 +470,91 @@ def _accept(now: Landing, a: int, forcing: ElementForcing, dt: float) -> None:
 
 
 @kernel
+def board(now: Landing, numbers: Ints, bodies: Bodies, keel: Keel, thickness: Floats, bed: Bed) -> None:
+    """Let fragments begin a step where they are; ``thickness``: of the elements ``pads.rows``, m."""
+    fill_hulls(
+        now.pads,
+        thickness,
+        now.draft,
+        bed.modulus,
+        bed.poisson,
+        now.hull,
+        now.number[:, THICKNESS],
+        now.number[:, LENGTH],
+    )
+    for a in range(numbers.size):
+        number, flag = now.number[a], now.flag[a]
+        flag[STATUS] = AFLOAT if now.polygon_start[a] == now.polygon_start[a + 1] else BEGINS
+        for k in range(3):
+            now.motion[a, VELOCITY, k] = bodies.twist[numbers[a], k]
+        for n in range(now.pads.row_start[a], now.pads.row_start[a + 1]):
+            e = now.pads.rows[n]
+            for k in range(3):
+                now.reference[n, k] = bodies.reference[e, k]
+            now.anchors[n, ANCHOR_X], now.anchors[n, ANCHOR_Y] = keel.anchor_x[e], keel.anchor_y[e]
+            now.anchors[n, LARGEST], now.yielded[n] = keel.anchor_capacity[e], keel.floor_yield[e]
+            if keel.floor_load[e] > 0.0 or keel.anchor_x[e] != 0.0 or keel.anchor_y[e] != 0.0:
+                flag[TOUCHES] = 1
+        substep = keel.floor_substep[now.pads.rows[now.pads.row_start[a]]]
+        number[SUBSTEP] = substep if flag[TOUCHES] and substep > 0.0 else HELD_STEP
+        number[SHORTEST], number[PEAK] = math.inf, -1.0
+
+
+@kernel
+def set_going(now: Landing, numbers: Ints, matrices: BodyMatrices) -> None:
+    """Give fragments their inertia."""
+    for a in range(numbers.size):
+        inertia, number = matrices.inertia[numbers[a]], now.number[a]
+        for i in range(3):
+            for j in range(3):
+                now.mobility[a, i, j] = matrices.mobility[numbers[a], i, j]
+        twist, number[ARM] = now.motion[a, VELOCITY], math.sqrt(inertia[2, 2] / inertia[0, 0])
+        number[SPEED] = math.hypot(twist[0], twist[1]) + number[ARM] * abs(twist[2])
+
+
+@kernel
+def lift_off(keel: Keel) -> None:
+    """Nothing is on the floor; what it has yielded stays."""
+    for e in range(keel.floor_load.size):
+        keel.floor_load[e] = keel.floor_x[e] = keel.floor_y[e] = keel.floor_torque[e] = 0.0
+        keel.anchor_x[e] = keel.anchor_y[e] = keel.anchor_capacity[e] = keel.floor_hold[e] = 0.0
+        keel.floor_lift[e] = keel.floor_stress[e] = keel.floor_substep[e] = 0.0
+
+
+@kernel
+def write_loads(now: Landing, keel: Keel) -> None:
+    """Write what the press has found to the keels of the fragments that touched the floor."""
+    for a in range(len(now.flag)):
+        if now.flag[a, STATUS] == DONE:
+            for n in range(now.pads.row_start[a], now.pads.row_start[a + 1]):
+                e, found = now.pads.rows[n], now.found[n]
+                keel.floor_load[e], keel.floor_hold[e] = found[LOAD], found[HOLD]
+                keel.floor_lift[e], keel.floor_stress[e] = found[LIFT], found[STRESS]
+                keel.floor_yield[e] = max(now.yielded[n], found[YIELD])
+
+
+@kernel
+def write_friction(now: Landing, keel: Keel) -> None:
+    """Write friction and length of the next sub-step to the same keels."""
+    for a in range(len(now.flag)):
+        if now.flag[a, STATUS] == DONE:
+            for n in range(now.pads.row_start[a], now.pads.row_start[a + 1]):
+                e, anchor = now.pads.rows[n], now.anchors[n]
+                if now.found[n, LOAD] > 0.0:
+                    keel.anchor_x[e], keel.anchor_y[e], keel.anchor_capacity[e] = anchor[0], anchor[1], anchor[LARGEST]
+                    keel.floor_x[e], keel.floor_y[e] = anchor[FORCE_X], anchor[FORCE_Y]
+                    keel.floor_torque[e] = anchor[TORQUE]
+                keel.floor_substep[e] = now.number[a, SUBSTEP]
+
+
+@kernel
 def press_all(now: Landing, bed: Bed, latlon: bool, radius: float, depth: Floats, lon: Floats, lat: Floats) -> int:
     """Write the points where all fragments need the depth as they stand, or press them by it; returns the number of points."""
     at = 0
     for a in range(len(now.flag)):
         polygons, before = now.polygons[now.polygon_start[a] : now.polygon_start[a + 1]], at
         at = write_points(now.pads, a, polygons, now.pose[a], latlon, radius, at, lon, lat)
-        if depth.size and polygons.size:
+        if depth.size and now.flag[a, STATUS] == BEGINS:
             now.flag[a, STATUS] = DONE
             _press(now, a, bed, 1.0, 0.0, depth[before:at])
     return at

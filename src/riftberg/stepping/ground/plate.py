@@ -289,7 +289,7 @@ class PlateRoom:
         self._element_start = np.concatenate([[0], np.cumsum(elements.prod(axis=1))])
         self._node_start = np.concatenate([[0], np.cumsum((elements + 1).prod(axis=1))])
         self._room = np.zeros(count, np.int64)
-        self._plates = self._empty_plates()
+        self.plates = self._empty_plates()
 
     def _empty_plates(self) -> Plates:
         count, start = self._room.size, np.concatenate([[0], np.cumsum(self._room**2)])
@@ -311,6 +311,6 @@ class PlateRoom:
         if (most > self._room).any():
             # Half as many nodes again, for the next ones that come near.
             self._room = np.maximum(self._room, np.minimum(most + most // 2, 4 * MOST_NODES))
-            self._plates = self._empty_plates()
-        self._plates.bends[:] = bends
-        return self._plates
+            self.plates = self._empty_plates()
+        self.plates.bends[:] = bends
+        return self.plates

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -24,26 +24,21 @@ from riftberg.stepping.bodies.dynamics import BodyOperators, add_inertia_and_flo
 from riftberg.stepping.bodies.pose import Bodies, tangent_coordinates
 from riftberg.stepping.contact.broad_phase import NO_PAIRS
 from riftberg.stepping.contact.islands import PeakContactLoad, SubcycledMotion, forcing_of_rows
-from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.ground import landing
 from riftberg.stepping.ground.pads import (
-    LOW_X,
-    LOW_Y,
     ORIGIN_X,
     ORIGIN_Y,
     RIGID,
-    SIDE,
     Pads,
     cut_into_pads,
-    fill_hulls,
     melted,
     place_points,
     sides_of_pads,
 )
-from riftberg.stepping.ground.plate import PlateRoom
-from riftberg.stepping.ground.press import HOLD, LIFT, LOAD, PRESSED, STRESS, YIELD, Bed
-from riftberg.stepping.ground.soundings import DepthOf, Floor, Soundings
+from riftberg.stepping.ground.press import LIFT, Bed
+from riftberg.stepping.ground.shoal import Keels, Shoal, choose_squares, find_candidates, find_near
+from riftberg.stepping.ground.soundings import DepthOf, Soundings
 from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
 
@@ -66,18 +61,6 @@ FARTHEST: Final = 512.0
 
 OPEN_DEPTH: Final = 1e4
 """Depth (m) beyond all data."""
-
-STEEPEST: Final = 0.5
-"""Slope by which a floor that is not surveyed may rise towards a keel."""
-
-RING: Final = 5000.0
-"""Way (m) for which the floor around a fragment is surveyed at once."""
-
-RESERVE: Final = 5.0
-"""Clearance (m) beyond the surveyed one that levels may take."""
-
-ASIDE: Final = 20.0
-"""How far forces may take a fragment from its way in a step, m, before it is looked at again."""
 
 STRUCK: Final = 0.05
 """Change of velocity (m s-1) in a step that makes an impact; pieces that lean on each other give less."""
@@ -124,191 +107,6 @@ def depth_of_bed(forcing: Forcing, middle: float = 0.0, period: float = 0.0) -> 
     return depth
 
 
-class Survey(NamedTuple):
-    """What has been surveyed around fragments; one of each."""
-
-    bodies: Ints  # Their numbers
-    radius: Floats  # m
-    pose: Floats  # At the survey; shape (fragments, 3, 3)
-    way: Floats  # For which the survey holds, m
-    open_way: Floats  # The same where nothing is near the keel; 0 where something is
-    draft: Floats  # Of the deepest keel then, m
-
-
-NO_SURVEY: Final = Survey(
-    np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3, 3)), np.zeros(0), np.zeros(0), np.zeros(0)
-)
-
-
-@kernel
-def _way_since(pose: Floats, surveyed: Floats, reach: float, radius: float) -> float:
-    """Way (m) of the farthest point of a fragment, at ``reach`` m from its middle, since a survey."""
-    moved = turned = 0.0
-    for k in range(3):
-        moved += (pose[k, 2] - surveyed[k, 2]) ** 2
-        turned += (pose[k, 0] - surveyed[k, 0]) ** 2
-    return radius * math.sqrt(moved) + reach * math.sqrt(turned)
-
-
-# Many arguments: the arrays that it needs of the state, apart.
-@kernel
-def _find_near(
-    bodies: Bodies, thickness: Floats, length: Floats, width: Floats, depth: Floats, uo: Floats, vo: Floats, load: Floats,
-    rho_ice: float, h: float, radius: float, survey: Survey, near: NDArray[np.bool_],
-) -> float:  # fmt: skip
-    """Mark the fragments that may come near the floor in ``h`` s, by the depth in the middle of their elements.
-
-    Those that stay where nothing near was surveyed do not. A lone berg may take up the speed of the water on the way.
-    ``radius``: of the earth, or 1 in a plane. Returns the least clearance there, m.
-    """
-    least, body, number, deepest = math.inf, bodies.body, np.zeros(near.size, np.int64), np.full(near.size, -math.inf)
-    for n in range(survey.bodies.size):
-        b = survey.bodies[n]
-        twist, reach = bodies.twist[b], survey.radius[n]
-        way = h * (math.hypot(twist[0], twist[1]) + reach * abs(twist[2])) + ASIDE
-        if _way_since(bodies.pose[b], survey.pose[n], reach, radius) + way <= survey.open_way[n]:
-            deepest[b] = survey.draft[n]
-    for e in range(body.size):
-        number[body[e]] += 1
-    for e in range(body.size):
-        b, draft = body[e], draft_of(thickness[e], rho_ice)
-        arm = radius * math.hypot(bodies.reference[e, 0], bodies.reference[e, 1])
-        twist = bodies.twist[b]
-        speed = math.hypot(twist[0], twist[1]) + arm * abs(twist[2])
-        if number[b] == 1:
-            speed = max(speed, math.hypot(uo[e], vo[e]))
-        reach = math.sqrt(length[e] * width[e]) + h * speed + ASIDE
-        near[b] = near[b] or (draft > deepest[b] and depth[e] - draft < STEEPEST * reach) or load[e] > 0.0
-        least = min(least, depth[e] - draft)
-    return least
-
-
-@kernel
-def _place_squares(
-    pads: Pads, squares: Ints, body: Ints, pose: Floats, latlon: bool, radius: float, lon: Floats, lat: Floats
-) -> None:  # fmt: skip
-    """Find the positions of the middles of squares; ``body``: place of the fragment of each, ``pose``: of the fragments."""
-    for n in range(squares.size):
-        b, ice = body[n], pads.ice[squares[n]]
-        x, y = ice[1] + pads.frame[b, ORIGIN_X], ice[2] + pads.frame[b, ORIGIN_Y]
-        lon[n], lat[n] = place_points(x, y, pose[b], latlon, radius)
-
-
-# Many arguments: lists of squares and polygons are arrays apart, as the loop reads them.
-@kernel
-def _find_candidates(
-    pads: Pads, polygons: Ints, square: Ints, body: Ints, slope: Floats, depth: Floats, draft: Floats, reach: Floats,
-    near: NDArray[np.bool_], out: Ints, start: Ints, clearance: Floats,
-) -> None:  # fmt: skip
-    """List the polygons that may touch the floor on a way of ``reach`` m, by the depth (with the level) in the middle of squares.
-
-    ``polygons``: those in squares that are watched, by fragment; ``square``: theirs among these, ``body`` and ``slope`` of each.
-    ``start``: where those of each fragment begin; ``clearance``: takes the least of each fragment.
-    """
-    count, b = 0, 0
-    for n in range(polygons.size):
-        s, k = square[n], polygons[n]
-        while b <= body[s]:
-            start[b] = count
-            b += 1
-        clear = depth[s] - draft[pads.owner[k]]
-        clearance[body[s]] = min(clearance[body[s]], clear)
-        if near[body[s]] and clear < slope[s] * (0.75 * pads.frame[body[s], SIDE] + reach[body[s]]) + 2.0:
-            out[count] = k
-            count += 1
-    start[b:] = count
-
-
-class Shoal:
-    """Fragments that have come near the floor, with their pads, and which of these are looked at in each step."""
-
-    def __init__(
-        self, key: list[bytes], bodies: Ints, side: Floats, pads: Pads, size: Floats, before: Shoal | None = None
-    ) -> None:  # fmt: skip
-        self.key, self.bodies, self.side, self.whole, self.size = key, bodies, side, pads, size
-        self.plates = PlateRoom(pads)
-        self.arrays: tuple[NDArray[Any], ...] = ()  # of which the key was made, as they were last
-        self.ice = b""  # and the thickness that it had then
-        self.lone, of = np.diff(pads.row_start) == 1, np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
-        self._square = pads.raster[of, 0] + pads.square[:, 0] * pads.raster[of, 2] + pads.square[:, 1]
-        of_corner = np.repeat(of, np.diff(pads.start))
-        self.radius, count = np.zeros(bodies.size), bodies.size
-        np.maximum.at(self.radius, of_corner, np.hypot(*(pads.corner + pads.frame[of_corner, :2]).T))
-        self.survey = Survey(bodies, self.radius, np.full((count, 3, 3), np.inf), *(np.zeros(count) for _ in range(3)))
-        # Steepest slope of the floor near each square; none where it is so deep that nobody needs to look.
-        self._slope = np.where(np.repeat(self.lone, pads.raster[:, 1] * pads.raster[:, 2]), STEEPEST, np.nan)
-        if before is not None:  # of the same fragments: what was surveyed holds
-            for b, old in zip(*np.intersect1d(bodies, before.bodies, return_indices=True)[1:], strict=True):
-                if side[b] == before.side[old]:
-                    for array, values in zip(self.survey[2:], before.survey[2:], strict=True):
-                        array[b] = values[old]
-                    squares, those = (
-                        slice(r[0], r[0] + r[1] * r[2]) for r in (pads.raster[b], before.whole.raster[old])
-                    )
-                    self._slope[squares] = before._slope[those]
-        self._list()
-
-    def _list(self) -> None:
-        """List the squares that are watched, and the polygons in them."""
-        self.polygons = np.flatnonzero(np.isfinite(self._slope[self._square]))
-        self.squares, self.square = np.unique(self._square[self.polygons], return_inverse=True)
-        self.body, self.slope = (
-            np.searchsorted(self.whole.raster[:, 0], self.squares, side="right") - 1,
-            self._slope[self.squares],
-        )
-
-    def look_around(
-        self, pose: Floats, reach: Floats, draft: Floats, near: NDArray[np.bool_], soundings: Soundings, scale: float
-    ) -> None:  # fmt: skip
-        """Survey the floor around bonded fragments that may leave that of the last survey on a way of ``reach`` m.
-
-        ``scale``: radius of the earth, or 1 in a plane.
-        """
-        survey, pads = self.survey, self.whole
-        left = [
-            b for b in np.flatnonzero(near & ~self.lone).tolist()
-            if not _way_since(pose[b], survey.pose[b], float(self.radius[b]), scale) + reach[b] <= survey.way[b]
-        ]  # fmt: skip
-        for b in left:
-            low, (first, rows, columns) = pads.frame[b, [LOW_X, LOW_Y]], pads.raster[b].tolist()
-            box = np.concatenate([low, low + self.side[b] * np.array([columns, rows])]) + np.tile(pads.frame[b, :2], 2)
-            way, deepest = reach[b] + RING, float(draft[pads.row_start[b] : pads.row_start[b + 1]].max())
-            floor = soundings.around(pose[b], box, way)
-            shallow = floor.least < deepest + RESERVE
-            _watch_squares(
-                pads.raster[b], pads.frame[b], floor, shallow, way, self._slope[first : first + rows * columns]
-            )
-            survey.pose[b], survey.draft[b], survey.way[b] = pose[b], deepest, way
-            survey.open_way[b] = 0.0 if shallow.any() else way
-        if left:
-            self._list()
-
-
-@kernel
-def _watch_squares(
-    raster: Ints, frame: Floats, floor: Floor, shallow: NDArray[np.bool_], way: float, slope: Floats
-) -> None:
-    """Find the steepest slope of the floor within ``way`` m of squares, NaN where no tile within it is shallow.
-
-    Blocks of squares of some half a tile have the same.
-    """
-    rows, columns, side = raster[1], raster[2], frame[SIDE]
-    wide = max(int(0.7 * floor.half / side), 1)
-    reach = way + floor.half + 0.71 * wide * side
-    for j in range((rows - 1) // wide + 1):
-        for i in range((columns - 1) // wide + 1):
-            x = frame[ORIGIN_X] + frame[LOW_X] + (i + 0.5) * wide * side
-            y = frame[ORIGIN_Y] + frame[LOW_Y] + (j + 0.5) * wide * side
-            steepest, near = 0.0, False
-            for n in range(shallow.size):
-                if (floor.x[n] - x) ** 2 + (floor.y[n] - y) ** 2 < reach * reach:
-                    near = near or shallow[n]
-                    steepest = max(steepest, floor.slope[n])
-            for row in range(j * wide, min((j + 1) * wide, rows)):
-                for column in range(i * wide, min((i + 1) * wide, columns)):
-                    slope[row * columns + column] = steepest if near else math.nan
-
-
 @kernel
 def _place_middles(frame: Floats, pose: Floats, latlon: bool, radius: float) -> tuple[Floats, Floats]:
     """Find the positions of the middles of fragments."""
@@ -332,6 +130,9 @@ class Seabed:
         # Work of friction since the start, J; least clearance of a keel, m.
         self.rubbed, self.clearance = np.zeros(1), np.full(1, np.inf)
         self._footprints = footprints
+        self._looked: tuple[Any, ...] = (None,) * 3
+        self._looked_for = (math.nan, math.nan)
+        self._found: tuple[NDArray[np.bool_], Floats, Shoal]
         self._shoals: list[Shoal] = []  # Of the last groups of fragments that went through a step, the latest first
 
     def checkpoint(self) -> tuple[Floats, Floats]:
@@ -344,6 +145,8 @@ class Seabed:
 
     def state_dict(self) -> dict[str, Any]:
         """Return what a restart file must hold beside the state."""
+        # The run that goes on looks at the floor anew, as a resumed one does: the least clearance hangs on what is asked for.
+        self._shoals, self._looked_for = [], (math.nan, math.nan)
         # Files hold finite numbers: a large one stands for no keel near the floor yet.
         return {"bed_plastic": self.rubbed, "bed_clearance": np.minimum(self.clearance, 0.5 * LARGEST)}
 
@@ -357,123 +160,116 @@ class Seabed:
 
     def near(self, model: RunState, bodies: Bodies, h: float) -> NDArray[np.bool_]:
         """Which fragments may come near the floor in ``h`` s."""
-        el, c, near = model.elements, model.constants, np.zeros(bodies.pose.shape[0], np.bool_)
-        around, body, arrays = el.environment, el.body, (bodies.body, bodies.reference, el.body.id)
-        shoal = next((shoal for shoal in self._shoals if all(map(operator.is_, arrays, shoal.arrays))), None)
-        least = _find_near(
-            bodies, body.thickness, body.length, body.width, around.depth, around.uo, around.vo, el.keel.floor_load, c.rho_ice, h,
-            c.earth_radius if c.latlon else 1.0, NO_SURVEY if shoal is None else shoal.survey, near,
+        return self._find_near(model, bodies, h, 1.0)[0]
+
+    def _find_near(
+        self, model: RunState, bodies: Bodies, h: float, further: float
+    ) -> tuple[NDArray[np.bool_], Floats, Shoal]:
+        """Return which fragments may come near the floor in ``h`` s, their ways (m), and what is known of them.
+
+        ``further``: factor of the way for which the floor is watched.
+        """
+        el, c, looked = model.elements, model.constants, (bodies.pose, bodies.twist, model.elements.keel)
+        # The stepper asks before it parts the bergs, then the trial step.
+        if (h, further) == self._looked_for and all(map(operator.is_, looked, self._looked)):
+            return self._found
+        shoal = self._shoal(model, bodies)
+        survey, count, scale = shoal.survey, bodies.pose.shape[0], c.earth_radius if c.latlon else 1.0
+        near, left, (reach, draft) = np.zeros(count, np.bool_), np.zeros(count, np.bool_), np.empty((2, count))
+        least = find_near(
+            bodies, el.body, el.environment, el.keel.floor_load, survey, c.rho_ice, h, further, scale, near, left, reach, draft
         )  # fmt: skip
+        for b in np.flatnonzero(left).tolist():
+            shoal.survey_around(b, bodies.pose[b], float(reach[b]), float(draft[b]), self.soundings)
+            near[b] = survey.shallow[b]
         if not near.any():  # else it is looked at more closely
             self.clearance[0] = min(self.clearance[0], least)
-        return near
+        self._looked, self._looked_for, self._found = looked, (h, further), (near, reach, shoal)
+        return self._found
 
-    def _shoal(self, model: RunState, bodies: Bodies, near: NDArray[np.bool_]) -> Shoal:
-        """Return the pads of the fragments that are near."""
-        el, c, which = model.elements, model.constants, np.flatnonzero(near)
-        arrays, ice = (bodies.body, bodies.reference, el.body.id), el.body.thickness.tobytes()
+    def _shoal(self, model: RunState, bodies: Bodies) -> Shoal:
+        """Return what is known of these fragments since they last went through a step."""
+        el, c = model.elements, model.constants
+        arrays = (bodies.body, bodies.reference, el.body.id)
         for shoal in self._shoals:  # nearly always: nothing has changed
-            if all(map(operator.is_, arrays, shoal.arrays)) and ice == shoal.ice and np.isin(which, shoal.bodies).all():
+            if all(map(operator.is_, arrays, shoal.arrays)):
                 return shoal
         key = [array.tobytes() for array in arrays]
         known = next((shoal for shoal in self._shoals if shoal.key == key), None)
-        if known is not None and not np.isin(which, known.bodies).all():
-            which = np.union1d(which, known.bodies) if known.bodies.size < 2 * which.size else which
-        elif known is not None:
-            which = known.bodies
-        count = np.bincount(bodies.body, minlength=near.size)[which]
-        thickness = np.bincount(bodies.body, el.body.thickness, near.size)[which] / count
+        shoal = known or Shoal(bodies, el.body, c.latlon, c.earth_radius)
+        shoal.arrays, shoal.key = arrays, key
+        self._shoals = [shoal, *(one for one in self._shoals if one is not shoal)][:3]
+        return shoal
+
+    def _keels(self, model: RunState, bodies: Bodies, near: NDArray[np.bool_], shoal: Shoal) -> Keels:
+        """Return the pads of the fragments that are near."""
+        el, c, keels, ice = model.elements, model.constants, shoal.keels, model.elements.body.thickness.tobytes()
+        numbers = np.flatnonzero(near)
+        if keels is not None:
+            fits = not (near & ~keels.cut).any()
+            if fits and ice == shoal.ice:
+                return keels
+            # Those that came near before may do so again.
+            if fits or keels.bodies.size < 2 * numbers.size:
+                numbers = np.union1d(numbers, keels.bodies)
+        count = np.bincount(bodies.body, minlength=near.size)[numbers]
+        thickness = np.bincount(bodies.body, el.body.thickness, near.size)[numbers] / count
         # Also ice that does not bend is cut that finely, for the sake of the floor.
-        modulus = self.bed.modulus or 9e9
-        side = sides_of_pads(modulus, POISSON, thickness)
-        if known is not None and np.array_equal(which, known.bodies) and np.array_equal(side, known.side):
-            known.arrays, known.ice = arrays, ice
-            return known
+        side = sides_of_pads(self.bed.modulus or 9e9, POISSON, thickness)
+        shoal.ice = ice
+        if keels is not None and np.array_equal(numbers, keels.bodies) and np.array_equal(side, keels.side):
+            return keels
         place = np.full(near.size, -1)
-        place[which] = np.arange(which.size)
+        place[numbers] = np.arange(numbers.size)
         rows = np.flatnonzero(place[bodies.body] >= 0)
         rows = rows[np.argsort(place[bodies.body[rows]], kind="stable")]
         xy, body = tangent_coordinates(bodies.reference, c.latlon, c.earth_radius), place[bodies.body[rows]]
         prints = self._footprints.follow(model)
         footprint = body_footprint(prints, el, rows, xy, body, shrinks=False)
         size = prints.size[rows_of(prints.element, el.body.id[rows])[0]]
-        shoal = Shoal(key, which, side, cut_into_pads(footprint, body, which.size, xy[rows], side), size, known)
-        shoal.arrays, shoal.ice = arrays, ice
-        self._shoals = [shoal, *(one for one in self._shoals if one is not known)][:3]
-        return shoal
+        pads = cut_into_pads(footprint, body, numbers.size, xy[rows], side)
+        shoal.keels = Keels(numbers, side, pads, size, shoal.survey, bodies.pose[numbers])
+        return shoal.keels
 
     def _landing(
-        self, model: RunState, bodies: Bodies, near: NDArray[np.bool_], time: float, h: float, further: float
+        self, model: RunState, bodies: Bodies, time: float, h: float, further: float
     ) -> tuple[landing.Landing, Ints] | None:
         """Prepare the fragments that may touch the floor for a step; None where there are none.
 
         ``further``: factor of the way for which the floor is watched.
         """
         el, c, forcing = model.elements, model.constants, model.forcing
-        shoal = self._shoal(model, bodies, near)
-        which, rows, count = shoal.bodies, shoal.whole.rows, shoal.bodies.size
-        thickness, first = el.body.thickness[rows], rows[shoal.whole.row_start[:-1]]
-        draft, pose, twist = draft_of(thickness, c.rho_ice), bodies.pose[which], bodies.twist[which]
-        speed = np.hypot(twist[:, 0], twist[:, 1]) + shoal.radius * np.abs(twist[:, 2])
-        drift = np.where(shoal.lone, np.hypot(el.environment.uo[first], el.environment.vo[first]), 0.0)
-        reach = further * (h * np.maximum(speed, drift) + ASIDE)
-        shoal.look_around(pose, reach, draft, near[which], self.soundings, c.earth_radius if c.latlon else 1.0)
-        if not shoal.squares.size:
-            self.clearance[0] = np.fmin.reduce(
-                el.environment.depth - draft_of(el.body.thickness, c.rho_ice), initial=self.clearance[0]
-            )
+        near, reach, shoal = self._find_near(model, bodies, h, further)
+        if not near.any():
             return None
-        pads = melted(shoal.whole, np.sqrt(el.body.length[rows] * el.body.width[rows] / shoal.size))
-        number, hull, mean = np.zeros((count, landing.NUMBERS)), np.empty((count, 3, 3)), np.empty(count)
-        number[:, landing.REACH] = reach
-        lon, lat = np.empty((2, shoal.squares.size))
-        _place_squares(pads, shoal.squares, shoal.body, pose, c.latlon, c.earth_radius, lon, lat)
+        keels = self._keels(model, bodies, near, shoal)
+        numbers, rows, count = keels.bodies, keels.whole.rows, keels.bodies.size
+        pose, thickness, reach = bodies.pose[numbers], el.body.thickness[rows], np.where(near, reach, -1.0)[numbers]
+        watch = keels.watch(shoal, pose, c.earth_radius if c.latlon else 1.0)
+        pads = melted(keels.whole, np.sqrt(el.body.length[rows] * el.body.width[rows] / keels.size))
+        draft, level = draft_of(thickness, c.rho_ice), np.empty((3, count))
         middle = _place_middles(pads.frame, pose, c.latlon, c.earth_radius)
-        for n, part in enumerate((0.0, 0.5, 1.0)):
-            number[:, landing.LEVEL + n] = sea_level(forcing, *middle, time + part * h)
-        depth = self.depth(lon, lat) + number[:, landing.LEVEL :].min(axis=1)[shoal.body]
-        polygons, start, clearance = (
-            np.empty(shoal.polygons.size, np.int64),
-            np.zeros(count + 1, np.int64),
-            np.full(count, np.inf),
-        )
-        _find_candidates(
-            pads, shoal.polygons, shoal.square, shoal.body, shoal.slope, depth, draft, reach, near[which], polygons, start,
-            clearance,
+        for n in range(3):
+            level[n] = sea_level(forcing, *middle, time + 0.5 * n * h)
+        lowest, chosen, (lon, lat) = level.min(axis=0), np.empty_like(watch.square), np.empty((2, watch.square.size))
+        found = choose_squares(
+            pads, watch, pose, reach, lowest, np.maximum.reduceat(draft, pads.row_start[:-1]), keels.way, c.latlon,
+            c.earth_radius, chosen, lon, lat,
         )  # fmt: skip
-        polygons = polygons[: start[-1]]
-        if not polygons.size:
+        polygons, start = np.empty(watch.polygon.size, np.int64), np.zeros(count + 1, np.int64)
+        clearance = np.full(count, np.inf)
+        if found:
+            depth = self.depth(lon[:found], lat[:found])
+            find_candidates(pads, watch, chosen[:found], depth, reach, lowest, draft, polygons, start, clearance)
+        if not start[-1]:
             self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
             return None
-        fill_hulls(pads, thickness, draft, self.bed.modulus, POISSON, hull, mean, number[:, landing.LENGTH])
-        plates = shoal.plates.reserve(polygons, start, number[:, landing.LENGTH], hull[:, 1, 1] < RIGID)
-        number[:, landing.THICKNESS], number[:, landing.CLEARANCE], number[:, landing.RADIUS] = (
-            mean,
-            clearance,
-            shoal.radius,
-        )
-        flag = np.zeros((count, 5), np.int64)
-        flag[np.diff(start) == 0, landing.STATUS] = landing.AFLOAT
-        motion = np.zeros((count, 7, 3))
-        motion[:, landing.VELOCITY] = twist
-        keel, n = el.keel, rows.size
-        anchors = np.column_stack(
-            [keel.anchor_x[rows], keel.anchor_y[rows], keel.anchor_capacity[rows], np.zeros((n, 3))]
-        )  # fmt: skip
-        touched = (keel.floor_load[rows] > 0.0) | anchors[:, : landing.ANCHOR_X + 2].any(axis=1)
-        flag[:, landing.TOUCHES] = np.logical_or.reduceat(touched, pads.row_start[:-1])
-        number[:, landing.SUBSTEP] = np.where(
-            (flag[:, landing.TOUCHES] > 0) & (keel.floor_substep[first] > 0.0),
-            keel.floor_substep[first],
-            landing.HELD_STEP,
-        )
-        number[:, landing.SHORTEST], number[:, landing.PEAK] = math.inf, -1.0
-        return landing.Landing(
-            pads, plates, polygons, start, pose, np.empty_like(pose), hull, np.zeros_like(hull), motion, number, flag,
-            np.zeros((count, 3)), draft, bodies.reference[rows], np.empty((n, 11)), anchors, np.zeros((n, 6)),
-            np.zeros((n, PRESSED)), keel.floor_yield[rows], np.zeros((polygons.size, 5)), np.zeros((n, len(FORCES), 2)),
-            np.zeros((n, 5)),
-        ), which  # fmt: skip
+        now = landing.prepared(pads, keels.plates.plates, polygons[: start[-1]], start, pose, draft)
+        now.number[:, landing.REACH], now.number[:, landing.CLEARANCE] = reach, clearance
+        now.number[:, landing.RADIUS], now.number[:, landing.LEVEL :] = shoal.survey.radius[numbers], level.T
+        landing.board(now, numbers, bodies, el.keel, thickness, self.bed)
+        plates = keels.plates.reserve(now.polygons, start, now.number[:, landing.LENGTH], now.hull[:, 1, 1] < RIGID)
+        return now._replace(plates=plates), numbers
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None
@@ -482,54 +278,42 @@ class Seabed:
 
         Writes what the floor does to the keels at the end, and the largest bending stress that each bond has borne.
         """
-        near, further, prepared = self.near(model, bodies, h), 1.0, None
+        further = 1.0
         model.bonds.flexural_stress[:] = 0.0
-        while near.any():
-            prepared = self._landing(model, bodies, near, time, h, further)
-            if prepared is None:
-                break
-            flexure = self._run(model, bodies, op, h, contact, *prepared)
+        while (prepared := self._landing(model, bodies, time, h, further)) is not None:
+            flexure = self._run(model, op, h, contact, *prepared)
             if not (prepared[0].flag[:, landing.STATUS] == landing.BEYOND).any():
                 model.bonds.flexural_stress[:] = flexure
-                break
+                return self._finish(model, *prepared, h)
             further *= 8.0  # a light berg may be taken up by the water
             if further > FARTHEST:
                 raise RunError(
                     "the sea floor throws a berg over more than a hundred kilometres in a step: its keel stands far inside the "
                     "floor. Compare thickness and depth, or take a shorter stepping.time_step"
                 )
-        if prepared is None:
-            self._lift_off(model)
-            return None
-        return self._finish(model, *prepared, h)
+        landing.lift_off(model.elements.keel)
+        return None
 
     def _run(
-        self, model: RunState, bodies: Bodies, op: BodyOperators, h: float, contact: SubcycledMotion | None,
-        now: landing.Landing, which: Ints,
+        self, model: RunState, op: BodyOperators, h: float, contact: SubcycledMotion | None, now: landing.Landing, numbers: Ints
     ) -> Floats:  # fmt: skip
-        """Take the fragments ``which`` through a step; returns the bending stress of bonds, if it may break any (Pa)."""
-        c, inertia, pads = model.constants, op.matrices.inertia[which], now.pads
-        now.mobility[:] = op.matrices.mobility[which]
-        now.number[:, landing.ARM] = np.sqrt(inertia[:, 2, 2] / inertia[:, 0, 0])
-        twist = bodies.twist[which]
-        now.number[:, landing.SPEED] = np.hypot(twist[:, 0], twist[:, 1]) + now.number[:, landing.ARM] * np.abs(
-            twist[:, 2]
-        )
+        """Take fragments through a step; returns the bending stress of bonds, if it may break any (Pa)."""
+        c, pads = model.constants, now.pads
+        landing.set_going(now, numbers, op.matrices)
         if contact is not None:
-            _, here, there = np.intersect1d(which, contact.bodies, return_indices=True)
+            _, here, there = np.intersect1d(numbers, contact.bodies, return_indices=True)
             now.motion[here, landing.PUSH] = contact.impulse[there] / h
         forcing = forcing_of_rows(pads.rows, op.forcing)
         flexure, bends = np.zeros(model.bonds.first.size), model.parameters.fracture.flexural_strength is not None
         points = _count_points(pads, now.polygons)
-        lon, lat, depth = np.empty(points), np.empty(points), np.zeros(0)
+        (lon, lat), depth = np.empty((2, points)), np.zeros(0)
         while asked := landing.advance(now, forcing, self.bed, h, depth, c.latlon, c.earth_radius, lon, lat):
             if bends:
                 self._bend(model, now, flexure)
             depth = self.depth(lon[:asked], lat[:asked])
         if bends:
             self._bend(model, now, flexure)
-        status = now.flag[:, landing.STATUS]
-        if (status == landing.TOO_SHORT).any():
+        if (now.flag[:, landing.STATUS] == landing.TOO_SHORT).any():
             raise RunError(
                 f"a berg that runs aground at {model.date:%Y-%m-%d %H:%M} needs sub-steps of less than {landing.LEAST_STEP:g} s"
             )
@@ -557,55 +341,30 @@ class Seabed:
             for cut, stress in bent_bonds(owner, bent, length, thickness, xy, first, second):
                 flexure[intact[cut]] = np.maximum(flexure[intact[cut]], stress)
 
-    def _lift_off(self, model: RunState) -> None:
-        """Nothing is on the floor; what it has yielded stays."""
-        keel = model.elements.keel
-        if keel.floor_load.any() or keel.anchor_capacity.any():
-            for array in keel:
-                if array is not keel.floor_yield:
-                    array[:] = 0.0
-
-    def _finish(self, model: RunState, now: landing.Landing, which: Ints, h: float) -> SubcycledMotion | None:
+    def _finish(self, model: RunState, now: landing.Landing, numbers: Ints, h: float) -> SubcycledMotion | None:
         """Write what the floor does at the end to the keels; return the motion of those that touched it as a phase of contact."""
-        pads, keel, number = now.pads, model.elements.keel, now.number
-        self._lift_off(model)
+        pads, number = now.pads, now.number
+        landing.lift_off(model.elements.keel)
         self.clearance[0] = min(self.clearance[0], max(number[:, landing.CLEARANCE].min(), 0.0))
         done = now.flag[:, landing.STATUS] == landing.DONE
         if not done.any():
             return None
-        of = np.repeat(np.arange(which.size), np.diff(pads.row_start))
-        self._write(model, now, done)
-        mine = done[of]
-        rows, loaded, anchors = pads.rows[mine], now.found[mine, LOAD] > 0.0, now.anchors[mine]
-        for n, array in enumerate(
-            (keel.anchor_x, keel.anchor_y, keel.anchor_capacity, keel.floor_x, keel.floor_y, keel.floor_torque)
-        ):  # fmt: skip
-            array[rows] = np.where(loaded, anchors[:, n], 0.0)
-        keel.floor_substep[rows] = number[of[mine], landing.SUBSTEP]
+        landing.write_loads(now, model.elements.keel)
+        landing.write_friction(now, model.elements.keel)
         self.rubbed += number[done, landing.RUBBED].sum()
-        bonded = done & (np.diff(pads.row_start) > 1)
-        peak_rows = bonded[of]
+        elements = np.diff(pads.row_start)
+        bonded = done & (elements > 1)
+        touched, pressed = np.repeat(done, elements), np.repeat(bonded, elements)
         peak = PeakContactLoad(
-            pads.rows[peak_rows], now.peak[peak_rows, :3].copy(), now.peak[peak_rows, 3:].copy(), which[bonded],
+            pads.rows[pressed], now.peak[pressed, :3].copy(), now.peak[pressed, 3:].copy(), numbers[bonded],
             number[bonded, landing.PEAK_SPIN],
         )  # fmt: skip
         return SubcycledMotion(
-            which[done], rows, now.motion[done, landing.PATH] / h, now.motion[done, landing.VELOCITY],
-            np.zeros((np.count_nonzero(done), 3)), now.applied[mine], *NO_PAIRS,
+            numbers[done], pads.rows[touched], now.motion[done, landing.PATH] / h, now.motion[done, landing.VELOCITY],
+            np.zeros((np.count_nonzero(done), 3)), now.applied[touched], *NO_PAIRS,
             # Loads of the floor grow over minutes: cracks are not located as finely as the sub-steps that arrest a berg.
             max(number[done, landing.SHORTEST].min(), landing.TOUCH_STEP), peak,
         )  # fmt: skip
-
-    def _write(self, model: RunState, now: landing.Landing, done: NDArray[np.bool_]) -> None:
-        """Write what the press has found to the keels of the fragments that are ``done``."""
-        keel, pads = model.elements.keel, now.pads
-        mine = np.repeat(done, np.diff(pads.row_start))
-        rows, found = pads.rows[mine], now.found[mine]
-        for array, column in (
-            (keel.floor_load, LOAD), (keel.floor_hold, HOLD), (keel.floor_lift, LIFT), (keel.floor_stress, STRESS),
-        ):  # fmt: skip
-            array[rows] = found[:, column]
-        keel.floor_yield[rows] = np.maximum(now.yielded[mine], found[:, YIELD])
 
     def check_start(self, model: RunState, bodies: Bodies) -> None:
         """Find what the floor carries at the start, or refuse keels that start deep below it.
@@ -620,13 +379,13 @@ class Seabed:
             if not new.any():
                 return
             model.forcing.sample(el, model.time)  # the depth under them, by which the near ones are found
-        near = self.near(model, bodies, 0.0)
-        if new is not None:
-            near[bodies.body[~new]] = False
-        prepared = self._landing(model, bodies, near, model.time, 0.0, 1.0) if near.any() else None
+        prepared = self._landing(model, bodies, model.time, 0.0, 1.0)
         if prepared is None:
             return
-        now = prepared[0]
+        now, numbers = prepared
+        if new is not None:  # others have been there
+            old = np.isin(numbers, bodies.body[~new])
+            now.flag[old, landing.STATUS] = landing.AFLOAT
         points = _count_points(now.pads, now.polygons)
         lon, lat = np.empty(points), np.empty(points)
         landing.press_all(now, self.bed, c.latlon, c.earth_radius, np.zeros(0), lon, lat)
@@ -634,8 +393,8 @@ class Seabed:
         self._check_settled(model, now)
         if model.parameters.grounding.start == "refuse":
             self._refuse_deep_keels(model, now)
+        landing.write_loads(now, el.keel)
         done = now.flag[:, landing.STATUS] == landing.DONE
-        self._write(model, now, done)
         rows = now.pads.rows[np.repeat(done, np.diff(now.pads.row_start))]
         el.keel.anchor_capacity[rows] = el.keel.floor_hold[rows]
         self.clearance[0] = min(self.clearance[0], max(now.number[done, landing.CLEARANCE].min(initial=np.inf), 0.0))

@@ -189,10 +189,12 @@ class Soundings:
         key, x, y = key[:found], x[:found], y[:found]
         if self._key.size > MOST_KNOWN:
             self._key, self._floor = self._key[:0], self._floor[:, :0]
-        unknown = np.setdiff1d(key, self._key)
+        at = np.searchsorted(self._key, key)
+        unknown = key[self._key[np.minimum(at, self._key.size - 1)] != key] if self._key.size else key
         if unknown.size:
-            self._sound(unknown, tile)
-        return Floor(x, y, 0.71 * tile, *self._floor[:, np.searchsorted(self._key, key)])
+            self._sound(np.unique(unknown), tile)
+            at = np.searchsorted(self._key, key)
+        return Floor(x, y, 0.71 * tile, *self._floor[:, at])
 
     def _sound(self, key: Ints, tile: float) -> None:
         """Sound tiles that are not known yet."""

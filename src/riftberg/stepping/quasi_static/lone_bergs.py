@@ -43,7 +43,8 @@ from riftberg.stepping.bodies.pose import Bodies, move_poses, place_elements
 from riftberg.stepping.contact.broad_phase import candidate_pairs
 from riftberg.stepping.contact.faces import FaceContact
 from riftberg.stepping.contact.land import land_corrections
-from riftberg.stepping.forces.media import CORIOLIS, MEDIA, QUADRATIC, SEA_FLOOR, ForcedElements
+from riftberg.stepping.forces.media import CORIOLIS, LIMIT, MEDIA, QUADRATIC, SEA_FLOOR, SEA_ICE, ForcedElements
+from riftberg.stepping.forces.pack import corner_slope, next_direction
 from riftberg.stepping.forces.sizes import Sizes, sizes_in
 from riftberg.stepping.run_state import RunState
 
@@ -307,6 +308,7 @@ def _solve(
         arm = math.sqrt(inertia / mass)
         kick_spin = half_dt / inertia
         u, v, w, before, iterations = twist[n, 0], twist[n, 1], twist[n, 2], 0.0, 0
+        ice, px, py = forcing.media[e, SEA_ICE], 0.0, 0.0
         while True:
             if iterations == MAX_ITERATIONS:
                 return -1
@@ -314,16 +316,22 @@ def _solve(
             torque, turning = spin_torque(forcing, e, w)
             rx, ry = middle[n, 0] + half_dt * ax - u, middle[n, 1] + half_dt * ay - v
             xx, xy, yx, yy = 1.0 + half_dt * jxx, half_dt * (jxy - f), half_dt * (jxy + f), 1.0 + half_dt * jyy
+            if ice[LIMIT] > 0.0:
+                factor, dx, dy = corner_slope(ice, u, v)
+                xx, xy = xx - half_dt * factor * px * dx, xy - half_dt * factor * px * dy
+                yx, yy = yx - half_dt * factor * py * dx, yy - half_dt * factor * py * dy
             determinant = xx * yy - xy * yx
             du, dv = (yy * rx - xy * ry) / determinant, (xx * ry - yx * rx) / determinant
             dw = (middle[n, 2] + kick_spin * torque - w) / (1.0 + kick_spin * turning)
+            if ice[LIMIT] > 0.0:
+                px, py = next_direction(ice, (px, py), (u, v), (du, dv))
             u, v, w = u + du, v + dv, w + dw
             iterations += 1
             change = relative_change(du, dv, dw, u, v, w, arm)
             # Velocities that are not numbers end the iteration; the checks of places then say where they came from.
             if has_converged(change, before) or not np.isfinite(u + v + w):
                 break
-            before = change
+            before = 0.0 if ice[LIMIT] > 0.0 else change  # beside a corner one small change tells nothing of the next
         most = max(most, iterations)
         twist[n, 0], twist[n, 1], twist[n, 2] = u, v, w
         _acceleration(forcing, e, u, v, part, applied)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from riftberg.compiled.kernels import borrower
 from riftberg.parameters import KernelParameters
 from riftberg.physics.geometry import invert
+from riftberg.physics.sea_ice import LOCKED
 from riftberg.state import Bonds, Elements, Floats, Ints, Motion, Shown
 from riftberg.state.population import rows_of
 from riftberg.stepping.bodies.dynamics import (
@@ -47,6 +48,7 @@ from riftberg.stepping.bodies.pose import (
     subtract_mean,
 )
 from riftberg.stepping.forces.media import MEDIA, ForcedElements
+from riftberg.stepping.forces.pack import mean_pack
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.lattice.equilibrium import balance_loads
@@ -99,7 +101,10 @@ def assemble_operators(
     count = bodies.pose.shape[0]
     forcing, levers = allocate_forcing(el, p), np.empty((el.size, 11))
     matrices = BodyMatrices(*np.zeros((3, count, 3, 3)))
-    seen = ForcedElements(el.place, el.body, el.environment)
+    environment = el.environment
+    if p.ice_capture == LOCKED:
+        environment = mean_pack(environment, el.body.mass, bodies.body)
+    seen = ForcedElements(el.place, el.body, environment)
     _assemble_operators(seen, sizes, p, bodies, EVERY_MEDIUM, NOTHING, levers, forcing, matrices, work)
     return BodyOperators(bodies.body, levers, forcing, matrices)
 

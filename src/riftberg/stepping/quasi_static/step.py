@@ -123,8 +123,8 @@ class TimeStep:
            shows.
         3. Overload under the loads at the end, which grow evenly from the start of the step.
 
-        A fracture always ends the step, as the pieces are other bodies. No bond is overloaded at its start: the crack of the
-        step before ran until none was.
+        A fracture always ends the step, as the pieces are other bodies. No bond is overloaded at its start, as the crack of the
+        step before ran until none was; one that is now has been weakened by damage in this step, and breaks at its end.
         """
         tolerance = self.dt / MAX_CRACKS_PER_STEP * EVENT_TOLERANCE
         self._checkpoint()
@@ -168,12 +168,14 @@ class TimeStep:
             self._accept(trial)
             return 8.0 * trial.h if self.cracked and trial.contact is not None else math.inf
         start, end, h = self._equilibrium(self.state), self._equilibrium(trial.state), trial.h
-        after = first_moment(
-            lambda t: self.lattice.overload(self._between(start, end, t / h)),
-            (0.0, self.lattice.overload(start)),
-            (h, self.lattice.overload(end)),
-            tolerance,
-        )
+        after = h
+        if (at_start := self.lattice.overload(start)) <= 0.0:
+            after = first_moment(
+                lambda t: self.lattice.overload(self._between(start, end, t / h)),
+                (0.0, at_start),
+                (h, self.lattice.overload(end)),
+                tolerance,
+            )
         first_broken = self.lattice.critical_bond(self._between(start, end, after / h))[0]
         if (short := max(after, least)) < h * (1.0 - 1e-9):
             self._rollback()

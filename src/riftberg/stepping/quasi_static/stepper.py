@@ -16,6 +16,7 @@ from riftberg.stepping.bodies.pose import Bodies
 from riftberg.stepping.contact.broad_phase import NO_PAIRS, concatenate_pairs
 from riftberg.stepping.contact.faces import FaceContact
 from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.forces.pack import check_concentration
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
 from riftberg.stepping.fracture.crack_tips import NO_TIPS, TIP_NAMES, CrackTips, tips_from_arrays, tips_of_rifts
@@ -131,6 +132,7 @@ class QuasiStaticStepper:
 
     def step(self, model: RunState) -> None:
         """Advance by one time step."""
+        check_concentration(model.elements)
         self._last_start = (
             model.time, self._bodies, self._snapshot, self._cells, self._tips, self._laws.checkpoint()
         )  # fmt: skip

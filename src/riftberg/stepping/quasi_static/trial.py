@@ -42,6 +42,7 @@ from riftberg.stepping.contact.land import (
     stopped_by_land,
 )
 from riftberg.stepping.forces.media import FORCES
+from riftberg.stepping.forces.pack import linear_pack, soft_pack
 from riftberg.stepping.forces.sizes import Sizes
 from riftberg.stepping.fracture.brittle_lattice import BrittleLattice
 from riftberg.stepping.fracture.criteria import Equilibrium, grow_damage
@@ -143,7 +144,7 @@ class FragmentMotion:
     def __init__(self, model: RunState, laws: LawsWithMemory, sizes: Sizes) -> None:
         self.model, self.el, self.bonds, self.c = model, model.elements, model.bonds, model.constants
         self.laws, self.sizes = laws, sizes
-        self._work = allocate_body_workspace(0)
+        self._work = allocate_body_workspace(0, 0)
         self.seabed, self.faces = laws
 
     def trial(self, start: BodyState, h: float) -> Trial:
@@ -175,7 +176,7 @@ class FragmentMotion:
         _stop_at_land(new.twist, op.levers, ashore)  # each half kick drives a body into the land that stops it
         check_converged(half_kick_newton(op, new.twist, twist, 0.5 * h, work))
         if contact is not None:
-            twist, contact = trapezoidal_correction(contact, start.operators, op, twist, h)
+            twist, contact = trapezoidal_correction(contact, soft_pack(start.operators), soft_pack(op), twist, h)
         if ground is not None:
             twist[ground.bodies] = ground.twist
         _stop_at_land(twist, op.levers, ashore)
@@ -199,8 +200,8 @@ class FragmentMotion:
         none = NO_PAIRS[0]
         if self.seabed is None:
             return self._resolve_contacts(start, h, none), None, False
-        before, keel = self.laws.checkpoint(), [array.copy() for array in self.el.keel]
-        contact = self._resolve_contacts(start, h, none)
+        before, contact = self.laws.checkpoint(), self._resolve_contacts(start, h, none)
+        keel = [array.copy() for array in self.el.keel] if contact is not None else []
         ground = self._run_aground(start, h, contact)
         if contact is None or ground is None:
             return contact, ground, False
@@ -229,7 +230,8 @@ class FragmentMotion:
         """Take the fragments that touch a bed of sediment within ``h`` s through sub-steps, up to what it does at the end."""
         if self.seabed is None:
             return None
-        return self.seabed.resolve(self.model, start.bodies, start.operators, start.time, h, contact)
+        op = linear_pack(start.operators, start.bodies.twist)
+        return self.seabed.resolve(self.model, start.bodies, op, start.time, h, contact)
 
     def _resolve_contacts(self, start: BodyState, h: float, slides: Ints) -> SubcycledMotion | None:
         """Take the fragments that may touch each other within ``h`` s through sub-steps; the bed does not hold ``slides``."""
@@ -245,7 +247,7 @@ class FragmentMotion:
             else self.seabed.held_in_contact(self.model, start.operators, bodies.twist, slides)
         )
         try:
-            return self.faces.resolve(self.model, bodies, op, h, self.sizes)
+            return self.faces.resolve(self.model, bodies, soft_pack(op), h, self.sizes)
         except FloatingPointError:
             raise RunError(
                 f"the velocities of bergs in contact did not converge at {self.model.date:%Y-%m-%d %H:%M}"
@@ -380,6 +382,6 @@ class FragmentMotion:
 
     def workspace(self, bodies: Bodies) -> BodyWorkspace:
         """Return a workspace for the fragments."""
-        if self._work.residual.shape != bodies.twist.shape:
-            self._work = allocate_body_workspace(bodies.pose.shape[0])
+        if self._work.residual.shape != bodies.twist.shape or self._work.direction.shape[0] != bodies.body.size:
+            self._work = allocate_body_workspace(bodies.pose.shape[0], bodies.body.size)
         return self._work

@@ -1,0 +1,311 @@
+"""The slope of the sea surface where no sea level is given: it balances the current, as geostrophic balance has it.
+
+The slope is ``d(eta)/dx = f v / g``, ``d(eta)/dy = -f u / g``, with ``f = 2 Omega sin(latitude)``: it fades towards the equator.
+Tides and inertial motion have no such slope, and a large berg, which turns at the inertial period itself, would resonate with
+one. So the current is averaged over 25 hours, twice, which leaves 1 % of a motion of 13.8 hours (a mean over a day leaves 14 %).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from riftberg.compiled.kernels import kernel
+from riftberg.constants import DEGREE, EARTH_ROTATION, GRAVITY, SECONDS_PER_DAY
+from riftberg.errors import ForcingError
+from riftberg.ocean.cells import FIELD_DEFAULTS
+from riftberg.ocean.product_records import Block, ProductRecords
+from riftberg.physics.drag import ocean_drag
+from riftberg.physics.floating import draft_of
+from riftberg.state import Elements, Floats, Ints
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from riftberg.ocean.forcing import Forcing
+    from riftberg.parameters import Parameters
+
+SeaLevel = Literal["auto", "files", "geostrophic", "none"]
+"""Where the slope of the sea surface comes from; `decided` says what ``auto`` is."""
+
+MEAN: Final = 25.0 * 3600.0
+"""Length (s) of each of the two means: two periods of the lunar tide, nearly two of inertial motion at 60 degrees."""
+
+APART: Final = 5.0 * 3600.0
+"""Means are taken at records about so far apart (s), and are linear between: what is left of them changes over days."""
+
+KEPT_BYTES: Final = 128e6
+"""Memory for means that are kept, for the members of an ensemble that share them."""
+
+FEWEST: Final = 16
+"""Means that are kept at least: so many are whole at once at the end of a series."""
+
+
+def decided(choice: str, fields: Collection[str], *, where: str, level_wanted: str, currents_wanted: str) -> SeaLevel:
+    """Return ``files``, ``geostrophic`` or ``none``: what a choice means for data that give these fields, as a whole.
+
+    ``level_wanted``, ``currents_wanted``: remedies where the choice asks for what nothing gives.
+
+    Raises
+    ------
+    ForcingError
+        If there is no such choice, or the data do not give what it asks for.
+    """
+    if choice not in get_args(SeaLevel):
+        raise ForcingError(f"{choice!r} is no choice", where=where, remedy="auto, files, geostrophic or none")
+    if choice == "auto":
+        return "files" if "ssh" in fields else "geostrophic" if "uo" in fields else "none"
+    if choice == "files" and "ssh" not in fields:
+        raise ForcingError("nothing gives a sea level (ssh)", where=f"{where}: files", remedy=level_wanted)
+    if choice == "geostrophic" and "uo" not in fields:
+        raise ForcingError(
+            "nothing gives currents, which the sea surface could balance",
+            where=f"{where}: geostrophic",
+            remedy=currents_wanted,
+        )
+    return choice  # type: ignore[return-value]
+
+
+def balancing_slope(lat: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """Return the slope of the sea surface to the east and north that balances a current.
+
+    Parameters
+    ----------
+    lat : array
+        Latitudes, degrees.
+    u, v : array
+        Eastward and northward current, m s-1.
+    """
+    per_speed = 2.0 * EARTH_ROTATION * np.sin(lat * DEGREE) / GRAVITY
+    return per_speed * v, -per_speed * u
+
+
+class Shares(NamedTuple):
+    """Weights of neighbouring records in a mean; their sum is 1."""
+
+    first: int  # Number of the first record
+    weights: Floats
+
+
+def shares_of_mean(times: Floats, middle: float) -> Shares:
+    """Return the weights of records in the mean over 25 hours around a time (s), of a series that is linear between them.
+
+    At the ends of the series the mean shifts inwards; a shorter series is averaged as a whole.
+    """
+    begin = min(max(middle - 0.5 * MEAN, times[0]), max(times[-1] - MEAN, times[0]))
+    end = min(begin + MEAN, times[-1])
+    first = max(int(np.searchsorted(times, begin, side="right")) - 1, 0)
+    last = max(int(np.searchsorted(times, end, side="left")), first + 1)
+    near = times[first : last + 1]
+    low, high = np.maximum(near[:-1], begin), np.minimum(near[1:], end)
+    length, after = high - low, (0.5 * (low + high) - near[:-1]) / np.diff(near)
+    weights = np.zeros(near.size)
+    weights[:-1] += length * (1.0 - after)
+    weights[1:] += length * after
+    return Shares(first, weights / (end - begin))
+
+
+@kernel
+def add_share(values: Floats, weight: float, total: Floats, known: Floats) -> None:
+    """Add a record with its weight to a mean, where it is known."""
+    for n in range(values.size):
+        value = values[n]
+        total[n] += weight * value if value == value else 0.0
+        known[n] += weight if value == value else 0.0
+
+
+class _Sums(NamedTuple):
+    """A mean that is being taken: weighted sum and weight of what is known, by component; flat."""
+
+    total: dict[str, Floats]
+    known: dict[str, Floats]
+
+
+class MeanCurrents(ProductRecords):
+    """Currents of other records as means over 25 hours, taken twice, at some of their dates.
+
+    Each record is read once and added to the means that hold it; means are kept, so that a further member of an ensemble reads
+    none. A mean is a sum over its records in their order, wherever a run began.
+    """
+
+    def __init__(self, of: ProductRecords) -> None:
+        self._of = of
+        times = np.asarray(of.times)
+        numbers = [0]
+        while numbers[-1] < times.size - 1:
+            within = int(np.searchsorted(times, times[numbers[-1]] + APART, side="right")) - 1
+            numbers.append(max(within, numbers[-1] + 1))
+        self._once: dict[int, Shares] = {}
+        self._all_times = times
+        self._means: dict[int, Block] = {}
+        self._open: dict[int, _Sums] = {}
+        self._next = -1  # The record that is to be added next to the sums that are open
+        super().__init__(of.ds[["uo", "vo"]], of.start, keel=float(of.limits[-1]))
+        self.dates, self.times = of.dates[numbers], [float(t) for t in times[numbers]]
+        self._shares = [self._twice(float(t)) for t in self.times]
+        self._firsts = np.array([share.first for share in self._shares])
+        self._ends = np.array([share.first + share.weights.size for share in self._shares])
+
+    @property
+    def cover(self) -> tuple[float, float]:
+        """First and last time covered, s since the start."""
+        return self._of.cover
+
+    def reach(self, keel: float) -> None:
+        """Average levels down to a draft (m) from now on."""
+        with self._lock:
+            self._of.reach(keel)
+            if self._of.limits.size != self._limits.size or not self._means:
+                self.ds, self._limits = self._of.ds[["uo", "vo"]], self._of.limits
+                self._means, self._open, self._next = {}, {}, -1
+
+    def check(self, start: float, end: float) -> None:
+        """Take the means from ``start`` to ``end`` (s), if they can all be kept."""
+        first, last = self._between(start), self._between(end)
+        values = sum(field.size for field in self.ds.data_vars.values()) / max(1, self.ds.sizes.get("time", 1))
+        if 8.0 * values * (last.after + 1 - first.before) <= KEPT_BYTES:
+            for number in range(first.before, last.after + 1):
+                self._record(number)
+
+    def _check_gap(self, record: int, time: float) -> None:
+        """Pass: gaps are those of the currents, which their own records check."""
+
+    def _twice(self, time: float) -> Shares:
+        """Return the weights of records in the mean of means around a time (s)."""
+        outer = shares_of_mean(self._all_times, time)
+        inner = []
+        for number in range(outer.first, outer.first + outer.weights.size):
+            if number not in self._once:
+                self._once[number] = shares_of_mean(self._all_times, float(self._all_times[number]))
+            inner.append(self._once[number])
+        first = inner[0].first
+        weights = np.zeros(max(share.first + share.weights.size for share in inner) - first)
+        for weight, share in zip(outer.weights, inner, strict=True):
+            weights[share.first - first : share.first - first + share.weights.size] += weight * share.weights
+        return Shares(first, weights)
+
+    def _record(self, number: int) -> Block:
+        mean = self._means.get(number)
+        if mean is None:
+            with self._lock:  # another thread may have taken it meanwhile
+                mean = self._means.get(number) or self._taken(number)
+        return mean
+
+    def _taken(self, number: int) -> Block:
+        """Add records until a mean is whole; those that begin later go on growing."""
+        if number not in self._open:
+            self._open, self._next = {}, self._shares[number].first
+        while number not in self._means:
+            self._add_record(self._next)
+            self._next += 1
+        return self._means[number]
+
+    def _add_record(self, record: int) -> None:
+        """Add a record to all means that hold it and have had those before it; keep the means that it completes."""
+        whole = self._of._record(record)
+        block = {
+            name: whole[name][: self._limits.size - 1] for name in self.names
+        }  # another thread may have gone deeper
+        behind, ahead = np.searchsorted(self._ends, record, "right"), np.searchsorted(self._firsts, record, "right")
+        for number in range(int(behind), int(ahead)):
+            first, weights = self._shares[number]
+            if record == first and number not in self._means:
+                self._open[number] = _Sums(*({name: np.zeros(block[name].size) for name in self.names} for _ in "01"))
+            if number not in self._open:
+                continue
+            sums = self._open[number]
+            for name in self.names:
+                add_share(block[name].reshape(-1), weights[record - first], sums.total[name], sums.known[name])
+            if record == first + weights.size - 1:
+                self._keep(number, self._open.pop(number), block)
+
+    def _keep(self, number: int, sums: _Sums, like: Block) -> None:
+        """Keep a mean; the farthest in time are forgotten where there is no room."""
+        mean = {}
+        for name in self.names:
+            known = sums.known[name]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                mean[name] = np.where(known > 0.0, sums.total[name] / known, np.nan).reshape(like[name].shape)
+        most = max(FEWEST, int(KEPT_BYTES // max(1, sum(values.nbytes for values in mean.values()))))
+        # The dictionary is replaced, never changed: other threads look into it without the lock.
+        spared = sorted(self._means, key=lambda old: abs(old - number))[: most - 1]
+        self._means = {**{k: self._means[k] for k in spared}, number: mean}
+
+
+def mean_currents(records: ProductRecords) -> ProductRecords:
+    """Return currents as the sea surface balances them: means over 25 hours twice; of a day and longer as they are."""
+    times = np.asarray(records.times)
+    if times.size < 2 or np.median(np.diff(times)) >= SECONDS_PER_DAY:
+        return records
+    return MeanCurrents(records)
+
+
+# ---- what is said of it -----------------------------------------------------------------------------------------------------
+
+SHOWN_SPEED: Final = 0.2
+"""Current (m s-1) in which `slope_notice` says how far a berg drifts."""
+
+SHOWN_DAYS: Final = 2.0
+"""And for how many days."""
+
+
+def drift_in_current(
+    size: float, thickness: float, density: float, lat: float, *, slope: bool, drag_scale: float = 1.0
+) -> float:
+    """Return how far (m) a square berg that was at rest goes with a steady current of 0.2 m/s in two days.
+
+    Water drag and Coriolis act on it, and the slope that balances the current, if ``slope``.
+
+    Parameters
+    ----------
+    size, thickness : float
+        Side and thickness, m.
+    density : float
+        kg m-3.
+    lat : float
+        Latitude, degrees.
+    drag_scale : float
+        Factor on the drag of the water.
+    """
+    mass = density * size * size * thickness
+    drag = ocean_drag(mass, size, size, size, float(draft_of(thickness, density)), 1.0, drag_scale)  # m-1
+    turning = 2.0j * EARTH_ROTATION * math.sin(lat * DEGREE)  # Velocities are complex: east + i north
+    step, speed, way = 600.0, 0.0j, 0.0
+    for _ in range(round(SHOWN_DAYS * SECONDS_PER_DAY / step)):
+        rate = drag * abs(speed - SHOWN_SPEED)
+        push = (turning * slope + rate) * SHOWN_SPEED
+        after = ((1.0 - 0.5 * step * turning) * speed + step * push) / (1.0 + 0.5 * step * turning + step * rate)
+        way += 0.5 * step * (speed + after).real
+        speed = after
+    return way
+
+
+def slope_notice(forcing: Forcing, elements: Elements, largest: Ints, parameters: Parameters) -> str:
+    """Return what `auto` assumes of the sea level and what that means for a berg, or that the given one has gaps.
+
+    ``largest``: rows of the elements of the largest berg.
+    """
+    if not getattr(forcing, "assumes_slope", False) or largest.size == 0:
+        return str(getattr(forcing, "level_gaps", ""))
+    body, lat = elements.body, float(np.mean(elements.place.lat[largest]))
+    area, density = float((body.length[largest] * body.width[largest]).sum()), parameters.ice.density
+    size, thickness = math.sqrt(area), float(body.mass[largest].sum()) / (density * area)
+    ways = [
+        drift_in_current(
+            size, thickness, density, lat, slope=slope, drag_scale=parameters.drag.ocean_scale
+        )
+        for slope in (True, False)
+    ]  # fmt: skip
+    with_it, without = (f"{way / 1e3:.3g}" if abs(way) >= 1e3 else f"{way / 1e3:.1f}" for way in ways)
+    big = f"{size / 1e3:.3g} km" if size >= 1e3 else f"{size:.3g} m"
+    said = (
+        f"no sea level is given: its slope balances the current (in {SHOWN_SPEED:g} m/s a berg of {big} moves {with_it} km in "
+        f"two days with it, {without} without)"
+    )
+    clauses = list(getattr(forcing, "slope_remarks", ()))
+    depth = np.asarray(forcing.depth(elements.place.lon[largest[:1]], elements.place.lat[largest[:1]]), float)
+    if (depth >= FIELD_DEFAULTS["depth"]).all():
+        clauses.append("no depth is given either, so the berg runs aground nowhere")
+    return "; ".join([said, *clauses, "sea_level says otherwise: files, geostrophic or none"])
