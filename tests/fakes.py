@@ -63,6 +63,7 @@ class FakeModel:
     contacts = ContactLog()  # nothing touches
     groundings = GroundingLog()
     laws = Laws()
+    sea_level_notice = ""
 
     def __init__(
         self,
