@@ -157,7 +157,9 @@ def _from_geojson(data: dict[str, Any], where: str = "GeoJSON") -> tuple[list[Fe
             ) from error
         except (ValueError, shapely.errors.ShapelyError) as error:
             raise BergError(
-                "not a GeoJSON geometry: its type or the shape of its coordinates is another", where=place, remedy=_RFC
+                "not a GeoJSON geometry: its type is another, or a ring has not at least 4 positions",
+                where=place,
+                remedy=_RFC,
             ) from error
     return found, crs
 
