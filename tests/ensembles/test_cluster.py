@@ -204,8 +204,11 @@ def ran(script: str, folder: Path, how: str) -> subprocess.CompletedProcess[str]
 
 @pytest.mark.parametrize(
     ("script", "how"),
-    [(UNGUARDED, "file"), (UNGUARDED, "pipe"), (PLAIN + OF_ELSEWHERE, "words")],
-    ids=["file", "pipe", "words"],
+    [
+        pytest.param(UNGUARDED, "file", id="file"),
+        pytest.param(UNGUARDED, "pipe", id="pipe", marks=pytest.mark.slow),
+        pytest.param(PLAIN + OF_ELSEWHERE, "words", id="words", marks=pytest.mark.slow),
+    ],
 )
 def test_a_script_without_a_main_guard_is_run_once(script: str, how: str, tmp_path: Path) -> None:
     """Bug: each worker ran the script anew and died of it, and after minutes all members were 'killed, or out of memory'."""
@@ -214,7 +217,9 @@ def test_a_script_without_a_main_guard_is_run_once(script: str, how: str, tmp_pa
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize(("how", "words"), [("file", "no worker has begun"), ("pipe", "in no file")])
+@pytest.mark.parametrize(
+    ("how", "words"), [("file", "no worker has begun"), pytest.param("pipe", "in no file", marks=pytest.mark.slow)]
+)
 def test_a_script_that_workers_must_read_is_told_at_once_to_guard_its_call(
     how: str, words: str, tmp_path: Path
 ) -> None:

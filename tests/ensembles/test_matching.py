@@ -197,6 +197,7 @@ def coverage(truths: int) -> tuple[Any, Any]:
     return np.mean([hit for hit, _ in both], axis=0), np.median([wide for _, wide in both], axis=0)
 
 
+@pytest.mark.slow
 def test_truths_lie_in_the_intervals_as_often_as_these_say() -> None:
     hits, width = coverage(24)
     assert 0.80 <= hits.mean() <= 0.97

@@ -472,6 +472,7 @@ def test_parts_of_a_population_sum_up_to_the_whole(on_cells: xr.Dataset, tmp_pat
     )
 
 
+@pytest.mark.slow
 def test_a_lost_part_of_a_population_is_done_again_with_the_same_fresh_water(
     on_cells: xr.Dataset, tmp_path: Path
 ) -> None:

@@ -271,6 +271,7 @@ def test_a_berg_that_is_struck_harder_than_the_bed_can_hold_slides_until_frictio
     assert np.abs(model.elements.u[50:]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_tide_floats_it_off_when_the_level_says() -> None:
     level = Forcing.tide(0.0, level=0.5, **PLANE) + Forcing.tide(
         0.0, level=0.3, period="12 h", level_phase=180.0, **PLANE
