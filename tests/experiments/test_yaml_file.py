@@ -320,7 +320,7 @@ def test_a_list_of_bergs_and_formulas(tmp_path: Path) -> None:
         ("packing: hexagonal", "packing: round", "bergs.1.packing", "round"),
         ("[-36.7, -56.0]", "[-37.0, -56.0]", "bergs", "overlap"),
         ("name: A", "name: berg 2", "bergs", "two bergs are called"),
-        ("velocity: [0.1, 0.0]\nforcing", "radius: 100 m\nforcing", "bergs.2", "a field of bergs has no radius"),
+        ("velocity: [0.1, 0.0]\nforcing", "radius: 100 m\nforcing", "bergs.2", "field has no radius"),
         ("number: 12", "number: 0", "bergs.2.field.number", "0"),
         ("sizes: tournadre", "between: [1e5, 1e6]", "bergs.2.field", "between is that of sizes: tournadre"),
         ("sizes: tournadre", "sizes: tournadre, between: [1e6, 1e5]", "bergs.2.field", "areas between 1e+06 and 100000"),

@@ -538,6 +538,7 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
             "broken_as_contact": flag("use_broken_bonds_for_substep_contact") and inline,
             "not_in_first_step": flag("no_frac_first_ts"),
         },
+        "sea_ice": {"capture": "none"},  # its law has no hold of a pack
         "stepping": {
             "scheme": scheme(group),
             "time_step": dt,
