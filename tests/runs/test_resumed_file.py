@@ -17,9 +17,10 @@ from riftberg.runs.run_file import RunWriter
 STEPS = 16
 DT = A68A_2022.stepping.time_step
 WEAK = {"fracture": {"normal_strength": 2e3, "shear_strength": 2e3}}
+WEAKER = {"fracture": {"normal_strength": 630.0, "shear_strength": 630.0}}
 WEAR = {"damage": {"enabled": True, "threshold": 0.1, "time_scale": 3600.0}}
 EXPLICIT = A68A_2022.changed(stepping={"scheme": "mts"})
-LAWS = {"breaking": EXPLICIT.changed(**WEAK), "wearing": A68A_2022.changed(**WEAK, **WEAR)}
+LAWS = {"breaking": EXPLICIT.changed(**WEAK), "wearing": A68A_2022.changed(**WEAKER, **WEAR)}
 MADE_ANEW = {"history", "date_created"}
 """Attributes that say when a file was written."""
 
