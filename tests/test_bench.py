@@ -73,8 +73,9 @@ def test_days_of_a_whole_run_follow_the_clock(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_scheme_is_set_and_told(capsys: pytest.CaptureFixture[str]) -> None:
-    row = measured("collision", "--set", "stepping.scheme=quasi_static", "--days", "0.1", capsys=capsys)
-    assert (row["scheme"], row["substeps_per_day"]) == ("quasi_static", 0.0)
+    row = measured("a68a", "--set", "stepping.scheme=mts", "--days", "0.1", capsys=capsys)
+    assert row["scheme"] == "mts"
+    assert row["substeps_per_day"] > 1000.0
     with pytest.raises(SystemExit, match="2"):
         bench.main(["collision", "--set", "stepping.scheme=fast"])
     assert "quasi_static" in capsys.readouterr().err

@@ -22,7 +22,6 @@ from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
 from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
-from riftberg.ocean.balance import slope_notice
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Environment, Floats, Ints, copy_state
@@ -641,6 +640,8 @@ class BareModel(RunState):
         """What is assumed of the sea level where no data give one, with a figure for the largest berg; empty where they do."""
         if not getattr(self.forcing, "tells_sea_level", False):
             return ""
+        from riftberg.ocean.balance import slope_notice  # with xarray, which a run of formulas does without
+
         body, bonds = self.elements.body, self.bonds
         part = connected_parts(body.id.size, bonds.first, bonds.second, bonds.status)
         areas = np.bincount(part, weights=body.length * body.width)

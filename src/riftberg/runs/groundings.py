@@ -18,7 +18,6 @@ from riftberg.physics.floating import draft_of
 from riftberg.runs.layout import called
 from riftberg.stepping.forces.media import on_the_floor
 from riftberg.stepping.fragments.grounding_log import AFLOAT_TIME, GroundingEvent
-from riftberg.stepping.ground.seabed import bed_of
 from riftberg.system.process import say
 
 if TYPE_CHECKING:
@@ -156,6 +155,8 @@ def holding(sediment: str) -> float:
 
     ``min(mu, alpha s_u / q_u)``: on clay the keel is as wide as the bearing strength asks for.
     """
+    from riftberg.stepping.ground.seabed import bed_of  # with SciPy, which the command line loads where it runs
+
     bed = bed_of(Grounding(sediment=sediment))
     adhesion = bed.shear_strength / bed.strength if bed.shear_strength > 0.0 else math.inf
     return min(bed.friction, adhesion)
