@@ -50,18 +50,19 @@ def test_the_doctor_does_not_wait_for_a_pipe(tmp_path: Path, limited: None) -> N
     assert "a pipe, not a file" in result.output
 
 
+class Slow(netCDF4.Dataset):
+    """Takes half a second to open. It outlives all of its files: netCDF4 asks for its class as it closes them."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        time.sleep(0.5)
+        super().__init__(*arguments, **options)
+
+
 @pytest.fixture
 def slow_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Return a file that the library takes half a second to open, where a twentieth is given."""
     path = tmp_path / "slow.nc"
     netCDF4.Dataset(path, "w").close()
-    real = netCDF4.Dataset
-
-    class Slow(real):  # type: ignore[misc, valid-type]
-        def __init__(self, *arguments: Any, **options: Any) -> None:
-            time.sleep(0.5)
-            super().__init__(*arguments, **options)
-
     monkeypatch.setattr(netCDF4, "Dataset", Slow)
     monkeypatch.setattr(process, "STUCK_AFTER", 0.05)
     return path

@@ -131,6 +131,11 @@ def lay_planes(
     return largest
 
 
+MARGIN: Final = 2.0
+"""Water (m) under a keel up to which pads are surely looked at (`riftberg.stepping.ground.shoal.CLEAR`): taken from farther, they
+would hang on the way by which a fragment came, and the last bit of its balance on them."""
+
+
 @kernel
 def _gather(
     pads: Pads, b: int, polygons: Ints, corner: Floats, highest: Floats, margin: float
@@ -478,7 +483,7 @@ def press(
     piece, room, margin, top = (
         np.empty((most, 3)),
         np.empty((most, 3)),
-        0.2 * largest + 0.02,
+        min(0.2 * largest + 0.02, MARGIN),
         bed.strength / bed.stiffness,
     )
     least = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2
