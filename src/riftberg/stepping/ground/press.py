@@ -101,10 +101,20 @@ def lay_planes(
         k = polygons[m]
         a, size, keel = pads.start[k], pads.start[k + 1] - pads.start[k], draft[pads.owner[k]] - level
         x, y, mx, my, mv = pads.centre[k, 0], pads.centre[k, 1], 0.0, 0.0, 0.0
+        shallow = deep = depth[corners + m]
         for n in range(size):
             mx += pads.corner[a + n, 0] / size
             my += pads.corner[a + n, 1] / size
+            shallow, deep = min(shallow, depth[at + n]), max(deep, depth[at + n])
+        # A plane through a cliff would overshoot into the keel: deep water beside it counts as a slope of 45 degrees.
+        wide = 2.0 * math.hypot(pads.corner[a, 0] - mx, pads.corner[a, 1] - my)
+        cliff = deep - shallow > wide
+        for n in range(size):
+            if cliff:
+                depth[at + n] = min(depth[at + n], shallow + wide)
             mv += (keel - depth[at + n]) / size
+        if cliff:
+            depth[corners + m] = min(depth[corners + m], shallow + wide)
         gx = gy = area = mean = 0.0
         for n in range(size):
             o = n + 1 if n + 1 < size else 0
@@ -117,6 +127,11 @@ def lay_planes(
             mean += part * (mv + v0 + v1) / 3.0
         gx, gy, mean = gx / area, gy / area, mean / area
         mean += 2.0 / 3.0 * (keel - depth[corners + m] - mean)
+        if cliff:
+            top = -math.inf
+            for n in range(size):
+                top = max(top, gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y))
+            mean = min(mean, keel - shallow - top)
         gradient[m, 0], gradient[m, 1], highest[m] = gx, gy, -math.inf
         for n in range(size):
             overlap = mean + gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y)
