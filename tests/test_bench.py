@@ -48,7 +48,7 @@ def test_a_whole_run_is_timed_day_by_day_and_with_output(
 ) -> None:
     monkeypatch.setattr(bench, "REPEATS", 2)
     monkeypatch.setattr(bench, "WHOLE_SECONDS", float("inf"))  # a busy machine
-    whole = measured("collision", "--set", "stepping.scheme=quasi_static", capsys=capsys)["whole_run"]
+    whole = measured("collision", capsys=capsys)["whole_run"]
     assert 0.0 < whole["seconds_per_day"] <= whole["slowest"]
     assert whole["seconds_per_day"] < whole["with_output"]["seconds_per_day"] <= whole["with_output"]["slowest"]
     dearest = whole["dearest_days"]

@@ -16,7 +16,7 @@ from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
 from riftberg.experiments.cases import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import Grounding, Parameters
+from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
 from verification.setups import RADIUS, lattice, parameters, turn
 
@@ -133,9 +133,9 @@ def test_cantilever(agrees) -> None:
 def at_rest(berg: Iceberg, beam: Beam) -> Model:
     """The beam after two steps: the first shows the equilibrium."""
     # Of one and three elements across: elastic cells need eight (test_elastic_cells).
-    p = beam.parameters("own").changed(
-        stepping={"scheme": "quasi_static"}, bonds={"elasticity": "bonds"}, grounding=Grounding(law="none").model_dump()
-    )
+    given = beam.parameters("own").model_dump()
+    given["stepping"]["scheme"], given["bonds"]["elasticity"] = "quasi_static", "bonds"
+    p = Parameters(**{**given, "grounding": {"law": "none"}})
     model = Model(berg, Steady(depth=0.0), p)
     model.advance(steps=2)
     assert np.abs(model.elements.u).max() < 1e-15
