@@ -68,6 +68,19 @@ def parameters(scheme: str, spring: float | None = None, **groups: Any) -> Param
 
 
 @pytest.mark.parametrize("bend", [0.0, 300.0], ids=["square cells", "curvilinear"])
+def test_a_berg_is_not_thrown_by_the_bed_of_dry_land_beside_deep_water(bend: float) -> None:
+    """Bug: a plane through a pad between land of no known depth and 10 km of water stood kilometres inside the keel."""
+    model = Model(BERGS["one bonded berg"](), coast(bend=bend), parameters("quasi_static", grounding={}))
+    fastest = 0.0
+    for _ in range(24):
+        model.advance(steps=1)
+        fastest = max(fastest, float(np.hypot(model.elements.u, model.elements.v).max()))
+    assert model.elements.keel.floor_load.sum() > 0.0  # it lies on the land, with a corner
+    assert fastest < 1.5 * CURRENT
+    assert _in_water(model)
+
+
+@pytest.mark.parametrize("bend", [0.0, 300.0], ids=["square cells", "curvilinear"])
 @pytest.mark.parametrize(
     ("scheme", "spring"),
     [(scheme, spring) for scheme in ("mts", "verlet", "runge_kutta") for spring in (1e-7, None)]

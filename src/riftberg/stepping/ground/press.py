@@ -33,12 +33,16 @@ from riftberg.physics.seabed import (
 )
 from riftberg.state import Floats, Ints
 from riftberg.stepping.ground.pads import CORNERS, ORIGIN_X, ORIGIN_Y, SIDE, Pads, share_of_ice
+from riftberg.stepping.ground.shoal import CLEAR
 
 MAX_ITERATIONS: Final = 100
 """Of Newton's method; four to ten are usual."""
 
 MOST_PADS: Final = 150
 """Loaded pads that bend one by one; of more, squares of 2, 4, ... sides bend as one."""
+
+CLIFF: Final = 1.0
+"""Slope from which a plane is no floor of second order: land of no known depth beside deep water, 45 degrees."""
 
 SLIVER: Final = 1e-10
 """Part of a pad whose elastic area counts as none: its compliance would overflow."""
@@ -106,32 +110,29 @@ def lay_planes(
             mx += pads.corner[a + n, 0] / size
             my += pads.corner[a + n, 1] / size
             shallow, deep = min(shallow, depth[at + n]), max(deep, depth[at + n])
-        # A plane through a cliff would overshoot into the keel: deep water beside it counts as a slope of 45 degrees.
-        wide = 2.0 * math.hypot(pads.corner[a, 0] - mx, pads.corner[a, 1] - my)
-        cliff = deep - shallow > wide
+        # A plane through a cliff would overshoot into the keel: water beside it counts as no deeper than such a slope makes it.
+        drop = CLIFF * 2.0 * math.hypot(pads.corner[a, 0] - mx, pads.corner[a, 1] - my)
+        cliff = deep - shallow > drop
+        deepest = shallow + drop if cliff else math.inf
         for n in range(size):
-            if cliff:
-                depth[at + n] = min(depth[at + n], shallow + wide)
-            mv += (keel - depth[at + n]) / size
-        if cliff:
-            depth[corners + m] = min(depth[corners + m], shallow + wide)
+            mv += (keel - min(depth[at + n], deepest)) / size
         gx = gy = area = mean = 0.0
         for n in range(size):
             o = n + 1 if n + 1 < size else 0
             x0, y0, x1, y1 = pads.corner[a + n, 0], pads.corner[a + n, 1], pads.corner[a + o, 0], pads.corner[a + o, 1]
-            v0, v1 = keel - depth[at + n], keel - depth[at + o]
+            v0, v1 = keel - min(depth[at + n], deepest), keel - min(depth[at + o], deepest)
             gx += 0.5 * (v0 + v1) * (y1 - y0)
             gy -= 0.5 * (v0 + v1) * (x1 - x0)
             part = 0.5 * ((x0 - mx) * (y1 - my) - (x1 - mx) * (y0 - my))
             area += part
             mean += part * (mv + v0 + v1) / 3.0
         gx, gy, mean = gx / area, gy / area, mean / area
-        mean += 2.0 / 3.0 * (keel - depth[corners + m] - mean)
-        if cliff:
-            top = -math.inf
+        mean += 2.0 / 3.0 * (keel - min(depth[corners + m], deepest) - mean)
+        if cliff:  # nor is the plane to stand above its shallowest point
+            rise = -math.inf
             for n in range(size):
-                top = max(top, gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y))
-            mean = min(mean, keel - shallow - top)
+                rise = max(rise, gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y))
+            mean = min(mean, keel - shallow - rise)
         gradient[m, 0], gradient[m, 1], highest[m] = gx, gy, -math.inf
         for n in range(size):
             overlap = mean + gx * (pads.corner[a + n, 0] - x) + gy * (pads.corner[a + n, 1] - y)
@@ -144,11 +145,6 @@ def lay_planes(
         largest = max(largest, highest[m])
         at += size
     return largest
-
-
-MARGIN: Final = 2.0
-"""Water (m) under a keel up to which pads are surely looked at (`riftberg.stepping.ground.shoal.CLEAR`): taken from farther, they
-would hang on the way by which a fragment came, and the last bit of its balance on them."""
 
 
 @kernel
@@ -498,7 +494,8 @@ def press(
     piece, room, margin, top = (
         np.empty((most, 3)),
         np.empty((most, 3)),
-        min(0.2 * largest + 0.02, MARGIN),
+        # Beyond CLEAR pads are looked at or not by the way that a fragment came; the last bit must not hang on it.
+        min(0.2 * largest + 0.02, CLEAR),
         bed.strength / bed.stiffness,
     )
     least = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2

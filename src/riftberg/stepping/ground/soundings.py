@@ -66,6 +66,12 @@ def _key(doubled: int, row: int, column: int) -> int:
     return (doubled * ROWS + row + ROWS // 2) * ROWS + column + ROWS // 2
 
 
+@kernel
+def _is_within(x: float, y: float, box: Floats, reach: float) -> bool:
+    """Whether a point is less than ``reach`` m from a box, along either axis."""
+    return bool(max(box[0] - x, x - box[2], box[1] - y, y - box[3]) < reach)
+
+
 # Many arguments: arrays that it fills.
 @kernel
 def _list_tiles(
@@ -88,9 +94,7 @@ def _list_tiles(
             for column in range(math.floor((east - around) / tile), math.floor((east + around) / tile) + 1):
                 dx, dy = (column + 0.5) * tile - pose[0, 2], (row + 0.5) * tile - pose[1, 2]
                 u, v = pose[0, 0] * dx + pose[1, 0] * dy, pose[0, 1] * dx + pose[1, 1] * dy
-                if not (box[0] - u < reach + half and u - box[2] < reach + half):
-                    continue
-                if not (box[1] - v < reach + half and v - box[3] < reach + half):
+                if not _is_within(u, v, box, reach + half):
                     continue
                 if found == key.size:
                     return -1
@@ -125,9 +129,7 @@ def _list_tiles(
                 continue
             u = 2.0 * radius * (pose[0, 0] * a + pose[1, 0] * b + pose[2, 0] * c) / w
             v = 2.0 * radius * (pose[0, 1] * a + pose[1, 1] * b + pose[2, 1] * c) / w
-            if not (box[0] - u < reach + half and u - box[2] < reach + half):
-                continue
-            if not (box[1] - v < reach + half and v - box[3] < reach + half):
+            if not _is_within(u, v, box, reach + half):
                 continue
             if found == key.size:
                 return -1
