@@ -65,6 +65,10 @@ ROCK, SAND, CLAY = Bed(1e9, 1e7), Bed(1e7, 1e6), Bed(1e6, 1.2e5, 2e4)
 BEDS = {"rock": ROCK, "sand": SAND, "clay": CLAY}
 
 
+WIDTHS = (0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
+"""Of ramps under the end of a berg, over lambda."""
+
+
 class Plate(NamedTuple):
     """A floating rectangle; unknowns at each node are the rise, its slopes and its mixed derivative."""
 
@@ -246,6 +250,17 @@ def landing(bed: Bed, modulus: float, towards: float, speed: float, fine: float,
     return come_to_rest(ways, contacts, speed, gradient)
 
 
+def ramp(bed: Bed, modulus: float, width: float, fine: float) -> float:
+    """Load (N) of a berg 10 km wide, its end on a floor that rises by 1e-3 over ``width`` lambda; ``fine``: steps over lambda."""
+    reach = math.sqrt(2.0) * bending_length(modulus)
+    wide = width * reach
+    length = 2e3 * math.ceil(max(20e3, wide + 8.0 * reach) / 2e3)
+    x = graded(length, min(fine * reach, 2.0 * fine * wide), 1.2 * wide)
+    y = mirrored(graded(5e3, 400.0, 2e3))
+    zone = Zone(floating_plate(x, y, modulus), (0.0, 1.1 * wide), (0.0, 10e3))
+    return zone.press(1e-3 * (wide - zone.x), bed).load
+
+
 def bank(bed: Bed, modulus: float, fine: float) -> float:
     """Load (N) of a berg of 40 x 30 km with its end quarter on a floor that rises by 1e-3 to 10 m above the keel."""
     y = mirrored(graded(15e3, 2.0 * fine, 3e3, coarse=2e3))
@@ -320,6 +335,9 @@ def cases() -> Iterator[tuple[str, Callable[[float], Any], float, float]]:
     yield "front askew by 5°, 9 GPa, rock", partial(landing, ROCK, 9e9, 5.0, 0.3), 100.0, 50.0
     for modulus in (9e9, 1e9):
         yield f"corner, {_gpa(modulus)}, rock", partial(landing, ROCK, modulus, 30.0, 0.2), 100.0, 70.0
+    for modulus in (9e9, 1e9):
+        for width in WIDTHS:
+            yield f"ramp {width:g} λ wide, {_gpa(modulus)}, rock", partial(ramp, ROCK, modulus, width), 0.12, 0.08
     for height in (0.9, 5.0):
         for name, bed in BEDS.items():
             yield f"knoll {height:g} m above the keel, {name}", partial(knoll, bed, 9e9, height), 120.0, 80.0

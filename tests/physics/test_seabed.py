@@ -92,25 +92,6 @@ def test_cut_parts_add_up() -> None:
     assert min(areas) > 0.0
 
 
-@pytest.mark.parametrize(
-    ("modulus", "corner", "edge", "inside"), [(9e9, 6.4e9, 16.3e9, 65e9), (1e9, 2.1e9, 5.4e9, 22e9)]
-)
-def test_stiffness_of_ice_200_m_thick(modulus: float, corner: float, edge: float, inside: float) -> None:
-    length = seabed.bending_length(modulus, 0.3, 200.0)
-    for share, expected in ((0.25, corner), (0.5, edge), (1.0, inside), (0.1, corner), (1.02, inside)):
-        assert seabed.plate_stiffness(share) * seabed.WATER_STIFFNESS * length**2 == pytest.approx(expected, rel=0.03)
-
-
-def test_stiffness_from_the_edge_inwards_is_that_of_a_half_infinite_beam() -> None:
-    """Hetenyi: a line at a distance x from the end, and the share of ice around it."""
-    for t in (0.05, 0.1, 0.2, 0.3, 0.4, 0.5):
-        damped = np.exp(-2.0 * t) * (2.0 + np.cos(2.0 * t) - np.sin(2.0 * t))
-        y, x = np.meshgrid(np.linspace(-1, 1, 801), np.linspace(-1, 1, 801))
-        weight = np.clip(1.0 - x**2 - y**2, 0.0, None) ** 2
-        share = weight[x > -t].sum() / weight.sum()
-        assert seabed.plate_stiffness(share) == pytest.approx(8.0 / (1.0 + damped), rel=0.05)
-
-
 def test_deflection_is_the_kelvin_function() -> None:
     x = np.linspace(0.013, 9.9, 300)
     found = [seabed.plate_deflection(one) for one in x]

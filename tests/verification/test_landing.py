@@ -68,14 +68,18 @@ def way(model: Model, towards: float = 0.0, ahead: float = 20.0, steps: int = 60
 @pytest.mark.parametrize(
     ("sediment", "bending", "modulus", "metres", "within"),
     [
-        ("rock", False, 9e9, 125.8, 0.01), ("rock", True, 9e9, 303.0, 0.03), ("rock", True, 1e9, 398.0, 0.04),
-        ("sand", False, 9e9, 145.0, 0.03), ("sand", True, 9e9, 316.0, 0.03), ("sand", True, 1e9, 410.0, 0.04),
-        ("clay", False, 9e9, 212.0, 0.05), ("clay", True, 9e9, 358.0, 0.05), ("clay", True, 1e9, 443.0, 0.05),
+        ("rock", False, 9e9, 125.8, 0.01), ("rock", True, 9e9, 301.0, 0.025), ("rock", True, 1e9, 394.0, 0.025),
+        ("sand", False, 9e9, 145.0, 0.03), ("sand", True, 9e9, 312.0, 0.025), ("sand", True, 1e9, 402.0, 0.025),
+        ("clay", False, 9e9, 212.0, 0.05), ("clay", True, 9e9, 347.0, 0.03), ("clay", True, 1e9, 422.0, 0.03),
     ],
 )  # fmt: skip
 def test_way_to_rest_on_a_slope(sediment: str, bending: bool, modulus: float, metres: float, within: float) -> None:
+    """Ice that bends goes as far as an independent plate in still water (docs/evidence/plate-on-water.md), and bears its load."""
     model = berg_model(floor=rising(), sediment=sediment, bending=bending, ice_modulus=modulus)
     assert way(model) == pytest.approx(metres, rel=within)
+    if bending:
+        load = {(9e9, "rock"): 2.03e10, (9e9, "sand"): 2.0e10, (9e9, "clay"): 1.98e10}.get((modulus, sediment), 1.53e10)
+        assert model.elements.keel.floor_load.sum() == pytest.approx(load, rel=0.025)
 
 
 @pytest.mark.parametrize(
@@ -104,10 +108,12 @@ def test_way_depends_on_neither_elements_nor_step(radius: float, dt: float) -> N
     assert other == pytest.approx(usual_way(), rel=1e-3 if dt == 600.0 else 3e-3)
 
 
-def test_corner_lands_as_an_elastic_plate() -> None:
-    model = berg_model(floor=rising(30.0, ahead=5.0), sediment="rock", speed=0.2, towards=30.0)
-    assert way(model, 30.0, 5.0) == pytest.approx(554.0, rel=0.05)
-    assert model.elements.keel.floor_load.sum() == pytest.approx(5.0e9, rel=0.05)
+@pytest.mark.parametrize(("modulus", "metres", "load"), [(9e9, 556.0, 4.92e9), (1e9, 873.0, 3.78e9)])
+def test_corner_lands_as_an_elastic_plate(modulus: float, metres: float, load: float) -> None:
+    """Bug: soft ice bore 16 % too much on its corner."""
+    model = berg_model(floor=rising(30.0, ahead=5.0), sediment="rock", speed=0.2, towards=30.0, ice_modulus=modulus)
+    assert way(model, 30.0, 5.0) == pytest.approx(metres, rel=0.02)
+    assert model.elements.keel.floor_load.sum() == pytest.approx(load, rel=0.025)
 
 
 def cornered(flexural_strength: float, **where: Any) -> tuple[Model, float]:
@@ -317,19 +323,20 @@ def knoll(height: float, **grounding: Any) -> Model:
 @pytest.mark.parametrize(
     ("height", "sediment", "load", "holds"),
     [
-        (0.9, "sand", 8.30e10, 4.15e10),
-        (5.0, "sand", 5.09e11, 2.5e11),
-        (5.0, "clay", 2.99e11, 5.1e10),
-        (20.0, "sand", 2.7e12, 1.35e12),
+        (0.9, "sand", 8.323e10, 4.15e10),
+        (0.9, "clay", 4.567e10, 8.2e9),
+        (5.0, "rock", 5.42e11, 2.71e11),
+        (5.0, "sand", 5.241e11, 2.55e11),
+        (5.0, "clay", 3.056e11, 5.1e10),
     ],
 )
 def test_a_berg_may_start_aground(height: float, sediment: str, load: float, holds: float) -> None:
-    """It is lifted, with its load, and nothing is moved; 20 m in is no mistake."""
+    """It is lifted, with the load of an independent plate (docs/evidence/plate-on-water.md), and nothing is moved."""
     model = knoll(height, sediment=sediment)
     x = model.elements.lon.mean()
     model.step()
     el = model.elements
-    assert el.floor_load.sum() == pytest.approx(load, rel=0.05)
+    assert el.floor_load.sum() == pytest.approx(load, rel=0.03)
     assert el.floor_hold.sum() == pytest.approx(holds, rel=0.05)
     assert abs(el.lon.mean() - x) < 20.0
     assert el.floor_lift.max() == pytest.approx(height, rel=0.6)

@@ -240,33 +240,6 @@ def _deflection_table() -> Floats:
 PLATE_DEFLECTION = _deflection_table()
 """See `plate_deflection`."""
 
-SHARES = np.array([0.25, 0.3, 0.35, 0.46, 0.5, 0.6, 0.7, 0.92, 1.0])
-"""Shares of ice around a load for which `PLATE_STIFFNESS` holds."""
-
-PLATE_STIFFNESS = np.array([0.786, 0.875, 0.980, 1.377, 2.0, 2.44, 2.96, 4.92, 8.0])
-"""See `plate_stiffness`."""
-
-
-@kernel
-def plate_stiffness(share: float) -> float:
-    """Stiffness of floating ice under a load at a point, over ``k_w l^2``.
-
-    8 inside (exact); 2 at an edge, so that a line of load along it is borne with ``k_w lambda / 2`` per metre (a point there has
-    2.165); 0.786 at a right-angled corner (finite elements, nu = 0.3). From the edge inwards as Hetenyi's half-infinite beam
-    under a line at a distance from its end, and along the edge from the corner on as the same curve.
-
-    Parameters
-    ----------
-    share : float
-        Part of the surroundings of the load that is ice, weighted with ``(1 - r^2 / lambda^2)^2``: 1 inside, 1/2 at an edge,
-        1/4 at a corner.
-    """
-    for n in range(1, SHARES.size):
-        if share <= SHARES[n]:
-            t = max((share - SHARES[n - 1]) / (SHARES[n] - SHARES[n - 1]), 0.0)
-            return float(PLATE_STIFFNESS[n - 1] + t * (PLATE_STIFFNESS[n] - PLATE_STIFFNESS[n - 1]))
-    return float(PLATE_STIFFNESS[-1])
-
 
 @kernel
 def plate_deflection(distance: float) -> float:
@@ -290,7 +263,7 @@ def bending_stress(length: float, share: float, thickness: float, bending: float
 
     Of a beam on an elastic bed (Hetenyi) ``c = 3`` inside, under a line of load, for the moment is ``k_w lambda^2 u / 2``; and
     ``6 sin(pi / 4) exp(-pi / 4) / 2 = 0.967`` for a line of load on an edge, ``pi lambda / 4`` from it. At a right-angled corner
-    the stress is at most ``3 N / H^2`` (Westergaard), which with the stiffness of a corner (`plate_stiffness`) is ``c = 1.179``.
+    the stress is at most ``3 N / H^2`` (Westergaard), which with the stiffness of a corner, ``0.786 k_w l^2``, is ``c = 1.179``.
     Between them ``c`` is linear in ``share``.
 
     Parameters
@@ -298,7 +271,8 @@ def bending_stress(length: float, share: float, thickness: float, bending: float
     length : float
         `bending_length`, m.
     share : float
-        See `plate_stiffness`: 1 inside, 1/2 at an edge, 1/4 at a corner.
+        Part of the surroundings of the load that is ice, weighted with ``(1 - r^2 / lambda^2)^2``: 1 inside, 1/2 at an edge,
+        1/4 at a corner.
     thickness : float
         H, m.
     bending : float

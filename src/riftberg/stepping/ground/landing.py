@@ -27,6 +27,7 @@ from riftberg.stepping.bodies.dynamics import BodyMatrices, ElementForcing, add_
 from riftberg.stepping.bodies.pose import Bodies, fill_levers, move_poses
 from riftberg.stepping.forces.media import FORCES, SEA_FLOOR
 from riftberg.stepping.ground.pads import ORIGIN_X, ORIGIN_Y, Pads, fill_hulls, place_points
+from riftberg.stepping.ground.plate import Plates
 from riftberg.stepping.ground.press import (
     HOLD,
     LIFT,
@@ -90,6 +91,7 @@ class Landing(NamedTuple):
     """Fragments on their way through a step; arrays by fragment unless said otherwise."""
 
     pads: Pads
+    plates: Plates
     polygons: Ints  # Those that may touch the floor, by fragment
     polygon_start: Ints  # Where those of each fragment begin; shape (fragments + 1,)
     pose: Floats  # At the start; shape (fragments, 3, 3)
@@ -112,13 +114,13 @@ class Landing(NamedTuple):
     peak: Floats  # Forces when the floor pressed hardest, and the axes then; shape (elements, 5)
 
 
-def prepared(pads: Pads, polygons: Ints, start: Ints, pose: Floats, draft: Floats) -> Landing:
+def prepared(pads: Pads, plates: Plates, polygons: Ints, start: Ints, pose: Floats, draft: Floats) -> Landing:
     """Make room for the step of some fragments."""
     count, n = len(pose), draft.size
     return Landing(
-        pads, polygons, start, pose, np.empty_like(pose), np.empty_like(pose), np.empty_like(pose), np.zeros((count, 7, 3)),
-        np.zeros((count, NUMBERS)), np.zeros((count, 5), np.int64), np.zeros((count, 3)), draft, np.empty((n, 3)),
-        np.empty((n, 11)), np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, PRESSED)), np.empty(n),
+        pads, plates, polygons, start, pose, np.empty_like(pose), np.empty_like(pose), np.empty_like(pose),
+        np.zeros((count, 7, 3)), np.zeros((count, NUMBERS)), np.zeros((count, 5), np.int64), np.zeros((count, 3)), draft,
+        np.empty((n, 3)), np.empty((n, 11)), np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, PRESSED)), np.empty(n),
         np.zeros((polygons.size, 5)), np.zeros((n, len(FORCES), 2)), np.zeros((n, 5)),
     )  # fmt: skip
 
@@ -327,8 +329,8 @@ def _press(now: Landing, a: int, bed: Bed, h: float, t: float, depth: Floats) ->
     """Press a fragment onto the floor ``t`` s from the start; returns whether it touches it."""
     some, number = slice(now.polygon_start[a], now.polygon_start[a + 1]), now.number[a]
     iterations, largest = press(
-        now.pads, a, now.polygons[some], depth, now.draft, _level_at(number, t / h), bed, now.hull[a], number[LENGTH],
-        number[THICKNESS], now.rise[a], now.found, now.bent[some],
+        now.pads, now.plates, a, now.polygons[some], depth, now.draft, _level_at(number, t / h), bed, now.hull[a],
+        number[LENGTH], number[THICKNESS], now.rise[a], now.found, now.bent[some],
     )  # fmt: skip
     number[CLEARANCE] = min(number[CLEARANCE], -largest)
     if iterations < 0:

@@ -216,7 +216,7 @@ def melted(pads: Pads, part: Floats) -> Pads:
 
 @kernel
 def share_of_ice(pads: Pads, b: int, x: float, y: float, reach: float) -> float:
-    """Part of the surroundings of a point, within ``reach`` m, that is ice: `riftberg.physics.seabed.plate_stiffness`."""
+    """Part of the surroundings of a point, within ``reach`` m, that is ice, for `riftberg.physics.seabed.bending_stress`."""
     side, total = pads.frame[b, SIDE], 0.0
     row, column = math.floor((y - pads.frame[b, LOW_Y]) / side), math.floor((x - pads.frame[b, LOW_X]) / side)
     n, rows, columns = int(reach / side) + 2, pads.raster[b, 1], pads.raster[b, 2]
