@@ -25,7 +25,7 @@ from riftberg.stepping.ground.pads import (
     share_of_ice,
     sides_of_pads,
 )
-from riftberg.stepping.ground.plate import PlateRoom
+from riftberg.stepping.ground.plate import unmade_plates
 from riftberg.stepping.ground.press import HOLD, LIFT, LOAD, LOAD_X, LOAD_Y, PRESSED, YIELD, Bed, press
 from riftberg.stepping.ground.seabed import bed_of, bent_bonds, depth_of_bed
 from riftberg.stepping.lattice.footprints import BodyFootprint
@@ -60,7 +60,7 @@ class Berg:
         self.thickness, self.draft = np.full(i.size, THICKNESS), np.full(i.size, DRAFT)
         hull = np.empty((1, 3, 3))
         fill_hulls(self.pads, self.thickness, self.draft, modulus, 0.3, hull, np.empty(1), np.empty(1))
-        self.hull, self.room = hull[0], PlateRoom(self.pads)
+        self.hull, self.plates = hull[0], unmade_plates(self.pads)
 
     def turned(self, points: Any) -> Any:
         return (points * self.mirror) @ self.axes + self.shift
@@ -79,9 +79,8 @@ class Berg:
         q, found = np.zeros(3), np.zeros((self.draft.size, PRESSED))
         some = every if polygons is None else polygons
         bent, length = np.zeros((some.size, 5)), self.length if bends else 0.0
-        plates = self.room.reserve(some, np.array([0, some.size]), np.array([length]), np.array([True]))
         steps, largest = press(
-            self.pads, plates, 0, some, values, self.draft, level, bed, self.hull, length, THICKNESS, q, found, bent,
+            self.pads, self.plates, 0, some, values, self.draft, level, bed, self.hull, length, THICKNESS, q, found, bent,
         )  # fmt: skip
         assert steps >= 0
         return SimpleNamespace(q=q, found=found, bent=bent, largest=largest, load=found[:, LOAD].sum())

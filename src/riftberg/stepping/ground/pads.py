@@ -26,6 +26,9 @@ RUNGS: Final = 8.0
 CORNERS: Final = 64
 """Room for the corners of a polygon beside those that it has."""
 
+SHORT: Final = 0.25 * math.pi
+"""Length of a fragment over ``lambda`` up to which it does not bend (Hetenyi's short beams)."""
+
 RIGID: Final = 1e40
 """Stiffness against tilt (N m) of a fragment that takes none."""
 
@@ -237,7 +240,7 @@ def fill_hulls(
     """Find the stiffness (3, 3) of each fragment afloat against heave and both tilts, its mean thickness and bending length (m).
 
     ``thickness``, ``draft``: of the elements ``pads.rows``, m; ``modulus`` (Pa): 0 for ice that does not bend. Pieces that are
-    narrower than their thickness, or nearly unstable, take no tilt.
+    narrower than their thickness, or nearly unstable, take no tilt, and these and short ones do not bend (length 0).
     """
     for b in range(mean.size):
         sums, lean, ice = np.zeros(6), 0.0, 0.0
@@ -248,15 +251,20 @@ def fill_hulls(
             lean += pads.moments[e, 0] * draft[e] * 0.5 * (thickness[e] - draft[e])
             ice += pads.moments[e, 0] * thickness[e]
         area, mean[b] = sums[0], ice / sums[0]
-        length[b] = bending_length(modulus, poisson, mean[b])
         # Melted pads lie a little aside of the centroid of the whole ones.
         xx, xy, yy = sums[3] - sums[1] ** 2 / area, sums[4] - sums[1] * sums[2] / area, sums[5] - sums[2] ** 2 / area
         least = 0.5 * (xx + yy) - math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
         hull[b, :, :] = 0.0
-        hull[b, 0, 0], hull[b, 1, 1], hull[b, 2, 2] = WATER_STIFFNESS * area, RIGID, RIGID
+        hull[b, 0, 0], hull[b, 1, 1], hull[b, 2, 2], length[b] = WATER_STIFFNESS * area, RIGID, RIGID, 0.0
         if 12.0 * least / area >= mean[b] ** 2 and least - lean > 0.5 * least:
             hull[b, 1, 1], hull[b, 2, 2] = WATER_STIFFNESS * (yy - lean), WATER_STIFFNESS * (xx - lean)
             hull[b, 1, 2] = hull[b, 2, 1] = -WATER_STIFFNESS * xy
+            extent, bending = (
+                pads.frame[b, SIDE] * max(pads.raster[b, 1], pads.raster[b, 2]),
+                bending_length(modulus, poisson, mean[b]),
+            )
+            if extent > SHORT * math.sqrt(2.0) * bending:
+                length[b] = bending
 
 
 @kernel

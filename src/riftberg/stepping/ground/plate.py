@@ -27,9 +27,6 @@ REACH: Final = 3.0
 MOST_NODES: Final = 300
 """Nodes of a plate; of more, elements with sides of 2, 4, ... ``lambda`` are taken."""
 
-SHORT: Final = 0.25 * math.pi
-"""Length of a fragment over ``lambda`` up to which it is rigid (Hetenyi's short beams)."""
-
 LENGTH_RUNGS: Final = 256.0
 """A plate has a bending length rounded to this root of 2, so that melt changes it seldom."""
 
@@ -38,19 +35,18 @@ EMPTY_SQUARE: Final = 1e-6
 
 
 class Plates(NamedTuple):
-    """Plates of some fragments, one after the other, and room for more.
+    """Plates of some fragments, one after the other.
 
     Unknowns of a node are its rise, its slopes and its mixed derivative, over the side of the elements (m).
     """
 
-    bends: NDArray[np.bool_]  # Whether a fragment bends
     element_start: Ints  # Where the elements of each fragment begin
-    near: NDArray[np.bool_]  # Whether loads may act on them; rows and columns of a raster
+    loaded: NDArray[np.bool_]  # Whether loads may act on them; rows and columns of a raster
     node_start: Ints  # Where the nodes of each fragment begin
-    node: Ints  # Their numbers, -1 for those of no element near; rows and columns of a raster
+    node: Ints  # Their numbers, -1 for those of no loaded element; rows and columns of a raster
     shape: Ints  # Of each fragment the columns below; shape (fragments, 3)
     length: Floats  # Bending length for which it was made, m
-    start: Ints  # Where the compliance of each fragment begins, with room up to the next one
+    start: Ints  # Where the compliance of each fragment begins
     compliance: Floats  # m N-1; (unknowns, unknowns) of each fragment
     rigid: (
         Floats  # Compliance of each whole fragment against heave and tilts by its water plane; shape (fragments, 3, 3)
@@ -59,6 +55,23 @@ class Plates(NamedTuple):
 
 PER_SIDE, COLUMNS, UNKNOWNS = range(3)
 """Columns of `Plates.shape`: squares along the side of an element (none before a plate is made), columns of nodes, unknowns."""
+
+
+def unmade_plates(pads: Pads) -> Plates:
+    """Return plates of the fragments of some pads that are still to be made."""
+    count, elements = len(pads.frame), (pads.raster[:, 1:] - 1) // int(SIDES_PER_LAMBDA) + 1
+    nodes = (elements + 1).prod(axis=1)
+    element_start, node_start = (np.concatenate([[0], np.cumsum(size)]) for size in (elements.prod(axis=1), nodes))
+    # Room for all that may ever be loaded: memory is taken up by what is written.
+    start = np.concatenate([[0], np.cumsum((4 * np.minimum(nodes, MOST_NODES)) ** 2)])
+    plates = Plates(
+        element_start, np.zeros(element_start[-1], np.bool_), node_start,
+        np.empty(node_start[-1], np.int64), np.zeros((count, 3), np.int64), np.zeros(count), start, np.empty(start[-1]),
+        np.empty((count, 3, 3)),
+    )  # fmt: skip
+    for b in range(count):
+        _fill_rigid(pads, b, plates.rigid[b])
+    return plates
 
 
 @kernel
@@ -87,28 +100,24 @@ def unknowns_of(node: Ints, columns: int, j: int, i: int, out: Ints) -> None:
 
 
 @kernel
-def _mark_around(pads: Pads, b: int, polygons: Ints, per: int, reach: int, marked: NDArray[np.bool_]) -> None:
-    """Mark the elements with ice within ``reach`` elements of those with polygons."""
+def _mark_around(
+    pads: Pads, b: int, loaded: NDArray[np.bool_], per: int, reach: int, marked: NDArray[np.bool_]
+) -> None:
+    """Mark the elements with ice within ``reach`` elements of loaded ones."""
     rows, columns = marked.shape
     first, high, wide = pads.raster[b, 0], pads.raster[b, 1], pads.raster[b, 2]
-    within, band = np.zeros((rows, columns), np.bool_), np.zeros((rows, columns), np.bool_)
-    for k in polygons:
-        within[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
+    band = np.zeros((rows, columns), np.bool_)
     for j in range(rows):
         for i in range(columns):
-            if within[j, i]:
-                for n in range(max(i - reach, 0), min(i + reach + 1, columns)):
-                    band[j, n] = True
+            if loaded[j, i]:
+                band[j, max(i - reach, 0) : i + reach + 1] = True
     for j in range(rows):
         for i in range(columns):
-            wanted = ice = False
-            for n in range(max(j - reach, 0), min(j + reach + 1, rows)):
-                wanted = wanted or band[n, i]
-            if wanted:
+            marked[j, i] = False
+            if band[max(j - reach, 0) : j + reach + 1, i].any():
                 for row in range(per * j, min(per * (j + 1), high)):
                     for column in range(per * i, min(per * (i + 1), wide)):
-                        ice = ice or pads.ice[first + row * wide + column, 0] > 0.0
-            marked[j, i] = ice
+                        marked[j, i] = marked[j, i] or pads.ice[first + row * wide + column, 0] > 0.0
 
 
 @kernel
@@ -203,8 +212,8 @@ def _invert(matrix: Floats, rows: Ints, out: Floats) -> None:
 
 
 @kernel
-def _rigid_compliance(pads: Pads, b: int, out: Floats) -> None:
-    """Compliance of a whole fragment against heave and tilts by its water plane."""
+def _fill_rigid(pads: Pads, b: int, out: Floats) -> None:
+    """Find the compliance of a whole fragment against heave and tilts by its water plane."""
     first, count = pads.raster[b, 0], pads.raster[b, 1] * pads.raster[b, 2]
     moments = np.zeros((3, 3))
     for s in range(first, first + count):
@@ -222,27 +231,34 @@ def _rigid_compliance(pads: Pads, b: int, out: Floats) -> None:
 
 
 @kernel
-def fit_plate(pads: Pads, plates: Plates, b: int, polygons: Ints, length: float, poisson: float) -> None:
-    """Make the plate of a fragment with loads on ``polygons`` or beside them, unless it is the one that is there."""
+def fit_plate(
+    pads: Pads, plates: Plates, b: int, polygons: Ints, merged: int, length: float, poisson: float
+) -> None:  # fmt: skip
+    """Make the plate of a fragment with loads on ``polygons``, unless it is the one that is there.
+
+    ``merged``: squares along the side of what bends as one; elements are no smaller.
+    """
     rounded, per = 2.0 ** (math.floor(LENGTH_RUNGS * math.log2(length) + 0.5) / LENGTH_RUNGS), int(SIDES_PER_LAMBDA)
+    while per < merged:
+        per *= 2
     while True:
         rows, columns = (pads.raster[b, 1] - 1) // per + 1, (pads.raster[b, 2] - 1) // per + 1
-        marked, numbers = np.empty((rows, columns), np.bool_), np.empty((rows + 1) * (columns + 1), np.int64)
-        reach = math.floor(REACH * math.sqrt(2.0) * rounded / (per * pads.frame[b, SIDE]) + 0.5)
-        _mark_around(pads, b, polygons, per, max(reach, 1), marked)
+        loaded, marked = np.zeros((rows, columns), np.bool_), np.empty((rows, columns), np.bool_)
+        for k in polygons:
+            loaded[pads.square[k, 0] // per, pads.square[k, 1] // per] = True
+        reach = math.floor(math.sqrt(2.0) * REACH * rounded / (per * pads.frame[b, SIDE]) + 0.5)
+        _mark_around(pads, b, loaded, per, max(reach, 1), marked)
+        numbers = np.empty((rows + 1) * (columns + 1), np.int64)
         count = _number_nodes(marked, numbers)
         if count <= MOST_NODES:
             break
         per *= 2
-    near = np.empty((rows, columns), np.bool_)
-    _mark_around(pads, b, polygons, per, 1, near)
     first, same = plates.element_start[b], plates.shape[b, PER_SIDE] == per and plates.length[b] == rounded
-    for n in range(rows * columns):
-        same = same and plates.near[first + n] == near[n // columns, n % columns]
-    if same:
+    there = plates.loaded[first : first + rows * columns].reshape(rows, columns)
+    if same and np.array_equal(there, loaded):
         return
     nodes = plates.node[plates.node_start[b] : plates.node_start[b] + numbers.size]
-    unknowns = 4 * _number_nodes(near, nodes)
+    unknowns = 4 * _number_nodes(loaded, nodes)
     kept, matrix = np.empty(unknowns, np.int64), np.zeros((4 * count, 4 * count))
     for n in range(nodes.size):
         for k in range(4):
@@ -251,66 +267,6 @@ def fit_plate(pads: Pads, plates: Plates, b: int, polygons: Ints, length: float,
     _assemble(pads, b, marked, numbers, per, rounded, poisson, matrix)
     out = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
     _invert(matrix, kept, out)
-    _rigid_compliance(pads, b, plates.rigid[b])
-    for n in range(rows * columns):
-        plates.near[first + n] = near[n // columns, n % columns]
+    there[:, :] = loaded
     plates.shape[b, PER_SIDE], plates.shape[b, COLUMNS], plates.shape[b, UNKNOWNS] = per, columns + 1, unknowns
     plates.length[b] = rounded
-
-
-@kernel
-def bears(pads: Pads, plates: Plates, b: int, k: int) -> bool:
-    """Whether loads on a polygon may act on the plate."""
-    per, columns = plates.shape[b, PER_SIDE], plates.shape[b, COLUMNS] - 1
-    at = plates.element_start[b] + pads.square[k, 0] // per * columns + pads.square[k, 1] // per
-    return bool(plates.near[at])
-
-
-@kernel
-def _find_room(pads: Pads, polygons: Ints, start: Ints, bends: NDArray[np.bool_], most: Ints) -> None:
-    """Find how many unknowns the plate of each fragment that bends can have, with loads on any of its polygons."""
-    for b in range(bends.size):
-        per, most[b], columns = int(SIDES_PER_LAMBDA), 0, 2
-        while bends[b] and columns > 1:  # elements of all sizes that it may have
-            rows, columns = (pads.raster[b, 1] - 1) // per + 1, (pads.raster[b, 2] - 1) // per + 1
-            near, numbers = np.empty((rows, columns), np.bool_), np.empty((rows + 1) * (columns + 1), np.int64)
-            _mark_around(pads, b, polygons[start[b] : start[b + 1]], per, 1, near)
-            most[b] = max(most[b], 4 * min(_number_nodes(near, numbers), MOST_NODES))
-            columns, per = max(rows, columns), 2 * per
-
-
-class PlateRoom:
-    """Room for the plates of the fragments of some pads, which grows as more of them comes near the floor."""
-
-    def __init__(self, pads: Pads) -> None:
-        count, per = len(pads.frame), int(SIDES_PER_LAMBDA)
-        elements = (pads.raster[:, 1:] - 1) // per + 1
-        self._pads, self._extent = pads, pads.frame[:, SIDE] * pads.raster[:, 1:].max(axis=1)
-        self._element_start = np.concatenate([[0], np.cumsum(elements.prod(axis=1))])
-        self._node_start = np.concatenate([[0], np.cumsum((elements + 1).prod(axis=1))])
-        self._room = np.zeros(count, np.int64)
-        self.plates = self._empty_plates()
-
-    def _empty_plates(self) -> Plates:
-        count, start = self._room.size, np.concatenate([[0], np.cumsum(self._room**2)])
-        return Plates(
-            np.zeros(count, np.bool_), self._element_start, np.zeros(self._element_start[-1], np.bool_), self._node_start,
-            np.empty(self._node_start[-1], np.int64), np.zeros((count, 3), np.int64), np.zeros(count), start,
-            np.empty(start[-1]), np.zeros((count, 3, 3)),
-        )  # fmt: skip
-
-    def reserve(self, polygons: Ints, start: Ints, length: Floats, tilts: NDArray[np.bool_]) -> Plates:
-        """Return the plates of the fragments, with room for loads on any of some polygons.
-
-        ``polygons``: those that may touch the floor, from ``start`` on for each fragment; ``length``: of bending, m; ``tilts``:
-        which fragments tilt.
-        """
-        bends = tilts & (self._extent > SHORT * math.sqrt(2.0) * length) & (length > 0.0) & (np.diff(start) > 0)
-        most = np.empty_like(self._room)
-        _find_room(self._pads, polygons, start, bends, most)
-        if (most > self._room).any():
-            # Half as many nodes again, for the next ones that come near.
-            self._room = np.maximum(self._room, np.minimum(most + most // 2, 4 * MOST_NODES))
-            self.plates = self._empty_plates()
-        self.plates.bends[:] = bends
-        return self.plates

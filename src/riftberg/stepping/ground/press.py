@@ -24,7 +24,7 @@ from riftberg.physics.geometry import solve
 from riftberg.physics.seabed import WATER_STIFFNESS, bending_stress, plate_deflection, pressed
 from riftberg.state import Floats, Ints
 from riftberg.stepping.ground.pads import CORNERS, LOW_X, LOW_Y, ORIGIN_X, ORIGIN_Y, SIDE, Pads, share_of_ice
-from riftberg.stepping.ground.plate import COLUMNS, PER_SIDE, UNKNOWNS, Plates, bears, cubics, fit_plate
+from riftberg.stepping.ground.plate import COLUMNS, PER_SIDE, UNKNOWNS, Plates, cubics, fit_plate, unknowns_of
 from riftberg.stepping.ground.shoal import CLEAR
 
 MAX_ITERATIONS: Final = 100
@@ -76,10 +76,6 @@ class Squares(NamedTuple):
     elastic: Floats  # Stiffness of what is pressed elastically, N m-1
     mixed: Floats  # The same with its moments: heave, both tilts; shape (squares, 3)
     place: Floats  # Where the load acts, m; shape (squares, 2)
-    share: Floats  # Share of ice around it
-    elements: int  # Elements of the plate along the side of a square
-    element: Ints  # Row and column of the first one in each; shape (squares, 2)
-    shape: Floats  # What the unknowns of their nodes give to the rise; shape (squares, unknowns)
 
 
 PRESSED: Final = 9
@@ -186,40 +182,6 @@ def _gather(
         merged *= 2
 
 
-# Many arguments: as in `press`.
-@kernel
-def _fit_below(
-    pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, highest: Floats, length: float, poisson: float
-) -> None:  # fmt: skip
-    """Make the plate for the polygons that overlap the floor, and for all that may be loaded where these lie far from them."""
-    below = polygons[highest > 0.0]
-    fit_plate(pads, plates, b, below, length, poisson)
-    near = True
-    for m in one.polygons:
-        near = near and bears(pads, plates, b, polygons[m])
-    if not near:
-        fit_plate(pads, plates, b, polygons[one.polygons], length, poisson)
-
-
-@kernel
-def _make_squares(
-    pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, count: int, merged: int
-) -> Squares:
-    """Make squares of ``merged`` pads to a side, without loads."""
-    per = plates.shape[b, PER_SIDE]
-    elements = max(merged // per, 1) if plates.bends[b] else 0
-    sq = Squares(
-        np.zeros((count, count)), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((count, 3)),
-        np.zeros((count, 2)), np.zeros(count), elements, np.zeros((count, 2), np.int64),
-        np.zeros((count, 4 * (elements + 1) ** 2)),
-    )  # fmt: skip
-    if elements > 0:
-        for m in range(one.polygons.size):
-            for n in range(2):
-                sq.element[one.square[m], n] = pads.square[polygons[one.polygons[m]], n] // merged * merged // per
-    return sq
-
-
 @kernel
 def _raised(one: Overlaps, m: int, q: Floats, bending: float, piece: Floats) -> tuple[int, float]:
     """Corners of a polygon with the overlap that rise and bending leave; returns their number and the largest overlap (m)."""
@@ -233,29 +195,53 @@ def _raised(one: Overlaps, m: int, q: Floats, bending: float, piece: Floats) -> 
 
 
 @kernel
-def _add_shape(
-    pads: Pads, plates: Plates, b: int, k: int, x: float, y: float, weight: float, sq: Squares, i: int
-) -> None:
-    """Add what the unknowns of the plate give to the rise at a point of polygon ``k``, in square ``i``, times a weight."""
-    per = plates.shape[b, PER_SIDE]
-    j, n, wide, h = pads.square[k, 0] // per, pads.square[k, 1] // per, sq.elements + 1, per * pads.frame[b, SIDE]
-    of_x, of_y = np.empty(4), np.empty(4)
-    cubics((x - pads.frame[b, LOW_X]) / h - n, 0, of_x)
-    cubics((y - pads.frame[b, LOW_Y]) / h - j, 0, of_y)
-    for a in range(16):
-        of_node = (j - sq.element[i, 0] + (a % 4) // 2) * wide + n - sq.element[i, 1] + a // 8
-        sq.shape[i, 4 * of_node + 2 * ((a // 4) % 2) + a % 2] += weight * of_x[a // 4] * of_y[a % 4]
-
-
-@kernel
-def _unknown(plates: Plates, b: int, sq: Squares, i: int, a: int) -> int:
-    """Number of the unknown of the plate for column ``a`` of the shape of a square."""
-    wide, of_node = sq.elements + 1, a // 4
-    j, n = sq.element[i, 0] + of_node // wide, sq.element[i, 1] + of_node % wide
-    return int(4 * plates.node[plates.node_start[b] + j * plates.shape[b, COLUMNS] + n] + a % 4)
+def _add_shape(pads: Pads, b: int, k: int, per: int, x: float, y: float, weight: float, shape: Floats) -> None:
+    """Add what the unknowns of the element of polygon ``k`` give to the rise at a point in it, times a weight."""
+    of_x, of_y, h = np.empty(4), np.empty(4), per * pads.frame[b, SIDE]
+    cubics((x - pads.frame[b, LOW_X]) / h - pads.square[k, 1] // per, 0, of_x)
+    cubics((y - pads.frame[b, LOW_Y]) / h - pads.square[k, 0] // per, 0, of_y)
+    for n in range(16):
+        shape[n] += weight * of_x[n // 4] * of_y[n % 4]
 
 
 # Many arguments: scratch for polygons is made once for all loops of a press.
+@kernel
+def _place_loads(
+    pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, sq: Squares, q: Floats, top: float, shape: Floats,
+    which: Ints, piece: Floats, room: Floats,
+) -> None:  # fmt: skip
+    """Find where the loads of squares act, and what the unknowns ``which`` of the plate give to the rise there (``shape``).
+
+    ``top``: overlap from which the pressure grows no more, m, infinite at first, where the overlap stands for the load.
+    """
+    count, per, sums = sq.load.size, plates.shape[b, PER_SIDE], np.zeros(10)
+    weight, nearest, polygon = np.zeros((count, 3)), np.full(count, -math.inf), np.empty(count, np.int64)
+    for m in range(one.polygons.size):
+        i, k = one.square[m], polygons[one.polygons[m]]
+        size, highest = _raised(one, m, q, sq.bending[i], piece)
+        polygon[i] = k
+        if highest > 0.0:
+            pressed(piece, size, top, room, sums)
+            _add_shape(pads, b, k, per, sums[1] / sums[0], sums[2] / sums[0], sums[0], shape[i])
+            for n in range(3):
+                weight[i, n] += sums[n]
+        elif highest > nearest[i]:
+            for n in range(size):  # where it would touch first
+                if piece[n, 2] == highest:
+                    nearest[i], sq.place[i, 0], sq.place[i, 1] = highest, piece[n, 0], piece[n, 1]
+    for i in range(count):
+        k = polygon[i]
+        if weight[i, 0] > 0.0:
+            sq.place[i, 0], sq.place[i, 1] = weight[i, 1] / weight[i, 0], weight[i, 2] / weight[i, 0]
+            for n in range(16):
+                shape[i, n] /= weight[i, 0]
+        else:
+            _add_shape(pads, b, k, per, sq.place[i, 0], sq.place[i, 1], 1.0, shape[i])
+        j, n, nodes = pads.square[k, 0] // per, pads.square[k, 1] // per, plates.node[plates.node_start[b] :]
+        unknowns_of(nodes, plates.shape[b, COLUMNS], j, n, which[i])
+
+
+# Many arguments: as above.
 @kernel
 def _set_compliance(
     pads: Pads, plates: Plates, b: int, polygons: Ints, one: Overlaps, sq: Squares, single: bool, q: Floats, top: float,
@@ -263,58 +249,29 @@ def _set_compliance(
 ) -> None:  # fmt: skip
     """Find where the loads of squares act, and the compliance of the plate there beyond heave and tilts.
 
-    ``single``: whether squares are single pads; ``top``: overlap from which the pressure grows no more, m, infinite at first,
-    where the overlap stands for the load.
+    ``single``: whether squares are single pads; ``top``: as above.
     """
-    count, most, sums = sq.load.size, sq.shape.shape[1], np.zeros(10)
-    weight, nearest, first = np.zeros((count, 3)), np.full(count, -math.inf), np.zeros(count, np.int64)
-    for i in range(count):
-        for a in range(most):
-            sq.shape[i, a] = 0.0
-    for m in range(one.polygons.size):
-        i, k = one.square[m], polygons[one.polygons[m]]
-        size, highest = _raised(one, m, q, sq.bending[i], piece)
-        if highest > 0.0:
-            pressed(piece, size, top, room, sums)
-            _add_shape(pads, plates, b, k, sums[1] / sums[0], sums[2] / sums[0], sums[0], sq, i)
-            for n in range(3):
-                weight[i, n] += sums[n]
-        elif weight[i, 0] == 0.0 and highest > nearest[i]:
-            for n in range(size):  # where it would touch first
-                if piece[n, 2] == highest:
-                    nearest[i], first[i], sq.place[i, 0], sq.place[i, 1] = highest, k, piece[n, 0], piece[n, 1]
-    narrow = DIMPLE * min(plates.shape[b, PER_SIDE] * pads.frame[b, SIDE], math.sqrt(2.0) * length)
-    dimple, unknowns = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), plates.shape[b, UNKNOWNS]
+    count, unknowns, rigid = sq.load.size, plates.shape[b, UNKNOWNS], plates.rigid[b]
+    shape, which, bent, heaved = np.zeros((count, 16)), np.empty((count, 16), np.int64), np.empty(unknowns), np.empty(3)
+    _place_loads(pads, plates, b, polygons, one, sq, q, top, shape, which, piece, room)
     matrix = plates.compliance[plates.start[b] : plates.start[b] + unknowns * unknowns].reshape(unknowns, unknowns)
-    which, bent, heaved = np.empty((count, most), np.int64), np.zeros(unknowns), np.empty(3)
+    narrow = DIMPLE * min(plates.shape[b, PER_SIDE] * pads.frame[b, SIDE], math.sqrt(2.0) * length)
+    dimple, beyond = (narrow / length) ** 2 / (8.0 * WATER_STIFFNESS * length * length), (10.0 * narrow) ** 2
     for i in range(count):
-        if weight[i, 0] > 0.0:
-            sq.place[i, 0], sq.place[i, 1] = weight[i, 1] / weight[i, 0], weight[i, 2] / weight[i, 0]
-        else:
-            weight[i, 0] = 1.0
-            _add_shape(pads, plates, b, first[i], sq.place[i, 0], sq.place[i, 1], 1.0, sq, i)
-        sq.share[i] = share_of_ice(pads, b, sq.place[i, 0], sq.place[i, 1], math.sqrt(2.0) * length)
-        for a in range(most):
-            sq.shape[i, a] /= weight[i, 0]
-            which[i, a] = _unknown(plates, b, sq, i, a) if sq.shape[i, a] != 0.0 else 0
-    for i in range(count):
-        for n in range(unknowns):
-            bent[n] = 0.0
-        for a in range(most):
-            if sq.shape[i, a] != 0.0:
-                for n in range(unknowns):
-                    bent[n] += sq.shape[i, a] * matrix[which[i, a], n]
+        bent[:] = 0.0
+        for a in range(16):
+            weight, row = shape[i, a], matrix[which[i, a]]
+            for n in range(unknowns):
+                bent[n] += weight * row[n]
         for n in range(3):
-            heaved[n] = (
-                plates.rigid[b, n, 0] + plates.rigid[b, n, 1] * sq.place[i, 1] - plates.rigid[b, n, 2] * sq.place[i, 0]
-            )
+            heaved[n] = rigid[n, 0] + rigid[n, 1] * sq.place[i, 1] - rigid[n, 2] * sq.place[i, 0]
         for j in range(i + 1):
             value = -(heaved[0] + heaved[1] * sq.place[j, 1] - heaved[2] * sq.place[j, 0])
-            for a in range(most):
-                value += sq.shape[j, a] * bent[which[j, a]]
-            if single:
-                away = math.hypot(sq.place[i, 0] - sq.place[j, 0], sq.place[i, 1] - sq.place[j, 1])
-                value += dimple * plate_deflection(away / narrow)
+            for a in range(16):
+                value += shape[j, a] * bent[which[j, a]]
+            away = (sq.place[i, 0] - sq.place[j, 0]) ** 2 + (sq.place[i, 1] - sq.place[j, 1]) ** 2
+            if single and away < beyond:
+                value += dimple * plate_deflection(math.sqrt(away) / narrow)
             sq.compliance[i, j] = sq.compliance[j, i] = value
     _apply(sq.compliance, sq.coefficient, sq.bending)
 
@@ -491,7 +448,7 @@ def _share_out(
     thickness: float, found: Floats, bent: Floats, piece: Floats, room: Floats,
 ) -> None:  # fmt: skip
     """Write what the elements (``found``) and polygons (``bent``) bear."""
-    sums, top = np.zeros(10), bed.strength / bed.stiffness
+    sums, top, share = np.zeros(10), bed.strength / bed.stiffness, np.full(sq.load.size, -1.0)
     for m in range(one.polygons.size):
         i, k = one.square[m], polygons[one.polygons[m]]
         e, origin_x, origin_y = pads.owner[k], pads.frame[b, ORIGIN_X], pads.frame[b, ORIGIN_Y]
@@ -508,10 +465,12 @@ def _share_out(
         found[e, PUSH_X] -= load * gradient[one.polygons[m], 0]
         found[e, PUSH_Y] -= load * gradient[one.polygons[m], 1]
         found[e, LIFT] = max(found[e, LIFT], q[0] + q[1] * y - q[2] * x + sq.bending[i])
-        found[e, STRESS] = max(found[e, STRESS], bending_stress(length, sq.share[i], thickness, sq.bending[i]))
+        if share[i] < 0.0 and length > 0.0:
+            share[i] = share_of_ice(pads, b, sq.place[i, 0], sq.place[i, 1], math.sqrt(2.0) * length)
+        found[e, STRESS] = max(found[e, STRESS], bending_stress(length, share[i], thickness, sq.bending[i]))
         found[e, YIELD] = max(found[e, YIELD], highest - top)
         of_polygon = bent[one.polygons[m]]
-        of_polygon[0], of_polygon[1], of_polygon[2] = load, sq.bending[i], sq.share[i]
+        of_polygon[0], of_polygon[1], of_polygon[2] = load, sq.bending[i], share[i]
         of_polygon[3], of_polygon[4] = x + origin_x, y + origin_y
         if bed.grip < top:
             pressed(piece, size, bed.grip, room, sums)
@@ -556,12 +515,15 @@ def press(
         min(0.2 * largest + 0.02, CLEAR),
         bed.strength / bed.stiffness,
     )
-    least, bends = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2, plates.bends[b]
+    least, bends = SLIVER * bed.stiffness * pads.frame[b, SIDE] ** 2, length > 0.0
     while True:
         one, count, merged = _gather(pads, b, polygons, corner, highest, margin)
+        sq, iterations = Squares(
+            np.zeros((count, count)), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((count, 3)),
+            np.zeros((count, 2)),
+        ), 0  # fmt: skip
         if bends:
-            _fit_below(pads, plates, b, polygons, one, highest, length, bed.poisson)
-        sq, iterations = _make_squares(pads, plates, b, polygons, one, count, merged), 0
+            fit_plate(pads, plates, b, polygons[one.polygons], merged, length, bed.poisson)
         q[0] = q[1] = q[2] = 0.0
         for search in range(2 if bends else 1):
             if bends:

@@ -29,7 +29,6 @@ from riftberg.stepping.ground import landing
 from riftberg.stepping.ground.pads import (
     ORIGIN_X,
     ORIGIN_Y,
-    RIGID,
     Pads,
     cut_into_pads,
     melted,
@@ -265,12 +264,11 @@ class Seabed:
         if not start[-1]:
             self.clearance[0] = min(self.clearance[0], max(clearance.min(initial=np.inf), 0.0))
             return None
-        now = landing.prepared(pads, keels.plates.plates, polygons[: start[-1]], start, pose, draft)
+        now = landing.prepared(pads, keels.plates, polygons[: start[-1]], start, pose, draft)
         now.number[:, landing.REACH], now.number[:, landing.CLEARANCE] = reach, clearance
         now.number[:, landing.RADIUS], now.number[:, landing.LEVEL :] = shoal.survey.radius[numbers], level.T
         landing.board(now, numbers, bodies, el.keel, thickness, self.bed)
-        plates = keels.plates.reserve(now.polygons, start, now.number[:, landing.LENGTH], now.hull[:, 1, 1] < RIGID)
-        return now._replace(plates=plates), numbers
+        return now, numbers
 
     def resolve(
         self, model: RunState, bodies: Bodies, op: BodyOperators, time: float, h: float, contact: SubcycledMotion | None

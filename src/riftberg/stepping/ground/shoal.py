@@ -14,7 +14,7 @@ from riftberg.state import Floats, Ints
 from riftberg.state.variables import Body, Environment
 from riftberg.stepping.bodies.pose import Bodies
 from riftberg.stepping.ground.pads import LOW_X, LOW_Y, ORIGIN_X, ORIGIN_Y, SIDE, Pads, place_points
-from riftberg.stepping.ground.plate import PlateRoom
+from riftberg.stepping.ground.plate import unmade_plates
 from riftberg.stepping.ground.soundings import Floor, Soundings
 
 STEEPEST: Final = 0.5
@@ -213,7 +213,7 @@ class Keels:
 
     def __init__(self, bodies: Ints, side: Floats, pads: Pads, size: Floats, survey: Survey, pose: Floats) -> None:
         self.bodies, self.side, self.whole, self.size = bodies, side, pads, size
-        self.plates = PlateRoom(pads)
+        self.plates = unmade_plates(pads)
         self.cut = np.zeros(survey.way.size, np.bool_)
         self.cut[bodies] = True
         of = np.repeat(np.arange(bodies.size), np.diff(pads.polygon_start))
