@@ -265,6 +265,27 @@ def test_the_balance_does_not_depend_on_which_pads_are_watched() -> None:
         assert np.array_equal(again.found, found)
 
 
+@pytest.mark.compiled
+def test_the_balance_does_not_depend_on_what_was_pressed_before() -> None:
+    """A resumed run has no plate from before: one with loads in other elements, and the same ice around them, is another."""
+
+    def knolls(*middles: tuple[float, float]) -> Any:
+        def floor(x: Any, y: Any) -> Any:
+            return (
+                DRAFT + 3.0 - sum(4.0 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2.0 * 300.0**2)) for a, b in middles)
+            )
+
+        return floor
+
+    lattice = 16, 8, 1000.0
+    full = [(a, b) for a in (-3e3, 0.0, 3e3) for b in (-3e3, 0.0, 3e3)]
+    ring = [middle for middle in full if middle != (0.0, 0.0)]
+    floors = [knolls(*middles) for middles in (ring, full, [(6e3, 0.0)], [(6e3, 0.0), (-6e3, 2e3)], ring)]
+    used = Berg(*lattice)
+    for floor in floors:
+        assert np.array_equal(used.press(floor, ROCK).found, Berg(*lattice).press(floor, ROCK).found)
+
+
 @pytest.mark.parametrize("side", [150.0, 226.0, 362.0, 376.0])
 def test_a_corner_is_borne_by_the_plate_there_whatever_the_pads(side: float) -> None:
     """Bug: pads that bore nothing yet were taken to bear at the middle of their overlap, and then took half of the load.
