@@ -237,16 +237,6 @@ class Parameters(Group):
                 "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
                 "and bonds.no_shear = false, or stepping.scheme = 'mts'"
             )
-        if self.elastic_cells and (scheme != "quasi_static" or self.bonds.law != "dem"):
-            asked = (
-                "bonds.elasticity = 'cells'"
-                if self.bonds.elasticity
-                else f"fracture.criterion = {self.fracture.criterion!r}"
-            )
-            raise ValueError(
-                f"{asked} needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
-                "bonds.law = 'dem', or bonds.elasticity = 'bonds' and fracture.criterion = 'bond'"
-            )
         self._check_criterion()
         self._check_grounding()
         if self.damage.enabled and not (scheme == "quasi_static" and self.bonds.law == "dem" and self.fracture.enabled):
@@ -305,32 +295,17 @@ class Parameters(Group):
                 "fracture.flexural_strength is compared with the bending of ice on a bed of sediment: set grounding.law = "
                 "'seabed' with grounding.bending, or leave it out"
             )
-        if f.enabled and f.criterion == "bond" and self.elastic_cells:
-            raise ValueError(
-                "fracture.criterion = 'bond' reads the forces of elastic bonds: set bonds.elasticity = 'bonds', or "
-                "fracture.criterion = 'ice'"
-            )
-        if f.criterion in (None, "bond") or not f.enabled:
+        if f.criterion is None or not f.enabled:
             return
-        if not self.elastic_cells:
+        if self.stepping.scheme != "quasi_static" or self.bonds.law == "none":
             raise ValueError(
-                f"fracture.criterion = {f.criterion!r} reads the stress of elastic cells: set bonds.elasticity = 'cells', or "
-                "fracture.criterion = 'bond'"
+                f"fracture.criterion = {f.criterion!r} reads the stress of bonded ice in equilibrium: set stepping.scheme = "
+                "'quasi_static' and bonds.law = 'dem', or leave it out"
             )
         if f.criterion == "toughness" and not (f.toughness > 0.0 and f.normal_strength > 0.0):
             raise ValueError(
                 "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2 and fracture.normal_strength, above 0"
             )
-
-    @property
-    def elastic_cells(self) -> bool:
-        """Whether the ice is elastic in cells, and not along its bonds: the default where the lattice is in equilibrium."""
-        asked, f = self.bonds.elasticity, self.fracture
-        if asked is None and f.enabled and f.criterion is not None:
-            return f.criterion != "bond"  # the others read the stress of elastic cells
-        return asked == "cells" or (
-            asked is None and self.stepping.scheme == "quasi_static" and self.bonds.law == "dem"
-        )
 
     @property
     def contact_distance(self) -> float:
@@ -448,26 +423,33 @@ def without_idle_keys(values: Any, *, all_of_them: bool = False) -> Any:
     if not isinstance(values, dict):
         return values
     quasi_static = values.get("stepping", {}).get("scheme") == "quasi_static"
-    # Keys of earlier versions, and those of the drag in the scheme without one, with the values that change nothing.
-    idle: dict[str, dict[str, tuple[Any, ...]]] = {
-        "stepping": {"landing_steps": (8,)}, "grounding": {"cell": (50.0,)},
-        "contact": {"law": (None, "crushing" if quasi_static else "spring")},
+    # Values that change nothing, of keys and choices of earlier versions, and of the drag in the scheme without one.
+    idle: dict[tuple[str, str], tuple[Any, ...]] = {
+        ("stepping", "landing_steps"): (8,), ("grounding", "cell"): (50.0,),
+        ("contact", "law"): (None, "crushing" if quasi_static else "spring"),
+        ("bonds", "elasticity"): (None, "cells" if quasi_static else "bonds"),
     }  # fmt: skip
+    former = set(idle)
     if quasi_static:
-        idle["grounding"] |= {name: (Grounding.model_fields[name].get_default(),) for name in DRAG_KEYS}
-    former: dict[str, dict[str, Any]] = {"bonds": {"elasticity": "isotropic"}}
-    if quasi_static:
-        former["grounding"] = {"law": "linear", "start": "settle"}
+        drag = {("grounding", name): (Grounding.model_fields[name].get_default(),) for name in DRAG_KEYS}
+        idle, former = idle | drag, former | set(drag)
+        choices: dict[tuple[str, str], Any] = {
+            ("grounding", "law"): "linear", ("grounding", "start"): "settle", ("fracture", "criterion"): "bond",
+        }  # fmt: skip
     else:
-        former["damage"] = {"enabled": True}
-    left = dict(values)
-    for group, inner in values.items():
-        if isinstance(inner, dict):
-            keys, laws = idle.get(group, {}), former.get(group, {}) if all_of_them else {}
-            left[group] = {
-                name: value for name, value in inner.items()
-                if not (name in keys and (all_of_them or value in keys[name])) and not (name in laws and value == laws[name])
-            }  # fmt: skip
+        idle["fracture", "criterion"] = ("bond",)
+        choices = {("damage", "enabled"): True}
+
+    def acts(group: str, name: str, value: Any) -> bool:
+        key = group, name
+        if value in idle.get(key, ()):
+            return False
+        return not (all_of_them and (key in former or (key in choices and value == choices[key])))
+
+    left = {
+        group: {name: value for name, value in inner.items() if acts(group, name, value)} if isinstance(inner, dict) else inner
+        for group, inner in values.items()
+    }  # fmt: skip
     if not all_of_them and _had_isotropic_bonds(values):
         left["bonds"] = {**left["bonds"], "elasticity": "isotropic"}
     return left
