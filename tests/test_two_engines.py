@@ -11,9 +11,10 @@ import pytest
 from riftberg import Parameters
 from riftberg.ensembles.vary import varied_of
 from riftberg.errors import InputError
+from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed, parse_settings
 from riftberg.experiments.yaml_file import read_file
-from riftberg.parameters import A68A_2022_KID
+from riftberg.parameters import A68A_2022, A68A_2022_KID
 from riftberg.runs.layout import read_parameters
 
 ELASTIC = "the ice is elastic, alike in all directions; with stepping.scheme = 'mts' its bonds are"
@@ -39,7 +40,7 @@ GONE = [
     ("quasi_static", "bonds", "elasticity", "cells", ELASTIC),
     ("mts", "fracture", "criterion", "bond", BY_BOND),
     ("quasi_static", "fracture", "criterion", "bond", BY_BOND),
-    ("mts", "damage", "enabled", True, "set stepping.scheme = 'quasi_static'.* or damage.enabled = false"),
+    ("mts", "damage", "enabled", True, "write damage.enabled = false, or set stepping.scheme = 'quasi_static'"),
 ]
 ACTS = {  # What the engine of the file does by itself: its runs go on
     ("mts", "contact", "spring"), ("mts", "elasticity", "bonds"), ("quasi_static", "elasticity", "cells"),
@@ -108,3 +109,68 @@ def test_a_run_whose_bonds_were_isotropic_by_default_does_not_go_on(law: str) ->
     assert read_parameters(old, file).bonds.law == law
     for kept in (A68A_2022_KID, Parameters(), Parameters(**MTS, bonds={"law": "spring", "spring": 1e-4})):
         assert read_parameters(written(kept), file, goes_on=True) == kept
+
+
+SLAB = (
+    "start: 2020-12-09 13:00\ndays: 1\n"
+    "berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39.0, -55.5]}\n"
+    "forcing: {kind: formula, uniform: {current: [0.2, 0.0]}}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "scheme", "left_out"),
+    [
+        ("collision", "quasi_static", ("grounding.ramp_height", "compatibility.damping_by_speed")),
+        ("cantilever", "quasi_static", ("grounding.coefficient",)),
+        ("grounding-fracture", "mts", ()),
+        (
+            "slab.yaml: {stepping: {scheme: mts}, bonds: {law: spring}, fracture: {enabled: false}}",
+            "quasi_static",
+            ("bonds.law",),
+        ),
+        (
+            "slab.yaml: {damage: {enabled: true}, fracture: {criterion: ice}}",
+            "mts",
+            ("fracture.criterion", "damage.enabled"),
+        ),
+        ("slab.yaml: {grounding: {law: seabed, friction: 0.4}, ice: {density: 900}}", "mts", ("grounding.law",)),
+    ],
+)
+def test_an_experiment_runs_with_the_other_engine_and_says_what_it_leaves_out(
+    tmp_path: Path, name: str, scheme: str, left_out: tuple[str, ...]
+) -> None:
+    """Bug: `riftberg run collision --set stepping.scheme=quasi_static` was refused for what the experiment says itself."""
+    if name.startswith("slab.yaml"):
+        path = tmp_path / "slab.yaml"
+        path.write_text(f"{SLAB}parameters: {name.partition(': ')[2]}\n")
+        name = str(path)
+    model, info = build(name, Options(changes=parse_settings([f"stepping.scheme={scheme}"])))
+    usual, told = build(name)
+    assert model.parameters.stepping.scheme == scheme != usual.parameters.stepping.scheme
+    assert model.parameters.ice == usual.parameters.ice
+    assert model.parameters.bonds.youngs_modulus == usual.parameters.bonds.youngs_modulus
+    notices = [notice for notice in info.notices if notice.startswith("stepping.scheme")]
+    assert notices == ([f"stepping.scheme = {scheme!r} has no {', '.join(left_out)}: left out"] if left_out else [])
+    assert not [notice for notice in told.notices if notice.startswith("stepping.scheme")]
+
+
+def test_what_is_asked_for_with_the_scheme_is_refused_and_not_left_out() -> None:
+    for start, settings, now in (
+        (A68A_2022, ["stepping.scheme=mts", "damage.enabled=true"], "damage.enabled = false"),
+        (A68A_2022_KID, ["stepping.scheme=quasi_static", "grounding.coefficient=0"], "grounding.law: none"),
+    ):
+        with pytest.raises(InputError, match=now):
+            changed(start, parse_settings(settings))
+
+
+def test_the_numerics_of_the_reference_stay_behind_with_its_engine() -> None:
+    notices: list[str] = []
+    made = changed(A68A_2022_KID, parse_settings(["stepping.scheme=quasi_static"]), notices=notices)
+    assert "grounding.implicit" in notices[0]
+    assert "compatibility.zero_start" in notices[0]
+    assert made.compatibility.heat_of_one_class
+    assert not made.compatibility.zero_start
+    again = changed(made, parse_settings(["stepping.scheme=mts"]))
+    assert again.grounding_law == "linear"
+    assert again.drag == A68A_2022_KID.drag

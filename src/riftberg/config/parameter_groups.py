@@ -648,6 +648,17 @@ OF_NAMELISTS = (
 """Switches of `Compatibility` that the reference's namelists, and its kinds of grid, turn on: no quirks of every run."""
 
 
+QUIRKS_OF_MOTION = (
+    "inline_break_in_first_step", "flat_relative_velocity", "zero_start", "forcing_lag", "sticky_collision_flags",
+    "shared_shear_lever", "bond_thickness_of_second", "grid_position_round_trip", "swapped_implicit_velocity",
+    "uncentred_half_kicks", "explicit_contact_damping", "frozen_sea_ice_drag", "forces_by_element", "rest_length_from_sizes",
+    "bergs_coupled", "plain_kid_branch", "elements_stopped_alone", "stages_from_start", "contact_by_cells", "lost_over_edge",
+    "imposed_velocity_late", "flung_debris", "radius_based", "damping_by_speed",
+    "births_at_centre",  # bergs on top of each other, which contact parts only from a zero start
+)  # fmt: skip
+"""Switches of `Compatibility` that the explicit schemes alone need; the others are of melt, footloose calving and births."""
+
+
 class Compatibility(Group):
     """Quirks of the reference, each behind one switch; all off here, on where parity needs them.
 
