@@ -104,11 +104,10 @@ RUNS = (
 def explicit(name: str, step: float = 1800.0, changes: dict[str, dict[str, Any]] | None = None, **others: Any) -> Run:
     """Return a row by the explicit scheme with a long step (s) in sub-steps of 20 s or just below, and published bonds."""
     stepping = {"scheme": "mts", "time_step": step, "substeps": math.ceil(step / 20.0)}
-    return Run(name, changes={"stepping": stepping} | PUBLISHED | (changes or strength(16)), **others)
+    return Run(name, changes={"stepping": stepping} | (changes or strength(16)), **others)
 
 
-PUBLISHED: dict[str, dict[str, Any]] = {"bonds": {"elasticity": "bonds"}}
-MTS: dict[str, dict[str, Any]] = {"stepping": {"scheme": "mts"}} | PUBLISHED | strength(16)
+MTS: dict[str, dict[str, Any]] = {"stepping": {"scheme": "mts"}} | strength(16)
 EXPLICIT = (
     explicit("long step of 1800 s"),
     explicit("`--without shoal`", without=frozenset({"shoal"})),
@@ -116,7 +115,7 @@ EXPLICIT = (
     *(explicit(f"strength {value} kPa", changes=strength(value)) for value in (14, 18, 20)),
     *(explicit(f"long step of {value} s", value) for value in (900, 600, 450, 150)),
     *(explicit(f"long step of 450 s, strength {value} kPa", 450, strength(value)) for value in (14, 18, 20)),
-    Run("twice the sub-steps", changes={"stepping": {"scheme": "mts", "substeps": 180}} | PUBLISHED | strength(16)),
+    Run("twice the sub-steps", changes={"stepping": {"scheme": "mts", "substeps": 180}} | strength(16)),
     Run("radius 1 km", changes=MTS, radius=1000.0),
     Run("hexagonal packing", changes=MTS, packing="hexagonal"),
     Run("radius 1 km, hexagonal packing", changes=MTS, radius=1000.0, packing="hexagonal"),

@@ -41,7 +41,7 @@ def test_the_law_follows_from_the_scheme_unless_it_is_named() -> None:
 @pytest.mark.parametrize(
     ("key", "value", "now"),
     [
-        ("law", "linear", "leave it out .*seabed.* or write none .*or take stepping.scheme = 'mts'"),
+        ("law", "linear", "leave it out .*seabed.* or write none .*or set stepping.scheme = 'mts'"),
         ("law", "quadratic", "leave it out"),
         ("coefficient", 0.0, "write grounding.law: none in place of coefficient: 0"),
         ("coefficient", 1e4, "grounding.sediment, friction and shear_strength"),
@@ -105,7 +105,7 @@ def test_files_of_riftberg_open_whatever_keys_they_have() -> None:
 
 
 @pytest.mark.parametrize(("groups", "now"), [
-    ({}, "grounding.law = 'linear' is a drag of the explicit schemes"),
+    ({}, "grounding.law = 'linear' is of the explicit schemes.*seabed"),
     ({"grounding": {"law": "seabed", "coefficient": 0.0}}, "write grounding.law: none"),
     ({"grounding": {"law": "seabed"}, "stepping": {"landing_steps": 4}}, "no such parameter any more.*takes the sub-steps"),
 ])  # fmt: skip

@@ -1,4 +1,4 @@
-"""What the explicit engine had of the default one is gone: refused with what to write now, left out of Riftberg's own files."""
+"""What one engine had of the other is gone: refused with what to write now, left out of Riftberg's own files."""
 
 from __future__ import annotations
 
@@ -11,64 +11,92 @@ import pytest
 from riftberg import Parameters
 from riftberg.ensembles.vary import varied_of
 from riftberg.errors import InputError
+from riftberg.experiments import Options, build
 from riftberg.experiments.changes import changed, parse_settings
 from riftberg.experiments.yaml_file import read_file
-from riftberg.parameters import A68A_2022_KID
+from riftberg.parameters import A68A_2022, A68A_2022_KID
 from riftberg.runs.layout import read_parameters
 
-MTS = {"stepping": {"scheme": "mts"}}
+ELASTIC = "the ice is elastic, alike in all directions; with stepping.scheme = 'mts' its bonds are"
+BY_BOND = "each bond breaks by its own stress with stepping.scheme = 'mts', the ice by its own with 'quasi_static'"
 GONE = [
-    ("contact", "law", "crushing", "faces crush with stepping.scheme = 'quasi_static', springs act with the other"),
-    ("contact", "law", "spring", "faces crush with stepping.scheme = 'quasi_static', springs act with the other"),
-    ("bonds", "elasticity", "isotropic", "'isotropic' is not possible.*(Allowed|none): 'bonds', 'cells' or none"),
-    ("damage", "enabled", True, "set stepping.scheme = 'quasi_static'.* or damage.enabled = false"),
+    (
+        "mts",
+        "contact",
+        "law",
+        "crushing",
+        "faces crush with stepping.scheme = 'quasi_static', springs act with the other",
+    ),
+    (
+        "mts",
+        "contact",
+        "law",
+        "spring",
+        "faces crush with stepping.scheme = 'quasi_static', springs act with the other",
+    ),
+    ("mts", "bonds", "elasticity", "isotropic", ELASTIC),
+    ("mts", "bonds", "elasticity", "bonds", ELASTIC),
+    ("quasi_static", "bonds", "elasticity", "bonds", ELASTIC),
+    ("quasi_static", "bonds", "elasticity", "cells", ELASTIC),
+    ("mts", "fracture", "criterion", "bond", BY_BOND),
+    ("quasi_static", "fracture", "criterion", "bond", BY_BOND),
+    ("mts", "damage", "enabled", True, "write damage.enabled = false, or set stepping.scheme = 'quasi_static'"),
 ]
-each = pytest.mark.parametrize(("group", "key", "value", "now"), GONE)
+ACTS = {  # What the engine of the file does by itself: its runs go on
+    ("mts", "contact", "spring"), ("mts", "elasticity", "bonds"), ("quasi_static", "elasticity", "cells"),
+    ("mts", "criterion", "bond"),
+}  # fmt: skip
+each = pytest.mark.parametrize(("scheme", "group", "key", "value", "now"), GONE)
 
 
 @each
 def test_what_is_gone_is_refused_with_what_to_write_now(
-    tmp_path: Path, group: str, key: str, value: Any, now: str
+    tmp_path: Path, scheme: str, group: str, key: str, value: Any, now: str
 ) -> None:
     """In Python, by --set, in sweeps and in files alike."""
-    word = str(value).lower()
+    word, engine = str(value).lower(), {"stepping": {"scheme": scheme}}
     with pytest.raises(InputError, match=now):
-        Parameters(**MTS, **{group: {key: value}})
+        Parameters(**engine, **{group: {key: value}})
     with pytest.raises(InputError, match=now):
-        changed(Parameters(**MTS), parse_settings([f"{group}.{key}={word}"]))
+        changed(Parameters(**engine), parse_settings([f"{group}.{key}={word}"]))
     path = tmp_path / "slab.yaml"
     path.write_text(
         "start: 2020-12-09 13:00\ndays: 1\n"
         "berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39.0, -55.5]}\n"
         "forcing: {kind: constant, current: [0.2, 0.0], depth: 1 km}\n"
-        f"parameters:\n  stepping: {{scheme: mts}}\n  {group}: {{{key}: {word}}}\n"
+        f"parameters:\n  stepping: {{scheme: {scheme}}}\n  {group}: {{{key}: {word}}}\n"
     )
     with pytest.raises(InputError, match=now):
         read_file(path)
-    if key == "law":
-        with pytest.raises(InputError, match=f"any more.*{now}"):
-            varied_of([f"{group}.{key}={word}"])
+    if key != "enabled":
+        with pytest.raises(InputError, match=now):
+            varied_of([f"{group}.{key}={word},{word}"])
 
 
 def written(p: Parameters, **groups: dict[str, Any]) -> str:
     """Return parameters as a file of the version before has them."""
     values = p.model_dump(mode="json")
-    values["contact"]["law"] = None
+    values["contact"]["law"] = values["bonds"]["elasticity"] = None
     for group, inner in groups.items():
         values[group] |= inner
     return json.dumps(values)
 
 
 @each
-def test_files_that_had_it_open_and_no_run_goes_on_with_it(group: str, key: str, value: Any, now: str) -> None:
-    explicit, file = Parameters(**MTS, bonds={"no_shear": True}), Path("a.restart.nc")
-    old = written(explicit, **{group: {key: value}})
-    assert read_parameters(old, file) == explicit
-    if value == "spring":  # the law that acts
-        assert read_parameters(old, file, goes_on=True) == explicit
+def test_files_that_had_it_open_and_no_run_goes_on_with_it(
+    scheme: str, group: str, key: str, value: Any, now: str
+) -> None:
+    p, file = Parameters(stepping={"scheme": scheme}, bonds={"no_shear": scheme == "mts"}), Path("a.restart.nc")
+    old = written(p, **{group: {key: value}})
+    assert read_parameters(old, file) == p
+    if (scheme, key, value) in ACTS or (scheme, group, value) in ACTS:
+        assert read_parameters(old, file, goes_on=True) == p
     else:
         with pytest.raises(InputError, match=now):
             read_parameters(old, file, goes_on=True)
+
+
+MTS = {"stepping": {"scheme": "mts"}}
 
 
 @pytest.mark.parametrize("law", ["dem", "spring"])
@@ -76,8 +104,73 @@ def test_a_run_whose_bonds_were_isotropic_by_default_does_not_go_on(law: str) ->
     """Its file names no elasticity, and would go on with other bonds without a word."""
     old = written(Parameters(**MTS, bonds={"law": law}, fracture={"enabled": law == "dem"}))
     file = Path("a.restart.nc")
-    with pytest.raises(InputError, match=r"bonds\.elasticity: 'isotropic' is not possible"):
+    with pytest.raises(InputError, match=rf"bonds\.elasticity: .*{ELASTIC}"):
         read_parameters(old, file, goes_on=True)
-    assert read_parameters(old, file).bonds.elasticity is None
+    assert read_parameters(old, file).bonds.law == law
     for kept in (A68A_2022_KID, Parameters(), Parameters(**MTS, bonds={"law": "spring", "spring": 1e-4})):
         assert read_parameters(written(kept), file, goes_on=True) == kept
+
+
+SLAB = (
+    "start: 2020-12-09 13:00\ndays: 1\n"
+    "berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39.0, -55.5]}\n"
+    "forcing: {kind: formula, uniform: {current: [0.2, 0.0]}}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "scheme", "left_out"),
+    [
+        ("collision", "quasi_static", ("grounding.ramp_height", "compatibility.damping_by_speed")),
+        ("cantilever", "quasi_static", ("grounding.coefficient",)),
+        ("grounding-fracture", "mts", ()),
+        (
+            "slab.yaml: {stepping: {scheme: mts}, bonds: {law: spring}, fracture: {enabled: false}}",
+            "quasi_static",
+            ("bonds.law",),
+        ),
+        (
+            "slab.yaml: {damage: {enabled: true}, fracture: {criterion: ice}}",
+            "mts",
+            ("fracture.criterion", "damage.enabled"),
+        ),
+        ("slab.yaml: {grounding: {law: seabed, friction: 0.4}, ice: {density: 900}}", "mts", ("grounding.law",)),
+    ],
+)
+def test_an_experiment_runs_with_the_other_engine_and_says_what_it_leaves_out(
+    tmp_path: Path, name: str, scheme: str, left_out: tuple[str, ...]
+) -> None:
+    """Bug: `riftberg run collision --set stepping.scheme=quasi_static` was refused for what the experiment says itself."""
+    if name.startswith("slab.yaml"):
+        path = tmp_path / "slab.yaml"
+        path.write_text(f"{SLAB}parameters: {name.partition(': ')[2]}\n")
+        name = str(path)
+    model, info = build(name, Options(changes=parse_settings([f"stepping.scheme={scheme}"])))
+    usual, told = build(name)
+    assert model.parameters.stepping.scheme == scheme != usual.parameters.stepping.scheme
+    assert model.parameters.ice == usual.parameters.ice
+    assert model.parameters.bonds.youngs_modulus == usual.parameters.bonds.youngs_modulus
+    notices = [notice for notice in info.notices if notice.startswith("stepping.scheme")]
+    assert notices == ([f"stepping.scheme = {scheme!r} has no {', '.join(left_out)}: left out"] if left_out else [])
+    assert not [notice for notice in told.notices if notice.startswith("stepping.scheme")]
+
+
+def test_what_is_asked_for_with_the_scheme_is_refused_and_not_left_out() -> None:
+    for start, settings, now in (
+        (A68A_2022, ["stepping.scheme=mts", "damage.enabled=true"], "damage.enabled = false"),
+        (A68A_2022_KID, ["stepping.scheme=quasi_static", "grounding.coefficient=0"], "grounding.law: none"),
+    ):
+        with pytest.raises(InputError, match=now):
+            changed(start, parse_settings(settings))
+
+
+def test_the_numerics_of_the_reference_stay_behind_with_its_engine() -> None:
+    notices: list[str] = []
+    made = changed(A68A_2022_KID, parse_settings(["stepping.scheme=quasi_static"]), notices=notices)
+    assert "grounding.implicit" in notices[0]
+    assert "compatibility.zero_start" in notices[0]
+    assert made.compatibility.heat_of_one_class
+    assert not made.compatibility.zero_start
+    again = changed(made, parse_settings(["stepping.scheme=mts"]))
+    assert again.grounding_law == "linear"
+    assert again.drag == A68A_2022_KID.drag

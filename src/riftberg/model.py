@@ -29,7 +29,6 @@ from riftberg.state.population import Population, Saved, by_identifier, changed_
 from riftberg.stepping.explicit.stability import (
     assign_substeps,
     check_long_step,
-    narrow_warning,
     resonance_warning,
     size_bins,
 )
@@ -41,6 +40,7 @@ from riftberg.stepping.fragments.tree import Fragment, FragmentTree, measure_out
 from riftberg.stepping.laws import Laws, WithForce
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper
+from riftberg.stepping.slenderness import narrow_warning
 from riftberg.stepping.speed_limit import check_forcing, check_speed, refuse_fast_start, refuse_forcing
 from riftberg.stepping.stepper import Stepper, complete_state, sample_new_elements
 from riftberg.system.input_files import check_work, shortened, value_shown

@@ -15,6 +15,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple, get_type_hints
 from pydantic import Field, model_validator
 
 from riftberg.config.parameter_groups import (
+    QUIRKS_OF_MOTION,
     BondLaw,
     BondParameters,
     Calving,
@@ -90,6 +91,56 @@ DRAG_KEYS: Final = {
     "implicit": "leave it out; a bed of sediment takes the sub-steps that it needs",
 }
 """Keys of the drag laws, and what to write in their place with the scheme that has a bed of sediment."""
+
+
+class EngineChoice(NamedTuple):
+    """What one of the two engines has, and the other has not."""
+
+    group: str
+    name: str
+    values: tuple[Any, ...]  # Those that it alone has; empty where it alone has the parameter
+    instead: str  # What to write with the other engine
+
+    @property
+    def path(self) -> str:
+        """Group and name."""
+        return f"{self.group}.{self.name}"
+
+    def asked_of(self, parameters: Parameters) -> bool:
+        """Whether parameters ask for it."""
+        group = getattr(parameters, self.group)
+        value = getattr(group, self.name)
+        return value in self.values if self.values else value is not None and self.name in group.model_fields_set
+
+    def refusal(self, parameters: Parameters) -> str:
+        """Return why parameters with the other engine cannot ask for it, and what to write."""
+        rigid = parameters.stepping.scheme == "quasi_static"
+        owner, scheme = ("the explicit schemes", "mts") if rigid else ("quasi_static", "quasi_static")
+        value = getattr(getattr(parameters, self.group), self.name)
+        return f"{self.path} = {value!r} is of {owner}: {self.instead}, or set stepping.scheme = {scheme!r}"
+
+
+OF_EXPLICIT: Final = (
+    EngineChoice("grounding", "law", ("linear", "quadratic"),
+                 "leave it out (a bed of sediment, seabed) or write none (no sea floor)"),
+    *(EngineChoice("grounding", name, (), instead) for name, instead in DRAG_KEYS.items()),
+    EngineChoice("bonds", "law", ("spring",), "write bonds.law = 'dem' (or 'none'), which holds against shear and bending"),
+    EngineChoice("bonds", "no_shear", (True,), "leave it out; ice holds against shear"),
+)  # fmt: skip
+"""What 'mts', 'verlet' and 'runge_kutta' have, and 'quasi_static' refuses."""
+
+OF_QUASI_STATIC: Final = (
+    EngineChoice("grounding", "law", ("seabed",), "write 'linear', 'quadratic' or 'none'"),
+    EngineChoice("fracture", "criterion", ("ice", "toughness"), "leave it out; each bond breaks by its own stress"),
+    EngineChoice("fracture", "flexural_strength", (), "leave it out; nothing bends the ice on the sea floor"),
+    EngineChoice("damage", "enabled", (True,), "write damage.enabled = false"),
+)
+"""What 'quasi_static' has, and the explicit schemes refuse."""
+
+
+def choices_without(scheme: Scheme) -> tuple[EngineChoice, ...]:
+    """Return what the engine of a scheme has not."""
+    return OF_EXPLICIT if scheme == "quasi_static" else OF_QUASI_STATIC
 
 
 CAPTURES: Final[dict[Capture, int]] = {"none": NO_CAPTURE, "limited": LIMITED, "locked": LOCKED}
@@ -232,27 +283,14 @@ class Parameters(Group):
                 "fracture acts with the schemes 'mts' and 'quasi_static' only: set stepping.scheme = 'mts' "
                 "or fracture.enabled = false (equations 7, quirk Q25)"
             )
-        if scheme == "quasi_static" and (self.bonds.law == "spring" or self.bonds.no_shear):
-            raise ValueError(
-                "scheme 'quasi_static' needs bonds that hold against shear and bending: set bonds.law = 'dem' (or 'none') "
-                "and bonds.no_shear = false, or stepping.scheme = 'mts'"
-            )
-        if self.elastic_cells and (scheme != "quasi_static" or self.bonds.law != "dem"):
-            asked = (
-                "bonds.elasticity = 'cells'"
-                if self.bonds.elasticity
-                else f"fracture.criterion = {self.fracture.criterion!r}"
-            )
-            raise ValueError(
-                f"{asked} needs a lattice in equilibrium: set stepping.scheme = 'quasi_static' and "
-                "bonds.law = 'dem', or bonds.elasticity = 'bonds' and fracture.criterion = 'bond'"
-            )
+        if foreign := [choice for choice in choices_without(scheme) if choice.asked_of(self)]:
+            raise ValueError(foreign[0].refusal(self))
         self._check_criterion()
         self._check_grounding()
-        if self.damage.enabled and not (scheme == "quasi_static" and self.bonds.law == "dem" and self.fracture.enabled):
+        if self.damage.enabled and not (self.bonds.law == "dem" and self.fracture.enabled):
             raise ValueError(
-                "damage lowers the strength of bonds that can break, by the stress of the ice in equilibrium: set "
-                "stepping.scheme = 'quasi_static', bonds.law = 'dem' and fracture.enabled = true, or damage.enabled = false"
+                "damage lowers the strength of bonds that can break: set bonds.law = 'dem' and fracture.enabled = true, or "
+                "damage.enabled = false"
             )
         self._check_life()
         quirks = self.compatibility
@@ -269,68 +307,31 @@ class Parameters(Group):
         return self.grounding.law or ("seabed" if self.stepping.scheme == "quasi_static" else "linear")
 
     def _check_grounding(self) -> None:
-        """Refuse a law of the sea floor that the scheme does not know, or without its numbers, and keys of another law."""
+        """Refuse a law of the sea floor without its numbers, and keys of another law."""
         g, law = self.grounding, self.grounding_law
-        if self.stepping.scheme == "quasi_static":
-            if law in ("linear", "quadratic"):
-                raise ValueError(
-                    f"grounding.law = {law!r} is a drag of the explicit schemes: with stepping.scheme = 'quasi_static' leave it "
-                    "out (a bed of sediment, seabed) or write none (no sea floor), or take stepping.scheme = 'mts'"
-                )
-            if given := [name for name in DRAG_KEYS if name in g.model_fields_set]:
-                raise ValueError(f"grounding.{given[0]} is of the drag of explicit schemes: {DRAG_KEYS[given[0]]}")
         if law == "quadratic" and not (g.quadratic_coefficient > 0.0 and g.ramp_height == 0.0 and not g.torque):
             raise ValueError(
                 "grounding.law = 'quadratic' needs grounding.quadratic_coefficient > 0, and has neither ramp_height nor torque: "
                 "they are of the linear law"
             )
-        if law != "seabed":
-            return
-        if self.stepping.scheme != "quasi_static":
-            raise ValueError(
-                f"grounding.law = 'seabed' needs stepping.scheme = 'quasi_static', not {self.stepping.scheme!r}, which has "
-                "'linear', 'quadratic' and 'none'"
-            )
         missing = [
             f"grounding.{name}" for name in ("stiffness", "bearing_strength", "friction") if getattr(g, name) is None
         ]
-        if g.sediment == "other" and missing:
+        if law == "seabed" and g.sediment == "other" and missing:
             raise ValueError(f"grounding.sediment = 'other' needs {', '.join(missing)}")
 
     def _check_criterion(self) -> None:
-        """Refuse a criterion of fracture without its quantity, or with a scheme that does not know it."""
+        """Refuse a strength or toughness without what it is compared with."""
         f = self.fracture
         if f.flexural_strength is not None and not (self.grounding_law == "seabed" and self.grounding.bending):
             raise ValueError(
                 "fracture.flexural_strength is compared with the bending of ice on a bed of sediment: set grounding.law = "
                 "'seabed' with grounding.bending, or leave it out"
             )
-        if f.enabled and f.criterion == "bond" and self.elastic_cells:
-            raise ValueError(
-                "fracture.criterion = 'bond' reads the forces of elastic bonds: set bonds.elasticity = 'bonds', or "
-                "fracture.criterion = 'ice'"
-            )
-        if f.criterion in (None, "bond") or not f.enabled:
-            return
-        if not self.elastic_cells:
-            raise ValueError(
-                f"fracture.criterion = {f.criterion!r} reads the stress of elastic cells: set bonds.elasticity = 'cells', or "
-                "fracture.criterion = 'bond'"
-            )
-        if f.criterion == "toughness" and not (f.toughness > 0.0 and f.normal_strength > 0.0):
+        if f.enabled and f.criterion == "toughness" and not (f.toughness > 0.0 and f.normal_strength > 0.0):
             raise ValueError(
                 "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2 and fracture.normal_strength, above 0"
             )
-
-    @property
-    def elastic_cells(self) -> bool:
-        """Whether the ice is elastic in cells, and not along its bonds: the default where the lattice is in equilibrium."""
-        asked, f = self.bonds.elasticity, self.fracture
-        if asked is None and f.enabled and f.criterion is not None:
-            return f.criterion != "bond"  # the others read the stress of elastic cells
-        return asked == "cells" or (
-            asked is None and self.stepping.scheme == "quasi_static" and self.bonds.law == "dem"
-        )
 
     @property
     def contact_distance(self) -> float:
@@ -394,13 +395,28 @@ class Parameters(Group):
         """
         if self.stepping.scheme == "quasi_static":
             groups = _explicit_if_asked(groups)
-        values: dict[str, Any] = self.model_dump()
-        # What was said of the sea floor must stay known: the schemes have laws of their own.
-        values["grounding"] = self.grounding.model_dump(exclude_unset=True)
-        for group, changes in groups.items():
-            merges = isinstance(changes, Mapping) and group in values
-            values[group] = {**values[group], **changes} if merges else changes
-        return type(self)(**values)
+        return type(self)(**_merged(self._given(), groups))
+
+    def adapted(self, /, **groups: dict[str, Any]) -> tuple[Parameters, list[str]]:
+        """Return `changed`, and the paths of what the scheme in ``groups`` has not, which is left out; so are its quirks.
+
+        What ``groups`` themselves ask for is refused where the scheme has it not.
+        """
+        if self.stepping.scheme == "quasi_static":
+            groups = _explicit_if_asked(groups)
+        scheme, values, left_out = groups.get("stepping", {}).get("scheme", self.stepping.scheme), self._given(), []
+        for choice in choices_without(scheme):
+            if choice.asked_of(self):
+                default = type(getattr(self, choice.group)).model_fields[choice.name].get_default()
+                left_out += [choice.path] if values[choice.group].pop(choice.name) != default else []
+        if scheme == "quasi_static" and self.stepping.scheme != scheme:
+            quirks = [name for name in QUIRKS_OF_MOTION if values["compatibility"].pop(name)]
+            left_out += [f"compatibility.{name}" for name in quirks]
+        return type(self)(**_merged(values, groups)), left_out
+
+    def _given(self) -> dict[str, Any]:
+        """Return all values by group and name; of the sea floor, for which the schemes have laws of their own, those given."""
+        return {**self.model_dump(), "grounding": self.grounding.model_dump(exclude_unset=True)}
 
     def kernel_values(self) -> KernelParameters:
         """Flatten the groups into the named tuple that compiled code reads."""
@@ -448,26 +464,34 @@ def without_idle_keys(values: Any, *, all_of_them: bool = False) -> Any:
     if not isinstance(values, dict):
         return values
     quasi_static = values.get("stepping", {}).get("scheme") == "quasi_static"
-    # Keys of earlier versions, and those of the drag in the scheme without one, with the values that change nothing.
-    idle: dict[str, dict[str, tuple[Any, ...]]] = {
-        "stepping": {"landing_steps": (8,)}, "grounding": {"cell": (50.0,)},
-        "contact": {"law": (None, "crushing" if quasi_static else "spring")},
+    # Values that change nothing, of keys and choices of earlier versions, and of the drag in the scheme without one.
+    idle: dict[tuple[str, str], tuple[Any, ...]] = {
+        ("stepping", "landing_steps"): (8,), ("grounding", "cell"): (50.0,),
+        ("contact", "law"): (None, "crushing" if quasi_static else "spring"),
+        ("bonds", "elasticity"): (None, "cells" if quasi_static else "bonds"),
     }  # fmt: skip
+    former = set(idle)
     if quasi_static:
-        idle["grounding"] |= {name: (Grounding.model_fields[name].get_default(),) for name in DRAG_KEYS}
-    former: dict[str, dict[str, Any]] = {"bonds": {"elasticity": "isotropic"}}
-    if quasi_static:
-        former["grounding"] = {"law": "linear", "start": "settle"}
+        drag = {("grounding", name): (Grounding.model_fields[name].get_default(),) for name in DRAG_KEYS}
+        idle, former = idle | drag, former | set(drag)
+        choices: dict[tuple[str, str], Any] = {
+            ("grounding", "law"): "linear", ("grounding", "start"): "settle", ("fracture", "criterion"): "bond",
+        }  # fmt: skip
     else:
-        former["damage"] = {"enabled": True}
-    left = dict(values)
-    for group, inner in values.items():
-        if isinstance(inner, dict):
-            keys, laws = idle.get(group, {}), former.get(group, {}) if all_of_them else {}
-            left[group] = {
-                name: value for name, value in inner.items()
-                if not (name in keys and (all_of_them or value in keys[name])) and not (name in laws and value == laws[name])
-            }  # fmt: skip
+        may_break = values.get("fracture", {}).get("enabled")
+        idle["fracture", "criterion"] = ("bond",) if may_break else ("bond", "ice", "toughness")
+        choices = {("damage", "enabled"): True}
+
+    def acts(group: str, name: str, value: Any) -> bool:
+        key = group, name
+        if value in idle.get(key, ()):
+            return False
+        return not (all_of_them and (key in former or (key in choices and value == choices[key])))
+
+    left = {
+        group: {name: value for name, value in inner.items() if acts(group, name, value)} if isinstance(inner, dict) else inner
+        for group, inner in values.items()
+    }  # fmt: skip
     if not all_of_them and _had_isotropic_bonds(values):
         left["bonds"] = {**left["bonds"], "elasticity": "isotropic"}
     return left
@@ -492,6 +516,14 @@ def element_radius(area: float, packing: Packing, bonded: bool = True) -> float:
     if packing == "hexagonal":
         return math.sqrt(area / (2.0 * math.sqrt(3.0)))
     return 0.5 * math.sqrt(area) if bonded else math.sqrt(area / math.pi)
+
+
+def _merged(values: dict[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with some of some groups changed."""
+    for group, changes in groups.items():
+        merges = isinstance(changes, Mapping) and group in values
+        values = {**values, group: {**values[group], **changes} if merges else changes}
+    return values
 
 
 def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:

@@ -267,11 +267,11 @@ forcing: {kind: constant, current: [0.2, 0.0]}
 
 def test_impossible_combinations_and_what_an_experiment_keeps_are_refused(tmp_path: Path) -> None:
     with pytest.raises(
-        InputError, match=r"member with .*grounding.law = 'quadratic' is a drag of the explicit schemes.*seabed"
+        InputError, match=r"member with .*grounding.law = 'quadratic' is of the explicit schemes.*seabed"
     ):
         planned("a68a", ["grounding.law=seabed,quadratic"], Options(), 6.0)
     with pytest.raises(
-        InputError, match=r"grounding.coefficient is of the drag of explicit schemes: .*grounding.law: none"
+        InputError, match=r"grounding.coefficient = .* is of the explicit schemes: .*grounding.law: none"
     ):
         planned("a68a", ["grounding.coefficient=0,1e4"], Options(), 6.0)
     with pytest.raises(InputError, match=r"member with bonds.packing = 'hexagonal': .*the berg has square elements"):

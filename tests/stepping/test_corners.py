@@ -10,8 +10,8 @@ import shapely
 from scipy.spatial import cKDTree
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.stepping.lattice.cell_stiffness import CellSolver
 from riftberg.stepping.lattice.cells import with_new_cells
+from riftberg.stepping.lattice.solver import StiffnessSolver
 from stepping.test_elastic_cells import loads, parameters, stiffness_of
 from twins.continuum import largest_tension
 
@@ -39,7 +39,7 @@ def stresses_under(el: Any, bonds: Any, outlines: Any, packing: str, force: np.n
     p = parameters(packing).kernel_values()
     stiffness, given, body, xy = stiffness_of(el, bonds, with_new_cells(None, el, bonds, outlines, p), p)
     load = loads(el, body, xy, force)
-    return stiffness.stresses(given[0], given[1], CellSolver(stiffness, *given).solve(load), load)
+    return stiffness.stresses(given[0], given[1], StiffnessSolver(stiffness, *given).solve(load), load)
 
 
 def pulled_at_the_rim(shape: shapely.Polygon, packing: str, angle: float) -> float:

@@ -57,8 +57,6 @@ def parameters(scheme: str, spring: float | None = None, **groups: Any) -> Param
     """Contact as soft as published, or as stiff as the ice; in the default scheme by crushing."""
     if scheme in ("verlet", "runge_kutta"):
         groups = {"bonds": {"law": "spring", "spring": 1e-8}, "fracture": {"enabled": False}, **groups}
-    if scheme == "mts":
-        groups = {"bonds": {"elasticity": "bonds"}, **groups}
     if (
         scheme == "quasi_static"
     ):  # the bed would take the edge of a berg at dry land before the coast takes its elements

@@ -10,7 +10,7 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
-from riftberg.stepping.explicit.stability import ENOUGH, SAG, narrow_warning
+from riftberg.stepping.slenderness import ENOUGH, SAG, narrow_warning
 from stepping.test_cells import bent
 
 FLAT = {"latlon": False, "period": 0.0}
@@ -49,7 +49,7 @@ def test_a_narrow_berg_is_told_once_with_elements_across(packing: str, caplog: p
 
 
 def test_wide_compact_and_single_bergs_and_bonds_are_not_told() -> None:
-    cells, bonds = Parameters(earth=FLAT), Parameters(earth=FLAT, bonds={"elasticity": "bonds"})
+    cells, bonds = Parameters(earth=FLAT), Parameters(earth=FLAT, stepping={"scheme": "mts"})
     assert narrow_warning(berg(8).elements, cells) == ""
     assert narrow_warning(berg(3, 4).elements, cells) == ""
     assert narrow_warning(berg(2).elements, bonds) == ""

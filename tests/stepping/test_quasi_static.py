@@ -27,30 +27,19 @@ from riftberg.stepping.bodies.pose import (
     move_poses,
     place_elements,
     split_bodies,
-    tangent_coordinates,
 )
 from riftberg.stepping.forces.sizes import interaction_sizes
-from riftberg.stepping.lattice import equilibrium
-from riftberg.stepping.lattice.equilibrium import (
-    StiffnessSolver,
-    Supports,
-    balanced_loads,
-    bond_deformation,
-    deformations_and_stresses,
-    elastic_energy,
-    find_lattice,
-)
+from riftberg.stepping.lattice import solver
+from riftberg.stepping.lattice.cells import with_new_cells
+from riftberg.stepping.lattice.equilibrium import balanced_loads, bond_deformations, find_lattice
+from riftberg.stepping.lattice.solver import StiffnessSolver
 from scripts import loaded
+from stepping.test_elastic_cells import dense_matrix, loads, stiffness_of
 from twins import equilibrium as twin
 
 square_berg = loaded("benchmarks/bench.py").square_berg
 
 EARTH = 6_363_827.0
-
-
-def bond_stresses(lattice, intact, displacement, p):
-    """Tensile and shear stress of the intact bonds."""
-    return deformations_and_stresses(lattice, intact, displacement, p)[1]
 
 
 def levers_of(bodies, latlon: bool):
@@ -85,7 +74,7 @@ def test_a_berg_that_spins_goes_as_far_and_the_same_way(latlon: bool) -> None:
     assert turn == pytest.approx(8e-4 * 1800.0, rel=1e-6)
 
 
-def floating(seed: int, packing: str):
+def floating(seed: int, packing: str, youngs: float = 5e6):
     """A lattice of uneven thickness and unequal sizes, with random forces; nothing holds it."""
     r = np.random.default_rng(seed)
     berg = Iceberg.rectangle(16e3, 11e3, thickness=200.0, radius=1500.0, packing=packing, latlon=False)
@@ -95,111 +84,76 @@ def floating(seed: int, packing: str):
     el.length[:] *= r.uniform(0.9, 1.1, n)
     el.mass[:] = 850.0 * el.thickness * el.length * el.width
     force = np.column_stack([1e9 * r.standard_normal((n, 2)), 1e12 * r.standard_normal(n)])
-    p = Parameters(earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}).kernel_values()
+    bonds = {"packing": packing, "youngs_modulus": youngs}
+    p = Parameters(earth={"latlon": False, "period": 0.0}, bonds=bonds).kernel_values()
     return berg, force, p
 
 
-def solved(berg, force, p, spin: float = 0.0):
-    """Flat places, lattice, factors, loads and sizes of a berg that floats freely."""
-    el, bonds = berg.elements, berg.bonds
-    body = np.zeros(el.mass.size, np.int64)
-    bodies = bodies_from_elements(el.lon, el.lat, body, el.mass, False, 1.0, 0.0)
-    sizes = interaction_sizes(el, p)
-    xy = tangent_coordinates(bodies.reference, False, 1.0)
-    lattice = find_lattice(bonds, xy, el.thickness, sizes, p)
-    intact = np.arange(bonds.first.size)
-    supports = Supports(el.static, el.free_y)
-    inertia = 0.5 * el.mass * sizes.bond_radius**2
-    turn = np.tile([1.0, 0.0], (el.mass.size, 1))
-    load = balanced_loads(body, xy, turn, force, el.mass, inertia, np.array([spin]))
-    return xy, lattice, intact, supports, load, sizes, inertia, body
+def solver_of(berg, p):
+    """Stiffness of the cells of a berg, its lattice, intact bonds and supports, their solver, and coordinates."""
+    cells = with_new_cells(None, berg.elements, berg.bonds, berg.outlines, p)
+    stiffness, given, body, xy = stiffness_of(berg.elements, berg.bonds, cells, p)
+    return stiffness, given, StiffnessSolver(stiffness, *given), body, xy
 
 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("seed", range(3))
-def test_equilibrium_is_that_of_the_plain_twin(seed, packing) -> None:
+def test_balanced_loads_are_those_of_the_plain_twin(seed, packing) -> None:
     berg, force, p = floating(seed, packing)
-    xy, lattice, intact, supports, load, sizes, inertia, body = solved(berg, force, p, spin=1e-5)
-    asked_load = twin.balanced(xy, berg.elements.mass, inertia, force, 1e-5)
+    *_, body, xy = solver_of(berg, p)
+    el = berg.elements
+    inertia = 0.5 * el.mass * interaction_sizes(el, p).bond_radius ** 2
+    turn = np.tile([1.0, 0.0], (el.mass.size, 1))
+    load = balanced_loads(body, xy, turn, force, el.mass, inertia, np.array([1e-5]))
+    asked = twin.balanced(xy, el.mass, inertia, force, 1e-5)
     scale = np.abs(force).max(axis=0)
-    np.testing.assert_allclose(load / scale, asked_load / scale, rtol=0, atol=1e-11)
-    solver = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(body, xy))
-    got = bond_stresses(lattice, intact, solver.solve(load), p)
-    pairs = list(zip(berg.bonds.first, berg.bonds.second, strict=True))
-    _, asked = twin.equilibrium(
-        xy, pairs, sizes.bond_radius, berg.elements.thickness, asked_load, p.youngs_modulus, p.poisson
-    )
-    np.testing.assert_allclose(got, asked, rtol=0, atol=1e-7 * np.abs(asked).max())
+    np.testing.assert_allclose(load / scale, asked / scale, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
-def test_corrected_factors_are_those_without_the_bonds(packing) -> None:
-    berg, force, p = floating(5, packing)
-    xy, lattice, intact, supports, load, *_, body = solved(berg, force, p)
-    springs = supports.gauge_springs(body, xy)
-    corrected = StiffnessSolver(lattice, intact, supports, springs)
-    gone = [3, 10, 17]
-    for bond in gone:
-        corrected.downdate(bond)
-    left = np.setdiff1d(intact, gone)
-    fresh = StiffnessSolver(lattice, left, supports, springs)
-    got = bond_stresses(lattice, left, corrected.solve(load), p)
-    asked = bond_stresses(lattice, left, fresh.solve(load), p)
-    np.testing.assert_allclose(got, asked, rtol=0, atol=1e-8 * np.abs(asked).max())
-
-
-@pytest.mark.parametrize("packing", ["square", "hexagonal"])
-def test_held_elements_stay_and_the_bonds_of_the_others_balance_the_load(packing) -> None:
+def test_held_elements_stay_and_the_ice_of_the_others_balances_the_load(packing) -> None:
     """Against the whole stiffness matrix, added up number by number and solved for the freedoms that are left."""
     berg, force, p = floating(4, packing)
     el, n = berg.elements, berg.elements.mass.size
     el.static[np.argsort(el.lon)[:3]] = 1.0
     el.free_y[np.argsort(el.lon)[-1]] = 0.0
-    xy, lattice, intact, supports, *_, body = solved(berg, force, p)
-    held = np.repeat(el.static >= 0.5, 3)
-    held[1::3] |= el.free_y < 0.5
-    got = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(body, xy)).solve(force)
-
-    matrix = np.zeros((3 * n, 3 * n))
-    for b in intact:
-        rows = np.concatenate([3 * end[b] + np.arange(3) for end in (lattice.first, lattice.second)])
-        matrix[np.ix_(rows, rows)] += (
-            lattice.strain_operator[b].T @ np.diag(lattice.stiffness[b]) @ lattice.strain_operator[b]
-        )
-    path = np.column_stack([np.ones((n, 2)), lattice.radius]).ravel()  # turns are measured along the rim
-    asked = np.zeros(3 * n)
-    asked[~held] = np.linalg.solve(matrix[np.ix_(~held, ~held)], (force.ravel() / path)[~held])
-    assert not got.ravel()[held].any()
-    np.testing.assert_allclose(got.ravel() * path, asked, rtol=0, atol=1e-8 * abs(asked).max())
+    stiffness, _, solver, *_ = solver_of(berg, p)
+    got, of, matrix = solver.solve(force), stiffness.topology, dense_matrix(stiffness)
+    held = np.zeros((of.nodes, 3), bool)
+    held[:n] = (el.static >= 0.5)[:, None]
+    held[:n, 1] |= el.free_y < 0.5
+    held[n:, :2] = of.static[n:, None]
+    left = ~held.ravel() & (np.diag(matrix) > 0.0)
+    load, asked = np.zeros((of.nodes, 3)), np.zeros(3 * of.nodes)
+    load[:n] = force
+    asked[left] = np.linalg.solve(matrix[np.ix_(left, left)], load.ravel()[left])
+    assert not got[held[:n]].any()
+    size = np.abs(got).max(axis=0)
+    np.testing.assert_allclose(got / size, asked.reshape(-1, 3)[:n] / size, rtol=0, atol=1e-7)
 
 
 def test_stress_does_not_depend_on_youngs_modulus() -> None:
     stresses = []
     for youngs in (5e6, 9e9):
-        berg, force, _ = floating(1, "square")
-        p = Parameters(earth={"latlon": False, "period": 0.0}, bonds={"youngs_modulus": youngs}).kernel_values()
-        xy, lattice, intact, supports, load, *_, body = solved(berg, force, p)
-        solver = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(body, xy))
-        stresses.append(bond_stresses(lattice, intact, solver.solve(load), p))
+        berg, force, p = floating(1, "square", youngs)
+        stiffness, given, solver, body, xy = solver_of(berg, p)
+        load = loads(berg.elements, body, xy, force)
+        stresses.append(stiffness.stresses(given[0], given[1], solver.solve(load), load).bond)
     np.testing.assert_allclose(stresses[0], stresses[1], rtol=0, atol=1e-8 * np.abs(stresses[0]).max())
 
 
 def test_a_load_out_of_balance_is_refused() -> None:
     """The springs that hold a fragment must carry nothing; that they do is a fault, not a stress."""
     berg, force, p = floating(1, "square")
-    xy, lattice, intact, supports, *_, body = solved(berg, force, p)
-    solver = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(body, xy))
     with pytest.raises(RunError, match="not in equilibrium"):
-        solver.solve(force)
+        solver_of(berg, p)[2].solve(force)
 
 
 def test_loads_that_are_round_off_alone_are_in_balance() -> None:
     """Bug: a berg that started with the velocity of a balanced current was refused, for a freedom that carried 1e-6 N."""
     berg, force, p = floating(1, "square")
-    xy, lattice, intact, supports, *_, body = solved(berg, force, p)
-    solver = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(body, xy))
     tiny = 1e-6 * np.sign(force) * np.array([1.0, 1.0, 0.0])
-    assert np.abs(solver.solve(tiny)).max() < 1e-9
+    assert np.abs(solver_of(berg, p)[2].solve(tiny)).max() < 1e-9
 
 
 def test_a_berg_that_goes_with_the_water_bears_nothing() -> None:
@@ -210,37 +164,21 @@ def test_a_berg_that_goes_with_the_water_bears_nothing() -> None:
     assert model.bonds.peak_stress.max() < 1.0
 
 
-def test_energy_is_that_of_the_springs() -> None:
-    berg, force, p = floating(2, "square")
-    xy, lattice, intact, supports, load, sizes, *_, body = solved(berg, force, p)
-    displacement = StiffnessSolver(lattice, intact, supports, supports.gauge_springs(body, xy)).solve(load)
-    stored = 0.0
-    for i, j in zip(berg.bonds.first, berg.bonds.second, strict=True):
-        t = berg.elements.thickness
-        k, rows, *_ = twin.bond_matrix(
-            xy[i], xy[j], sizes.bond_radius[i], sizes.bond_radius[j], t[i], t[j], p.youngs_modulus, p.poisson
-        )
-        stored += 0.5 * k @ (rows @ np.concatenate([displacement[i], displacement[j]])) ** 2
-    assert elastic_energy(displacement, load) == pytest.approx(stored, rel=1e-8)
-
-
 def test_sides_that_melt_leave_bonds_as_they_formed() -> None:
     """Bug: levers of shorter sides and kept lengths did not add up to the bond, whose shear then turned the berg as a whole."""
-    berg, force, p = floating(4, "square")
+    berg, _, p = floating(4, "square")
     berg.bonds.rest_length[:] = 3000.0
-    before = solved(berg, force, p)
-    berg.elements.length[:] *= 0.97
-    berg.elements.width[:] *= 0.97
-    after = solved(berg, force, p)
-    load, displacements = before[4], []
-    for xy, lattice, intact, supports, *_, body in (before, after):
-        displacements.append(StiffnessSolver(lattice, intact, supports, supports.gauge_springs(body, xy)).solve(load))
-        whole = np.column_stack([-xy[:, 1], xy[:, 0], np.ones(len(xy))])  # the berg turns as a whole
-        for b in intact:
-            assert bond_deformation(lattice, whole, int(b)) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    *_, xy = solver_of(berg, p)
+    el, intact = berg.elements, np.arange(berg.bonds.first.size)
+    before = find_lattice(berg.bonds, xy, el.thickness, interaction_sizes(el, p), p)
+    el.length[:] *= 0.97
+    el.width[:] *= 0.97
+    after = find_lattice(berg.bonds, xy, el.thickness, interaction_sizes(el, p), p)
+    whole = np.column_stack([-xy[:, 1], xy[:, 0], np.ones(len(xy))])  # the berg turns as a whole
+    for lattice in (before, after):
+        assert bond_deformations(lattice, intact, whole) == pytest.approx(0.0, abs=1e-9)
     for name in ("width", "thickness", "stiffness", "arm_first", "arm_second"):
-        assert getattr(after[1], name) == pytest.approx(getattr(before[1], name), rel=1e-12), name
-    assert displacements[1] == pytest.approx(displacements[0], rel=1e-9, abs=1e-12 * np.abs(displacements[0]).max())
+        assert getattr(after, name) == pytest.approx(getattr(before, name), rel=1e-12), name
 
 
 def test_a_melting_berg_goes_on() -> None:
@@ -349,17 +287,6 @@ def test_pieces_that_part_stay_where_they_are_and_go_on_as_they_went(latlon, tur
     np.testing.assert_allclose(after, before, rtol=0, atol=1e-10)
 
 
-def test_a_berg_of_single_elements_is_in_equilibrium_whatever_the_rounding_of_its_loads() -> None:
-    """A berg whose last bond had broken was taken for a mechanism: all loads were rounding, and the springs carried them."""
-    berg, force, p = floating(1, "square")
-    xy, lattice, intact, supports, *_ = solved(berg, force, p)
-    count = berg.elements.mass.size
-    solver = StiffnessSolver(lattice, intact[:0], supports, supports.gauge_springs(np.arange(count), xy))
-    displacement = solver.solve(np.full((count, 3), 6e-8))
-    assert np.isfinite(displacement).all()
-    assert np.abs(displacement).max() < 1e-6
-
-
 def test_a_spin_that_is_round_off_does_not_keep_the_velocities_from_settling() -> None:
     """Bug: a berg of 10,000 elements that does not turn was refused after 50 passes, for its spin changed by 1e-21 s-1."""
     inertia, now = np.diag([1e14, 1e14, 1e23]), np.array([0.2, 0.0, 1e-20])
@@ -444,7 +371,7 @@ def test_a_crack_runs_through_thin_ice_up_to_its_last_bond(monkeypatch) -> None:
     def pulled() -> Model:
         p = Parameters(
             earth={"latlon": False, "period": 0.0}, fracture={"normal_strength": "3 kPa"},
-            stepping={"time_step": 1800.0}, bonds={"elasticity": "bonds"},
+            stepping={"time_step": 1800.0},
         )  # fmt: skip
         model = Model(berg, Stretching(), p)
         model.step()
@@ -453,7 +380,7 @@ def test_a_crack_runs_through_thin_ice_up_to_its_last_bond(monkeypatch) -> None:
     model = pulled()
     broken = model.bonds.status != 0
     assert broken[across].all()
-    monkeypatch.setattr(equilibrium, "ROUND_OFF", 0.0)
+    monkeypatch.setattr(solver, "ROUND_OFF", 0.0)
     with pytest.raises(RunError, match="not in equilibrium"):
         pulled()
 

@@ -120,7 +120,7 @@ def test_sea_ice_covers_a_part_of_the_sides_and_the_switch_takes_all_drag_on_spi
 
 @pytest.mark.parametrize("scheme", ["mts", "verlet"])
 def test_explicit_schemes_keep_the_drag_and_the_inertia_of_the_reference(scheme: str) -> None:
-    bonds = {"elasticity": "bonds"} if scheme == "mts" else {"law": "none"}
+    bonds = {} if scheme == "mts" else {"law": "none"}
     model = lone(60.0, 40.0, stepping={"scheme": scheme}, bonds=bonds)
     radius = 0.5 * np.sqrt(2400.0)
     assert spin_row(model)[0] == pytest.approx(

@@ -173,8 +173,8 @@ def test_pair_order_quirks_equal_twin(quirk):
         compare(el, want, FAST, rtol=1e-11, floor=DEM_FLOOR)
 
 
-SPRINGS: dict[str, dict[str, str]] = {"stepping": {"scheme": "mts"}, "bonds": {"elasticity": "bonds"}}
-"""Contact by springs belongs to the explicit schemes; the twin has the published bonds."""
+SPRINGS: dict[str, dict[str, str]] = {"stepping": {"scheme": "mts"}}
+"""Contact by springs belongs to the explicit schemes."""
 
 
 @pytest.mark.parametrize("touching", [True, False])

@@ -19,7 +19,7 @@ THICKNESS = 200.0
 def parameters(**groups: dict[str, Any]) -> Parameters:
     """Return parameters on a plane without Coriolis force, fracture or contact distance, with some values changed.
 
-    Of the explicit scheme, unless another one is asked for, and there with published bonds: theory is written for these.
+    Of the explicit scheme, unless another one is asked for: theory is written for its bonds.
     """
     base: dict[str, dict[str, Any]] = {
         "fracture": {"enabled": False},
@@ -28,8 +28,6 @@ def parameters(**groups: dict[str, Any]) -> Parameters:
     }
     for group, values in groups.items():
         base[group] = {**base.get(group, {}), **values}
-    if base["stepping"]["scheme"] != "quasi_static":
-        base["bonds"] = {"elasticity": "bonds", **base.get("bonds", {})}
     return Parameters(**base)
 
 

@@ -77,7 +77,7 @@ def drawn(seed: int, *, latlon: bool) -> Experiment:
         # The number of sub-steps that is found for a mirrored lattice may be another one by one.
         "stepping": {"scheme": scheme, "time_step": 1800, "substeps": 400 if scheme == "mts" else None},
         "fracture": {"normal_strength": 1e7, "shear_strength": 1e7},
-        "bonds": perhaps(0.3, {"elasticity": "bonds"}),
+        "bonds": perhaps(0.3, {"poisson": 0.2}),
         "grounding": perhaps(
             0.3, {"law": "quadratic", "quadratic_coefficient": 1e4} if scheme == "mts" else {"sediment": "clay"}
         ),

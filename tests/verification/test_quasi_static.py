@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,13 +13,13 @@ from riftberg.bergs.iceberg import Iceberg
 from riftberg.errors import InputError, RunError
 from riftberg.experiments import Options
 from riftberg.experiments.a68a import story_model
-from riftberg.experiments.cases import CANTILEVER, SUPPORTED, Beam, cantilever, supported_beam
 from riftberg.ocean.analytic import Steady
 from riftberg.parameters import Parameters
 from riftberg.runs.model import Model
+from scripts import loaded
 from verification.setups import RADIUS, lattice, parameters, turn
 
-POISSON = 0.3
+CONVERGENCE = loaded("benchmarks/convergence.py")
 
 
 def quasi(**groups: Any) -> Parameters:
@@ -80,7 +79,7 @@ def test_free_rotation_goes_on(agrees) -> None:
 
 def test_rotation_stretches_the_lattice_as_theory_says(agrees) -> None:
     """A chain that turns carries the centrifugal force of what lies beyond each bond."""
-    model = lattice(quasi(stepping={"only_interactions": True}, bonds={"elasticity": "bonds"}), 9, 1)
+    model = lattice(quasi(stepping={"only_interactions": True}), 9, 1)
     rate = 1e-4
     turn(model, rate)
     x = model.elements.lon.copy()
@@ -89,7 +88,7 @@ def test_rotation_stretches_the_lattice_as_theory_says(agrees) -> None:
     middle = np.abs(0.5 * (x[b.first] + x[b.second])).argmin()
     beyond = x > 0.5 * (x[b.first[middle]] + x[b.second[middle]])
     force = float((el.mass * rate**2 * x)[beyond].sum())
-    agrees("quasi-static: stress by rotation (Pa)", force / (2 * RADIUS * 200.0), b.normal_stress[middle], rel=1e-9)
+    agrees("quasi-static: stress by rotation (Pa)", force / (2 * RADIUS * 200.0), b.normal_stress[middle], rel=0.005)
 
 
 def test_fragments_in_contact_keep_their_momentum(agrees) -> None:
@@ -109,37 +108,6 @@ def test_fragments_in_contact_keep_their_momentum(agrees) -> None:
 
 
 # Stress
-
-
-def test_supported_beam(agrees) -> None:
-    """Deflection of a slender beam under a small load, with the shear of its bonds."""
-    beam = replace(SUPPORTED, load=1.5e3)
-    got = 151_000.5 - at_rest(supported_beam(beam), beam).elements.lat[beam.columns // 2]
-    stiffness = beam.youngs_modulus * beam.second_moment
-    sheared = beam.load * beam.length / (4 * beam.youngs_modulus / (2 * (1 + POISSON)) * beam.section)
-    agrees(
-        "quasi-static: supported beam, middle with shear (m)",
-        beam.load * beam.length**3 / (48 * stiffness) + sheared, got, rel=0.002,
-    )  # fmt: skip
-
-
-def test_cantilever(agrees) -> None:
-    beam = replace(CANTILEVER, load=1.5e7)
-    got = 156_000.0 - at_rest(cantilever(beam), beam).elements.lat.reshape(-1, 3)[-1, 1]
-    asked = beam.load * beam.length**3 / (3 * beam.youngs_modulus * beam.second_moment)
-    agrees("quasi-static: cantilever, tip (m)", asked, got, rel=0.02)
-
-
-def at_rest(berg: Iceberg, beam: Beam) -> Model:
-    """The beam after two steps: the first shows the equilibrium."""
-    # Of one and three elements across: elastic cells need eight (test_elastic_cells).
-    given = beam.parameters("own").model_dump()
-    given["stepping"]["scheme"], given["bonds"]["elasticity"] = "quasi_static", "bonds"
-    p = Parameters(**{**given, "grounding": {"law": "none"}})
-    model = Model(berg, Steady(depth=0.0), p)
-    model.advance(steps=2)
-    assert np.abs(model.elements.u).max() < 1e-15
-    return model
 
 
 def test_stress_does_not_depend_on_youngs_modulus(agrees) -> None:
@@ -342,15 +310,14 @@ def test_path_and_rotation_are_those_of_the_explicit_scheme(agrees) -> None:
 def test_explicit_stress_tends_to_equilibrium_as_its_steps_shrink(agrees) -> None:
     """From one state, over the hours in which the finger is loaded: explicit long steps of 150 s and 50 s.
 
-    Both with published bonds: the same lattice, in equilibrium and in motion.
+    Against the equilibrium of its bonds under the loads of the quasi-static scheme.
     """
-    bonds = {"elasticity": "bonds"}
-    quick = story(1800.0, fracture=False, without=("shoal",), bonds=bonds)
+    quick = story(1800.0, fracture=False, without=("shoal",))
     quick.advance(steps=2 * 255)
     explicit = {}
     for dt, substeps in ((150.0, 8), (50.0, 4)):
         stepping = {"scheme": "mts", "substeps": substeps}
-        model = story(dt, fracture=False, without=("shoal",), stepping=stepping, bonds=bonds)
+        model = story(dt, fracture=False, without=("shoal",), stepping=stepping)
         for there, here in ((quick.elements, model.elements), (quick.bonds, model.bonds)):
             for name, values in there.arrays().items():
                 if name != "substeps":
@@ -359,7 +326,7 @@ def test_explicit_stress_tends_to_equilibrium_as_its_steps_shrink(agrees) -> Non
         model.advance(steps=round(11 * 3600.0 / dt))
         explicit[dt] = model.bonds.normal_stress
     quick.advance(steps=22)
-    stress = quick.bonds.normal_stress
+    stress = CONVERGENCE.Beams(quick).stress(quick)
     off = {dt: float(np.sqrt(np.mean((s - stress) ** 2)) / stress.max()) for dt, s in explicit.items()}
     agrees("quasi-static: stress from explicit 50 s, rms over largest", 0.0, off[50.0], abs=0.004)
     agrees("quasi-static: stress from explicit 150 s, rms over largest", 0.0, off[150.0], abs=0.012)

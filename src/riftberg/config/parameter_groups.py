@@ -5,9 +5,9 @@ Each group is a frozen pydantic model that refuses unknown keys and impossible v
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ValidationError, model_validator
 
 from riftberg import constants
 from riftberg.config.values import Section, UnfitError, explained, fields_of, key, sections_in
@@ -16,12 +16,10 @@ from riftberg.system.input_files import value_shown
 
 Scheme = Literal["mts", "verlet", "runge_kutta", "quasi_static"]
 BondLaw = Literal["none", "spring", "dem"]
-Elasticity = Literal["bonds", "cells"]
 GroundingLaw = Literal["seabed", "none", "linear", "quadratic"]
 Capture = Literal["limited", "locked", "none"]
 Sediment = Literal["rock", "sand", "clay", "other"]
 DeepKeel = Literal["aground", "refuse"]
-Criterion = Literal["bond", "ice", "toughness"]
 Packing = Literal["square", "hexagonal"]
 MeltMode = Literal["exposed", "berg", "shelf", "mixed"]
 BaseLaw = Literal["turbulent", "two_equation", "three_equation"]
@@ -290,15 +288,13 @@ class Contact(Group):
 class BondParameters(Group):
     """Bonds between the elements of a berg."""
 
+    _gone: ClassVar[dict[str, str]] = {
+        "elasticity": "Leave it out: with stepping.scheme = 'quasi_static' the ice is elastic, alike in all directions; with "
+        "stepping.scheme = 'mts' its bonds are, as published"
+    }
+
     law: BondLaw = quantity("dem", "", "dem (normal, shear, bending) or spring (KID) or none", "equations 5")
     packing: Packing = quantity("square", "", "square or hexagonal elements", "equations 1.4")
-    elasticity: Elasticity | None = quantity(
-        None,
-        "",
-        "what is elastic: bonds, each for itself as published; cells (quasi_static), the ice of the elements, a solid alike in "
-        "all directions. none means cells with quasi_static, but for the criterion bond; bonds with other schemes",
-        "equations 5; cells: Argyris 1964, Hughes and Brezzi 1989",
-    )
     spring: float | None = quantity(
         None,
         "s-2",
@@ -334,6 +330,19 @@ class BondParameters(Group):
     constant_width: float = quantity(0.0, "m", "that width; 0 means the mean of all elements", "equations 1.4", ge=0)
 
 
+def _no_stress_of_bonds(criterion: Any) -> Any:
+    if criterion == "bond":
+        raise UnfitError(
+            "the criterion 'bond' is gone",
+            "Leave it out: each bond breaks by its own stress with stepping.scheme = 'mts', the ice by its own with "
+            "'quasi_static'",
+        )
+    return criterion
+
+
+Criterion = Annotated[Literal["ice", "toughness"], BeforeValidator(_no_stress_of_bonds)]
+
+
 class Fracture(Group):
     """When a bond breaks."""
 
@@ -350,10 +359,9 @@ class Fracture(Group):
     criterion: Criterion | None = quantity(
         None,
         "",
-        "bond: the stress of each bond against the strengths; ice (elastic cells): the largest tension and shear of the ice; "
-        "toughness (elastic cells): the same, and the toughness at the tips of cracks; none means ice with elastic cells, "
-        "else bond",
-        "paper; ice and toughness: Riftberg",
+        "what the strengths are compared with in quasi_static; ice: the largest tension and shear of the ice. toughness: the "
+        "same, and the toughness at the tips of cracks. none means ice; explicit schemes have the stress of each bond alone",
+        "Riftberg",
     )
     toughness: float = quantity(
         0.0,
@@ -372,20 +380,6 @@ class Fracture(Group):
     not_in_first_step: bool = quantity(
         False, "", "no test during the first long step", "equations 7.1, KID's no_frac_first_ts"
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _no_mean_over_a_distance(cls, given: Any) -> Any:
-        """Refuse the criterion of 0.1 that tested a mean. Files of that version hold its distance of 0 all the same."""
-        if not isinstance(given, dict):
-            return given
-        if given.get("criterion") == "averaged" or given.get("distance"):
-            raise ValueError(
-                "the criterion 'averaged' with its distance is no longer part of Riftberg: use fracture.criterion = 'toughness' "
-                "with fracture.toughness in Pa m1/2, which is defined at the tips of cracks; a strength s over a distance l had "
-                "the toughness s (pi l / 2)^(1/2)"
-            )
-        return {name: value for name, value in given.items() if name != "distance"}
 
 
 class Damage(Group):
@@ -652,6 +646,17 @@ OF_NAMELISTS = (
     "radius_based", "damping_by_speed", "zero_rates", "keep_shape", "one_draw",
 )  # fmt: skip
 """Switches of `Compatibility` that the reference's namelists, and its kinds of grid, turn on: no quirks of every run."""
+
+
+QUIRKS_OF_MOTION = (
+    "inline_break_in_first_step", "flat_relative_velocity", "zero_start", "forcing_lag", "sticky_collision_flags",
+    "shared_shear_lever", "bond_thickness_of_second", "grid_position_round_trip", "swapped_implicit_velocity",
+    "uncentred_half_kicks", "explicit_contact_damping", "frozen_sea_ice_drag", "forces_by_element", "rest_length_from_sizes",
+    "bergs_coupled", "plain_kid_branch", "elements_stopped_alone", "stages_from_start", "contact_by_cells", "lost_over_edge",
+    "imposed_velocity_late", "flung_debris", "radius_based", "damping_by_speed",
+    "births_at_centre",  # bergs on top of each other, which contact parts only from a zero start
+)  # fmt: skip
+"""Switches of `Compatibility` that the explicit schemes alone need; the others are of melt, footloose calving and births."""
 
 
 class Compatibility(Group):

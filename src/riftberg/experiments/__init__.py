@@ -5,6 +5,7 @@ A builder is a function ``build(options: Options) -> tuple[Model, Info]``.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,7 +26,8 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
 
         if options.fetch:
             raise InputError("a YAML experiment names its own files", where="--fetch", remedy="Use riftberg fetch")
-        return build_file(Path(name), options)
+        model, info = build_file(Path(name), options)
+        return model, replace(info, notices=(*options.notices, *info.notices))
     entry = find(name)
     if options.grid is not None:
         raise InputError(f"{name} has its own ocean", where="--grid", remedy="It is for experiments of YAML files")
@@ -56,4 +58,4 @@ def build(name: str, options: Options | None = None) -> tuple[Model, Info]:
         from riftberg.experiments.changes import with_berg
 
         model = with_berg(model, berg)
-    return model, info
+    return model, replace(info, notices=(*options.notices, *info.notices))

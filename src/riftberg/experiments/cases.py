@@ -74,7 +74,6 @@ class Beam:
                 "youngs_modulus": self.youngs_modulus,
                 "damping": 0.1,
                 "linear_bending": self.rows > 1,
-                "elasticity": "bonds",
             },
             fracture={"enabled": False},
             # Under its whole load at once the tip of the cantilever swings at 15 m/s: no iceberg, and meant.

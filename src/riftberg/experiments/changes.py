@@ -165,15 +165,22 @@ def find_field(group: str, name: str, *, where: str, settable: Mapping[str, Any]
     return fields[name]
 
 
-def changed(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]], *, where: str = "--set") -> Parameters:
-    """Return parameters with changes made, or explain which is impossible."""
+def changed(
+    parameters: Parameters, changes: Mapping[str, Mapping[str, Any]], *, where: str = "--set", notices: list[str] | None = None
+) -> Parameters:  # fmt: skip
+    """Return parameters with changes made, or explain which is impossible.
+
+    ``notices``: takes a sentence that names what another scheme has not, which is left out.
+    """
+    groups = {group: dict(values) for group, values in changes.items() if group in Parameters.model_fields}
     try:
-        return parameters.changed(
-            **{group: dict(values) for group, values in changes.items() if group in Parameters.model_fields}
-        )
+        made, left_out = parameters.adapted(**groups)
     except InputError as error:
         named = f"{error.where} = " if error.where and error.where != where else ""
         raise InputError(named + error.what, where=where, remedy=error.remedy) from error
+    if left_out and notices is not None:
+        notices.append(f"stepping.scheme = {made.stepping.scheme!r} has no {', '.join(left_out)}: left out")
+    return made
 
 
 def reference_numerics(parameters: Parameters) -> Parameters:

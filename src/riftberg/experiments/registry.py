@@ -37,6 +37,7 @@ class Options:
     grid: float | None = None
     # Files or patterns in place of those of the experiment, as ``forcing.files`` takes them
     files: tuple[Any, ...] = ()
+    notices: list[str] = field(default_factory=list, compare=False)  # What `apply` had to leave out
 
     @property
     def own(self) -> bool:
@@ -54,7 +55,8 @@ class Options:
         """Return parameters with the changes made."""
         from riftberg.experiments.changes import changed
 
-        return changed(parameters, self.changes)
+        self.notices.clear()
+        return changed(parameters, self.changes, notices=self.notices)
 
 
 @dataclass(frozen=True)

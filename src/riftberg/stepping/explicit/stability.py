@@ -1,7 +1,5 @@
 """How long a step may be: critical time step of bonds and contact, and resonance of a berg with its outer kicks.
 
-Also how few elements across a berg may have to bend as the ice does.
-
 All of it is Riftberg's own; the steps of the reference are set by hand.
 
 The fastest mode of a lattice of bonds decides how long a sub-step may be. In generalised coordinates X (displacement and
@@ -37,6 +35,7 @@ from riftberg.state.population import cut_out, numbered
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.run_state import RunState
+from riftberg.stepping.slenderness import spread
 
 ACCURACY: Final = 0.01
 """Relative accuracy of the largest eigenvalue: far less than the margin of ``stepping.safety``."""
@@ -397,47 +396,3 @@ def _may_resonate(bonds: Bonds, p: Parameters) -> bool:
     pushed = not (s.only_interactions or s.frozen or s.fixed_velocity)
     explicit = s.scheme == "mts" and p.bonds.law == "dem" and not p.compatibility.zero_start
     return explicit and pushed and bool((bonds.status == 0).any())
-
-
-SAG = {1: "0.5", 2: "0.6 to 0.7", 3: "0.8 to 0.9"}
-"""Deflection of a free beam over that of theory by elements across, both packings; from 6 on it is above 0.92."""
-
-ENOUGH = 6
-"""Elements across from which a beam bends within 8 % of theory."""
-
-SLENDER = 2.5
-"""Length over width from which a berg bends more than it shears."""
-
-
-def spread(x: Floats, y: Floats, area: Floats) -> tuple[float, float]:
-    """Smallest and largest root mean square distance (m) of the ice from its centre, along a line."""
-    # Each element spreads by its own width too: a twelfth of its area, as of a square about its centre.
-    square = np.cov(np.vstack([x, y]), bias=True) + np.eye(2) * float(area.mean()) / 12.0
-    small, large = np.sqrt(np.linalg.eigvalsh(square))
-    return float(small), float(large)
-
-
-def narrow_warning(elements: Elements, parameters: Parameters) -> str:
-    """Return a warning where a slender berg is one to three elements across and elastic in cells, else nothing."""
-    p, place, body = parameters, elements.place, elements.body
-    if not p.elastic_cells:
-        return ""
-    metric, narrowest = Metric(p.earth.latlon, p.earth.radius, p.earth.period), max(SAG) + 1
-    numbers, counts = np.unique(body.berg, return_counts=True)
-    for number in numbers[counts >= SLENDER]:  # of fewer elements none is as slender
-        own = body.berg == number
-        lon, lat, area = place.lon[own], place.lat[own], body.length[own] * body.width[own]
-        across, along = spread(
-            *separations(metric, lon, lat, np.full_like(lon, lon[0]), np.full_like(lat, lat[0])), area
-        )
-        # A rectangle is as wide as the root of 12 times its spread.
-        cells = round(float(np.sqrt(12.0 * across**2 / area.mean())))
-        if along > SLENDER * across and cells < narrowest:
-            narrowest, named, width = max(cells, 1), int(number), float(np.sqrt(12.0)) * across
-    if narrowest > max(SAG):
-        return ""
-    return (
-        f"berg {named} is {narrowest} element{'s' if narrowest > 1 else ''} across: with so few elastic cells it bends by "
-        f"{SAG[narrowest]} of what the ice does, and its stress is as uncertain. Elements of {width / ENOUGH:.3g} m are small "
-        "enough, and bonds.elasticity=bonds bends single rows as beams"
-    )

@@ -6,8 +6,6 @@ described and factored anew.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from weakref import ref
 
 import numpy as np
@@ -27,9 +25,10 @@ from riftberg.stepping.fracture.criteria import (
     overloads,
     residual_strengths,
 )
-from riftberg.stepping.lattice.cell_stiffness import CellSolver, CellStiffness, CellTopology
+from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellTopology
 from riftberg.stepping.lattice.cells import ElasticCells, with_new_cells
-from riftberg.stepping.lattice.equilibrium import StiffnessSolver, Supports, find_lattice
+from riftberg.stepping.lattice.equilibrium import Supports, find_lattice
+from riftberg.stepping.lattice.solver import StiffnessSolver
 from riftberg.stepping.run_state import RunState
 
 MAX_LOW_RANK_UPDATES = 90
@@ -57,17 +56,16 @@ class BrittleLattice:
         self.intact = np.flatnonzero(bonds.status == 0)  # as rows of the state
         self.supports = Supports(el.static, el.free_y)
         self.elastic_cells, self.topology = cells
-        self.cells: CellStiffness | None = None  # where the ice is elastic in cells; else along its bonds
-        self.paths: CrackPaths | None = None  # of cracks through elastic cells
-        solver: Callable[..., StiffnessSolver] = StiffnessSolver
-        if model.parameters.elastic_cells and self.intact.size:
+        # Of bonded ice: elements that nothing joins are rigid, and bear no loads.
+        self.cells: CellStiffness | None = None
+        self.paths: CrackPaths | None = None
+        self._solver: StiffnessSolver | None = None
+        if self.intact.size:
             self.elastic_cells = with_new_cells(self.elastic_cells, el, bonds, (), c)
             self.cells = CellStiffness(self.elastic_cells, el, bonds, bodies.body, self.xy, c, self.topology)
-            self.topology, solver = self.cells.topology, partial(CellSolver, self.cells)
-        self.criterion = criterion_for(model.parameters.fracture, self.intact, self.cells, model.laws.fracture)
-        self.solver = solver(
-            self.lattice, self.intact, self.supports, self.supports.gauge_springs(bodies.body, self.xy)
-        )
+            self.topology, gauge_springs = self.cells.topology, self.supports.gauge_springs(bodies.body, self.xy)
+            self._solver = StiffnessSolver(self.cells, self.lattice, self.intact, self.supports, gauge_springs)
+        self.criterion = criterion_for(model.parameters.fracture, model.laws.fracture)
         self._latest: Equilibrium | None = None
         self._strengths: tuple[tuple[int, bytes, bytes], Strengths] | None = None
         self.follow_cracks(bodies, tips)
@@ -97,9 +95,19 @@ class BrittleLattice:
         cells = self.elastic_cells, self.topology
         return BrittleLattice(self._model, bodies, self._sizes, cells, self.tips, self._last_crack)
 
+    def displacements(self, load: Floats) -> Floats:
+        """Displacements (m, m, rad) of the elements under balanced loads; see `StiffnessSolver.solve`."""
+        return np.zeros(load.shape) if self._solver is None else self._solver.solve(load)
+
+    @property
+    def update_rank(self) -> int:
+        """Rank of the correction of the factors for bonds that have broken since."""
+        return 0 if self._solver is None else self._solver.update_rank
+
     def remove(self, bond: int) -> None:
         """Correct the factors for a bond that has broken."""
-        self.solver.downdate(bond)
+        assert self._solver is not None
+        self._solver.downdate(bond)
         self.intact = self.intact[self.intact != bond]
 
     def strengths(self) -> Strengths:
@@ -120,8 +128,7 @@ class BrittleLattice:
 
     def moment(self, displacement: Floats, load: Floats) -> Equilibrium:
         """Return an equilibrium of any moment."""
-        c = self._model.constants
-        return Equilibrium(self.lattice, self.intact, displacement, load, c, self.cells, self.paths)
+        return Equilibrium(self.lattice, self.intact, displacement, load, self.cells, self.paths)
 
     # What breaks
 
@@ -160,9 +167,10 @@ class BrittleLattice:
         return (NORMAL, SHEAR, FLEXURAL)[int(np.argmax(ratios))]
 
     def next_bond(self, now: Equilibrium, failing: int) -> int:
-        """Return the bond that breaks where one fails: with elastic cells the next one on the way of a crack line."""
-        if self.paths is None or self.exceeded(now, failing) == FLEXURAL:  # bending says itself along which line
+        """Return the bond that breaks where one fails: the next one on the way of a crack line."""
+        if self.exceeded(now, failing) == FLEXURAL:  # bending says itself along which line
             return failing
+        assert self.paths is not None
         row, count = int(np.searchsorted(now.intact, failing)), self._model.bonds.first.size
         strengths, ratio, strength = self.strengths(), np.zeros(count), np.zeros(count)
         ratio[now.intact], strength[now.intact] = overloads(now.stress, strengths), strengths.normal
@@ -170,7 +178,6 @@ class BrittleLattice:
         return self.paths.next_bond(failing, last, now.tensor[row], now.triangle_stress, ratio, strength)
 
     def facet_area(self, bond: int) -> float:
-        """Area (m2) of the section of a bond: with elastic cells of the side along which its cells meet."""
-        if self.cells is not None:
-            return self.cells.facet_area(self.lattice, bond)
-        return float(self.lattice.width[bond] * self.lattice.thickness[bond])
+        """Area (m2) of the side along which the cells of a bond meet."""
+        assert self.cells is not None
+        return self.cells.facet_area(self.lattice, bond)

@@ -8,8 +8,8 @@ displacements, loads and stresses, `Strengths` what damage has left of the stren
 the moment within a step at which the first bond fails (the scheme looks for the sign change of "stress over strength - 1"
 between both ends), how far a crack runs at once, and how damage grows.
 
-A function of a user takes the place of a criterion by `OwnRatios`. Schemes other than ``quasi_static`` know the stress of single
-bonds alone, and `riftberg.parameters` refuses all other criteria there.
+A function of a user takes the place of a criterion by `OwnRatios`. `riftberg.parameters` refuses all of them with the explicit
+schemes, which know the stress of single bonds alone.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from riftberg.physics.bonds import (
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses, principal_stresses
-from riftberg.stepping.lattice.equilibrium import ElasticLattice, deformations_and_stresses
+from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformations
 from riftberg.stepping.laws import Ratios, name_of, to_read
 
 
@@ -41,25 +41,20 @@ class Equilibrium:
     """A lattice under its loads, with the stresses of its bonds, found when first needed."""
 
     def __init__(
-        self, lattice: ElasticLattice, intact: Ints, displacement: Floats, load: Floats, p: KernelParameters,
-        cells: CellStiffness | None = None, paths: CrackPaths | None = None,
+        self, lattice: ElasticLattice, intact: Ints, displacement: Floats, load: Floats, cells: CellStiffness | None,
+        paths: CrackPaths | None,
     ) -> None:  # fmt: skip
         self.lattice = lattice
         self.intact = intact  # bonds, as rows of the state
         self.displacement = displacement  # m, m and rad; shape (elements, 3)
         self.load = load  # balanced, N, N and N m; shape (elements, 3)
-        self._p, self._cells, self._paths = p, cells, paths
+        self._cells, self._paths = cells, paths
 
     @property
     def cells(self) -> CellStiffness:
-        """The elastic cells; of ice that is elastic in cells alone, like all that follows from them."""
+        """The elastic cells of bonded ice."""
         assert self._cells is not None
         return self._cells
-
-    @property
-    def in_cells(self) -> bool:
-        """Whether the ice is elastic in cells."""
-        return self._cells is not None
 
     @property
     def paths(self) -> CrackPaths:
@@ -68,12 +63,10 @@ class Equilibrium:
         return self._paths
 
     @cached_property
-    def _springs(self) -> tuple[Floats, Floats]:
-        return deformations_and_stresses(self.lattice, self.intact, self.displacement, self._p)
-
-    @cached_property
     def _ice(self) -> CellStresses:
-        return self.cells.stresses(self.lattice, self.intact, self.displacement, self.load)
+        if self._cells is None:
+            return CellStresses(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0, np.int64))
+        return self._cells.stresses(self.lattice, self.intact, self.displacement, self.load)
 
     @property
     def triangle_stress(self) -> Floats:
@@ -90,15 +83,15 @@ class Equilibrium:
         """Rows among the intact bonds of those that are the last between two parts."""
         return self._ice.bridge
 
-    @property
+    @cached_property
     def deformation(self) -> Floats:
         """Extension, slip (m) and bend (rad) of the intact bonds, shape (intact bonds, 3)."""
-        return self._springs[0]
+        return bond_deformations(self.lattice, self.intact, self.displacement)
 
     @property
     def stress(self) -> Floats:
-        """Tensile and shear stress (Pa) of the intact bonds, shape (intact bonds, 2); of elastic cells the largest of the ice."""
-        return self._springs[1] if self._cells is None else self._ice.bond
+        """Largest tension and shear (Pa) of the ice at the intact bonds, shape (intact bonds, 2)."""
+        return self._ice.bond
 
 
 NORMAL, SHEAR, FLEXURAL = 1, 2, 3
@@ -224,39 +217,11 @@ class Criterion(Protocol):
         """
 
 
-def criterion_for(
-    fracture: Fracture, intact: Ints, cells: CellStiffness | None = None, own: Ratios | None = None
-) -> Criterion:
-    """Make the criterion that the parameters name, for a lattice with these intact bonds.
-
-    ``cells``: where the ice is elastic in cells. ``own``: a criterion that takes the place of the one that the parameters name.
-    """
+def criterion_for(fracture: Fracture, own: Ratios | None = None) -> Criterion:
+    """Make the criterion that the parameters name; ``own`` takes its place."""
     if own is not None:
         return OwnRatios(own)
-    if not intact.size:
-        return BondStress()  # nothing is left to break
-    match fracture.criterion or ("bond" if cells is None else "ice"):
-        case "bond" if cells is None:
-            return BondStress()
-        case "ice" if cells is not None:
-            return IceStress()
-        case "toughness" if cells is not None:
-            return Toughness(fracture.toughness)
-        case name:
-            elastic = "bonds" if cells is None else "cells"
-            raise RunError(f"fracture.criterion = {name!r} is none of ice that is elastic in {elastic}")
-
-
-class BondStress:
-    """Each bond by its own stress."""
-
-    def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
-        """See `Criterion`."""
-        return most_overloaded(moment.stress, strengths)
-
-    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
-        """See `Criterion`."""
-        return overloads(moment.stress, strengths)
+    return Toughness(fracture.toughness) if fracture.criterion == "toughness" else IceStress()
 
 
 class OwnRatios:
@@ -275,7 +240,7 @@ class OwnRatios:
         """See `Criterion`."""
         where = f"Laws, fracture: {name_of(self._ratios)}"
         seen = [moment.stress, moment.deformation, moment.displacement, moment.load, moment.intact]
-        seen += [moment.tensor, moment.triangle_stress] if moment.in_cells else []
+        seen += [moment.tensor, moment.triangle_stress]
         with to_read((seen, moment.lattice, strengths), "equilibrium", where):
             ratios = np.asarray(self._ratios(moment, strengths), np.float64)
         if ratios.shape != moment.intact.shape or np.isnan(ratios).any():
@@ -284,8 +249,8 @@ class OwnRatios:
         return ratios
 
 
-class IceStress(BondStress):
-    """The largest tension and shear of the ice at each bond, for ice that is elastic in cells: a strength is the ice's.
+class IceStress:
+    """The largest tension and shear of the ice at each bond: a strength is the ice's.
 
     They hardly depend on the direction of a bond, so in one place several are alike: of those that fail there the one
     breaks that is the most nearly in line with the tension.
@@ -300,6 +265,10 @@ class IceStress(BondStress):
         ):
             row = _most_in_line(moment.lattice, moment.intact, moment.tensor, moment.stress, strengths, row)
         return row, ratio
+
+    def damage_drive(self, moment: Equilibrium, strengths: Strengths) -> Floats:
+        """See `Criterion`."""
+        return overloads(moment.stress, strengths)
 
 
 TIP_FACTOR = 2.20
@@ -323,7 +292,8 @@ class Toughness(IceStress):
 
     def most_critical(self, moment: Equilibrium, strengths: Strengths) -> tuple[int, float]:
         """See `Criterion`."""
-        long_ones = [t for t in moment.paths.standing() if moment.paths.tips.length[t.row] >= LEAST_CRACK * t.spacing]
+        tips = moment.paths.standing() if moment.intact.size else []
+        long_ones = [tip for tip in tips if moment.paths.tips.length[tip.row] >= LEAST_CRACK * tip.spacing]
         if not long_ones:
             return super().most_critical(moment, strengths)
         stress, lattice, intact = moment.stress.copy(), moment.lattice, moment.intact

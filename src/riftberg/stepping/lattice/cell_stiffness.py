@@ -1,4 +1,4 @@
-"""Stiffness and stress of elastic cells as they are bonded now, and the solver for their displacements.
+"""Stiffness and stress of elastic cells as they are bonded now.
 
 For an equilibrium the triangles of the mesh (`ElasticCells`) are laid into the frames of the fragments: the centres
 of the cells stand where the elements do, and all else of a triangle keeps its place relative to them. Nodes on the outline bear
@@ -21,7 +21,7 @@ from riftberg.state.population import rows_of
 from riftberg.stepping.fragments.connectivity import Bridges, bridge_moments, find_bridges
 from riftberg.stepping.lattice.block_ldl import BlockLDL, Factors, solve_factored
 from riftberg.stepping.lattice.cells import Booleans, ElasticCells, freed_edges, held_ties, outline_ties
-from riftberg.stepping.lattice.equilibrium import ElasticLattice, StiffnessSolver, Supports
+from riftberg.stepping.lattice.equilibrium import ElasticLattice
 from riftberg.stepping.lattice.triangles import (
     ClosingFaces,
     FaceTables,
@@ -35,12 +35,6 @@ from riftberg.stepping.lattice.triangles import (
     triangle_stresses,
     volumes,
 )
-
-MOST_ROUNDS = 20
-"""Rounds of the search for closed faces after which none opens again."""
-
-MOST_KEPT = 16
-"""Sets of closed faces whose corrections are kept: the same few come again from solve to solve."""
 
 NEGLIGIBLE = 1e-12
 """Eigenvalues of what a break takes off the stiffness, in parts of the stiffness before, that are round-off."""
@@ -463,75 +457,3 @@ def principal_stresses(tensor: Floats) -> Floats:
     for k in range(tensor.shape[0]):
         extremes[k, 0], extremes[k, 1] = principal(tensor[k, 0], tensor[k, 1], tensor[k, 2])
     return extremes
-
-
-class CellSolver(StiffnessSolver):
-    """Solves for the displacements of the elements, with those of the nodes on the outline as further unknowns."""
-
-    def __init__(
-        self, cells: CellStiffness, lattice: ElasticLattice, intact: Ints, supports: Supports, gauge_springs: Ints
-    ) -> None:
-        self._cells, of, elements = cells, cells.topology, lattice.radius.size
-        radius, free = np.ones(of.nodes), np.ones((of.nodes, 3))
-        radius[:elements], free[:elements] = lattice.radius, supports.free.reshape(-1, 3)
-        free[elements:, :2][of.static[elements:]] = 0.0
-        self._scale = np.column_stack([np.ones((of.nodes, 2)), 1.0 / radius]).ravel()
-        self._take(lattice, intact, free.ravel(), radius, gauge_springs)
-        diagonal, between = cells.blocks()
-        kept = self._scale.reshape(-1, 3) * free
-        diagonal = diagonal * kept[:, :, None] * kept[:, None, :]
-        between = between * kept[of.first][:, :, None] * kept[of.second][:, None, :]
-        # Unknowns without any stiffness: rotations of nodes on the outline, ice that has melted away, supported freedoms.
-        added = np.zeros(3 * of.nodes)
-        added[: self._added.size] = self._added
-        added[np.einsum("nii->ni", diagonal).ravel() == 0.0] = self.gauge_stiffness
-        diagonal[:, range(3), range(3)] += added.reshape(-1, 3)
-        self._ldl = BlockLDL(of.first, of.second, diagonal, between)
-        # By which faces are closed, with W the rows w of K + sum of w w^T and A = K^-1 W^T: A, and (1 + W A)^-1 W.
-        self._pressed: dict[bytes, tuple[Floats, Floats]] = {}
-
-    def _columns_of(self, bond: int) -> Floats:
-        self._pressed.clear()
-        return self._cells.break_bond(bond, self._scale)
-
-    def solve(self, load: Floats) -> Floats:
-        """See `StiffnessSolver.solve`; the nodes on the outline bear no loads."""
-        every = np.zeros((self._radius.size, 3))
-        every[: len(load)] = load
-        return super().solve(every)[: len(load)]
-
-    def _displaced(self, load: Floats) -> tuple[Floats, float]:
-        """See `StiffnessSolver._displaced`; faces of broken bonds that would pass through each other press instead.
-
-        Newton's method for a convex energy that is quadratic in pieces: each round takes the faces that the displacements of
-        the round before close, until these are the same. That takes a few rounds; faces that have closed after
-        `MOST_ROUNDS` do not open again, so it ends in any case.
-        """
-        open_ones, largest = super()._displaced(load)
-        faces, found = self._cells.faces, open_ones
-        if faces.tables.row.size == 0:
-            return found, largest
-        scale, before = self._scale.reshape(-1, 3), np.zeros(faces.tables.row.size, bool)
-        for n in range(2 * faces.tables.row.size + MOST_ROUNDS):
-            closed = faces.closed(found * scale)
-            closed = closed if n < MOST_ROUNDS else closed | before
-            if np.array_equal(closed, before):
-                break
-            before, found = closed, self._with_closed(open_ones, closed)
-        return found, largest
-
-    def _with_closed(self, displacement: Floats, closed: Booleans) -> Floats:
-        """Displacements with some faces closed, by those with all of them open; a correction as for broken bonds."""
-        key = closed.tobytes()
-        if key not in self._pressed:
-            if len(self._pressed) >= MOST_KEPT:
-                self._pressed.clear()
-            faces = self._cells.faces
-            at, columns = faces.at[closed], faces.columns[closed]
-            w = np.zeros((len(at), self._free.size))
-            np.put_along_axis(w, at, columns * self._scale[at] * self._free[at], axis=1)
-            a = np.array([self._corrected(self._ldl.solve(one)) for one in w]).reshape(w.shape)
-            self._pressed[key] = a.T.copy(), np.linalg.solve(w @ a.T + np.eye(len(w)), w)
-        a_t, pressing = self._pressed[key]
-        d = displacement.reshape(-1)
-        return np.asarray((d - a_t @ (pressing @ d)).reshape(-1, 3))

@@ -405,7 +405,7 @@ def with_new_cells(
         return cells
     if (known[bonds.first] != known[bonds.second]).any():
         raise RunError(
-            "new elements are bonded to older ones, which elastic cells cannot follow (bonds.elasticity: bonds can)"
+            "new elements are bonded to older ones, which elastic cells cannot follow (stepping.scheme: mts can)"
         )
     radius = interaction_sizes(el, p).bond_radius
     meshes = [] if cells is None else [cells.mesh]
@@ -496,7 +496,7 @@ def _mesh_of(
     if ice.geom_type != "Polygon":
         raise BergError(
             "a berg whose elements do not touch each other has no elastic cells",
-            where="bonds.elasticity", remedy="Set it to 'bonds', or place elements two radii apart",
+            where="bonds", remedy="Place elements two radii apart, or set stepping.scheme = 'mts', whose bonds may be longer",
         )  # fmt: skip
     without = np.zeros(0, np.int64)
     for _ in range(MOST_MESHES):
@@ -510,6 +510,7 @@ def _mesh_of(
         a, b = el.body.id[rows[ends[without[0]]]]
         raise BergError(
             f"no ice joins the elements {a} and {b}, which are bonded",
-            where="bonds.elasticity", remedy="Set it to 'bonds', or leave more room between the element and the outline",
+            where="bonds",
+            remedy="Leave more room between the element and the outline, or set stepping.scheme = 'mts', which needs no outline",
         )  # fmt: skip
     return mesh, ids

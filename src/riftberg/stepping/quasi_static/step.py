@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riftberg.parameters import KernelParameters
-from riftberg.state import Bonds, Elements, Floats, Ints
+from riftberg.state import Bonds, Elements, Ints
 from riftberg.stepping.bodies.dynamics import longest_trial_step
 from riftberg.stepping.bodies.pose import Bodies, bodies_from_elements, split_bodies
-from riftberg.stepping.contact.islands import PeakContactLoad
 from riftberg.stepping.forces.media import FORCES
 from riftberg.stepping.forces.sizes import Sizes, interaction_sizes
 from riftberg.stepping.fracture.brittle_lattice import MAX_LOW_RANK_UPDATES, BrittleLattice
@@ -277,7 +276,7 @@ class TimeStep:
             return None
         if trial.peak is None:
             load = self.motion.peak_load(trial.state, contact.peak_load)
-            trial.peak = lattice.moment(lattice.solver.solve(load), load)
+            trial.peak = lattice.moment(lattice.displacements(load), load)
         return trial.peak
 
     def _equilibrium(self, state: BodyState) -> Equilibrium:
@@ -322,16 +321,6 @@ class TimeStep:
         self._renumber()
         self._record_peaks(self._equilibrium(self.state))
 
-    def break_under(self, peak: PeakContactLoad) -> Floats:
-        """Break what is overloaded where peak contact loads come to those of the state; returns the stress before (Pa)."""
-        load, of_peak = self.state.load.copy(), self.motion.peak_load(self.state, peak)
-        load[peak.rows] += of_peak[peak.rows]
-        self.state = self.motion.in_equilibrium(self.state._replace(load=load))
-        stress = np.zeros(self.bonds.first.size)
-        stress[self.lattice.intact] = self._equilibrium(self.state).stress[:, 0]
-        self._propagate_crack(impact=True)
-        return stress
-
     def _break_bond(self, bond: int) -> None:
         """Break one bond and find the equilibrium without it, with new bodies where a piece has parted."""
         el, bonds, state, c = self.el, self.bonds, self.state, self.model.constants
@@ -355,7 +344,7 @@ class TimeStep:
             self.motion.lattice = self.lattice.anew(bodies)
             self.motion.publish_positions(bodies)
             self.state = self.motion.state_at(bodies, state.time)
-        elif self.lattice.solver.update_rank >= MAX_LOW_RANK_UPDATES:
+        elif self.lattice.update_rank >= MAX_LOW_RANK_UPDATES:
             self.motion.lattice = self.lattice.anew(state.bodies)
         else:
             self.lattice.remove(bond)
@@ -369,7 +358,7 @@ class TimeStep:
         else:
             drop_broken_bonds(bonds)
         model.fragments.update(el, bonds, self.state.time, model.constants)
-        if self.lattice.solver.update_rank:  # else it has just been factored, as where pieces part
+        if self.lattice.update_rank:  # else it has just been factored, as where pieces part
             self.motion.lattice = self.lattice.anew(self.state.bodies)
         self.state = self.motion.in_equilibrium(self.motion.state_at(self.state.bodies, self.state.time))
 

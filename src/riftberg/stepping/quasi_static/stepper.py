@@ -56,11 +56,11 @@ class QuasiStaticStepper:
 
     def __init__(self, model: RunState) -> None:
         self._bodies: Bodies | None = None
-        # Where the ice is elastic in cells, they are made at the start of a run; a restart holds them from then on.
+        # The elastic cells of bonded ice are made at the start of a run; a restart holds them from then on.
         self._cells: ElasticCells | None = None
         self._cell_topology: CellTopology | None = None  # found once as long as ice melts but nothing breaks
         self._tips = NO_TIPS
-        if model.parameters.elastic_cells and model.elements.size and model.step_number == 0:
+        if model.bonds.first.size and model.step_number == 0:
             self._cells = with_new_cells(None, model.elements, model.bonds, model.outlines, model.constants)
             self._tips = tips_of_rifts(model.elements, model.bonds, model.constants)
         self._footprints = FootprintBook(model)

@@ -349,7 +349,7 @@ class FragmentMotion:
     def in_equilibrium(self, state: BodyState) -> BodyState:
         """Return the state with the displacements of the equilibrium under its loads."""
         bodies, count = state.bodies, state.bodies.pose.shape[0]
-        displacement = self.lattice.solver.solve(state.load)
+        displacement = self.lattice.displacements(state.load)
         supported = np.zeros(count, np.bool_)
         for b, _ in self._supported(bodies):
             supported[b] = True
