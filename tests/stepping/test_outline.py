@@ -8,12 +8,8 @@ from scipy.optimize import fsolve
 
 from riftberg import Iceberg, Model, Parameters, Steady
 from riftberg.constants import (
-    AIR_DRAG_SIDE,
-    AIR_DRAG_TOP,
     EARTH_ROTATION,
     GRAVITY,
-    OCEAN_DRAG_BASE,
-    OCEAN_DRAG_SIDE,
     RHO_AIR,
     RHO_SEAWATER,
     WAVE_RADIATION_MAX,
@@ -23,6 +19,7 @@ from riftberg.stepping.forces.media import FORCES, allocate_surroundings, find_s
 from riftberg.stepping.forces.sizes import interaction_sizes
 from riftberg.stepping.fragments.tree import equivalent_rectangles, measure_outlines
 
+DRAG = Parameters().drag
 LENGTH, WIDTH, THICKNESS, LATITUDE = 30e3, 15e3, 250.0, -60.0
 
 
@@ -31,8 +28,8 @@ def root(wind: float, *, waves: bool = True) -> float:
     area, mass = LENGTH * WIDTH, 850.0 * THICKNESS * LENGTH * WIDTH
     draft = THICKNESS * 850.0 / RHO_SEAWATER
     freeboard, side = THICKNESS - draft, 0.5 * (LENGTH + WIDTH)
-    water = RHO_SEAWATER * (0.5 * OCEAN_DRAG_SIDE * side * draft + OCEAN_DRAG_BASE * area)
-    air = RHO_AIR * (0.5 * AIR_DRAG_SIDE * side * freeboard + AIR_DRAG_TOP * area)
+    water = RHO_SEAWATER * (0.5 * DRAG.water_side * side * draft + DRAG.water_base * area)
+    air = RHO_AIR * (0.5 * DRAG.air_side * side * freeboard + DRAG.air_top * area)
     amplitude, f = 0.5 * 0.02025 * wind**2, 2.0 * EARTH_ROTATION * np.sin(np.radians(LATITUDE))
     push = 0.5 * RHO_SEAWATER * WAVE_RADIATION_MAX * GRAVITY * amplitude * min(amplitude, freeboard)
     push *= 2.0 * LENGTH * WIDTH / (LENGTH + WIDTH) if waves else 0.0

@@ -194,7 +194,7 @@ def pushed(push: tuple[float, float]) -> Medium:
 @kernel
 def sea_ice(el: ElementView, side: float, depth: float, exposed: float, p: KernelParameters) -> Medium:
     """Row of sea ice of a mean ``depth`` (m) beside an element, which bears the share ``exposed`` of sides of ``side`` m."""
-    drag = sea_ice_drag(el.mass, side, depth, exposed, el.ui, el.vi, p.frozen_sea_ice_drag)
+    drag = sea_ice_drag(el.mass, side, depth, exposed, el.ui, el.vi, p.frozen_sea_ice_drag, p.ice_side_drag)
     linear = limit = 0.0
     if depth > 0.0 and (p.ice_capture == LIMITED or p.ice_capture == LOCKED):
         strength = pack_strength(el.ice_thickness, el.ice_fraction, p.ice_strength, p.ice_decay)
@@ -250,12 +250,15 @@ def media_of(el: ElementView, p: KernelParameters) -> Media:
         # element bears its share: on counted sides it would depend on how the lattice lies in the outline.
         side, exposed = 0.5 * (el.berg_length + el.berg_width), el.side_share
         facing_length, facing_width, facing = el.berg_length, el.berg_width, el.side_share
-    water = ocean_drag(el.mass, el.length, el.width, side, max(0.0, draft - ice), exposed, p.ocean_scale)
-    turning = spin_drag(el.inertia, el.radius, p.ocean_scale) if p.rotational_drag else 0.0
+    wet = max(0.0, draft - ice)
+    water = ocean_drag(
+        el.mass, el.length, el.width, side, wet, exposed, p.ocean_scale, p.water_side_drag, p.water_base_drag
+    )
+    turning = spin_drag(el.inertia, el.radius, p.ocean_scale, p.water_base_drag) if p.rotational_drag else 0.0
     if p.rotational_drag and p.rigid_bodies and el.bonds == 0:
         # Bonded elements turn with their berg: the drag on its sides has its levers there.
-        turning += side_spin_drag(el.inertia, el.length, el.width, max(0.0, draft - ice), p.ocean_scale)
-    air = air_drag(el.mass, el.length, el.width, side, freeboard, exposed)
+        turning += side_spin_drag(el.inertia, el.length, el.width, wet, p.ocean_scale, p.water_side_drag)
+    air = air_drag(el.mass, el.length, el.width, side, freeboard, exposed, p.air_side_drag, p.air_top_drag)
     if el.waves.height < 0.0:
         push = wave_acceleration(el.ua, el.va, el.uo, el.vo, el.mass, freeboard, facing_length, facing_width)
     else:
