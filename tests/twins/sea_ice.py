@@ -25,7 +25,7 @@ def row(mass, front, share, thickness, fraction, draft, capture):
     if fraction < LEAST:
         return 0.0, 0.0, 0.0, 1.0
     depth = min(thickness * fraction, draft)
-    quadratic = drag.sea_ice(mass, front, depth, share, 0.1, 0.0, False)
+    quadratic = drag.sea_ice(mass, front, depth, share, 0.1, 0.0, False, 0.9)
     bears = strength(thickness, fraction)
     held = depth > 0.0
     limit = bears * front * share / mass if capture == "limited" and held else 0.0
