@@ -93,7 +93,9 @@ def test_small_bergs_and_low_latitudes_follow_as_the_momentum_balance_has_it(
     forcing = forcing_of(steady(lat=(lat - 2.0, lat + 2.0)))
     way = drifted(size, thickness, forcing, lat)
     assert way == pytest.approx(km, abs=0.6)
-    assert drift_in_current(size, thickness, 850.0, lat, slope=True, drag=Parameters().drag) == pytest.approx(1e3 * way, rel=0.02)
+    assert drift_in_current(size, thickness, 850.0, lat, slope=True, drag=Parameters().drag) == pytest.approx(
+        1e3 * way, rel=0.02
+    )
 
 
 def test_the_notice_stands_in_results_and_descriptions() -> None:
