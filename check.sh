@@ -19,7 +19,9 @@ unset PYTHONDONTWRITEBYTECODE
 # Types are checked beside the tests, which they end where something is wrong with them.
 trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 "$venv/bin/mypy" &
-# Two processes share the files of tests out between them; each compiles the kernels that it needs, once, into one cache.
+# Kernels of both engines are compiled first: two processes of tests that begin with an empty cache would each compile all of them.
+"$venv/bin/riftberg" run a68a --numerics both --days 8 --output "$(mktemp -d)" >/dev/null
+# Two processes share the files of tests out between them.
 # A process that dies ends the run: pytest-xdist would wait for ever for the files that it had.
 "$venv/bin/python" -m pytest -n "${RIFTBERG_WORKERS:-2}" --dist loadfile --max-worker-restart 0 "$@" &
 wait -n

@@ -246,6 +246,11 @@ def _quirk(base: Groups = KID, **more: Any) -> Trial:
 
 TRIALS: Final[dict[str, Trial]] = {
     "ice.density": Trial(880.0),
+    "drag.water_side": Trial(1.8),
+    "drag.water_base": Trial(0.01),
+    "drag.air_side": Trial(2.6),
+    "drag.air_top": Trial(0.003),
+    "drag.ice_side": Trial(1.8, more=ICY),
     "drag.ocean_scale": Trial(2.0),
     "drag.sides_by_bonds": Trial(),
     "compatibility.radius_based": Trial(

@@ -29,19 +29,19 @@ RHO_SEA_ICE: Final = 916.7
 """Density used in the sea-ice drag, kg m-3 (equations 0.1, quirk Q33)."""
 
 OCEAN_DRAG_SIDE: Final = 0.9
-"""Ocean drag coefficient of vertical faces (equations 0.1)."""
+"""Ocean drag coefficient of vertical faces, in KID and its experiments (equations 0.1)."""
 
 OCEAN_DRAG_BASE: Final = 0.0012
-"""Ocean drag coefficient of the horizontal base (equations 0.1)."""
+"""Ocean drag coefficient of the horizontal base, in KID and its experiments (equations 0.1)."""
 
 AIR_DRAG_SIDE: Final = 1.3
-"""Air drag coefficient of vertical faces (equations 0.1)."""
+"""Air drag coefficient of vertical faces, in KID and its experiments (equations 0.1)."""
 
 AIR_DRAG_TOP: Final = 0.0055
-"""Air drag coefficient of the horizontal top (equations 0.1)."""
+"""Air drag coefficient of the horizontal top, in KID and its experiments (equations 0.1)."""
 
 SEA_ICE_DRAG_SIDE: Final = 0.9
-"""Sea-ice drag coefficient of vertical faces (equations 0.1)."""
+"""Sea-ice drag coefficient of vertical faces, in KID and its experiments (equations 0.1)."""
 
 WAVE_RADIATION_MAX: Final = 0.06
 """Largest wave-radiation coefficient (equations 0.1)."""

@@ -37,7 +37,7 @@ from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.grounding_log import GroundingLog
 from riftberg.stepping.fragments.tree import Fragment, FragmentTree, measure_outlines
-from riftberg.stepping.laws import Laws, WithForce
+from riftberg.stepping.laws import OWN_VARIABLES, Laws, WithOwnForces
 from riftberg.stepping.run_state import RunState
 from riftberg.stepping.schemes import make_stepper
 from riftberg.stepping.slenderness import narrow_warning
@@ -167,7 +167,7 @@ class BareModel(RunState):
         required(own, Laws, "Laws(force=..., melt=..., fracture=...)", where="Model, laws")
         own.check(parameters)
         # Errors of an ensemble may be put around the forcing later; the forces are still called through this.
-        self._force = None if own.force is None else WithForce(forcing, own.forces())
+        self._force = None if own.force is None and own.drag is None else WithOwnForces(forcing, own)
         super().__init__(
             population, self._force or forcing, parameters,
             parameters.kernel_values()._replace(ice_drift_known=bool(getattr(forcing, "ice_drift_known", True))),
@@ -205,13 +205,15 @@ class BareModel(RunState):
             # (`OceanForcing`) would be one at rest.
             if getattr(forcing, "given", True):
                 environment = self.elements.environment
-                kept = environment.own_x.copy(), environment.own_y.copy()
+                own = [getattr(environment, name) for name in OWN_VARIABLES]
+                kept = [array.copy() for array in own]
                 # What this forcing does not give is not known: it may stem from another one, such as the water at a keel.
                 for variable in ELEMENT_VARIABLES:
                     if variable.name in Environment._fields:
                         getattr(environment, variable.name)[:] = variable.default
                 self._stepper.sample_forcing(self)
-                environment.own_x[:], environment.own_y[:] = kept
+                for array, values in zip(own, kept, strict=True):
+                    array[:] = values
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy is made of: not the stepper, whose tables point into the arrays of this model."""

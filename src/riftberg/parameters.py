@@ -10,6 +10,7 @@ import html
 import math
 from collections.abc import Mapping
 from operator import attrgetter
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, get_type_hints
 
 from pydantic import Field, model_validator
@@ -41,6 +42,7 @@ from riftberg.config.parameter_groups import (
 )
 from riftberg.config.usual_ranges import PUBLISHED_SPRINGS
 from riftberg.config.values import unit_of
+from riftberg.constants import AIR_DRAG_SIDE, AIR_DRAG_TOP, OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE, SEA_ICE_DRAG_SIDE
 from riftberg.physics.sea_ice import LIMITED, LOCKED, NO_CAPTURE, OF_REFERENCE
 
 __all__ = [
@@ -156,6 +158,11 @@ class KernelParameters(NamedTuple):
     multiple_steps: bool
     rigid_bodies: bool
     rho_ice: Annotated[float, "ice.density"]
+    water_side_drag: Annotated[float, "drag.water_side"]
+    water_base_drag: Annotated[float, "drag.water_base"]
+    air_side_drag: Annotated[float, "drag.air_side"]
+    air_top_drag: Annotated[float, "drag.air_top"]
+    ice_side_drag: Annotated[float, "drag.ice_side"]
     ocean_scale: Annotated[float, "drag.ocean_scale"]
     forces_by_element: bool
     sides_by_bonds: Annotated[bool, "drag.sides_by_bonds"]
@@ -543,8 +550,19 @@ def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:
     return {**groups, "stepping": {"scheme": "mts", **stepping}}
 
 
+PUBLISHED_DRAG: Final[Mapping[str, float]] = MappingProxyType(
+    {
+        "water_side": OCEAN_DRAG_SIDE,
+        "water_base": OCEAN_DRAG_BASE,
+        "air_side": AIR_DRAG_SIDE,
+        "air_top": AIR_DRAG_TOP,
+        "ice_side": SEA_ICE_DRAG_SIDE,
+    }
+)
+"""Group ``drag`` with the coefficients of KID, of the paper and of its experiments (equations 0.1)."""
+
 A68A_2022 = Parameters(
-    drag=Drag(ocean_scale=17.8),
+    drag=Drag(**PUBLISHED_DRAG, ocean_scale=17.8),
     sea_ice=PackIce(capture="none"),
     contact=Contact(**PUBLISHED_SPRINGS, tolerance=1e-4),
     bonds=BondParameters(constant_size=True, linear_bending=False, spring=0.00065359477124183),

@@ -12,6 +12,9 @@ from riftberg.physics import drag, floating
 from twins import drag as twin
 
 size = between(100, 10_000)
+WATER, AIR, SEA_ICE = (0.9, 0.0012), (1.3, 0.0055), 0.9
+"""Drag coefficients of the sides and of base or top (equations 0.1)."""
+
 thickness = between(1, 500)
 mass = between(1e8, 1e14)
 
@@ -24,19 +27,22 @@ def test_all_coefficients_equal_their_twins_on_random_elements():
         draft, freeboard, ice, exposed, scale = *r.uniform(0, 300, 2), r.uniform(0, 3), r.uniform(), r.uniform(0, 20)
         ui, vi = r.normal(size=2)
         assert_same(
-            drag.ocean_drag(m, length, width, side, draft, exposed, scale),
-            twin.ocean(m, length, width, side, draft, exposed, scale),
+            drag.ocean_drag(m, length, width, side, draft, exposed, scale, *WATER),
+            twin.ocean(m, length, width, side, draft, exposed, scale, *WATER),
         )
         assert_same(
-            drag.air_drag(m, length, width, side, freeboard, exposed),
-            twin.air(m, length, width, side, freeboard, exposed),
+            drag.air_drag(m, length, width, side, freeboard, exposed, *AIR),
+            twin.air(m, length, width, side, freeboard, exposed, *AIR),
         )
         assert_same(
-            drag.sea_ice_drag(m, side, ice, exposed, ui, vi, bool(seed % 2)),
-            twin.sea_ice(m, side, ice, exposed, ui, vi, bool(seed % 2)),
+            drag.sea_ice_drag(m, side, ice, exposed, ui, vi, bool(seed % 2), SEA_ICE),
+            twin.sea_ice(m, side, ice, exposed, ui, vi, bool(seed % 2), SEA_ICE),
         )
-        assert_same(drag.spin_drag(m, length, scale), twin.spin(m, length, scale))
-        assert_same(drag.side_spin_drag(m, length, width, draft, scale), twin.side_spin(m, length, width, draft, scale))
+        assert_same(drag.spin_drag(m, length, scale, WATER[1]), twin.spin(m, length, scale, WATER[1]))
+        assert_same(
+            drag.side_spin_drag(m, length, width, draft, scale, WATER[0]),
+            twin.side_spin(m, length, width, draft, scale, WATER[0]),
+        )
 
 
 @quick
@@ -83,30 +89,36 @@ def test_side_width_of_a_hexagon_is_twice_its_inradius():
 @given(m=mass, length=size, width=size, draft=thickness, exposed=between(0, 1), scale=between(0.1, 20))
 def test_ocean_drag_scales_as_its_formula(m, length, width, draft, exposed, scale):
     """Linear in the scale, inverse in the mass, affine in draft and exposure."""
-    c = drag.ocean_drag(m, length, width, width, draft, exposed, scale)
-    assert drag.ocean_drag(m, length, width, width, draft, exposed, 2 * scale) == pytest.approx(2 * c, rel=1e-14)
-    assert drag.ocean_drag(2 * m, length, width, width, draft, exposed, scale) == pytest.approx(c / 2, rel=1e-14)
-    base = drag.ocean_drag(m, length, width, width, 0.0, exposed, scale)
-    twice = drag.ocean_drag(m, length, width, width, 2 * draft, exposed, scale)
+    c = drag.ocean_drag(m, length, width, width, draft, exposed, scale, *WATER)
+    assert drag.ocean_drag(m, length, width, width, draft, exposed, 2 * scale, *WATER) == pytest.approx(
+        2 * c, rel=1e-14
+    )
+    assert drag.ocean_drag(2 * m, length, width, width, draft, exposed, scale, *WATER) == pytest.approx(
+        c / 2, rel=1e-14
+    )
+    base = drag.ocean_drag(m, length, width, width, 0.0, exposed, scale, *WATER)
+    twice = drag.ocean_drag(m, length, width, width, 2 * draft, exposed, scale, *WATER)
     assert twice - base == pytest.approx(2 * (c - base), rel=1e-9, abs=1e-12 * c)
-    assert base == pytest.approx(drag.ocean_drag(m, length, width, width, draft, 0.0, scale), rel=1e-14)
+    assert base == pytest.approx(drag.ocean_drag(m, length, width, width, draft, 0.0, scale, *WATER), rel=1e-14)
 
 
 @quick
 @given(length=size, draft=thickness, scale=between(0.1, 20), m=mass)
 def test_lengths_scale_as_areas(length, draft, scale, m):
     """Twice as large in every length: four times the drag force."""
-    small = drag.ocean_drag(m, length, length, length, draft, 1.0, scale)
-    large = drag.ocean_drag(m, 2 * length, 2 * length, 2 * length, 2 * draft, 1.0, scale)
+    small = drag.ocean_drag(m, length, length, length, draft, 1.0, scale, *WATER)
+    large = drag.ocean_drag(m, 2 * length, 2 * length, 2 * length, 2 * draft, 1.0, scale, *WATER)
     assert large == pytest.approx(4 * small, rel=1e-13)
-    small = drag.air_drag(m, length, length, length, draft, 1.0)
-    assert drag.air_drag(m, 2 * length, 2 * length, 2 * length, 2 * draft, 1.0) == pytest.approx(4 * small, rel=1e-13)
+    small = drag.air_drag(m, length, length, length, draft, 1.0, *AIR)
+    assert drag.air_drag(m, 2 * length, 2 * length, 2 * length, 2 * draft, 1.0, *AIR) == pytest.approx(
+        4 * small, rel=1e-13
+    )
 
 
 def test_effective_coefficients_of_the_paper():
     """Spec 10.5: c_{o,h} = 0.02136 and c_{o,v} = 16.02 with the scale 17.8."""
-    base = drag.ocean_drag(1025.0, 1.0, 1.0, 0.0, 0.0, 1.0, 17.8)
-    face = drag.ocean_drag(1025.0, 0.0, 0.0, 1.0, 1.0, 1.0, 17.8)
+    base = drag.ocean_drag(1025.0, 1.0, 1.0, 0.0, 0.0, 1.0, 17.8, *WATER)
+    face = drag.ocean_drag(1025.0, 0.0, 0.0, 1.0, 1.0, 1.0, 17.8, *WATER)
     assert base == pytest.approx(0.02136, rel=1e-12)
     assert face == pytest.approx(16.02 / 2, rel=1e-12)
 
@@ -115,7 +127,7 @@ def test_effective_coefficients_of_the_paper():
 @given(u=speed, v=speed, uo=speed, vo=speed, m=mass, length=size, draft=thickness)
 def test_drag_force_quadruples_with_twice_the_speed_and_takes_energy(u, v, uo, vo, m, length, draft):
     """The force -c |w| w of the relative velocity w: quadratic, against w, never a gain in the water's frame."""
-    c = drag.ocean_drag(m, length, length, length, draft, 1.0, 1.0)
+    c = drag.ocean_drag(m, length, length, length, draft, 1.0, 1.0, *WATER)
     w = np.array([u - uo, v - vo])
 
     def force(w):
@@ -127,40 +139,44 @@ def test_drag_force_quadruples_with_twice_the_speed_and_takes_energy(u, v, uo, v
 
 def test_no_sea_ice_no_drag():
     """Limit h_i = 0, and motionless ice under the quirk only (Q36)."""
-    assert drag.sea_ice_drag(1e12, 3000.0, 0.0, 1.0, 0.1, 0.1, False) == 0.0
-    assert drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.0, 0.0, True) == 0.0
-    moving = drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.1, 0.0, True)
+    assert drag.sea_ice_drag(1e12, 3000.0, 0.0, 1.0, 0.1, 0.1, False, SEA_ICE) == 0.0
+    assert drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.0, 0.0, True, SEA_ICE) == 0.0
+    moving = drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.1, 0.0, True, SEA_ICE)
     assert moving > 0
-    assert drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.0, 0.0, False) == moving
-    assert drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.0, -0.1, True) == moving
+    assert drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.0, 0.0, False, SEA_ICE) == moving
+    assert drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.0, -0.1, True, SEA_ICE) == moving
 
 
 def test_sea_ice_drag_is_linear_in_ice_thickness_and_exposure():
     """No base term (Q33)."""
-    one = drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.1, 0.0, False)
-    assert drag.sea_ice_drag(1e12, 3000.0, 3.0, 0.5, 0.1, 0.0, False) == pytest.approx(1.5 * one, rel=1e-14)
+    one = drag.sea_ice_drag(1e12, 3000.0, 1.0, 1.0, 0.1, 0.0, False, SEA_ICE)
+    assert drag.sea_ice_drag(1e12, 3000.0, 3.0, 0.5, 0.1, 0.0, False, SEA_ICE) == pytest.approx(1.5 * one, rel=1e-14)
 
 
 @quick
 @given(inertia=between(1e10, 1e20), radius=size, scale=between(0.1, 20))
 def test_spin_drag_scales_as_the_fifth_power_of_the_radius(inertia, radius, scale):
     """Stress grows with r^2, the lever with r, the area with r^2."""
-    c = drag.spin_drag(inertia, radius, scale)
-    assert drag.spin_drag(inertia, 2 * radius, scale) == pytest.approx(32 * c, rel=1e-13)
-    assert drag.spin_drag(2 * inertia, radius, scale) == pytest.approx(c / 2, rel=1e-13)
-    assert drag.spin_drag(inertia, radius, 3 * scale) == pytest.approx(3 * c, rel=1e-13)
+    c = drag.spin_drag(inertia, radius, scale, WATER[1])
+    assert drag.spin_drag(inertia, 2 * radius, scale, WATER[1]) == pytest.approx(32 * c, rel=1e-13)
+    assert drag.spin_drag(2 * inertia, radius, scale, WATER[1]) == pytest.approx(c / 2, rel=1e-13)
+    assert drag.spin_drag(inertia, radius, 3 * scale, WATER[1]) == pytest.approx(3 * c, rel=1e-13)
 
 
 @quick
 @given(inertia=between(1e10, 1e20), length=size, width=size, draft=thickness, scale=between(0.1, 20))
 def test_drag_of_the_sides_on_spin_scales_as_the_fourth_power_of_the_sides(inertia, length, width, draft, scale):
     """Pressure grows with x^2, the lever with x; no draft, no drag; which side is called the length makes no difference."""
-    c = drag.side_spin_drag(inertia, length, width, draft, scale)
-    assert drag.side_spin_drag(inertia, 2 * length, 2 * width, draft, scale) == pytest.approx(16 * c, rel=1e-13)
-    assert drag.side_spin_drag(inertia, width, length, draft, scale) == pytest.approx(c, rel=1e-13)
-    assert drag.side_spin_drag(2 * inertia, length, width, draft, 3 * scale) == pytest.approx(1.5 * c, rel=1e-13)
-    assert drag.side_spin_drag(inertia, length, width, 2 * draft, scale) == pytest.approx(2 * c, rel=1e-13)
-    assert drag.side_spin_drag(inertia, length, width, 0.0, scale) == 0.0
+    c = drag.side_spin_drag(inertia, length, width, draft, scale, WATER[0])
+    assert drag.side_spin_drag(inertia, 2 * length, 2 * width, draft, scale, WATER[0]) == pytest.approx(
+        16 * c, rel=1e-13
+    )
+    assert drag.side_spin_drag(inertia, width, length, draft, scale, WATER[0]) == pytest.approx(c, rel=1e-13)
+    assert drag.side_spin_drag(2 * inertia, length, width, draft, 3 * scale, WATER[0]) == pytest.approx(
+        1.5 * c, rel=1e-13
+    )
+    assert drag.side_spin_drag(inertia, length, width, 2 * draft, scale, WATER[0]) == pytest.approx(2 * c, rel=1e-13)
+    assert drag.side_spin_drag(inertia, length, width, 0.0, scale, WATER[0]) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -169,4 +185,4 @@ def test_drag_of_the_sides_on_spin_scales_as_the_fourth_power_of_the_sides(inert
 )
 def test_torque_of_the_sides_is_that_of_panels(length, width, draft, torque):
     """N m at 1e-3 s-1, found with panels by others."""
-    assert drag.side_spin_drag(1.0, length, width, draft, 1.0) * 1e-6 == pytest.approx(torque, rel=0.005)
+    assert drag.side_spin_drag(1.0, length, width, draft, 1.0, WATER[0]) * 1e-6 == pytest.approx(torque, rel=0.005)

@@ -12,6 +12,7 @@ import xarray as xr
 
 from riftberg import Forcing, Iceberg, Model, Parameters, Steady
 from riftberg.errors import ForcingError, InputError
+from riftberg.parameters import PUBLISHED_DRAG, Drag
 from riftberg.state import ELEMENT_VARIABLES
 from riftberg.stepping.bodies.linear_pack import SUBSTEP_YIELD
 from riftberg.stepping.forces.media import (
@@ -149,18 +150,24 @@ PACKS = ((1.0, 1.0), (2.0, 0.95), (0.5, 0.9))
 
 @pytest.mark.parametrize("size", TABLE)
 @pytest.mark.parametrize("k", range(3))
-def test_drift_in_a_pack_that_is_limited_is_that_of_the_table_of_roots(size: tuple[float, float], k: int) -> None:
+@pytest.mark.parametrize("own", [False, True], ids=["published drag", "own drag"])
+def test_drift_in_a_pack_that_is_limited_is_that_of_the_table_of_roots(
+    size: tuple[float, float], k: int, own: bool
+) -> None:
     """From the root a berg does not drift away; from rest the two smaller ones come to it."""
     (thickness, fraction), want = PACKS[k], TABLE[size][k]
-    root = twin.drift(*size, 220.0, -70.0, (8.0, 0.0), ICE, thickness, fraction)
+    drag = Parameters().drag if own else Drag(**PUBLISHED_DRAG)
+    root = twin.drift(*size, 220.0, -70.0, (8.0, 0.0), ICE, thickness, fraction, drag.water_base, drag.air_top)
+    if own:
+        want = root
     np.testing.assert_allclose(root, want, atol=1e-4)
     model = model_of(
-        *size, radius=RADII[size[0]], sea=pack(thickness, fraction, wind=(8.0, 0.0)), velocity=want
+        *size, radius=RADII[size[0]], sea=pack(thickness, fraction, wind=(8.0, 0.0)), velocity=want, drag=drag
     )  # fmt: skip
     model.advance(days=1.5)
     np.testing.assert_allclose(drift(model), want, atol=1e-3)
     if size[0] < 5e3:
-        model = model_of(*size, sea=pack(thickness, fraction, wind=(8.0, 0.0)))
+        model = model_of(*size, sea=pack(thickness, fraction, wind=(8.0, 0.0)), drag=drag)
         model.advance(days=3.0)
         np.testing.assert_allclose(drift(model), want, atol=1e-3)
 
@@ -276,7 +283,7 @@ def test_a_strong_current_pulls_a_berg_through() -> None:
     assert off[0] < 1e-9
     assert off[1] < 1e-4
     draft = 850.0 / 1025.0 * 220.0
-    water = 1025.0 * (0.45 * 400.0 * (draft - 0.485) + 0.0012 * 400.0**2)
+    water = 1025.0 * (0.45 * 400.0 * (draft - 0.485) + Parameters().drag.water_base * 400.0**2)
     slip = np.sqrt(twin.strength(0.5, 0.97) * 400.0 / water)
     np.testing.assert_allclose(off[2:], np.array([0.4, 0.6, 0.8]) - slip, atol=2e-3)
 

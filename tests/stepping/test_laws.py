@@ -269,3 +269,104 @@ def test_a_run_with_laws_is_not_resumed_without_them(tmp_path: Path) -> None:
         Model.resume(file, sea, laws=Laws(force=towed))
     Model.resume(file, sea, laws=laws).advance(steps=1)
     Model.resume(Model(berg(), sea).save(tmp_path / "plain.restart.nc"), sea).advance(steps=1)
+
+
+def published_drag(elements, time):
+    """The built-in drag of the water on a berg of one element."""
+    body = elements.body
+    draft = 850.0 / 1025.0 * body.thickness
+    return 1025.0 * (0.45 * 0.5 * (body.length + body.width) * draft + 0.0025 * body.length * body.width)
+
+
+def lone(side: float = 60.0, thickness: float = 40.0) -> Iceberg:
+    return Iceberg.from_points([-37.0], [-56.0], length=side, width=side, thickness=thickness)
+
+
+@pytest.mark.parametrize("scheme", ["quasi_static", "verlet", "runge_kutta", "mts"])
+def test_a_drag_that_is_the_built_in_one_changes_nothing(scheme: str) -> None:
+    bonds = {"law": "none"} if scheme in ("verlet", "runge_kutta") else {}
+    p = Parameters(stepping={"scheme": scheme, "time_step": 600.0}, bonds=bonds)
+    sea = Steady(current=(0.2, 0.1), wind=(5.0, -3.0))
+    runs = [Model(lone(), sea, p, laws=laws) for laws in (None, Laws(drag={"water": published_drag}))]
+    for model in runs:
+        model.advance(steps=6)
+    for name in ("lon", "lat", "u", "v"):
+        np.testing.assert_allclose(
+            getattr(runs[1].elements, name), getattr(runs[0].elements, name), rtol=1e-9, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("medium", ["water", "air", "sea_ice"])
+@pytest.mark.parametrize("scheme", ["quasi_static", "mts"])
+def test_a_stiff_drag_brings_the_berg_to_its_medium_and_never_past_it(medium: str, scheme: str) -> None:
+    """Ten times the rate that a step of half an hour resolves, and a hundred times."""
+    sea = Steady(current=(0.2, 0.0), wind=(0.2, 0.0), sea_ice=(0.2, 0.0, 1.0), ice_fraction=0.5)
+    p = METRES.changed(
+        stepping={"scheme": scheme, "time_step": 1800.0}, sea_ice={"capture": "none"}, earth={"reference_latitude": 0.0},
+        drag={"water_side": 0.0, "water_base": 0.0, "air_side": 0.0, "air_top": 0.0, "ice_side": 0.0},
+    )  # fmt: skip
+    plane = Iceberg.from_points([0.0], [0.0], length=60.0, width=60.0, thickness=40.0, latlon=False)
+    for stiff in (10.0, 100.0):
+
+        def law(elements, time, stiff=stiff):
+            return elements.body.mass * stiff / (1800.0 * 0.2)
+
+        model = Model(plane, sea, p, laws=Laws(drag={medium: law}))
+        speeds = []
+        for _ in range(8):
+            model.step()
+            speeds.append(float(model.elements.u[0]))
+        assert max(speeds) <= 0.2 + 1e-9
+        assert speeds[-1] == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_force_with_its_rate_needs_no_short_step() -> None:
+    """Bug: a mooring of k dt = 10 ended the run at 11 m/s; with its rate it holds the berg as a short step has it."""
+
+    def mooring(elements, time):
+        k = elements.body.mass * 10.0 / 1800.0
+        return k * (0.04 - elements.motion.u), -k * elements.motion.v, k
+
+    model = Model(lone(), Steady(), Parameters(stepping={"time_step": 1800.0}), laws=Laws(force=mooring))
+    model.advance(steps=8)
+    assert float(model.elements.u[0]) == pytest.approx(0.04, abs=2e-3)
+    assert float(model.elements.v[0]) == pytest.approx(0.0, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("drag", "words"),
+    [
+        ({"water": lambda elements, time: -1.0}, "Laws, drag of water: .*coefficient: -1 for element 1"),
+        ({"air": lambda elements, time: np.zeros(5)}, "Laws, drag of air: .*there are 1 elements"),
+    ],
+)
+def test_what_a_drag_returns_is_checked(drag, words) -> None:
+    with pytest.raises(RunError, match=words):
+        Model(lone(), Steady(), laws=Laws(drag=drag)).advance(steps=1)
+
+
+def test_a_rate_below_zero_is_refused() -> None:
+    def growing(elements, time):
+        return 0.0, 0.0, -1.0
+
+    with pytest.raises(RunError, match="Laws, force: growing, rate: -1 kg s-1 for element 1"):
+        Model(lone(), Steady(), laws=Laws(force=growing)).advance(steps=1)
+
+
+@pytest.mark.parametrize("drag", [published_drag, {"ice": published_drag}, {"water": 5.0}])
+def test_a_drag_without_its_medium_is_refused_before_the_run(drag) -> None:
+    with pytest.raises(InputError, match="Laws, "):
+        Model(lone(), Steady(), laws=Laws(drag=drag))
+
+
+def test_a_run_with_a_drag_of_ones_own_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    laws, sea = Laws(force=towed, drag={"water": published_drag}), Steady(current=(0.2, 0.1))
+    whole, first = (Model(lone(), sea, laws=laws) for _ in range(2))
+    whole.advance(steps=5)
+    first.advance(steps=2)
+    again = Model.resume(first.save(tmp_path / "it.restart.nc"), sea, laws=laws)
+    again.advance(steps=3)
+    np.testing.assert_array_equal(again.elements.lon, whole.elements.lon)
+    assert "drag by water" in laws.named()
+    with pytest.raises(InputError, match="drag"):
+        Model.resume(tmp_path / "it.restart.nc", sea)

@@ -25,7 +25,7 @@ def row(mass, front, share, thickness, fraction, draft, capture):
     if fraction < LEAST:
         return 0.0, 0.0, 0.0, 1.0
     depth = min(thickness * fraction, draft)
-    quadratic = drag.sea_ice(mass, front, depth, share, 0.1, 0.0, False)
+    quadratic = drag.sea_ice(mass, front, depth, share, 0.1, 0.0, False, 0.9)
     bears = strength(thickness, fraction)
     held = depth > 0.0
     limit = bears * front * share / mass if capture == "limited" and held else 0.0
@@ -40,7 +40,7 @@ def hold(limit, velocity, ice):
     return limit * min(speed / YIELD, 1.0) * through / speed if speed > 0.0 else np.zeros(2)
 
 
-def drift(length, width, thickness, latitude, wind, ice, depth, fraction, current=(0.0, 0.0)):
+def drift(length, width, thickness, latitude, wind, ice, depth, fraction, base, top, current=(0.0, 0.0)):
     """Velocity (m s-1) at which water, air, Coriolis force and a pack that holds are in balance on a rectangle.
 
     As the table that it is compared with: no slope but that of the current, no waves, no quadratic drag of the pack, and a
@@ -48,8 +48,8 @@ def drift(length, width, thickness, latitude, wind, ice, depth, fraction, curren
     """
     f, mass = 2 * 7.292e-5 * math.sin(math.radians(latitude)), 850.0 * thickness * length * width
     front, draft = 0.5 * (length + width), 850.0 / 1025.0 * thickness
-    water = 1025.0 * (0.45 * front * draft + 0.0012 * length * width)
-    air = 1.1 * (0.65 * front * (thickness - draft) + 0.0055 * length * width)
+    water = 1025.0 * (0.45 * front * draft + base * length * width)
+    air = 1.1 * (0.65 * front * (thickness - draft) + top * length * width)
     limit = strength(depth, fraction) * front
 
     def total(u):

@@ -11,11 +11,7 @@ from scipy.integrate import solve_ivp
 
 from riftberg import Iceberg, Model, Parameters
 from riftberg.constants import (
-    AIR_DRAG_SIDE,
-    AIR_DRAG_TOP,
     EARTH_ROTATION,
-    OCEAN_DRAG_BASE,
-    OCEAN_DRAG_SIDE,
     RHO_AIR,
     RHO_SEAWATER,
 )
@@ -34,6 +30,9 @@ class WithTheAir(Eddy):
         super().add_to(elements, time)
         e = elements.environment
         e.ua[:], e.va[:] = e.uo, e.vo
+
+
+DRAG = Parameters().drag
 
 
 def rate(speed: float, r: float) -> float:
@@ -60,8 +59,8 @@ def integrated(speed: float) -> float:
     """The same by the balance of forces on one body, integrated to 1e-9."""
     mass = 850.0 * SIDE * SIDE * THICKNESS
     draft = THICKNESS * 850.0 / RHO_SEAWATER
-    water = RHO_SEAWATER * (0.5 * OCEAN_DRAG_SIDE * SIDE * draft + OCEAN_DRAG_BASE * SIDE * SIDE) / mass
-    air = RHO_AIR * (0.5 * AIR_DRAG_SIDE * SIDE * (THICKNESS - draft) + AIR_DRAG_TOP * SIDE * SIDE) / mass
+    water = RHO_SEAWATER * (0.5 * DRAG.water_side * SIDE * draft + DRAG.water_base * SIDE * SIDE) / mass
+    air = RHO_AIR * (0.5 * DRAG.air_side * SIDE * (THICKNESS - draft) + DRAG.air_top * SIDE * SIDE) / mass
 
     def motion(_: float, now: np.ndarray) -> list[float]:
         x, y, u, v = now

@@ -28,10 +28,10 @@ FREEBOARD = THICKNESS - DRAFT
 COMPASS = [(math.cos(k * math.pi / 4), math.sin(k * math.pi / 4)) for k in range(8)]
 """Unit vectors towards east, north-east, north and so on."""
 
-WATER = 1025.0 * (0.5 * 0.9 * SIDE * DRAFT + 0.0012 * AREA)
+WATER = 1025.0 * (0.5 * 0.9 * SIDE * DRAFT + 0.0025 * AREA)
 """Drag of the water on sides and base, N for 1 m/s."""
 
-AIR = 1.1 * (0.5 * 1.3 * SIDE * FREEBOARD + 0.0055 * AREA)
+AIR = 1.1 * (0.5 * 1.3 * SIDE * FREEBOARD + 0.0015 * AREA)
 """Drag of the air on freeboard and top, N for 1 m/s."""
 
 

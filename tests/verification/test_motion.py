@@ -61,8 +61,8 @@ def balance(velocity, current, wind, sea_ice, slope, f, scale):
     u = np.asarray(velocity)
     uo, ua, ui = np.array(current), np.array(wind), np.array(sea_ice[:2])
     ice = sea_ice[2]
-    c_o = 1025.0 / MASS * scale * (0.5 * 0.9 * SIDE * (DRAFT - ice) + 0.0012 * SIDE**2)
-    c_a = 1.1 / MASS * (0.5 * 1.3 * SIDE * (THICKNESS - DRAFT) + 0.0055 * SIDE**2)
+    c_o = 1025.0 / MASS * scale * (0.5 * 0.9 * SIDE * (DRAFT - ice) + 0.0025 * SIDE**2)
+    c_a = 1.1 / MASS * (0.5 * 1.3 * SIDE * (THICKNESS - DRAFT) + 0.0015 * SIDE**2)
     c_i = 916.7 / MASS * 0.5 * 0.9 * SIDE * ice
     total = sum(c * np.linalg.norm(w - u) * (w - u) for c, w in ((c_o, uo), (c_a, ua), (c_i, ui)))
     q = np.sum((ua - uo) ** 2)
@@ -118,7 +118,7 @@ def test_geostrophic_balance(agrees, latitude) -> None:
 def test_water_brings_a_loose_element_to_half_its_vorticity(agrees, vorticity) -> None:
     """``(w - z/2)`` decays as 1 / (1 + c t |w - z/2|) with c = (2 pi / 5) rho C R^5 / I, whatever the step."""
     spin = 2e-3
-    c = 2 * math.pi / 5 * 1025.0 * 0.0012 * RADIUS**5 / (0.5 * MASS * RADIUS**2)
+    c = 2 * math.pi / 5 * 1025.0 * 0.0025 * RADIUS**5 / (0.5 * MASS * RADIUS**2)
     for dt, steps in ((600.0, 100), (60_000.0, 1)):
         model = single(Whirl(vorticity), spin=spin, stepping={"time_step": dt})
         model.advance(steps=steps)

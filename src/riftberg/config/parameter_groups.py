@@ -102,6 +102,24 @@ class Ice(Group):
 class Drag(Group):
     """Drag of water, air and sea ice on an element."""
 
+    water_side: float = quantity(
+        0.9, "1", "form drag of the water on the sides, on 0.5 rho u^2", "Gladstone et al. 2001", ge=0, le=10
+    )
+    water_base: float = quantity(
+        0.0025, "1", "skin drag of the water on the base, on rho u^2",
+        "Asay-Davis et al. 2016, base of ice shelves; KID 0.0012", ge=0, le=1,
+    )  # fmt: skip
+    air_side: float = quantity(
+        1.3, "1", "form drag of the air on the sail, on 0.5 rho u^2", "Gladstone et al. 2001", ge=0, le=10
+    )
+    air_top: float = quantity(
+        0.0015, "1", "skin drag of the 10-m wind on the top, on rho u^2",
+        "Amory et al. 2017, Antarctic snow, 0.0015 to 0.002; Andreas & Claffey 1995, 0.0013 to 0.0025; KID 0.0055",
+        ge=0, le=1,
+    )  # fmt: skip
+    ice_side: float = quantity(
+        0.9, "1", "drag of sea ice on the sides, on 0.5 rho u^2 of its thickness", "Gladstone et al. 2001", ge=0, le=10
+    )
     ocean_scale: float = quantity(1.0, "1", "multiplies both ocean drag coefficients", "KID's ocean_drag_scale", ge=0)
     sides_by_bonds: bool = quantity(
         True, "", "side drag only on sides that no bond covers", "equations 4.1, KID's internal_bergs_for_drag"

@@ -39,6 +39,13 @@ _SALT: Final = Usual(20.0, 37.0, "from fjords to the open Atlantic", "1e-3")
 
 USUAL: Final[dict[str, Usual]] = {
     "ice.density": Usual(800.0, 920.0, "from firn-covered shelves (850, Silva et al. 2006) to solid ice (917)"),
+    "drag.water_side": Usual(0.2, 2.0, "0.25 in Keghouche et al. 2010, 0.9 in Gladstone et al. 2001", off=True),
+    "drag.water_base": Usual(
+        5e-4, 0.01, "0.0012, Gladstone et al. 2001, to 0.0097 under a shelf, Jenkins et al. 2010", off=True
+    ),
+    "drag.air_side": Usual(0.2, 2.6, "0.8 in Keghouche et al. 2010, 1.3 in Gladstone et al. 2001", off=True),
+    "drag.air_top": Usual(5e-4, 0.006, "0.0013 over smooth snow to 0.0055 in Gladstone et al. 2001", off=True),
+    "drag.ice_side": Usual(0.1, 10.0, "0.9 in Gladstone et al. 2001", off=True),
     "drag.ocean_scale": Usual(0.05, 20.0, "A68a was fitted with 17.8 (Huth et al. 2022)", off=True),
     "sea_ice.strength": Usual(5e3, 5e4, "5 to 27.5 kPa in models of sea ice (Hibler 1979)", off=True),
     "sea_ice.decay": Usual(5.0, 40.0, "20 in models of sea ice (Hibler 1979)"),

@@ -19,7 +19,7 @@ from riftberg.experiments.changes import reference_numerics
 from riftberg.experiments.registry import Info, Options
 from riftberg.ocean.analytic import Convergence, Steady
 from riftberg.ocean.formulas import Seamount
-from riftberg.parameters import Compatibility, Contact, Parameters
+from riftberg.parameters import PUBLISHED_DRAG, Compatibility, Contact, Parameters
 from riftberg.runs.model import Model
 
 # ---- beams ------------------------------------------------------------------------------------------------------------
@@ -152,7 +152,7 @@ DENSITY_OF_MASS = 918.0
 """Density (kg m-3) that the bergs are made with; the draft follows from ``ice.density``, as in the reference."""
 
 COLLISION = Parameters(
-    drag={"sides_by_bonds": False, "rotational": False},
+    drag={**PUBLISHED_DRAG, "sides_by_bonds": False, "rotational": False},
     grounding={"ramp_height": 100.0},
     contact={
         "spring": 1e-7,
@@ -206,6 +206,7 @@ LENGTH, WIDTH = 15e3, 35e3
 CURRENT = (0.1, 0.1)
 
 GROUNDING = Parameters(
+    drag=dict(PUBLISHED_DRAG),
     contact={"spring": 5e-8, "distance": 4000.0, "on_substeps": False, "tolerance": 1e-2},
     bonds={
         "packing": "hexagonal",

@@ -49,7 +49,7 @@ from riftberg.kid.restart import (
 )
 from riftberg.ocean.cells import Fields
 from riftberg.ocean.grid import Grid
-from riftberg.parameters import Compatibility, Packing, Parameters, Scheme
+from riftberg.parameters import PUBLISHED_DRAG, Compatibility, Packing, Parameters, Scheme
 from riftberg.state import Bonds, Elements
 from riftberg.stepping.speed_limit import DEBRIS_SPEED
 from riftberg.system.input_files import MOST_YAML, check_file, extreme_allowed, reading
@@ -493,6 +493,7 @@ def _groups(group: NamelistGroup, dt: float) -> dict[str, dict[str, Any]]:
     return {
         "ice": {"density": number("rho_bergs")},
         "drag": {
+            **PUBLISHED_DRAG,
             "ocean_scale": number("ocean_drag_scale"),
             "sides_by_bonds": flag("internal_bergs_for_drag"),
             "rotational": False,

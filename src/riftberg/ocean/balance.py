@@ -24,6 +24,7 @@ from riftberg.state import Elements, Floats, Ints
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from riftberg.config.parameter_groups import Drag
     from riftberg.ocean.forcing import Forcing
     from riftberg.parameters import Parameters
 
@@ -251,9 +252,7 @@ SHOWN_DAYS: Final = 2.0
 """And for how many days."""
 
 
-def drift_in_current(
-    size: float, thickness: float, density: float, lat: float, *, slope: bool, drag_scale: float = 1.0
-) -> float:
+def drift_in_current(size: float, thickness: float, density: float, lat: float, *, slope: bool, drag: Drag) -> float:
     """Return how far (m) a square berg that was at rest goes with a steady current of 0.2 m/s in two days.
 
     Water drag and Coriolis act on it, and the slope that balances the current, if ``slope``.
@@ -266,15 +265,16 @@ def drift_in_current(
         kg m-3.
     lat : float
         Latitude, degrees.
-    drag_scale : float
-        Factor on the drag of the water.
+    drag : Drag
+        Coefficients of the water's drag.
     """
     mass = density * size * size * thickness
-    drag = ocean_drag(mass, size, size, size, float(draft_of(thickness, density)), 1.0, drag_scale)  # m-1
+    draft, scale = float(draft_of(thickness, density)), drag.ocean_scale
+    coefficient = ocean_drag(mass, size, size, size, draft, 1.0, scale, drag.water_side, drag.water_base)  # m-1
     turning = 2.0j * EARTH_ROTATION * math.sin(lat * DEGREE)  # Velocities are complex: east + i north
     step, speed, way = 600.0, 0.0j, 0.0
     for _ in range(round(SHOWN_DAYS * SECONDS_PER_DAY / step)):
-        rate = drag * abs(speed - SHOWN_SPEED)
+        rate = coefficient * abs(speed - SHOWN_SPEED)
         push = (turning * slope + rate) * SHOWN_SPEED
         after = ((1.0 - 0.5 * step * turning) * speed + step * push) / (1.0 + 0.5 * step * turning + step * rate)
         way += 0.5 * step * (speed + after).real
@@ -293,11 +293,8 @@ def slope_notice(forcing: Forcing, elements: Elements, largest: Ints, parameters
     area, density = float((body.length[largest] * body.width[largest]).sum()), parameters.ice.density
     size, thickness = math.sqrt(area), float(body.mass[largest].sum()) / (density * area)
     ways = [
-        drift_in_current(
-            size, thickness, density, lat, slope=slope, drag_scale=parameters.drag.ocean_scale
-        )
-        for slope in (True, False)
-    ]  # fmt: skip
+        drift_in_current(size, thickness, density, lat, slope=slope, drag=parameters.drag) for slope in (True, False)
+    ]
     with_it, without = (f"{way / 1e3:.3g}" if abs(way) >= 1e3 else f"{way / 1e3:.1f}" for way in ways)
     big = f"{size / 1e3:.3g} km" if size >= 1e3 else f"{size:.3g} m"
     said = (

@@ -10,15 +10,10 @@ from typing import NamedTuple
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import (
-    AIR_DRAG_SIDE,
-    AIR_DRAG_TOP,
     GRAVITY,
-    OCEAN_DRAG_BASE,
-    OCEAN_DRAG_SIDE,
     RHO_AIR,
     RHO_SEA_ICE,
     RHO_SEAWATER,
-    SEA_ICE_DRAG_SIDE,
     WAVE_RADIATION_MAX,
 )
 
@@ -37,7 +32,15 @@ def side_width(length: float, width: float, by_radius: bool) -> float:
 
 @kernel
 def ocean_drag(
-    mass: float, length: float, width: float, side: float, draft_open: float, exposed: float, scale: float
+    mass: float,
+    length: float,
+    width: float,
+    side: float,
+    draft_open: float,
+    exposed: float,
+    scale: float,
+    on_side: float,
+    on_base: float,
 ) -> float:
     """``c_o = rho_w / M s_o (0.5 C_wv phi W D_h + C_wh W L)``, m-1.
 
@@ -53,35 +56,49 @@ def ocean_drag(
         Fraction of sides without bonds.
     scale : float
         Factor on both coefficients.
+    on_side, on_base : float
+        Coefficients C_wv of the sides and C_wh of the base.
     """
-    return (
-        (RHO_SEAWATER / mass)
-        * scale
-        * (0.5 * OCEAN_DRAG_SIDE * exposed * side * draft_open + OCEAN_DRAG_BASE * width * length)
-    )
+    return (RHO_SEAWATER / mass) * scale * (0.5 * on_side * exposed * side * draft_open + on_base * width * length)
 
 
 @kernel
-def air_drag(mass: float, length: float, width: float, side: float, freeboard: float, exposed: float) -> float:
-    """``c_a = rho_a / M (0.5 C_av phi W F + C_ah W L)``, m-1; sizes in m, mass in kg."""
-    return (RHO_AIR / mass) * (0.5 * AIR_DRAG_SIDE * exposed * side * freeboard + AIR_DRAG_TOP * width * length)
+def air_drag(
+    mass: float,
+    length: float,
+    width: float,
+    side: float,
+    freeboard: float,
+    exposed: float,
+    on_side: float,
+    on_top: float,
+) -> float:
+    """``c_a = rho_a / M (0.5 C_av phi W F + C_ah W L)``, m-1; sizes in m, mass in kg, ``on_side`` C_av, ``on_top`` C_ah."""
+    return (RHO_AIR / mass) * (0.5 * on_side * exposed * side * freeboard + on_top * width * length)
 
 
 @kernel
 def sea_ice_drag(
-    mass: float, side: float, ice_thickness: float, exposed: float, ui: float, vi: float, frozen_quirk: bool
+    mass: float,
+    side: float,
+    ice_thickness: float,
+    exposed: float,
+    ui: float,
+    vi: float,
+    frozen_quirk: bool,
+    on_side: float,
 ) -> float:
-    """``c_i = rho_si / M 0.5 C_iv phi W h_i``, m-1; vertical faces only (Q33).
+    """``c_i = rho_si / M 0.5 C_iv phi W h_i``, m-1, with ``on_side`` C_iv; vertical faces only (Q33).
 
     With ``frozen_quirk`` motionless sea ice exerts no drag (Q36).
     """
     if ice_thickness == 0.0 or (frozen_quirk and abs(ui) + abs(vi) == 0.0):
         return 0.0
-    return (RHO_SEA_ICE / mass) * (0.5 * SEA_ICE_DRAG_SIDE * exposed * side * ice_thickness)
+    return (RHO_SEA_ICE / mass) * (0.5 * on_side * exposed * side * ice_thickness)
 
 
 @kernel
-def spin_drag(inertia: float, radius: float, scale: float) -> float:
+def spin_drag(inertia: float, radius: float, scale: float, on_base: float) -> float:
     """Rotational drag of the water under a disc, rad-1: the spin changes at -c |w - z/2| (w - z/2).
 
     A disc that turns at w relative to the water below (whose rotation is half its vorticity z) moves at ``w r`` at
@@ -96,12 +113,16 @@ def spin_drag(inertia: float, radius: float, scale: float) -> float:
         Radius of the disc, m.
     scale : float
         Factor on the ocean drag coefficient.
+    on_base : float
+        Coefficient C_wh of the base.
     """
-    return (2.0 * math.pi / 5.0) * RHO_SEAWATER * OCEAN_DRAG_BASE * scale * radius**5 / inertia
+    return (2.0 * math.pi / 5.0) * RHO_SEAWATER * on_base * scale * radius**5 / inertia
 
 
 @kernel
-def side_spin_drag(inertia: float, length: float, width: float, draft_open: float, scale: float) -> float:
+def side_spin_drag(
+    inertia: float, length: float, width: float, draft_open: float, scale: float, on_side: float
+) -> float:
     """Rotational drag of the water on the sides of a rectangle, rad-1; it adds to `spin_drag`.
 
     A side of length L that turns about its middle at w relative to the water meets it at ``w x``; the drag
@@ -118,8 +139,10 @@ def side_spin_drag(inertia: float, length: float, width: float, draft_open: floa
         Draft D below the sea ice, m.
     scale : float
         Factor s_o on the ocean drag coefficients.
+    on_side : float
+        Coefficient C_wv of the sides.
     """
-    return RHO_SEAWATER * OCEAN_DRAG_SIDE * scale * draft_open * (length**4 + width**4) / (64.0 * inertia)
+    return RHO_SEAWATER * on_side * scale * draft_open * (length**4 + width**4) / (64.0 * inertia)
 
 
 class Waves(NamedTuple):

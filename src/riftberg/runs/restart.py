@@ -323,7 +323,7 @@ class Bound(NamedTuple):
 EXTRAS: Final[Mapping[str, Bound]] = {
     "next_element": Bound((), "beyond element_id", LARGEST_WHOLE),
     "next_bond": Bound((), "beyond bond_id", LARGEST_WHOLE),
-    "own_laws": Bound((3,), 0, 1),
+    "own_laws": Bound((4,), 0, 1),
     "turns": Bound((None, 2)),
     # The rigid bodies of the quasi-static scheme, as the last step left them; elements may have come or gone since.
     "rigid_body": Bound(("left",), 0, "bodies - 1"),

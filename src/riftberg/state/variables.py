@@ -269,6 +269,16 @@ class Environment(NamedTuple):
     wave_y: Annotated[Floats, _is("1", "northward part of the direction in which given waves travel")]
     own_x: Annotated[Floats, _is("N", "eastward force by a law of the user")]
     own_y: Annotated[Floats, _is("N", "northward force by a law of the user")]
+    own_rate: Annotated[Floats, _is("kg s-1", "what that force falls by with the velocity of the element")]
+    own_water_drag: Annotated[
+        Floats, _is("kg m-1", "drag of the water by a law of the user; negative: the built-in one", default=-1.0)
+    ]
+    own_air_drag: Annotated[
+        Floats, _is("kg m-1", "drag of the air by a law of the user; negative: the built-in one", default=-1.0)
+    ]
+    own_ice_drag: Annotated[
+        Floats, _is("kg m-1", "drag of sea ice by a law of the user; negative: the built-in one", default=-1.0)
+    ]
 
 
 class Keel(NamedTuple):

@@ -24,13 +24,19 @@ Ratios = Callable[[Any, Any], Any]
 """A function of `riftberg.stepping.fracture.criteria.Equilibrium` and the strengths of its intact bonds: stress over strength."""
 
 
-LAW_NAMES: Final = ("force", "melt", "fracture")
+LAW_NAMES: Final = ("force", "melt", "fracture", "drag")
 """What a user may give, in the order in which a restart file says which were there."""
+
+DRAGS: Final = {"water": "own_water_drag", "air": "own_air_drag", "sea_ice": "own_ice_drag"}
+"""Media whose drag a user may give, and where the elements keep it."""
+
+OWN_VARIABLES: Final = ("own_x", "own_y", "own_rate", *DRAGS.values())
+"""Variables of the environment that laws of the user fill."""
 
 
 @dataclass(frozen=True)
 class Laws:
-    """Functions that a model calls for a force, for melt and for fracture.
+    """Functions that a model calls for a force, for drag, for melt and for fracture.
 
     A function that `numba.njit` compiles will do as well. A run that is resumed needs the same laws again.
 
@@ -39,7 +45,13 @@ class Laws:
     force : callable, mapping of str to callable, or sequence of callable, optional
         ``force(elements, time)`` returns the eastward and the northward force (N) on each element, beside all others. It is
         called wherever the forcing is sampled, with the environment already in ``elements.environment``. Several forces act
-        together, and stand in outputs and budgets each under its name: the key, or the name of the function.
+        together, and stand in outputs and budgets each under its name: the key, or the name of the function. A third value is
+        the rate (kg s-1, 0 or more) at which the force falls with the velocity of the element: with it the force is taken
+        implicitly, and a stiff one needs no short step.
+    drag : mapping of str to callable, optional
+        ``drag(elements, time)`` by medium (``water``, ``air``, ``sea_ice``) returns the coefficient C (kg m-1) of the force
+        ``C |U - u| (U - u)`` by the medium's velocity U on an element that moves at u, in place of the built-in drag of that
+        medium. It is taken implicitly as the built-in one is. The hold of a dense pack and the drag on rotation stay.
     melt : callable, optional
         ``melt(elements, time)`` returns the rates (m s-1) at which base, sides and waves take ice, in place of the built-in
         ones; None for a process leaves it as it is. It needs ``melt.enabled``.
@@ -53,6 +65,7 @@ class Laws:
     force: ElementLaw | Mapping[str, ElementLaw] | Sequence[ElementLaw] | None = None
     melt: ElementLaw | None = None
     fracture: Ratios | None = None
+    drag: Mapping[str, ElementLaw] | None = None
 
     def given(self) -> dict[str, Callable[..., Any]]:
         """Return the laws that are there, by name."""
@@ -78,16 +91,23 @@ class Laws:
 
     def named(self) -> str:
         """Return the functions by name, such as ``force by tug, melt by convective_melt``; nothing where there are none."""
-        whose = {
-            kind: " and ".join(self.forces()) if kind == "force" else name_of(law) for kind, law in self.given().items()
-        }
+        whose = {kind: name_of(law) for kind, law in self.given().items()}
+        for kind, laws in (("force", self.forces()), ("drag", self.drag or {})):
+            if kind in whose:
+                whose[kind] = " and ".join(laws)
         return ", ".join(f"{kind} by {name}" for kind, name in whose.items())
 
     def check(self, p: Parameters) -> None:
         """Refuse what is no function, and a law that the parameters leave no room for."""
         if not (self.force is None or callable(self.force) or isinstance(self.force, Mapping | list | tuple)):
             raise InputError(f"{value_shown(self.force)} is no function", where="Laws, force", remedy="Give a function")
-        for name, law in (*self.forces().items(), ("melt", self.melt), ("fracture", self.fracture)):
+        if self.drag is not None and (not isinstance(self.drag, Mapping) or self.drag.keys() - DRAGS):
+            raise InputError(
+                f"{value_shown(self.drag)} does not say the drag of which medium", where="Laws, drag",
+                remedy="Name it: drag={'water': ..., 'air': ..., 'sea_ice': ...}",
+            )  # fmt: skip
+        own_drag = (self.drag or {}).items()
+        for name, law in (*self.forces().items(), *own_drag, ("melt", self.melt), ("fracture", self.fracture)):
             if law is not None and not callable(law):
                 raise InputError(f"{value_shown(law)} is no function", where=f"Laws, {name}", remedy="Give a function")
         for name in self.several():
@@ -109,23 +129,36 @@ class Laws:
             )
 
 
-class WithForce(WrappedForcing):
-    """A forcing with a force of one's own: sampled with the environment, so that each scheme takes it at its own moments."""
+class WithOwnForces(WrappedForcing):
+    """A forcing with forces and drags of one's own.
 
-    def __init__(self, forcing: Forcing, forces: Mapping[str, ElementLaw]) -> None:
-        self.forcing, self.forces = forcing, forces
+    They are sampled with the environment, so that each scheme takes them at its own moments.
+    """
+
+    def __init__(self, forcing: Forcing, laws: Laws) -> None:
+        self.forcing, self.forces, self.drags = forcing, laws.forces(), laws.drag or {}
         self.called: list[Floats] = []  # What they gave, N, shape (forces, 2, elements), each time in this step
 
     def describe(self) -> str:
         """Return what the forcing is, and the names of the forces."""
-        return f"{self.forcing.describe()}; force of one's own: {' and '.join(self.forces)}"
+        own = ((f"force of one's own: {' and '.join(self.forces)}", self.forces),
+               (f"drag of one's own: {' and '.join(self.drags)}", self.drags))  # fmt: skip
+        return "; ".join([self.forcing.describe(), *(text for text, laws in own if laws)])
 
     def sample(self, elements: Elements, time: float) -> None:
-        """Fill the environment of the elements, and the force on them."""
+        """Fill the environment of the elements, and the forces and drags on them."""
         self.forcing.sample(elements, time)
-        rows = [law_values(law, elements, time, "force", ("eastward", "northward")) for law in self.forces.values()]
-        self.called.append(np.stack(rows))
-        elements.environment.own_x[:], elements.environment.own_y[:] = self.called[-1].sum(axis=0)
+        environment, motion = elements.environment, elements.motion
+        for medium, law in self.drags.items():
+            getattr(environment, DRAGS[medium])[:] = drag_values(law, elements, time, medium)
+        if not self.forces:
+            return
+        rows = [force_values(law, elements, time) for law in self.forces.values()]
+        x, y, rate = np.sum(rows, axis=0)
+        self.called.append(np.stack(rows)[:, :2])
+        # A force that falls with the velocity is what it would be at rest, less the rate times the velocity.
+        environment.own_x[:], environment.own_y[:] = x + rate * motion.u, y + rate * motion.v
+        environment.own_rate[:] = rate
 
     def begin_step(self) -> None:
         """Forget what was called in the steps before, but for the last time: a scheme may begin with it."""
@@ -175,17 +208,44 @@ def name_of(law: object) -> str:
     return str(getattr(law, "__name__", "a function"))
 
 
+def force_values(law: ElementLaw, elements: Elements, time: float) -> Floats:
+    """Return force (N, east and north) and rate (kg s-1; 0 where a law gives none) of a law, shape (3, elements)."""
+    values = law_values(law, elements, time, "force", ("eastward", "northward"), optional=("rate",))
+    if (values[2] < 0.0).any():
+        e = int(np.flatnonzero(values[2] < 0.0)[0])
+        raise RunError(
+            f"Laws, force: {name_of(law)}, rate: {values[2, e]:g} kg s-1 for element {int(elements.body.id[e])}. A force that "
+            "grows with the velocity of the ice has no rate: return the force alone"
+        )
+    return values
+
+
+def drag_values(law: ElementLaw, elements: Elements, time: float, medium: str) -> Floats:
+    """Return the coefficient (kg m-1) of a drag by a law, shape (elements,)."""
+
+    def as_sequence(elements: Elements, time: float) -> Sequence[Any]:
+        return (law(elements, time),)
+
+    as_sequence.__name__ = name_of(law)
+    return law_values(as_sequence, elements, time, f"drag of {medium}", ("coefficient",), least=0.0)[0]
+
+
 def law_values(
-    law: ElementLaw, elements: Elements, time: float, kind: str, names: tuple[str, ...], least: float = -math.inf
-) -> Floats:
-    """Return what a law gives for each of some names, shape (names, elements); NaN where it gives None."""
+    law: ElementLaw, elements: Elements, time: float, kind: str, names: tuple[str, ...], least: float = -math.inf,
+    optional: tuple[str, ...] = (),
+) -> Floats:  # fmt: skip
+    """Return what a law gives for each of some names, shape (names, elements).
+
+    NaN where it gives None, 0 for ``optional`` names that it leaves out.
+    """
     where = f"Laws, {kind}: {name_of(law)}"
     with to_read(elements, "elements", where):
         given = law(elements, time)
-    if not isinstance(given, Sequence | np.ndarray) or len(given) != len(names):
+    every = names + optional
+    if not isinstance(given, Sequence | np.ndarray) or len(given) not in (len(names), len(every)):
         raise RunError(f"{where} returns {value_shown(given)} instead of {len(names)} arrays ({', '.join(names)})")
-    out = np.empty((len(names), elements.size))
-    for row, name, values in zip(out, names, given, strict=True):
+    out = np.zeros((len(every), elements.size))
+    for row, name, values in zip(out, every, given, strict=False):
         try:
             row[:] = np.nan if values is None else values
         except (TypeError, ValueError) as error:

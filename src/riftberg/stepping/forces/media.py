@@ -159,6 +159,10 @@ class ElementView(NamedTuple):
     berg_width: float
     own_x: float  # Force by a law of the user (`riftberg.stepping.laws`), N
     own_y: float
+    own_rate: float  # What that force falls by with the velocity, kg s-1
+    own_water_drag: float  # Drags by laws of the user, kg m-1; negative: built-in ones
+    own_air_drag: float
+    own_ice_drag: float
 
 
 @kernel
@@ -194,7 +198,9 @@ def pushed(push: tuple[float, float]) -> Medium:
 @kernel
 def sea_ice(el: ElementView, side: float, depth: float, exposed: float, p: KernelParameters) -> Medium:
     """Row of sea ice of a mean ``depth`` (m) beside an element, which bears the share ``exposed`` of sides of ``side`` m."""
-    drag = sea_ice_drag(el.mass, side, depth, exposed, el.ui, el.vi, p.frozen_sea_ice_drag)
+    drag = sea_ice_drag(el.mass, side, depth, exposed, el.ui, el.vi, p.frozen_sea_ice_drag, p.ice_side_drag)
+    if el.own_ice_drag >= 0.0:
+        drag = el.own_ice_drag / el.mass
     linear = limit = 0.0
     if depth > 0.0 and (p.ice_capture == LIMITED or p.ice_capture == LOCKED):
         strength = pack_strength(el.ice_thickness, el.ice_fraction, p.ice_strength, p.ice_decay)
@@ -250,12 +256,19 @@ def media_of(el: ElementView, p: KernelParameters) -> Media:
         # element bears its share: on counted sides it would depend on how the lattice lies in the outline.
         side, exposed = 0.5 * (el.berg_length + el.berg_width), el.side_share
         facing_length, facing_width, facing = el.berg_length, el.berg_width, el.side_share
-    water = ocean_drag(el.mass, el.length, el.width, side, max(0.0, draft - ice), exposed, p.ocean_scale)
-    turning = spin_drag(el.inertia, el.radius, p.ocean_scale) if p.rotational_drag else 0.0
+    wet = max(0.0, draft - ice)
+    water = ocean_drag(
+        el.mass, el.length, el.width, side, wet, exposed, p.ocean_scale, p.water_side_drag, p.water_base_drag
+    )
+    turning = spin_drag(el.inertia, el.radius, p.ocean_scale, p.water_base_drag) if p.rotational_drag else 0.0
     if p.rotational_drag and p.rigid_bodies and el.bonds == 0:
         # Bonded elements turn with their berg: the drag on its sides has its levers there.
-        turning += side_spin_drag(el.inertia, el.length, el.width, max(0.0, draft - ice), p.ocean_scale)
-    air = air_drag(el.mass, el.length, el.width, side, freeboard, exposed)
+        turning += side_spin_drag(el.inertia, el.length, el.width, wet, p.ocean_scale, p.water_side_drag)
+    air = air_drag(el.mass, el.length, el.width, side, freeboard, exposed, p.air_side_drag, p.air_top_drag)
+    if el.own_water_drag >= 0.0:
+        water = el.own_water_drag / el.mass
+    if el.own_air_drag >= 0.0:
+        air = el.own_air_drag / el.mass
     if el.waves.height < 0.0:
         push = wave_acceleration(el.ua, el.va, el.uo, el.vo, el.mass, freeboard, facing_length, facing_width)
     else:
@@ -268,7 +281,7 @@ def media_of(el: ElementView, p: KernelParameters) -> Media:
         sea_ice(el, side, ice, exposed, p),
         pushed((open_side * facing * push[0], open_side * facing * push[1])),
         sea_floor(el, p),
-        pushed((el.own_x / el.mass, el.own_y / el.mass)),
+        Medium(el.own_rate / el.mass, 0.0, 0.0, 0.0, el.own_x / el.mass, el.own_y / el.mass, 0.0, 0.0, 0.0, 0.0, 0.0),
     )
 
 
@@ -306,7 +319,8 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
     uo, vo, ua, va, ui, vi, sx, sy = env.uo, env.vo, env.ua, env.va, env.ui, env.vi, env.slope_x, env.slope_y
     height, period, wave_x, wave_y = env.wave_height, env.wave_period, env.wave_x, env.wave_y
     side_share, berg_length, berg_width = body.side_share, body.berg_length, body.berg_width
-    own_x, own_y = env.own_x, env.own_y
+    own_x, own_y, own_rate = env.own_x, env.own_y, env.own_rate
+    own_water, own_air, own_ice = env.own_water_drag, env.own_air_drag, env.own_ice_drag
     bond_radius, bond_area, bond_mass = sizes.bond_radius, sizes.bond_area, sizes.bond_mass
     media, coriolis = around.media, around.coriolis
     for e in range(mass.size):
@@ -320,7 +334,7 @@ def find_surroundings(el: Elements | ForcedElements, sizes: Sizes, around: Surro
             inertia, area, m, depth[e], ice[e], min(fraction[e], 1.0), uo[e], vo[e], ua[e], va[e], ui[e], vi[e], sx[e], sy[e],
             vorticity[e],
             Waves(height[e], period[e], wave_x[e], wave_y[e]), side_share[e], berg_length[e], berg_width[e],
-            own_x[e], own_y[e],
+            own_x[e], own_y[e], own_rate[e], own_water[e], own_air[e], own_ice[e],
         )  # fmt: skip
         rows = media_of(view, p)
         put_row(media, e, 0, rows.water)

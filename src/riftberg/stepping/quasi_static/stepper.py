@@ -161,7 +161,7 @@ class QuasiStaticStepper:
     def _step_population(self, model: RunState, unknown: NDArray[np.bool_] | None) -> bool:
         """Take a step in which most bergs are lone ones, which go by themselves; returns whether it is one."""
         bodies, bonds, c = self._bodies, model.bonds, model.constants
-        if model.laws.force is not None:  # it may look at all elements
+        if model.laws.force is not None or model.laws.drag:  # they may look at all elements
             return False
         if bodies is None:
             bodies = first_bodies(model.elements, bonds, c)
