@@ -329,7 +329,7 @@ TRIALS: Final[dict[str, Trial]] = {
         0.0, with_(WEAK_QUASI, fracture={"criterion": "toughness", "toughness": 1e5}), refused="toughness"
     ),
     "fracture.on_substeps": Trial(base=WEAK),
-    "fracture.broken_as_contact": Trial(base=with_(WEAK, fracture={"normal_strength": 100.0, "shear_strength": 100.0})),
+    "fracture.broken_as_contact": Trial(base=with_(WEAK, fracture={"normal_strength": 80.0, "shear_strength": 80.0})),
     "fracture.not_in_first_step": Trial(base=WEAK, more={"steps": 1}),
     "damage.enabled": Trial(base=WEARS),
     "damage.threshold": Trial(0.5, WEARS),
