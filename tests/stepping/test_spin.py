@@ -30,6 +30,9 @@ class Whirl(Steady):
         elements.vorticity[:] = self.vorticity
 
 
+DRAG = Parameters().drag
+
+
 def lone(length: float, width: float, thickness: float = 40.0, dt: float = 600.0, **groups: Any) -> Model:
     """A lone berg that spins at 1e-3 s-1 in still water."""
     side = np.sqrt(length * width)
@@ -43,8 +46,8 @@ def braking(length: float, width: float, thickness: float, scale: float = 1.0) -
     """Coefficient k (rad-1) of w' = -k |w| w by the twins of base and sides, with the inertia of a rectangle."""
     inertia = 850.0 * length * width * thickness * (length**2 + width**2) / 12.0
     draft = twin.draft(thickness, 850.0)
-    base = twin.spin(inertia, 0.5 * np.sqrt(length * width), scale)
-    return float(base + twin.side_spin(inertia, length, width, draft, scale))
+    base = twin.spin(inertia, 0.5 * np.sqrt(length * width), scale, DRAG.water_base)
+    return float(base + twin.side_spin(inertia, length, width, draft, scale, DRAG.water_side))
 
 
 @pytest.mark.parametrize(
@@ -99,10 +102,12 @@ def test_bonded_elements_turn_with_their_berg_whose_sides_have_their_levers_alre
     el = model.elements
     radius = interaction_sizes(el, p.kernel_values()).bond_radius
     inertia = el.mass * (el.length**2 + el.width**2) / 12.0
-    base = np.array([twin.spin(i, r, 1.0) for i, r in zip(inertia, radius, strict=True)])
+    base = np.array([twin.spin(i, r, 1.0, DRAG.water_base) for i, r in zip(inertia, radius, strict=True)])
     np.testing.assert_allclose(spin_row(model), base, rtol=1e-12)
     draft = twin.draft(200.0, 850.0)
-    sides = np.array([twin.side_spin(*of, draft, 1.0) for of in zip(inertia, el.length, el.width, strict=True)])
+    sides = np.array(
+        [twin.side_spin(*of, draft, 1.0, DRAG.water_side) for of in zip(inertia, el.length, el.width, strict=True)]
+    )
     model.bonds.status[:], el.bond_count[:] = 1, 0
     np.testing.assert_allclose(spin_row(model), base + sides, rtol=1e-12)
     assert (sides > 5.0 * base).all()
@@ -113,7 +118,7 @@ def test_sea_ice_covers_a_part_of_the_sides_and_the_switch_takes_all_drag_on_spi
     open_water = spin_row(model)[0]
     model.elements.ice_thickness[:], model.elements.ice_fraction[:] = 3.0, 1.0
     draft, covered = twin.draft(40.0, 850.0), spin_row(model)[0]
-    base = twin.spin(850.0 * 2400.0 * 40.0 * 5200.0 / 12.0, 0.5 * np.sqrt(2400.0), 1.0)
+    base = twin.spin(850.0 * 2400.0 * 40.0 * 5200.0 / 12.0, 0.5 * np.sqrt(2400.0), 1.0, DRAG.water_base)
     assert (covered - base) / (open_water - base) == pytest.approx((draft - 3.0) / draft, rel=1e-12)
     assert spin_row(lone(60.0, 40.0, drag={"rotational": False}))[0] == 0.0
 
@@ -124,7 +129,7 @@ def test_explicit_schemes_keep_the_drag_and_the_inertia_of_the_reference(scheme:
     model = lone(60.0, 40.0, stepping={"scheme": scheme}, bonds=bonds)
     radius = 0.5 * np.sqrt(2400.0)
     assert spin_row(model)[0] == pytest.approx(
-        twin.spin(0.5 * model.elements.mass[0] * radius**2, radius, 1.0), rel=1e-12
+        twin.spin(0.5 * model.elements.mass[0] * radius**2, radius, 1.0, DRAG.water_base), rel=1e-12
     )
 
 

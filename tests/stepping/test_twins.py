@@ -352,7 +352,7 @@ def test_water_brakes_spin_towards_half_its_vorticity():
     spin, water = el.spin.copy(), el.vorticity / 2
     for k in range(el.mass.size):
         radius = np.sqrt(el.length[k] * el.width[k]) / 2
-        c = twin_drag.spin(0.5 * el.mass[k] * radius**2, radius, p.ocean_scale)
+        c = twin_drag.spin(0.5 * el.mass[k] * radius**2, radius, p.ocean_scale, p.water_base_drag)
         for _ in range(20_000):
             spin[k] -= 1800.0 / 20_000 * c * abs(spin[k] - water[k]) * (spin[k] - water[k])
     before = el.spin.copy()
