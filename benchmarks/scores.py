@@ -32,8 +32,9 @@ from riftberg.diagnostics.summary import breakups
 from riftberg.experiments import Options, build
 from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL
 from riftberg.ocean.grid import haversine
-from riftberg.plane import OrthographicPlane
+from riftberg.plane import AzimuthalPlane
 from riftberg.runs.run_file import open_run
+from riftberg.state import Floats
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "explanation" / "scores.md"
@@ -47,6 +48,17 @@ PIECES = ((2000.0, "A68a"), (500.0, "finger (A68E)"), (180.0, "fragment (A68F)")
 
 TRACKED = ("A68A", "A68D", "A68E", "A68F")
 """Bergs of the BYU and NIC table that were part of A68a on 9 December; A68C had left in April."""
+
+
+@dataclass(frozen=True)
+class OrthographicPlane(AzimuthalPlane):
+    """The sphere seen from far above the point of contact: lengths within r**2 / 2 R**2."""
+
+    def _stretch(self, cosine: Floats) -> Floats:
+        return np.ones(np.shape(cosine))
+
+    def _angle(self, rho: Floats) -> Floats:
+        return np.asarray(np.arcsin(np.minimum(rho, 1.0)))
 
 
 @dataclass(frozen=True)

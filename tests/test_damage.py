@@ -208,7 +208,7 @@ def test_impossible_values_of_a_bond_are_named(name: str, value: float) -> None:
 
 def test_numerics_of_the_reference_and_runs_of_kid_know_no_damage() -> None:
     assert not A68A_2022_KID.damage.enabled
-    with pytest.raises(InputError, match="write damage.enabled = false, or set stepping.scheme = 'quasi_static'"):
+    with pytest.raises(InputError, match=r"write damage.enabled = false, or set stepping.scheme = 'quasi_static'"):
         reference_numerics(A68A_2022.changed(damage={"enabled": True}))
 
 

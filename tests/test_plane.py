@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from riftberg.plane import AzimuthalPlane, ConformalPlane, EqualAreaPlane, OrthographicPlane
+from riftberg.plane import AzimuthalPlane, ConformalPlane, EqualAreaPlane, EquidistantPlane
 
 RADIUS = 6.37e6
-KINDS = {ConformalPlane: "stere", EqualAreaPlane: "laea", OrthographicPlane: "ortho"}
+KINDS = {ConformalPlane: "stere", EqualAreaPlane: "laea", EquidistantPlane: "aeqd"}
 CONTACTS = [(-37.0, -56.0), (179.5, -70.0), (10.0, 85.0), (0.0, -90.0)]
 PLANES = [ConformalPlane(*contact, RADIUS) for contact in CONTACTS]
 offsets = st.floats(-1.5e5, 1.5e5)

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.errors import InputError
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022, Parameters
+from riftberg.parameters import A68A_2022
 from riftberg.runs.model import Model
 
 PROGRAM = """
@@ -59,9 +58,3 @@ def test_numba_thread_setting_changes_nothing() -> None:
         )
         digests.add(done.stdout.strip())
     assert len(digests) == 1
-
-
-def test_threads_within_a_lattice_are_refused_and_files_that_name_one_are_read() -> None:
-    with pytest.raises(InputError, match=r"stepping\.threads is no longer part of Riftberg"):
-        Parameters(stepping={"threads": 2})
-    assert Parameters.model_validate_json('{"stepping": {"threads": 1}}') == Parameters()  # as files of 0.2 have it

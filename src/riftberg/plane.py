@@ -1,10 +1,9 @@
 """A piece of the sphere laid flat: azimuthal planes that touch it at one point.
 
-All four keep the direction from the point of contact and differ in how far from it a point at the angle c lies
+All three keep the direction from the point of contact and differ in how far from it a point at the angle c lies
 (Snyder 1987, USGS PP 1395, chapters 20, 21, 24 and 25): `ConformalPlane` keeps shapes (squares stay square wherever the berg
-is, poles included), `EqualAreaPlane` areas, `EquidistantPlane` distances from that point, `OrthographicPlane` looks from far
-above. The formulas are short and must give the same digits everywhere, so they stand here; coordinate systems of data files are
-pyproj's.
+is, poles included), `EqualAreaPlane` areas, `EquidistantPlane` distances from that point. The formulas are short and must give
+the same digits everywhere, so they stand here; coordinate systems of data files are pyproj's.
 """
 
 from __future__ import annotations
@@ -127,17 +126,6 @@ class EquidistantPlane(AzimuthalPlane):
 
     def _angle(self, rho: Floats) -> Floats:
         return rho
-
-
-@dataclass(frozen=True)
-class OrthographicPlane(AzimuthalPlane):
-    """The sphere seen from far above the point of contact: lengths within r**2 / 2 R**2."""
-
-    def _stretch(self, cosine: Floats) -> Floats:
-        return np.ones(np.shape(cosine))
-
-    def _angle(self, rho: Floats) -> Floats:
-        return np.asarray(np.arcsin(np.minimum(rho, 1.0)))
 
 
 def ellipse(lon: float, lat: float, major: float, minor: float, azimuth: float, corners: int = 72) -> Floats:

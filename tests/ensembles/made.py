@@ -30,9 +30,9 @@ def outcome(
     track, cracks = [], []
     for k, (x, y) in enumerate(zip(lon, lat, strict=True)):
         parted = broken is not None and k >= broken
-        track.append([k * DAY, 1.0, x, y, area - piece if parted else area, 0.0, shape[0], 0.0, shape[1]])
+        track.append([k * DAY, 1.0, x, y, area - piece if parted else area, 0.0, shape[0], 0.0, shape[1], np.nan])
         if parted:
-            track.append([k * DAY, 2.0, x, y + 0.1, piece, 0.0])
+            track.append([k * DAY, 2.0, x, y + 0.1, piece, 0.0, *[np.nan] * 4])
     if broken is not None:
         for name, value in {"number": 2.0, "parent": 1.0, "birth_time": broken * DAY, "area": piece}.items():
             table[name].append(value)

@@ -605,8 +605,4 @@ def test_members_that_start_at_other_dates_have_their_own(tmp_path: Path) -> Non
         away_from(ds, datetime(2020, 12, 3), (-37.0, -56.0))
     east, north = away_from(ds.isel(member=[1]), datetime(2020, 12, 3), (-37.0, -56.0))[0]
     assert (east, north) == pytest.approx((0.0, 0.0), abs=0.1)
-    # A file of an earlier version has the dates of the members only as inputs.
-    old = ds.drop_vars("start_after")
-    write_sweep(old, tmp_path / "old.nc")
-    assert open_sweep(tmp_path / "old.nc")["start_after"].values.tolist() == [0.0, 2 * 86400.0]
     draw_sweep(ds, tmp_path / "s.png")

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes import FakeModel
-from riftberg.plane import OrthographicPlane
+from riftberg.plane import EqualAreaPlane
 from riftberg.runs.tracks import (
     DailyTrack,
     berg_position,
@@ -47,7 +47,7 @@ def test_a_square_has_no_long_axis() -> None:
 @pytest.mark.parametrize(("lon", "lat"), [(-39.2, -55.0), (179.9, -70.0), (0.0, 60.0)])
 def test_azimuth_and_centroid_on_the_sphere(lon: float, lat: float) -> None:
     x, y = rectangle(113.0)
-    places = np.column_stack(OrthographicPlane(lon, lat, RADIUS).inverse(x, y))
+    places = np.column_stack(EqualAreaPlane(lon, lat, RADIUS).inverse(x, y))
     wrapped = (places[:, 0] + 180.0) % 360.0 - 180.0
     found = berg_position(wrapped, places[:, 1], np.full(len(x), 4e6), radius=RADIUS)
     assert abs((found.lon - lon + 180.0) % 360.0 - 180.0) < 1e-4

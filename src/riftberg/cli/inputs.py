@@ -227,9 +227,8 @@ def calibrate(
     made = make_options(asked["settings"], asked["days"], None if asked["data"] is None else Path(asked["data"]),
                         asked["without"], asked["numerics"])  # fmt: skip
     breaks = ("broken", "whole_until", "one_break_until", "second_break")
-    given = {name: asked.get(name) for name in breaks}  # a calibration of an earlier version has no second break-up
     dates: dict[str, Any] = {
-        name: None if text is None else parse_date(text, where=f"--{name.replace('_', '-')}")[0] for name, text in given.items()
+        name: None if asked[name] is None else parse_date(asked[name], where=f"--{name.replace('_', '-')}")[0] for name in breaks
     }  # fmt: skip
     errors = Errors(asked["error"], asked["azimuth_error"], asked["model_error"])
     seen = None if asked["observed"] is None else observed_in(asked["observed"])

@@ -470,19 +470,6 @@ class Stepping(Group):
         gt=0,
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _in_one_thread(cls, given: Any) -> Any:
-        """Refuse the threads of 0.2; its files hold their default of 1."""
-        if not isinstance(given, dict):
-            return given
-        if given.get("threads", 1) not in (1, "1"):
-            raise ValueError(
-                "stepping.threads is no longer part of Riftberg: a lattice is stepped in one thread. Leave it out; results never "
-                "depended on it"
-            )
-        return {name: value for name, value in given.items() if name != "threads"}
-
 
 class Earth(Group):
     """Coordinates."""

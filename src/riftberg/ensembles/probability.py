@@ -81,14 +81,9 @@ def parts_of(done: xr.Dataset, weight: Floats) -> Iterator[tuple[Floats, xr.Data
 
 
 def axes_of(part: xr.Dataset) -> tuple[Floats, Floats, Floats]:
-    """Return semi-axes (m) and azimuth (degrees) of the ellipses that stand for fragments: of their areas, as long as they are.
-
-    Members of an earlier version have no elongation: discs.
-    """
-    area = part["area"].values
-    ratio = np.nan_to_num(part["elongation"].values, nan=1.0) if "elongation" in part else np.ones(area.shape)
-    azimuth = np.nan_to_num(part["azimuth"].values) if "azimuth" in part else np.zeros(area.shape)
-    return np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi), azimuth
+    """Return semi-axes (m) and azimuth (degrees) of ellipses with the areas and lengths of the fragments."""
+    area, ratio = part["area"].values, np.nan_to_num(part["elongation"].values, nan=1.0)
+    return np.sqrt(area * ratio / np.pi), np.sqrt(area / ratio / np.pi), np.nan_to_num(part["azimuth"].values)
 
 
 def effective(weight: Floats) -> float:

@@ -263,9 +263,7 @@ def _add_tracks(
     for number, outcome in outcomes.items():
         if not outcome.track:
             continue
-        # What an earlier version did not note is missing.
-        width = 2 + len(about)
-        rows = np.array([[*row, *[np.nan] * (width - len(row))] for row in outcome.track])
+        rows = np.array(outcome.track)
         place_of = {outcome.fragments["number"][row]: place for place, row in enumerate(listed[number])}
         at = np.array([place_of.get(fragment, -1) for fragment in rows[:, 1].tolist()])
         k = np.rint((rows[:, 0] + later[number]) / interval).astype(int)
@@ -390,10 +388,6 @@ def open_sweep(path: str | Path, *, tracks: bool = True) -> xr.Dataset:
         ds = _loaded(file, remedy) if tracks else _without_tracks(file, remedy)
     if "member" not in ds.dims or "status" not in ds:
         raise InputError("not the result of a sweep", where=str(path), remedy=remedy)
-    if "start" in ds.coords and "comment" in ds["time"].attrs and "start_after" not in ds.coords:
-        # Files of an earlier version do not hold it.
-        later = ds["start"].values.astype("datetime64[ns]") - ds["time"].values[0]
-        ds.coords["start_after"] = ("member", later / np.timedelta64(1, "s"))
     return ds
 
 

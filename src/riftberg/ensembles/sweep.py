@@ -495,8 +495,8 @@ class Store:
         """Return what a member came to; what cannot be read is done again."""
         try:
             kept = dict(json.loads((self.members / f"{number:05d}.json").read_text("utf-8")))
-            digest = kept.pop("digest", None)  # one of an earlier version has none
-            return Outcome(**kept) if digest in (None, _digest(kept)) else None
+            digest = kept.pop("digest", None)
+            return Outcome(**kept) if digest == _digest(kept) else None
         except (ValueError, TypeError, OSError):
             return None
 

@@ -118,16 +118,6 @@ def metres_per_unit(latitude: float, latlon: bool, radius: float) -> tuple[float
 
 
 @kernel
-def meridian_convergence(latitude: float, radius: float) -> float:
-    """Angle between the meridians per metre of zonal distance, rad m-1: tan(latitude) / radius.
-
-    Local east and north at two points ``r_x`` metres apart differ by this times ``r_x``, counter-clockwise in the
-    northern hemisphere; near the pole it is limited to its value at 89.9 degrees.
-    """
-    return math.tan(min(max(latitude, -89.9), 89.9) * DEGREE) / radius
-
-
-@kernel
 def same_axes(du: float, dv: float, u_mean: float, v_mean: float, turn: float) -> tuple[float, float]:
     """Difference of two velocities (m s-1) given in their own local axes, in common axes between them.
 

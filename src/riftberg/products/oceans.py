@@ -342,7 +342,7 @@ OSISAF = Product(
     variants=(("EASE2, 25 km", "documentation"),),
     finish=stamped_at_noon,
     averaging=DAY,
-    notes=("daily, stamped 12:00 UTC", "percent in the file, fraction here", "projected grid: to_latlon regrids it"),
+    notes=("daily, stamped 12:00 UTC", "percent in the file, fraction here"),
 )
 
 
@@ -408,7 +408,7 @@ IBCSO = Product(
     sources=(Source("depth_below_surface", ("z",), "m"),),
     reshape=lambda ds: projected(ds, _IBCSO_MAP) if {"x", "y"} <= set(ds.dims) else ds,
     finish=depth_from_elevation,
-    notes=(*_FLOOR_NOTES, "polar stereographic, true scale at 65 S: to_latlon regrids it"),
+    notes=(*_FLOOR_NOTES, "polar stereographic, true scale at 65 S"),
 )
 
 

@@ -18,7 +18,7 @@ from riftberg.errors import ForcingError
 from riftberg.plane import unit_vectors
 from riftberg.products.cf import standard_name, units_of
 from riftberg.products.mesh import Located, mesh_of
-from riftberg.products.place import EAST, NORTH, to_degrees
+from riftberg.products.place import to_degrees
 from riftberg.products.product import noted
 from riftberg.products.quantities import QUANTITIES
 from riftberg.products.records import VECTORS, named
@@ -195,16 +195,6 @@ def regridded(field: xr.DataArray, there: Located, dims: tuple[str, ...]) -> xr.
         dask_gufunc_kwargs={"output_sizes": dict(zip(temporary, there.shape, strict=True))},
     )  # fmt: skip
     return result.rename(dict(zip(temporary, dims, strict=True)))
-
-
-def to_latlon(ds: xr.Dataset, lon: Floats, lat: Floats) -> xr.Dataset:
-    """Regrid a canonical dataset to ascending axes of longitude and latitude (degrees), over the known points around."""
-    there = Located(mesh_of(ds), *np.meshgrid(np.asarray(lon, float), np.asarray(lat, float)))
-    fields = {name: regridded(field, there, ("lat", "lon")) for name, field in ds.data_vars.items()}
-    axes = {"lat": ("lat", np.asarray(lat, float), NORTH), "lon": ("lon", np.asarray(lon, float), EAST)}
-    attributes = {key: value for key, value in ds.attrs.items() if key != "crs_wkt"}
-    attributes["history"] = f"regridded bilinearly to longitude-latitude; {ds.attrs.get('history', '')}"
-    return xr.Dataset(fields, attrs=attributes).assign_coords(axes)
 
 
 def paired_vectors(datasets: Sequence[xr.Dataset]) -> list[xr.Dataset]:

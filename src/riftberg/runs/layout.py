@@ -355,10 +355,7 @@ def open_checked(file: Path, *, own: bool = False) -> xr.Dataset:
     """
     check_file(file, remedy=RUN_REMEDY)
     with reading(file, "not a NetCDF file, or a damaged one", RUN_REMEDY):
-        opened = open_lazily(file, engine="netcdf4", lock=NETCDF, decode_times=False)  # never xarray's own lock
-        # Names in files of versions before 0.2.0.
-        dataset = opened.rename({old: new for old, new in IN_FILE.items() if old in opened.variables})
-        dataset.set_close(opened.close)
+        dataset = open_lazily(file, engine="netcdf4", lock=NETCDF, decode_times=False)  # never xarray's own lock
     try:
         with reading(file, "a damaged run file", "Make the run again, or name another run.nc"):
             _check_layout(dataset, file)

@@ -169,7 +169,7 @@ def load_state(path: str | Path, *, check: bool = True) -> RestartState:
             forcing=str(file.getncattr("forcing")),
             bergs=[(str(name), int(count)) for name, count in json.loads(file.bergs_json)],
             contacts=ContactLog([ContactEvent(**row) for row in collisions.get("rows", [])], suppressed),
-            groundings=_groundings(getattr(file, "groundings_json", "{}")),  # files of earlier versions hold none
+            groundings=_groundings(file.groundings_json),
         )
         if lost := set(str(getattr(file, "extra_variables", "")).split()) - set(state.extra):
             raise InputError(f"variable extra/{min(lost)} is missing", where=str(path), remedy=DAMAGED)

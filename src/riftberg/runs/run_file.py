@@ -297,11 +297,7 @@ class RunWriter:
             gap = missing_records(old["time"][:], kept, self.interval)
             if gap:
                 raise InputError(gap, where=place, remedy=_ANEW)
-            if "u" not in old.variables:
-                raise InputError("a run file of a version before 0.2.0", where=place, remedy=_ANEW)
             on_bed = ON_BED if model.parameters.grounding_law == "seabed" else ()
-            if lost := [name for name in on_bed if name not in old.variables]:
-                raise InputError(f"a run file of an earlier version, without {lost[0]}", where=place, remedy=_ANEW)
             if self.forces != (APPLIED.variables[0].name in old.variables):
                 raise InputError(
                     f"its records have {'no ' if self.forces else ''}forces", where=place,

@@ -315,11 +315,7 @@ def blocks_of(records: int, elements: int) -> Iterator[slice]:
 
 def aground_in_file(thickness: Floats, depth: Floats, load: Floats | None, p: Parameters) -> NDArray[np.bool_]:
     """Return which elements of a run file the sea floor acts on; ``load``: what a bed carries, None where the file has none."""
-    values = p.kernel_values()
-    if load is None and p.grounding_law == "seabed":
-        # A file of an earlier version, in which a drag acted where the water was not as deep as the keel.
-        values = values._replace(ground_coefficient=1.0)
-    return on_the_floor(thickness, depth, 0.0 if load is None else load, values)
+    return on_the_floor(thickness, depth, 0.0 if load is None else load, p.kernel_values())
 
 
 def berg_rows(time: Floats, columns: Mapping[str, NDArray[Any]], p: Parameters) -> dict[str, NDArray[Any]]:

@@ -317,8 +317,7 @@ def log_likelihood(
         square = (away**2).sum(axis=-1) / error**2
         found -= 0.5 * square
         apart += square
-        # An ensemble of an earlier version has no axes.
-        if azimuth_error is not None and np.isfinite(seen.azimuth) and "azimuth" in ds:
+        if azimuth_error is not None and np.isfinite(seen.azimuth):
             found -= 0.5 * (turned_from(ds, seen.when, seen.azimuth) / azimuth_error) ** 2
         count += 1
     if count and (best := float(np.sqrt(np.nanmin(apart + 0.0 * found) / count))) > CONTRADICT:
