@@ -141,6 +141,41 @@ def test_slips_of_magnitude_are_told_with_the_usual_range(
     assert [text for text in model.notices if words in text], model.notices
 
 
+KEEL = 850.0 / 1025.0 * 250.0
+
+
+@pytest.mark.parametrize(
+    ("floor", "grounding", "words"),
+    [
+        (Steady(depth=KEEL - 35.0), {}, "starts up to 35 m below the sea floor, more than 20 m under 100 % of it"),
+        (Forcing.slope((-39.0, -55.0), 90.0, 5e-3, KEEL - 15.0, (1.0, 500.0)), {}, "below the sea floor"),
+        (Forcing.seamount((-36.0, -55.0), 400.0, 300.0, depth=600.0), {}, "a seamount with a width of 300 m is narrower"),
+        (Forcing.seamount((-36.0, -55.0), 400.0, 500.0, depth=600.0), {"bending": False}, "a width of 500 m is narrower"),
+    ],
+)  # fmt: skip
+def test_a_floor_that_is_no_place_for_a_keel_is_told(floor: Any, grounding: dict[str, Any], words: str) -> None:
+    made = berg(length=12e3, width=6e3, radius=750.0, thickness=250.0, density=850.0)
+    p = Parameters(ice={"density": 850.0}, grounding=grounding)
+    assert [text for text in Model(made, floor, p).notices if words in text]
+    assert not [text for text in Model(made, floor, p.changed(grounding={"law": "none"})).notices if words in text]
+
+
+@pytest.mark.parametrize(
+    ("floor", "grounding"),
+    [
+        (Steady(depth=KEEL - 15.0), {}),
+        (Forcing.seamount((-39.0, -55.0), 120.0, 1500.0, depth=KEEL + 90.0), {}),
+        (Forcing.seamount((-36.0, -55.0), 400.0, 900.0, depth=600.0), {}),
+        (Forcing.seamount((-36.0, -55.0), 400.0, 450.0, depth=600.0), {"ice_modulus": 1e9}),
+        (Forcing.uniform((0.2, 0.0)), {}),
+    ],
+)  # fmt: skip
+def test_a_keel_a_little_below_the_floor_or_on_a_knoll_is_as_usual(floor: Any, grounding: dict[str, Any]) -> None:
+    made = berg(length=12e3, width=6e3, radius=750.0, thickness=250.0, density=850.0)
+    notices = Model(made, floor, Parameters(ice={"density": 850.0}, grounding=grounding)).notices
+    assert not [text for text in notices if "floor" in text]
+
+
 def test_a_law_that_is_left_out_by_zero_is_as_usual() -> None:
     for group, name in (("drag", "ocean_scale"), ("contact", "distance")):
         assert Model(berg(), Steady(), Parameters().changed(**{group: {name: 0.0}})).notices == ()

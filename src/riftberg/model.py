@@ -22,6 +22,7 @@ from riftberg.config.values import moment, native, number, required
 from riftberg.errors import InputError
 from riftberg.life.motion import MotionLedger
 from riftberg.life.process import LifeProcess, check_water, lives
+from riftberg.ocean.floor_notices import floor_notices
 from riftberg.ocean.forcing import Forcing
 from riftberg.parameters import Parameters
 from riftberg.state import ELEMENT_VARIABLES, Bonds, Elements, Environment, Floats, Ints, copy_state
@@ -635,7 +636,8 @@ class BareModel(RunState):
         """What should be known of a run with these parameters, a sentence each."""
         rings = resonance_warning(self.elements, self.bonds, self.parameters)
         stiff = narrow_warning(self.elements, self.parameters)
-        return (*(text for text in (self.sea_level_notice, rings, stiff) if text), *self.unusual.values())
+        of_floor = floor_notices(self.forcing, self.elements, self.parameters, placed=self.step_number == 0)
+        return (*(text for text in (self.sea_level_notice, rings, stiff) if text), *of_floor, *self.unusual.values())
 
     @property
     def sea_level_notice(self) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
 from riftberg.state import Floats, Ints
+from riftberg.stepping.ground.pads import place_points
 
 SPACING: Final = 300.0
 """Distance between soundings, m: about that of the points of pads at which the floor is asked."""
@@ -87,53 +88,39 @@ def _list_tiles(
     around = math.hypot(box[2] - middle_x, box[3] - middle_y) + 1.5 * (reach + half)
     if (2.0 * around / tile) ** 2 > 16.0 * key.size:
         return -1
-    if not latlon:
-        east = pose[0, 2] + pose[0, 0] * middle_x + pose[0, 1] * middle_y
-        north = pose[1, 2] + pose[1, 0] * middle_x + pose[1, 1] * middle_y
-        for row in range(math.floor((north - around) / tile), math.floor((north + around) / tile) + 1):
-            for column in range(math.floor((east - around) / tile), math.floor((east + around) / tile) + 1):
+    lon, lat = place_points(middle_x, middle_y, pose, latlon, radius)
+    height, angle, wide, west, south = tile, around, around, 0.0, 0.0
+    if latlon:
+        height, angle, west, south = tile / radius / DEGREE, min(around / radius / DEGREE, 180.0), -180.0, -90.0
+        # The meridians that touch the circle of that angle; all of them where it holds a pole.
+        wide = (
+            math.asin(math.sin(angle * DEGREE) / math.cos(lat * DEGREE)) / DEGREE if abs(lat) + angle < 90.0 else 180.0
+        )
+    low, high = math.floor((lat - angle - south) / height), math.floor((lat + angle - south) / height) + 1
+    if latlon:
+        low, high = max(low, 0), min(high, math.ceil(180.0 / height))
+    for row in range(low, high):
+        columns = _columns(row, height) if latlon else ROWS
+        width = 360.0 / columns if latlon else tile
+        first, end = math.floor((lon - wide - west) / width), math.floor((lon + wide - west) / width) + 1
+        for column in range(first, min(end, first + columns)):
+            if latlon:
+                phi = min((row + 0.5) * height - 90.0, 90.0) * DEGREE
+                theta = ((column + 0.5) * width - 180.0) * DEGREE
+                a, b, c = math.cos(phi) * math.cos(theta), math.cos(phi) * math.sin(theta), math.sin(phi)
+                w = 1.0 + pose[0, 2] * a + pose[1, 2] * b + pose[2, 2] * c
+                if w < 0.1:  # nearly on the other side of the earth
+                    continue
+                u = 2.0 * radius * (pose[0, 0] * a + pose[1, 0] * b + pose[2, 0] * c) / w
+                v = 2.0 * radius * (pose[0, 1] * a + pose[1, 1] * b + pose[2, 1] * c) / w
+            else:
                 dx, dy = (column + 0.5) * tile - pose[0, 2], (row + 0.5) * tile - pose[1, 2]
                 u, v = pose[0, 0] * dx + pose[1, 0] * dy, pose[0, 1] * dx + pose[1, 1] * dy
-                if not _is_within(u, v, box, reach + half):
-                    continue
-                if found == key.size:
-                    return -1
-                key[found], x[found], y[found] = _key(doubled, row, column), u, v
-                found += 1
-        return found
-    height = tile / radius / DEGREE
-    s, t = 0.5 * middle_x / radius, 0.5 * middle_y / radius
-    k = 1.0 / (1.0 + s * s + t * t)
-    up = pose[2, 0] * 2.0 * s * k + pose[2, 1] * 2.0 * t * k + pose[2, 2] * (2.0 * k - 1.0)
-    east = pose[0, 0] * 2.0 * s * k + pose[0, 1] * 2.0 * t * k + pose[0, 2] * (2.0 * k - 1.0)
-    north = pose[1, 0] * 2.0 * s * k + pose[1, 1] * 2.0 * t * k + pose[1, 2] * (2.0 * k - 1.0)
-    lat, lon = math.asin(min(max(up, -1.0), 1.0)) / DEGREE, math.atan2(north, east) / DEGREE
-    angle = min(around / radius / DEGREE, 180.0)
-    # The meridians that touch the circle of that angle; all of them where it holds a pole.
-    wide = 180.0
-    if abs(lat) + angle < 90.0:
-        wide = math.asin(math.sin(angle * DEGREE) / math.cos(lat * DEGREE)) / DEGREE
-    last = math.ceil(180.0 / height) - 1
-    for row in range(
-        max(math.floor((lat - angle + 90.0) / height), 0), min(math.floor((lat + angle + 90.0) / height), last) + 1
-    ):
-        columns = _columns(row, height)
-        width = 360.0 / columns
-        first, end = math.floor((lon - wide + 180.0) / width), math.floor((lon + wide + 180.0) / width) + 1
-        phi = min((row + 0.5) * height - 90.0, 90.0) * DEGREE
-        for column in range(first, min(end, first + columns)):
-            theta = ((column + 0.5) * width - 180.0) * DEGREE
-            a, b, c = math.cos(phi) * math.cos(theta), math.cos(phi) * math.sin(theta), math.sin(phi)
-            w = 1.0 + pose[0, 2] * a + pose[1, 2] * b + pose[2, 2] * c
-            if w < 0.1:  # nearly on the other side of the earth
-                continue
-            u = 2.0 * radius * (pose[0, 0] * a + pose[1, 0] * b + pose[2, 0] * c) / w
-            v = 2.0 * radius * (pose[0, 1] * a + pose[1, 1] * b + pose[2, 1] * c) / w
             if not _is_within(u, v, box, reach + half):
                 continue
             if found == key.size:
                 return -1
-            key[found], x[found], y[found] = _key(doubled, row, column % columns), u, v
+            key[found], x[found], y[found] = _key(doubled, row, column % columns if latlon else column), u, v
             found += 1
     return found
 

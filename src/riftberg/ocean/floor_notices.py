@@ -1,0 +1,58 @@
+"""What should be known of keels and the sea floor before a run on a bed of sediment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from riftberg.ocean.forcing import Forcing
+from riftberg.ocean.formulas import Seamount
+from riftberg.parameters import Parameters
+from riftberg.physics.floating import draft_of
+from riftberg.physics.seabed import bending_length
+from riftberg.state import Elements, Floats
+
+DEEP: Final = 20.0
+"""How far (m) below the floor a keel must start for thickness or depth to be in doubt."""
+
+LARGE_SHARE: Final = 0.1
+"""Share of the area of a berg from which on that is told: bergs do stand so deep on a knoll."""
+
+PADS_ACROSS: Final = 2.0
+"""Sides of pads that the standard deviation of a bell must have for its top not to lie between them."""
+
+
+def floor_notices(forcing: Forcing, elements: Elements, parameters: Parameters, *, placed: bool) -> Iterator[str]:
+    """Say which keels start far below the sea floor, and which seamounts are too narrow for pads, a sentence each.
+
+    ``placed``: whether the bergs are where they start.
+    """
+    if parameters.grounding_law != "seabed" or elements.size == 0:
+        return
+    if placed:
+        yield from _deep_keel(forcing, elements, parameters.ice.density)
+    modulus = parameters.grounding.ice_modulus if parameters.grounding.bending else 9e9
+    side = 0.25 * math.sqrt(2.0) * bending_length(modulus, 0.3, float(elements.thickness.min()))
+    for part in getattr(forcing, "parts", (forcing,)):
+        if isinstance(part, Seamount) and part.width < PADS_ACROSS * side:
+            yield (
+                f"a seamount with a width of {part.width:g} m is narrower than two of the pads of {side:.0f} m in which a keel "
+                f"looks for the floor, and may pass over its top: give it a width of {PADS_ACROSS * side:.0f} m or more"
+            )
+
+
+def _deep_keel(forcing: Forcing, elements: Elements, density: float) -> Iterator[str]:
+    """Say of the berg with the largest share of its area far below the floor that it starts there."""
+    below: Floats = draft_of(elements.thickness, density) - np.asarray(forcing.depth(elements.lon, elements.lat), float)
+    numbers, of = np.unique(elements.berg, return_inverse=True)
+    area = elements.length * elements.width
+    share = np.bincount(of, area * (below > DEEP)) / np.bincount(of, area)
+    worst = int(share.argmax())
+    if share[worst] > LARGE_SHARE:
+        yield (
+            f"the keel of berg {numbers[worst]} starts up to {np.nanmax(below[of == worst]):.0f} m below the sea floor, "
+            f"more than {DEEP:.0f} m under {100.0 * share[worst]:.0f} % of it: compare its thickness with the depth"
+        )
