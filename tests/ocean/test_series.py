@@ -194,7 +194,7 @@ BAD: list[tuple[Any, dict[str, Any], str]] = [
     (dates([0, 1, 2]), {"uo": 20.0}, "uo = 20 is not possible.*-5 to 5"),
     (dates([0, 1, 2]), {"ice_fraction": 80.0}, "ice_fraction = 80"),
     (dates([0, 1, 2]), {"ua": 1.0}, "ua without va"),
-    (dates([0, 1, 2]), {"depth": [100.0, 120.0, 90.0]}, "depth of a series is one number, that at the start; a varying one is refused"),
+    (dates([0, 1, 2]), {"depth": [100.0, 120.0, 90.0]}, "depth of a series is one number, that at the start; a varying"),
     (dates([0, 1, 2]), {"depth": -5.0}, "depth = -5"),
     (dates([0, 1, 2]), {"sea_level": "files"}, "no.*sea level.*ssh_slope"),
     (dates([0, 1, 2]), {"ssh_slope": 1e-6}, "no pair"),
