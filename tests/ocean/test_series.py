@@ -154,10 +154,12 @@ def test_waves_go_with_the_wind_and_ice_is_the_densest() -> None:
     assert (e.ice_fraction[0], e.ice_thickness[0], e.ui[0]) == (0.8, 1.5, 0.1)
 
 
-def test_each_element_may_have_a_series_of_its_own() -> None:
-    several = Series.for_each([made(uo=0.1), Forcing.along([0.0, 7200.0], **{k: 0.0 for k in SHARE})], [1, 2])
+def test_series_may_stand_side_by_side_each_with_a_floor_in_its_sector() -> None:
+    several = Series.side_by_side([made(uo=0.1, depth=90.0), Forcing.along([0.0, 7200.0], **dict.fromkeys(SHARE, 0.0))])
     e = sampled(several, 1.0, count=2)
     assert e.uo.tolist() == [0.1, 0.0]
+    assert e.depth.tolist() == [90.0, 1e4]
+    assert several.depth(np.array([-179.0, -1.0, 1.0, 179.0]), np.zeros(4)).tolist() == [90.0, 90.0, np.inf, np.inf]
     assert e.slope_y[0] != 0.0 == e.slope_y[1]
 
 

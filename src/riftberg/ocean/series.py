@@ -123,22 +123,21 @@ class Series(Formula):
         if choice == "files":
             for name, value in zip(SLOPES, _pair_of_slopes(ssh_slope), strict=True):
                 columns[name] = _column(name, value, "1", (-STEEPEST, STEEPEST), seconds.size)
-        self.water = None if depth is None else _depth_of(depth)
+        self._water = np.array([np.inf if depth is None else _depth_of(depth)])
         self._times, self.times = seconds, seconds
         length = min(self._known_until(name, values) for name, values in columns.items())
         held = number(hold, "s", where="hold", kind=ForcingError)
         self.cover = float(seconds[0]) - held, float(seconds[length]) + held
         step = float(np.median(np.diff(seconds))) if seconds.size > 1 else np.inf
         limit = GAP_FACTOR * step if max_gap is None else number(max_gap, "s", where="max_gap", kind=ForcingError)
-        gaps = np.flatnonzero(np.diff(seconds[: length + 1]) > limit) if not means else []
+        gaps = [] if means else np.flatnonzero(np.diff(seconds[: length + 1]) > limit).tolist()
         self._gaps = [(float(seconds[k]), float(seconds[k + 1])) for k in gaps]
-        self._ids: Any = None  # Identifiers of elements that have a row each; all share one otherwise
         self._times, self._values = _nodes(
             seconds[: length + 1], {k: v[: length + 1] for k, v in columns.items()}, means
         )
         if choice == "geostrophic":
             self._add_slow_current(means or step < SECONDS_PER_DAY)
-        self.provides = frozenset({*given, *(("depth",) if self.water is not None else ())} | (
+        self.provides = frozenset({*given, *(("depth",) if np.isfinite(self._water[0]) else ())} | (
             set() if choice == "none" else {"slope_x", "slope_y"}
         ))  # fmt: skip
 
@@ -169,8 +168,12 @@ class Series(Formula):
             self._values = {**self._values, **{f"slow_{name}": self._values[name] for name in ("uo", "vo")}}
 
     @classmethod
-    def for_each(cls, series: Sequence[Series], ids: Sequence[int]) -> Series:
-        """Return several series as one, of which each element has its own; ``ids``: identifiers of the elements, in order."""
+    def side_by_side(cls, series: Sequence[Series]) -> Series:
+        """Return several series as one: element 1 has the first one, element 2 the second, and so on.
+
+        A series is the same everywhere, so that a berg may be put anywhere on its parallel. The floor goes by place: that of each
+        series holds in a sector of longitude of its own, the first from 180 W, as many as there are series.
+        """
         several = copy.copy(series[0])
         missing = {name for one in series for name in one._values if any(name not in other._values for other in series)}
         if missing:
@@ -182,8 +185,8 @@ class Series(Formula):
             name: np.stack([np.interp(several._times, one._times, one._values[name][0]) for one in series])
             for name in series[0]._values
         }
-        several.water = np.array([np.inf if one.water is None else one.water for one in series])
-        several._ids, several.cover, several._gaps = np.asarray(ids), (-np.inf, np.inf), []
+        several._water = np.array([one._water[0] for one in series])
+        several.cover, several._gaps = (-np.inf, np.inf), []
         return several
 
     def without_assumed_slope(self) -> Series:
@@ -196,7 +199,7 @@ class Series(Formula):
     def add_to(self, elements: Elements, time: float) -> None:
         """Add current, wind, ice and slope; depth, waves and water as far as the series gives them."""
         e, lat = elements.environment, elements.place.lat
-        row = 0 if self._ids is None else np.searchsorted(self._ids, elements.body.id)
+        row = 0 if self._water.size == 1 else elements.body.id - 1
         at = {name: value[row] for name, value in self._now(time).items()}
         for name in SUMMED:
             if name in at:
@@ -208,8 +211,7 @@ class Series(Formula):
             slopes = tuple(at.get(name, 0.0) for name in SLOPES)  # type: ignore[assignment]
         e.slope_x[:] += slopes[0]
         e.slope_y[:] += slopes[1]
-        if self.water is not None:
-            np.minimum(e.depth, self.water if self._ids is None else self.water[row], out=e.depth)
+        np.minimum(e.depth, self._water[row], out=e.depth)
         if "ice_fraction" in at:
             np.maximum(e.ice_fraction, at["ice_fraction"], out=e.ice_fraction)
         if "wave_height" in at:
@@ -249,7 +251,8 @@ class Series(Formula):
 
     def depth(self, lon: Floats, lat: Floats) -> Floats:
         """Return the depth of water (m) at arrays of points."""
-        return np.full(np.shape(lon), np.inf if self.water is None else np.min(self.water))
+        sector = np.floor((np.asarray(lon, float) + 180.0) % 360.0 * (self._water.size / 360.0)).astype(int)
+        return np.asarray(self._water[np.minimum(sector, self._water.size - 1)])
 
     def land(self, lon: Floats, lat: Floats) -> Any:
         """Return that no point is land."""
@@ -280,8 +283,8 @@ class Series(Formula):
             f"series at {count_text(self.times.size, 'time')} from {first} to {last}, uniform in space: {names}"
             + (", means over the intervals" if self.means else "")
         ]
-        if self.water is not None:
-            lines.append(f"depth {np.min(self.water):g} m everywhere, that at the start")
+        if np.isfinite(self._water[0]):
+            lines.append(f"depth {self._water[0]:g} m everywhere, that at the start")
         if "slow_uo" in self._values:
             why = ", for no sea level is given" if self.assumes_slope else ""
             lines.append(
@@ -312,26 +315,31 @@ def read_series(path: str | Path, **options: Any) -> Series:
         If a column is not known, or a cell holds no number.
     """
     rows, separator = rows_of_csv(Path(path), ForcingError)
-    names = {(name or "").strip().lower(): name for name in rows[0] if name is not None}
+    return series_of_rows(list(enumerate(rows, start=2)), separator, path, **options)
+
+
+def series_of_rows(
+    rows: Sequence[tuple[int, Mapping[str, str]]], separator: str, path: str | Path, **options: Any
+) -> Series:
+    """Return the series of some rows of a table, each with its line; the columns berg and start say whose they are."""
+    names = {(name or "").strip().lower(): name for name in rows[0][1] if name is not None}
     known = ("time", *VALUES, "depth", *SLOPES)
     missing = next((name for name in ("time", "uo", "vo") if name not in names), None)
-    strange = next((name for name in names if name not in (*known, "lon", "lat")), None)
+    strange = next((name for name in names if name not in (*known, "lon", "lat", "berg", "start")), None)
     if missing or strange:
         raise ForcingError(
             f"no column {missing!r}" if missing else f"a column {strange!r}", where=str(path),
             remedy=f"{'' if missing else nearest(str(strange), known)}Columns are {', '.join(known)}",
         )  # fmt: skip
-    columns = {
-        name: [_number_in_cell(row[names[name]], separator, f"{path}, line {k}, {name}") for k, row in enumerate(rows, start=2)]
+    values: dict[str, Any] = {
+        name: np.array([_number_in_cell(row[names[name]], separator, f"{path}, line {k}, {name}") for k, row in rows])
         for name in known[1:] if name in names
     }  # fmt: skip
-    texts = [(row[names["time"]] or "").strip() for row in rows]
-    values: dict[str, Any] = {name: np.array(column) for name, column in columns.items()}
     slopes = [values.pop(name) for name in SLOPES if name in values]
     if slopes:
         values["ssh_slope"] = tuple(slopes)
     try:
-        return Series(_plain_times(texts), **{**values, **options})
+        return Series(_plain_times([(row[names["time"]] or "").strip() for _, row in rows]), **{**values, **options})
     except InputError as error:
         raise ForcingError(error.what, where=f"{path}, {error.where}", remedy=error.remedy) from error
 
@@ -436,7 +444,7 @@ def _depth_of(depth: Any) -> Any:
         raise ForcingError(
             f"depth = {values.flat[0]:g} is not possible", where="depth", remedy="Give 0 to 100000 m, or leave it out"
         )
-    return None if known.flat[0] >= FIELD_DEFAULTS["depth"] else float(known.flat[0])
+    return np.inf if known.flat[0] >= FIELD_DEFAULTS["depth"] else float(known.flat[0])
 
 
 def _nodes(seconds: Floats, columns: Mapping[str, Floats], means: bool) -> tuple[Floats, dict[str, Floats]]:

@@ -171,7 +171,7 @@ def read_opendrift(path: str | Path) -> list[Trajectory]:
         if kind != KIND:
             raise InputError(f"written by OpenDrift's {kind}, which knows no icebergs", where=str(file), remedy=REMEDY)
         layout = _layout(ds, str(file))
-        found = [one for k in range(layout.count) if (one := _trajectory(ds, layout, k, file.name)) is not None]
+        found = [one for k in range(layout.trajectories) if (one := _trajectory(ds, layout, k, file.name)) is not None]
     if number is not None:
         known = [one.number for one in found]
         found = [one for one in found if one.number == number]
@@ -215,7 +215,7 @@ def has_trajectories(path: str | Path) -> bool:
 class _Layout(NamedTuple):
     """Where the samples of each trajectory stand."""
 
-    count: int
+    trajectories: int
     dims: tuple[Any, ...]  # Of a variable by sample
     along: str  # Dimension of the trajectories, empty for none
     rows: Ints | None  # Trajectory of each sample, in a file of one dimension
@@ -264,7 +264,7 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
     series = {name: values for name in VARIABLES if _given(ds, name)
               and (values := known(VARIABLES[name])) is not None and np.isfinite(values).any()}  # fmt: skip
     depth = known(DEPTH)
-    depths = [] if depth is None else depth[np.isfinite(depth)]
+    depths = np.empty(0) if depth is None else depth[np.isfinite(depth)]
     sizes = [known(name) for name in Size._fields]
     firsts = [
         np.nan if values is None or not np.isfinite(values).any() else values[np.isfinite(values)][0]
@@ -272,14 +272,14 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
     ]
     moving, status = known("moving"), known("status")
     numbers = ds.variables.get("trajectory")
-    counted = numbers is None or numbers.size != layout.count or numbers.dtype.kind not in "iuf"
+    counted = numbers is None or numbers.size != layout.trajectories or numbers.dtype.kind not in "iuf"
     return Trajectory(
         source, k if counted else int(numbers.values[k]),
         " ".join(str(ds.attrs[name]) for name in ("opendrift_class", "opendrift_version") if name in ds.attrs),
         times[valid].astype("datetime64[ns]"), lon[valid], lat[valid],
         np.full(int(valid.sum()), np.nan) if moving is None else moving, _meaning(ds, status),
         Size(*map(float, firsts)) if np.isfinite(firsts).all() else None, series,
-        None if not len(depths) or not 0.0 < depths[0] < FIELD_DEFAULTS["depth"] else float(depths[0]),
+        None if not depths.size or not 0.0 < depths[0] < FIELD_DEFAULTS["depth"] else float(depths[0]),
         str(ds.attrs.get("reader_x_sea_water_velocity", "")),
         {key.removeprefix("config_drift:"): str(value) for key, value in ds.attrs.items() if key.startswith("config_drift:")},
     )  # fmt: skip
@@ -297,4 +297,4 @@ def _meaning(ds: xr.Dataset, status: Floats | None) -> str:
         return ""
     about = ds.variables["status"].attrs
     flags, words = np.ravel(about.get("flag_values", ())).astype(float), str(about.get("flag_meanings", "")).split()
-    return dict(zip(flags.tolist(), words, strict=False)).get(float(status[np.isfinite(status)][-1]), "")
+    return dict(zip(map(float, flags), words, strict=False)).get(float(status[np.isfinite(status)][-1]), "")
