@@ -227,6 +227,11 @@ class Series(Formula):
         weight = min(max((time - before) / (self._times[after] - before), 0.0), 1.0)
         return {name: v[:, after - 1] * (1.0 - weight) + v[:, after] * weight for name, v in self._values.items()}
 
+    def current_at(self, times: Floats) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at times (s)."""
+        u, v = (np.interp(times, self._times, self._values[name][0]) for name in ("uo", "vo"))
+        return u, v
+
     def check(self, elements: Elements, start: float, end: float) -> None:
         """Raise `ForcingError` unless the series has values from ``start`` to ``end`` (s), and no gap too long between."""
         first, last = self.cover
@@ -332,7 +337,7 @@ def series_of_rows(
             remedy=f"{'' if missing else nearest(str(strange), known)}Columns are {', '.join(known)}",
         )  # fmt: skip
     values: dict[str, Any] = {
-        name: np.array([_number_in_cell(row[names[name]], separator, f"{path}, line {k}, {name}") for k, row in rows])
+        name: _numbers_in([row[names[name]] for _, row in rows], separator, path, name, rows[0][0])
         for name in known[1:] if name in names
     }  # fmt: skip
     slopes = [values.pop(name) for name in SLOPES if name in values]
@@ -351,14 +356,26 @@ def _plain_times(texts: list[str]) -> list[Any]:
         return list(texts)
 
 
-def _number_in_cell(text: str | None, separator: str, where: str) -> float:
-    plain = (text or "").strip()
+def _numbers_in(texts: Sequence[str | None], separator: str, path: str | Path, name: str, line: int) -> Floats:
+    """Return a column as numbers, NaN where a cell is empty; ``line``: of the first one."""
+    cells = [(text or "").strip() for text in texts]
+    plain = cells if separator == "," else [cell.replace(",", ".") for cell in cells]
     try:
-        return float(plain if separator == "," else plain.replace(",", ".")) if plain else np.nan
+        return np.array([float(cell) if cell else np.nan for cell in plain])
     except ValueError as error:
+        k = next(k for k, cell in enumerate(plain) if cell and not _is_number(cell))
         raise ForcingError(
-            f"{value_shown(plain)} is no number", where=where, remedy="Give a number, or leave the cell empty"
-        ) from error
+            f"{value_shown(cells[k])} is no number", where=f"{path}, line {line + k}, {name}",
+            remedy="Give a number, or leave the cell empty",
+        ) from error  # fmt: skip
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _seconds_of(times: Any, start: Any) -> tuple[Floats, datetime | None]:

@@ -2,9 +2,9 @@
 
 A suite is a folder with a folder for each case. ``case.yaml`` (`CaseFile`) says what the case is, ``starts.csv`` what a model may
 know at each start (berg, date, lon, lat, length, width, thickness; an earlier position as date_before, lon_before, lat_before;
-more columns for subsets), ``observed.csv`` where bergs were seen. A series for each start is a table with the columns berg and start
-before those of `riftberg.ocean.series`. Two entrants are compared on the starts that both answer; all means of a row are over the
-starts that all its entrants answer.
+more columns for subsets), ``observed.csv`` where bergs were seen. A series for each start is a table with the columns berg and
+start before those of `riftberg.ocean.series`. Two entrants are compared on the starts that both answer; all means of a row are
+over the starts that all its entrants answer.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -34,9 +35,10 @@ from riftberg.model import BareModel
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.ocean.series import Series, series_of_rows
 from riftberg.parameters import Parameters
+from riftberg.runs.tracks import main_position
 from riftberg.state import Floats
 from riftberg.system.input_files import in_folder, is_folder, rows_of_csv, value_shown
-from riftberg.verification.scores import EARTH_KM, FEWEST, distance, moved
+from riftberg.verification.scores import EARTH_KM, FEWEST, distance
 from riftberg.verification.tracks import (
     BASELINES,
     FASTEST,
@@ -179,8 +181,8 @@ def _read_case(path: Path) -> SuiteCase:
 
 def _starts(path: Path) -> Iterator[Start]:
     """Give the starts of a table."""
-    for number, row in enumerate(rows_of_csv(path)[0], start=2):
-        where, values = f"{path}, line {number}", dict[str, Any]()
+    for line, row in enumerate(rows_of_csv(path)[0], start=2):
+        where, values = f"{path}, line {line}", dict[str, Any]()
         for name, text in ((str(n).strip().lower(), (t or "").strip()) for n, t in row.items()):
             try:
                 values[name] = float(text) if text else np.nan
@@ -203,16 +205,26 @@ def _starts(path: Path) -> Iterator[Start]:
         yield Start(str(values["berg"]), date, values["lon"], values["lat"], before, columns=values)
 
 
+@lru_cache(maxsize=4)
+def _rows_by_start(path: Path, written: int) -> tuple[dict[Any, list[tuple[int, dict[str, str]]]], str]:
+    """Return the rows of a table of series by start, and its separator; ``written``: when, for a table may change."""
+    rows, separator = rows_of_csv(path)
+    groups: dict[Any, list[tuple[int, dict[str, str]]]] = {}
+    keys: dict[tuple[str, str], Any] = {}
+    for line, row in enumerate(rows, start=2):
+        if "berg" not in row or "start" not in row:
+            raise InputError("no columns berg and start", where=str(path), remedy="Each row belongs to a start")
+        texts = row["berg"].strip(), row["start"].strip()
+        if texts not in keys:
+            keys[texts] = Start(texts[0], parse_date(texts[1], where=f"{path}, line {line}")[0], 0.0, 0.0, {}).key
+        groups.setdefault(keys[texts], []).append((line, row))
+    return groups, separator
+
+
 def series_by_start(settings: SeriesForcing, folder: Path, starts: Sequence[Start]) -> dict[Any, Series]:
     """Return the series of the starts, by their keys; a column ``depth`` of the starts is their floor."""
     path = Path(in_folder(folder, settings.along))
-    rows, separator = rows_of_csv(path)
-    groups: dict[Any, list[tuple[int, dict[str, str]]]] = {}
-    for number, row in enumerate(rows, start=2):
-        if "berg" not in row or "start" not in row:
-            raise InputError("no columns berg and start", where=str(path), remedy="Each row belongs to a start")
-        when = parse_date(row["start"].strip(), where=f"{path}, line {number}")[0]
-        groups.setdefault(Start(row["berg"].strip(), when, 0.0, 0.0, {}).key, []).append((number, row))
+    groups, separator = _rows_by_start(path, path.stat().st_mtime_ns if path.exists() else 0)
     options: dict[str, Any] = {"sea_level": settings.sea_level, "hold": 3600.0 * settings.hold, "means": settings.means}
     if settings.wind == "none":
         options |= {"ua": None, "va": None}
@@ -295,16 +307,23 @@ def advected(factor: float) -> DriftModel:
     """Return the model of a point that goes with a share of the current."""
 
     def model(start: Start, dates: Sequence[datetime], forcing: Any) -> Floats:
-        lon, lat, time, places = np.array([start.lon]), np.array([start.lat]), 0.0, []
-        for when in dates:
-            end = (when - start.date).total_seconds()
-            while time < end - 1e-6:
-                step = min(ADVECTION_STEP, end - time)
-                u, v = forcing.currents(lon, lat, time + 0.5 * step)
-                lon, lat = moved(lon, lat, *(np.nan_to_num(part) * factor * step / 1e3 for part in (u, v)))
-                time += step
-            places.append((float(lon[0]), float(lat[0])))
-        return np.array(places)
+        ends = np.array([(when - start.date).total_seconds() for when in dates])
+        times = np.unique(np.append(np.arange(0.0, ends.max(), ADVECTION_STEP), ends))
+        step, middle = factor * np.diff(times), 0.5 * (times[1:] + times[:-1])
+        metre = np.degrees(1e-3 / EARTH_KM)
+        if isinstance(forcing, Series):  # which is the same everywhere
+            u, v = forcing.current_at(middle)
+            lat = start.lat + metre * np.concatenate([[0.0], np.cumsum(step * v)])
+            east = metre * step * u / np.cos(np.radians(0.5 * (lat[1:] + lat[:-1])))
+            lon = start.lon + np.concatenate([[0.0], np.cumsum(east)])
+        else:
+            lon, lat = np.full(times.size, start.lon), np.full(times.size, start.lat)
+            for k in range(step.size):
+                u, v = (np.nan_to_num(part) for part in forcing.currents(lon[k : k + 1], lat[k : k + 1], middle[k]))
+                lat[k + 1] = lat[k] + metre * step[k] * v[0]
+                lon[k + 1] = lon[k] + metre * step[k] * u[0] / np.cos(np.radians(lat[k]))
+        rows = np.searchsorted(times, ends)
+        return np.column_stack([lon[rows], lat[rows]])
 
     return model
 
@@ -366,18 +385,22 @@ def _most_together(case: SuiteCase) -> int:
 def _advance(
     cases: Sequence[Case], forcing: Any, parameters: Parameters, made: Forecasts, lon: Sequence[float]
 ) -> None:
-    """Advance a model with a berg for each start at its latitude and some longitude, and keep where they are at the lead times."""
+    """Advance a model with a berg for each start, at its latitude and some longitude; keep where they are at the leads."""
     lat, length, width, thickness = (
         np.array([one.start.columns[name] for one in cases], float) for name in ("lat", "length", "width", "thickness")
     )  # fmt: skip
     bergs = Iceberg.from_points(lon, lat, length=length, width=width, thickness=thickness, overlap=True)
+    radius = cases[0].start.columns.get("radius", np.nan)
+    if len(cases) == 1 and radius == radius:
+        place = lon[0], float(lat[0])
+        bergs = Iceberg.rectangle(length[0], width[0], thickness=thickness[0], placement=place, radius=radius)
     model, reached = BareModel(bergs, forcing, parameters, cases[0].start.date), 0.0
     for lead in sorted({lead for one in cases for lead in one.seen}):
         model.advance(lead - reached)
-        reached, place = lead, model.elements.place
+        reached, own = lead, [main_position(model)] if len(cases) == 1 else model.elements.place
         for k, one in enumerate(cases):
-            east = float(place.lon[k]) - lon[k]
-            made.keep(one.start.berg, one.start.date, lead, one.start.lon + east, float(place.lat[k]))
+            x, y = (own[0].lon, own[0].lat) if isinstance(own, list) else (own.lon[k], own.lat[k])
+            made.keep(one.start.berg, one.start.date, lead, one.start.lon + float(x) - lon[k], float(y))
 
 
 def _files_of(case: SuiteCase, one: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
