@@ -1,7 +1,7 @@
 """How well Riftberg drifts on observed bergs: the suite of docs/explanation/skill.md, and its tables in docs/evidence/skill.md.
 
-The data stand in a folder of their own (``juliette/forcing.nc``, ``observed.csv``, ``b09f/track.csv``, ``sih2026/tracks.csv``) beside
-``samples`` with a day of altimetry and a coarse sea floor; they are not part of the project. From the root of the repository:
+The data stand in a folder of their own (``juliette/forcing.nc`` and ``observed.csv``, ``b09f/track.csv``, ``sih2026/tracks.csv``)
+beside ``samples`` with a day of altimetry and a coarse sea floor; they are not part of the project. From the root:
 
     python benchmarks/skill.py suite DATA/skill SUITE      # writes the suite, for `riftberg verify-tracks --suite SUITE`
     python benchmarks/skill.py tables SUITE                # runs it and writes the tables beside those measured before
@@ -37,7 +37,7 @@ LEADS = {"juliette": (24, 48, 71), "b09f": (24, 48, 72, 120, 168), "sih2026": (4
 TERMS = {
     "juliette": "github.com/lia-f-h/openberg_custom_juliette at aa21a951; positions of ACCIBERG; fields generated using E.U. "
     "Copernicus Marine Service information",
-    "b09f": "BYU/NIC, doi:10.1109/JSTARS.2017.2784186, by way of github.com/movingpandas/movingpandas-examples at 76ef15d4; DUACS",
+    "b09f": "BYU/NIC, doi:10.1109/JSTARS.2017.2784186, from github.com/movingpandas/movingpandas-examples at 76ef15d4; DUACS",
     "sih2026": "github.com/adi230306/SIH-iceberg-tracking-and-navigation at a1b0b53b; BYU/NIC; fields generated using E.U. "
     "Copernicus Marine Service information, contains modified Copernicus Climate Change Service information",
 }
@@ -173,8 +173,8 @@ def b09f(data: Path, folder: Path) -> None:
     box = day.sel(latitude=slice(-64, -50), longitude=slice(295, 345)).isel(time=0)
     fields = xr.concat([box[["ugos", "vgos", "adt"]]] * 2, pd.DatetimeIndex(["2019-02-20", "2019-03-10"], name="time"))
     fields.to_netcdf(folder / "field.nc")
-    write_case(folder, "b09f", "Two giant bergs in one day of altimetry, held for eight days, without wind.", """unit: start
-forcing: {files: [{file: field.nc, names: {uo: ugos, vo: vgos, ssh: adt}}], max_gap: 30 d, wind: none}
+    sentence = "Two giant bergs in one day of altimetry, held for eight days, without wind."
+    write_case(folder, "b09f", sentence, """forcing: {files: [{file: field.nc, names: {uo: ugos, vo: vgos, ssh: adt}}], max_gap: 30 d, wind: none}
 subsets: {B09F: berg == B09F, A57A: berg == A57A}
 entrants:
   slope from the current: riftberg forcing.sea_level=geostrophic
@@ -242,7 +242,110 @@ def write_suite(data: Path, folder: Path) -> None:
     sih2026(data, folder / "sih2026")
 
 
+# ---- tables -----------------------------------------------------------------------------------------------------------------
+
+THEN = "forcing.along=former.csv sea_ice.capture=none"
+"""As Riftberg was at 1d8dca15: the slope from a mean over 24 hours, and no pack that holds. The floor was a drag."""
+
+NOT_OURS = ("OpenBerg 1.14.9", "current", "current x 0.29", "constant velocity", "staying put")
+
+MEASURED = {
+    ("juliette", "all"): {
+        "riftberg": "8.9 / 16.2 / 20.9", "OpenBerg 1.14.9": "10.1 / 18.7 / 23.3",
+        "riftberg forcing.sea_level=none": "13.4 / 23.1 / 30.0", "riftberg grounding.law=none": "11.3 / 18.9 / 26.9",
+        "riftberg forcing.sea_level=none grounding.law=none": "15.4 / 25.7 / 34.8",
+        "riftberg forcing.wind=none": "10.4 / 18.9 / 23.0", "riftberg drag.ocean_scale=3": "8.9 / 15.6 / 19.2",
+        "riftberg drag.ocean_scale=5": "9.0 / 15.9 / 19.3", "current": "11.7 / 19.1 / 25.2",
+        "current x 0.29": "15.4 / 25.3 / 33.3", "constant velocity": "10.3 / 22.5 / 28.7", "staying put": "17.1 / 28.6 / 37.5",
+    },
+    ("juliette", "afloat"): {
+        "riftberg": "13.3 / 21.4 / 30.7", "OpenBerg 1.14.9": "15.2 / 25.3 / 34.5",
+        "riftberg forcing.sea_level=none": "20.4 / 32.3 / 45.0", "staying put": "26.1 / 40.7 / 56.7",
+    },
+    ("juliette-500", "all"): {"riftberg": "10.8 / 18.7 / 21.2", "OpenBerg 1.14.9": "11.9 / 22.1 / 25.0"},
+    ("juliette-2000", "all"): {"riftberg": "9.3 / 17.4 / 22.6", "OpenBerg 1.14.9": "10.2 / 18.8 / 23.5"},
+    ("juliette-205", "all"): {"riftberg": "10.0 / 14.7 / 21.0", "OpenBerg 1.14.9": "11.1 / 17.6 / 21.8"},
+    ("juliette-glorys", "all"): {"riftberg": "12.1 / 19.8 / 24.8", "OpenBerg 1.14.9": "12.2 / 20.6 / 24.7"},
+    ("juliette-global", "all"): {"riftberg": "9.8 / 19.6 / 22.2", "OpenBerg 1.14.9": "11.1 / 21.2 / 19.6"},
+    ("b09f", "B09F"): {
+        "riftberg": "7.7 / 9.0 / 15.2 / 21.3 / 9.4", "riftberg forcing.sea_level=geostrophic": "8.2 / 10.1 / 14.9 / 16.9 / 13.3",
+        "riftberg forcing.sea_level=none": "7.7 / 10.6 / 17.2 / 34.5 / 44.6", "current": "8.0 / 10.1 / 15.0 / 14.2 / 19.0",
+        "constant velocity": "9.5 / 14.1 / 26.3 / 50.8 / 68.9", "staying put": "7.7 / 10.7 / 17.3 / 34.6 / 44.6",
+    },
+    ("b09f", "A57A"): {
+        "riftberg": "2.9 / 9.4 / 16.4 / 7.7 / 9.7", "riftberg forcing.sea_level=geostrophic": "2.5 / 10.4 / 11.3 / 12.5 / 13.5",
+        "riftberg forcing.sea_level=none": "0.3 / 8.2 / 8.2 / 11.2 / 13.6", "current": "2.2 / 10.3 / 11.3 / 12.2 / 13.1",
+        "constant velocity": "8.8 / 16.9 / 21.5 / 28.8 / 40.0", "staying put": "0.0 / 8.1 / 8.1 / 11.2 / 13.7",
+    },
+    ("sih2026", "all"): {
+        "riftberg": "23.8 / 40.0 / 55.1 / 83.0 / 108.7", "riftberg forcing.sea_level=none": "15.8 / 22.6 / 32.4 / 49.0 / 60.3",
+        "riftberg forcing.wind=none": "22.5 / 37.1 / 51.6 / 78.1 / 102.3", "current": "22.5 / 37.3 / 51.5 / 78.0 / 102.4",
+        "current x 0.29": "15.1 / 22.1 / 30.9 / 45.3 / 52.2", "constant velocity": "17.8 / 26.0 / 36.8 / 64.4 / 94.0",
+        "staying put": "15.4 / 22.3 / 32.5 / 49.4 / 59.7",
+    },
+    ("sih2026", "deep"): {
+        "riftberg": "19.3 / 27.2 / 36.5 / 57.5 / 73.6", "riftberg forcing.sea_level=none": "16.8 / 23.7 / 36.0 / 54.0 / 62.7",
+        "riftberg forcing.wind=none": "18.6 / 25.8 / 34.0 / 51.9 / 65.1", "current": "18.6 / 25.9 / 33.8 / 52.0 / 65.8",
+        "current x 0.29": "16.6 / 22.8 / 32.7 / 46.3 / 49.3", "constant velocity": "23.2 / 33.7 / 47.4 / 85.5 / 124.4",
+        "staying put": "18.0 / 25.4 / 38.5 / 58.2 / 67.1",
+    },
+    ("sih2026", "shelf"): {
+        "riftberg": "29.8 / 61.2 / 86.9 / 125.0 / 169.5", "riftberg forcing.sea_level=none": "12.6 / 21.3 / 26.0 / 44.9 / 70.6",
+        "riftberg forcing.wind=none": "27.9 / 56.9 / 82.9 / 121.3 / 162.7", "current": "28.0 / 57.3 / 82.7 / 120.4 / 161.0",
+        "current x 0.29": "10.7 / 18.8 / 24.0 / 39.1 / 54.0", "constant velocity": "9.7 / 13.5 / 17.3 / 31.9 / 49.9",
+        "staying put": "8.4 / 14.7 / 18.5 / 35.9 / 58.5",
+    },
+}  # fmt: skip
+"""Mean errors (km) by lead at 1d8dca15, by case and subset."""
+
+
+def page_of(suite: Path) -> str:
+    """Return tables of all cases: errors as measured, with the settings of then, and with the defaults of now."""
+    lines = []
+    cases = {case.file.name: case for case in read_suite(suite)}
+    for (name, subset), rows in MEASURED.items():
+        case, juliette = cases[name], name.startswith("juliette")
+        ours = [row for row in rows if row not in NOT_OURS]
+        then = {row: row.replace("riftberg", f"riftberg {THEN}" if juliette else "riftberg", 1) for row in ours}
+        wanted = [*rows, *(f"then, {row}: {definition}" for row, definition in then.items() if juliette)]
+        if juliette:  # the table holds the starts that all of these answer, whatever is in its rows
+            wanted += [row for row in ("constant velocity", "staying put") if row not in rows]
+        (result,) = tables([case], wanted)
+        found = [row for row in result["rows"] if row["subset"] == subset]
+        starts = " / ".join(str(row["starts"]) for row in found)
+        leads = " / ".join(f"{24 * row['lead_days']:.0f} h" if juliette else f"{row['lead_days']:g} d" for row in found)
+        lines += [f"**{name}, {subset}**: {starts} starts at {leads}", "",
+                  "| entrant | at 1d8dca15 | its settings now | defaults now | riftberg minus this, 90 % |", "|---|---|---|---|---|"]  # fmt: skip
+        for row, measured in rows.items():
+            again = f"then, {row}" if juliette and row in ours else row
+            mean = {key: " / ".join(f"{one['entrants'][key]['mean_km']:.1f}" for one in found) for key in (again, row)}
+            lines.append(
+                f"| {row} | {measured} | {mean[again]} | {mean[row] if row in ours else ''} | {paired(found, row)} |"
+            )
+        lines.append("")
+    return "\n".join(lines)
+
+
+def paired(found: Sequence[dict], row: str) -> str:
+    """Return how far the reference is from an entrant, by lead."""
+    cells = []
+    for one in (one["entrants"][row] for one in found):
+        if "reference_minus_this_km" in one:
+            interval = one["difference_interval_km"]
+            cells.append(
+                f"{one['reference_minus_this_km']:.1f}"
+                + (f" ({interval[0]:.1f}..{interval[1]:.1f})" if interval else "")
+            )
+    return ", ".join(cells)
+
+
+BEGIN, END = "<!-- skill: begin -->", "<!-- skill: end -->"
+
 if __name__ == "__main__":
     task, *paths = sys.argv[1:]
     if task == "suite":
         write_suite(*map(Path, paths))
+    else:
+        text = PAGE.read_text(encoding="utf-8")
+        before, after = text.partition(BEGIN)[0], text.partition(END)[2]
+        PAGE.write_text(f"{before}{BEGIN}\n\n{page_of(Path(paths[0]))}\n{END}{after}", encoding="utf-8")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
-    from riftberg.runs.opendrift import read_opendrift
+    from riftberg.runs.opendrift import read_opendrift, write_opendrift
     from riftberg.runs.run_file import open_run
     from riftberg.stepping.laws import Laws
     from riftberg.system.input_files import allow_large
@@ -55,6 +55,7 @@ _HOMES = {
     "forecast": "riftberg.ensembles.forecast",
     "open_run": "riftberg.runs.run_file",
     "read_opendrift": "riftberg.runs.opendrift",
+    "write_opendrift": "riftberg.runs.opendrift",
     "open_cells": "riftberg.ensembles.result",
     "open_sweep": "riftberg.ensembles.result",
     "sensitivity": "riftberg.ensembles.sensitivity",
@@ -94,6 +95,7 @@ __all__ = [
     "read_opendrift",
     "sensitivity",
     "sweep",
+    "write_opendrift",
 ]
 
 

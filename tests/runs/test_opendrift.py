@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from riftberg import Model, open_run, read_opendrift
+from riftberg import Model, open_run, read_opendrift, write_opendrift
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import read_observed
 from riftberg.diagnostics.score import score_run
@@ -201,3 +201,27 @@ def test_a_run_along_a_trajectory_goes_with_its_water(file: Path) -> None:
     model = Model(one.berg(), one.forcing())
     model.advance("9 h")
     assert model.elements.lon[0] > one.lon[0] + 0.1
+
+
+def test_a_run_written_for_opendrift_is_read_back(file: Path, tmp_path: Path) -> None:
+    one = read_trajectory(file, 7)
+    run = Model(one.berg(), one.forcing()).run("6 h", every_hours=2)
+    (again,) = read_opendrift(write_opendrift(run, tmp_path / "ours.nc"))
+    tracks = run.riftberg.tracks
+    assert again.start == one.start
+    assert again.lon == pytest.approx(tracks["lon"].values, abs=1e-9)
+    assert again.size is not None
+    assert (again.size.length, again.size.width) == pytest.approx((200.0, 150.0), rel=1e-6)
+    assert again.size.thickness == pytest.approx(80.0, rel=1e-5)
+    assert again.size.draft / again.size.thickness == pytest.approx(0.83, abs=0.01)
+    with pytest.raises(ForcingError, match="no current"):
+        again.forcing()
+
+
+def test_opendrift_reads_a_run(file: Path, tmp_path: Path) -> None:
+    opendrift = pytest.importorskip("opendrift")
+    one = read_trajectory(file, 7)
+    run = Model(one.berg(), one.forcing()).run("6 h", every_hours=2)
+    theirs = opendrift.open(str(write_opendrift(run, tmp_path / "ours.nc")))
+    assert type(theirs).__name__ == "OpenBerg"
+    assert theirs.result["lon"].shape == (1, 4)

@@ -280,14 +280,12 @@ def _verify_suite(
 ) -> None:  # fmt: skip
     """Score entrants on a suite, print the tables and write them."""
     import json
-    import logging
 
     from riftberg.verification.suite import as_markdown, read_suite, tables
     from riftberg.verification.tracks import write_cases
 
     wanted = [text.strip() for text in (entrants or "").split(",") if text.strip()]
     cases = read_suite(folder)
-    logging.getLogger("riftberg").setLevel(logging.ERROR)  # what each of its runs would say stands in the case
     result = tables(cases, wanted, models=models, reference=reference)
     tell(json.dumps(result, indent=1) if as_json else as_markdown(result))
     if output is not None:

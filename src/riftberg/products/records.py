@@ -62,7 +62,9 @@ class Gap(NamedTuple):
     def seconds(self) -> float:
         """Length, s."""
         # In microseconds: three centuries are more nanoseconds than a difference holds.
-        return float((self.after.astype("datetime64[us]") - self.before.astype("datetime64[us]")) / np.timedelta64(1, "s"))
+        return float(
+            (self.after.astype("datetime64[us]") - self.before.astype("datetime64[us]")) / np.timedelta64(1, "s")
+        )
 
 
 def usual_interval(records: Dates) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -23,10 +23,12 @@ from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import ForcingError, InputError
 from riftberg.ocean.cells import FIELD_DEFAULTS
 from riftberg.ocean.series import PAIRS, Series
+from riftberg.physics.floating import draft_of
 from riftberg.runs.accessor import Course
+from riftberg.runs.layout import parameters_of
 from riftberg.state import Floats, Ints
 from riftberg.system.input_files import check_file, reading
-from riftberg.system.netcdf_lock import open_lazily
+from riftberg.system.netcdf_lock import open_lazily, write_dataset
 
 VARIABLES: Final = {
     "uo": "x_sea_water_velocity", "vo": "y_sea_water_velocity", "ua": "x_wind", "va": "y_wind",
@@ -298,3 +300,52 @@ def _meaning(ds: xr.Dataset, status: Floats | None) -> str:
     about = ds.variables["status"].attrs
     flags, words = np.ravel(about.get("flag_values", ())).astype(float), str(about.get("flag_meanings", "")).split()
     return dict(zip(map(float, flags), words, strict=False)).get(float(status[np.isfinite(status)][-1]), "")
+
+
+def write_opendrift(run: xr.Dataset, path: str | Path) -> Path:
+    """Write the bergs of a run as OpenDrift writes its results, for its readers and plots, and those of TrajAn.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `riftberg.open_run` or ``Model.run``; on a sphere.
+    path : path
+        NetCDF file: position, size, sail and draft of each berg and fragment by time.
+
+    Returns
+    -------
+    path
+    """
+    parameters, tracks = parameters_of(run), run.riftberg.tracks.dataset
+    if not parameters.earth.latlon:
+        raise InputError(
+            "this run is in metres", where="write_opendrift", remedy="OpenDrift knows longitude and latitude"
+        )
+    dates, sizes = run["time"].values, tracks["rowsize"].values
+    row, column = np.repeat(np.arange(sizes.size), sizes), np.searchsorted(dates, tracks["time"].values)
+    density = parameters.ice.density
+    thickness = tracks["mass"].values / (density * tracks["area"].values)
+    draft = draft_of(thickness, density)
+    columns = {
+        "lon": tracks["lon"].values, "lat": tracks["lat"].values, "length": tracks["length"].values,
+        "width": tracks["width"].values, "sail": thickness - draft, "draft": draft, "iceb_x_velocity": tracks["u"].values,
+        "iceb_y_velocity": tracks["v"].values, "moving": 1 - tracks["aground"].values, "status": np.zeros(row.size),
+        "z": np.zeros(row.size),
+    }  # fmt: skip
+    fields = {}
+    for name, values in columns.items():
+        field = np.full((sizes.size, dates.size), np.nan, "f8" if name in ("lon", "lat") else "f4")
+        field[row, column] = values
+        fields[name] = ("trajectory", "time"), field
+    ds = xr.Dataset(fields, {"trajectory": ("trajectory", tracks["trajectory"].values), "time": dates})
+    ds["trajectory"].attrs["cf_role"] = "trajectory_id"
+    ds["status"].attrs = {"flag_values": np.array([0], "i4"), "flag_meanings": "active"}
+    for name, way in (("lon", "east"), ("lat", "north")):
+        ds[name].attrs = {"units": f"degrees_{way}", "standard_name": "longitude" if name == "lon" else "latitude"}
+    step = str(timedelta(seconds=float(np.diff(dates[:2])[0] / np.timedelta64(1, "s")) if dates.size > 1 else 0.0))
+    ds.attrs = {
+        "Conventions": "CF-1.11", "featureType": "trajectory", "source": "Riftberg", "opendrift_class": KIND,
+        "opendrift_module": "opendrift.models.openberg", "time_step_calculation": step, "time_step_output": step,
+    }  # fmt: skip
+    write_dataset(ds, path)
+    return Path(path)

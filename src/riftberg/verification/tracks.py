@@ -85,8 +85,8 @@ class Start:
 
     @property
     def key(self) -> tuple[str, datetime]:
-        """Name and date to the minute: programs write dates a few seconds off."""
-        return self.berg.upper(), to_minute(self.date)
+        """Name and date, as tables of forecasts name a start."""
+        return self.berg.upper(), to_ten_minutes(self.date)
 
     def forced_by(self, forcing: Any) -> Start:
         """Return the same start with what drives the berg."""
@@ -445,12 +445,12 @@ class Forecasts:
 
     def keep(self, berg: str, date: datetime, lead: float, lon: float, lat: float) -> None:
         """Keep a position; ``lead``: days."""
-        key = berg.upper(), to_minute(date), to_minute(date + timedelta(days=lead))
+        key = berg.upper(), to_ten_minutes(date), to_ten_minutes(date + timedelta(days=lead))
         self._made.setdefault(key, []).append((lon, lat))
 
     def __call__(self, start: Start, dates: Sequence[datetime]) -> Any:
         """Return the positions at dates."""
-        keys = [(*start.key, to_minute(when)) for when in dates]
+        keys = [(*start.key, to_ten_minutes(when)) for when in dates]
         members = {len(self._made.get(key, ())) for key in keys}
         if self.complete and (0 in members or len(members) > 1):
             what = "no forecast" if 0 in members else "lead times with different numbers of members"
@@ -464,9 +464,10 @@ class Forecasts:
         return np.array(rows).swapaxes(0, 1)
 
 
-def to_minute(date: datetime) -> datetime:
-    """Return a date to the nearest minute."""
-    return (date + timedelta(seconds=30)).replace(second=0, microsecond=0)
+def to_ten_minutes(date: datetime) -> datetime:
+    """Return a date to the nearest ten minutes: programs write dates some seconds off."""
+    later = date + timedelta(minutes=5)
+    return later.replace(minute=later.minute // 10 * 10, second=0, microsecond=0)
 
 
 def read_forecasts(path: Path, *, complete: bool = True) -> Forecasts:
