@@ -174,7 +174,10 @@ def b09f(data: Path, folder: Path) -> None:
     fields = xr.concat([box[["ugos", "vgos", "adt"]]] * 2, pd.DatetimeIndex(["2019-02-20", "2019-03-10"], name="time"))
     fields.to_netcdf(folder / "field.nc")
     sentence = "Two giant bergs in one day of altimetry, held for eight days, without wind."
-    write_case(folder, "b09f", sentence, """forcing: {files: [{file: field.nc, names: {uo: ugos, vo: vgos, ssh: adt}}], max_gap: 30 d, wind: none}
+    write_case(folder, "b09f", sentence, """forcing:
+  files: [{file: field.nc, names: {uo: ugos, vo: vgos, ssh: adt}}]
+  max_gap: 30 d
+  wind: none
 subsets: {B09F: berg == B09F, A57A: berg == A57A}
 entrants:
   slope from the current: riftberg forcing.sea_level=geostrophic
@@ -314,8 +317,10 @@ def page_of(suite: Path) -> str:
         found = [row for row in result["rows"] if row["subset"] == subset]
         starts = " / ".join(str(row["starts"]) for row in found)
         leads = " / ".join(f"{24 * row['lead_days']:.0f} h" if juliette else f"{row['lead_days']:g} d" for row in found)
-        lines += [f"**{name}, {subset}**: {starts} starts at {leads}", "",
-                  "| entrant | at 1d8dca15 | its settings now | defaults now | riftberg minus this, 90 % |", "|---|---|---|---|---|"]  # fmt: skip
+        lines += [
+            f"**{name}, {subset}**: {starts} starts at {leads}", "",
+            "| entrant | at 1d8dca15 | its settings now | defaults now | riftberg minus this, 90 % |", "|---|---|---|---|---|",
+        ]  # fmt: skip
         for row, measured in rows.items():
             again = f"then, {row}" if juliette and row in ours else row
             mean = {key: " / ".join(f"{one['entrants'][key]['mean_km']:.1f}" for one in found) for key in (again, row)}

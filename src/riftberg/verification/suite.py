@@ -181,30 +181,38 @@ def _read_case(path: Path) -> SuiteCase:
     return SuiteCase(file, path.parent, cases)
 
 
+SIZED: Final = ("lon", "lat", "length", "width", "thickness")
+"""Columns of starts that must hold numbers."""
+
+
 def _starts(path: Path) -> Iterator[Start]:
     """Give the starts of a table."""
     for line, row in enumerate(rows_of_csv(path)[0], start=2):
-        where, values = f"{path}, line {line}", dict[str, Any]()
-        for name, text in ((str(n).strip().lower(), (t or "").strip()) for n, t in row.items()):
-            try:
-                values[name] = float(text) if text else np.nan
-            except ValueError:
-                values[name] = text  # a berg or a date
-        wanted = ("lon", "lat", "length", "width", "thickness")
-        missing = next((name for name in ("berg", "date", *wanted) if name not in values), None)
-        wrong = next(
-            (name for name in wanted if not isinstance(values.get(name), float) or np.isnan(values[name])), None
+        where, texts = (
+            f"{path}, line {line}",
+            {str(name).strip().lower(): (text or "").strip() for name, text in row.items()},
         )
+        values: dict[str, Any] = {name: as_number(text) for name, text in texts.items()}
+        missing = next((name for name in ("berg", "date", *SIZED) if name not in texts), None)
+        wrong = next((name for name in SIZED if np.isnan(values.get(name, np.nan))), None)
         if missing or wrong:
             raise InputError(
                 f"no column {missing!r}" if missing else f"{wrong} is no number", where=where,
                 remedy="Columns are berg, date, lon, lat (degrees), length, width and thickness (m)",
             )  # fmt: skip
         before = {}
-        if isinstance(values.get("date_before"), str):
-            before[parse_date(values["date_before"], where=where)[0]] = values["lon_before"], values["lat_before"]
-        date = parse_date(str(row.get("date", values["date"])), where=where)[0]
-        yield Start(str(values["berg"]), date, values["lon"], values["lat"], before, columns=values)
+        if texts.get("date_before"):
+            before[parse_date(texts["date_before"], where=where)[0]] = values["lon_before"], values["lat_before"]
+        date = parse_date(texts["date"], where=where)[0]
+        yield Start(texts["berg"], date, values["lon"], values["lat"], before, columns=values)
+
+
+def as_number(text: str) -> float:
+    """Return a cell as a number, NaN for an empty cell or one of text."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
 
 
 @lru_cache(maxsize=4)
