@@ -523,9 +523,10 @@ def _bergs_at_points(berg: Berg, path: Path, parameters: Parameters) -> Iceberg:
         raise BergError(
             "a radius beside lengths", where=str(path), remedy="Leave berg.radius out, or the column length"
         )
-    size = {} if "length" in columns else {"radius": berg.radius}
+    if "length" not in columns:
+        columns["radius"] = berg.radius
     return Iceberg.from_points(
-        **columns, **size, packing=berg.packing, density=parameters.ice.density, velocity=berg.velocity,
+        **columns, packing=berg.packing, density=parameters.ice.density, velocity=berg.velocity,
         latlon=parameters.earth.latlon, earth_radius=parameters.earth.radius,
     )  # fmt: skip
 
@@ -565,7 +566,7 @@ def build_forcing(
     if isinstance(forcing, FormulaForcing):
         return Sum(forcing.parts)
     if isinstance(forcing, SeriesForcing | OpenDriftForcing):
-        return series_of(forcing, folder, experiment.start)
+        return series_forcing(forcing, folder, experiment.start)
     from riftberg.ocean.story import StoryOcean
 
     find(forcing.name).check_parts(options.without)
@@ -573,7 +574,7 @@ def build_forcing(
     return StoryOcean(shoal="shoal" not in without, shear="shear" not in without, start=experiment.start)
 
 
-def series_of(forcing: SeriesForcing | OpenDriftForcing, folder: Path, start: datetime) -> Series:
+def series_forcing(forcing: SeriesForcing | OpenDriftForcing, folder: Path, start: datetime) -> Series:
     """Return the series of a table, or along a trajectory."""
     options: dict[str, Any] = {"sea_level": forcing.sea_level, "hold": 3600.0 * forcing.hold, "start": start}
     if forcing.wind == "none":

@@ -105,7 +105,7 @@ class Series(Formula):
     ) -> None:  # fmt: skip
         self.latlon, self.latitude, self.notices = True, latitude, ()
         self.means = means
-        seconds, self.start = _seconds_of(times, start)
+        seconds, self.start = _as_seconds(times, start)
         given = {"uo": uo, "vo": vo, "ua": ua, "va": va, "ice_fraction": ice_fraction, "ice_thickness": ice_thickness,
                  "ui": ui, "vi": vi, "wave_height": wave_height, "sst": sst, "sss": sss}  # fmt: skip
         given = {name: value for name, value in given.items() if value is not None}
@@ -119,13 +119,13 @@ class Series(Formula):
             currents_wanted="Give uo and vo",
         )  # fmt: skip
         self.assumes_slope = sea_level == "auto" and choice == "geostrophic"
-        columns = {name: _column(name, value, *_limits_of(name), seconds.size) for name, value in given.items()}
+        columns = {name: _column(name, value, *_believable(name), seconds.size) for name, value in given.items()}
         if choice == "files":
-            for name, value in zip(SLOPES, _pair_of_slopes(ssh_slope), strict=True):
+            for name, value in zip(SLOPES, _slope_pair(ssh_slope), strict=True):
                 columns[name] = _column(name, value, "1", (-STEEPEST, STEEPEST), seconds.size)
-        self._water = np.array([np.inf if depth is None else _depth_of(depth)])
+        self._water = np.array([np.inf if depth is None else _single_depth(depth)])
         self._times, self.times = seconds, seconds
-        length = min(self._known_until(name, values) for name, values in columns.items())
+        length = min(self._last_known(name, values) for name, values in columns.items())
         held = number(hold, "s", where="hold", kind=ForcingError)
         self.cover = float(seconds[0]) - held, float(seconds[length]) + held
         step = float(np.median(np.diff(seconds))) if seconds.size > 1 else np.inf
@@ -141,7 +141,7 @@ class Series(Formula):
             set() if choice == "none" else {"slope_x", "slope_y"}
         ))  # fmt: skip
 
-    def _known_until(self, name: str, values: Floats) -> int:
+    def _last_known(self, name: str, values: Floats) -> int:
         """Return the number of the last time at which a value is given; refuse one that is missing before."""
         known = np.isfinite(values)
         if not known.any():
@@ -227,7 +227,7 @@ class Series(Formula):
         weight = min(max((time - before) / (self._times[after] - before), 0.0), 1.0)
         return {name: v[:, after - 1] * (1.0 - weight) + v[:, after] * weight for name, v in self._values.items()}
 
-    def current_at(self, times: Floats) -> tuple[Floats, Floats]:
+    def current_series(self, times: Floats) -> tuple[Floats, Floats]:
         """Return the current (m s-1) at times (s)."""
         u, v = (np.interp(times, self._times, self._values[name][0]) for name in ("uo", "vo"))
         return u, v
@@ -320,10 +320,10 @@ def read_series(path: str | Path, **options: Any) -> Series:
         If a column is not known, or a cell holds no number.
     """
     rows, separator = rows_of_csv(Path(path), ForcingError)
-    return series_of_rows(list(enumerate(rows, start=2)), separator, path, **options)
+    return make_series(list(enumerate(rows, start=2)), separator, path, **options)
 
 
-def series_of_rows(
+def make_series(
     rows: Sequence[tuple[int, Mapping[str, str]]], separator: str, path: str | Path, **options: Any
 ) -> Series:
     """Return the series of some rows of a table, each with its line; the columns berg and start say whose they are."""
@@ -337,7 +337,7 @@ def series_of_rows(
             remedy=f"{'' if missing else nearest(str(strange), known)}Columns are {', '.join(known)}",
         )  # fmt: skip
     values: dict[str, Any] = {
-        name: _numbers_in([row[names[name]] for _, row in rows], separator, path, name, rows[0][0])
+        name: _column_numbers([row[names[name]] for _, row in rows], separator, path, name, rows[0][0])
         for name in known[1:] if name in names
     }  # fmt: skip
     slopes = [values.pop(name) for name in SLOPES if name in values]
@@ -356,7 +356,7 @@ def _plain_times(texts: list[str]) -> list[Any]:
         return list(texts)
 
 
-def _numbers_in(texts: Sequence[str | None], separator: str, path: str | Path, name: str, line: int) -> Floats:
+def _column_numbers(texts: Sequence[str | None], separator: str, path: str | Path, name: str, line: int) -> Floats:
     """Return a column as numbers, NaN where a cell is empty; ``line``: of the first one."""
     cells = [(text or "").strip() for text in texts]
     plain = cells if separator == "," else [cell.replace(",", ".") for cell in cells]
@@ -378,7 +378,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _seconds_of(times: Any, start: Any) -> tuple[Floats, datetime | None]:
+def _as_seconds(times: Any, start: Any) -> tuple[Floats, datetime | None]:
     """Return times in seconds since the start, and its date where it is known."""
     listed = np.asarray(times)
     listed = np.atleast_1d(listed) if listed.dtype.kind in "fiuM" else np.array(list(np.ravel(times)), object)
@@ -421,7 +421,7 @@ def _utc(value: Any) -> datetime:
         raise ForcingError(error.what, where=error.where, remedy=error.remedy) from error
 
 
-def _limits_of(name: str) -> tuple[str, tuple[float, float]]:
+def _believable(name: str) -> tuple[str, tuple[float, float]]:
     quantity = QUANTITIES[name]
     return ("degC" if name == "sst" else "1" if name == "sss" else quantity.units), quantity.range
 
@@ -443,7 +443,7 @@ def _column(name: str, value: Any, unit: str, limits: tuple[float, float], count
     return np.array(np.broadcast_to(values, count))
 
 
-def _pair_of_slopes(pair: Any) -> tuple[Any, Any]:
+def _slope_pair(pair: Any) -> tuple[Any, Any]:
     if not isinstance(pair, Sequence | np.ndarray) or len(pair) != 2:
         raise ForcingError(
             f"{value_shown(pair)} is no pair", where="ssh_slope", remedy="Give the slopes to the east and to the north"
@@ -451,7 +451,7 @@ def _pair_of_slopes(pair: Any) -> tuple[Any, Any]:
     return pair[0], pair[1]
 
 
-def _depth_of(depth: Any) -> Any:
+def _single_depth(depth: Any) -> Any:
     """Return the depth (m), which is one number."""
     values = numbers(depth, "m", where="depth", kind=ForcingError)
     known = values[np.isfinite(values)]

@@ -35,7 +35,7 @@ from riftberg.experiments.schema import SeriesForcing
 from riftberg.experiments.yaml_file import Document
 from riftberg.model import BareModel
 from riftberg.ocean.files_schema import FileForcing
-from riftberg.ocean.series import Series, series_of_rows
+from riftberg.ocean.series import Series, make_series
 from riftberg.parameters import Parameters
 from riftberg.runs.tracks import main_position
 from riftberg.state import Floats
@@ -246,7 +246,7 @@ def series_by_start(settings: SeriesForcing, folder: Path, starts: Sequence[Star
             )
         depth = start.columns.get("depth", np.nan)
         floor = {} if np.isnan(depth) else {"depth": depth}
-        found[start.key] = series_of_rows(groups[start.key], separator, path, start=start.date, **floor, **options)
+        found[start.key] = make_series(groups[start.key], separator, path, start=start.date, **floor, **options)
     return found
 
 
@@ -322,7 +322,7 @@ def advected(factor: float) -> DriftModel:
         step, middle = factor * np.diff(times), 0.5 * (times[1:] + times[:-1])
         metre = np.degrees(1e-3 / EARTH_KM)
         if isinstance(forcing, Series):  # which is the same everywhere
-            u, v = forcing.current_at(middle)
+            u, v = forcing.current_series(middle)
             lat = start.lat + metre * np.concatenate([[0.0], np.cumsum(step * v)])
             east = metre * step * u / np.cos(np.radians(0.5 * (lat[1:] + lat[:-1])))
             lon = start.lon + np.concatenate([[0.0], np.cumsum(east)])
@@ -370,7 +370,7 @@ def _riftberg(case: SuiteCase, settings: Sequence[str]) -> Forecasts:
     made = Forecasts(f"{RIFTBERG} {' '.join(settings)}".strip(), complete=False)
     if isinstance(case.file.forcing, FileForcing):
         for one in case.cases:
-            _advance([one], _files_of(case, one, forcing, parameters), parameters, made, [one.start.lon])
+            _advance([one], _file_forcing(case, one, forcing, parameters), parameters, made, [one.start.lon])
         return made
     series_keys = SeriesForcing.model_validate({**case.file.forcing.model_dump(exclude_unset=True), **forcing})
     series = series_by_start(series_keys, case.folder, [one.start for one in case.cases])
@@ -426,7 +426,7 @@ def _advance(
             made.keep(one.start.berg, one.start.date, lead, one.start.lon + float(x) - lon[k], float(y))
 
 
-def _files_of(case: SuiteCase, one: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
+def _file_forcing(case: SuiteCase, one: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
     """Return the forcing from files for one start."""
     from riftberg.ocean.files_forcing import Run, forcing_from_files
 
@@ -440,14 +440,14 @@ def _files_of(case: SuiteCase, one: Case, changes: Mapping[str, Any], parameters
 # ---- the table --------------------------------------------------------------------------------------------------------------
 
 
-def errors_of_entrant(model: DriftModel, case: SuiteCase) -> Floats:
+def entrant_errors(model: DriftModel, case: SuiteCase) -> Floats:
     """Return the errors of an entrant, km, by start and lead; NaN where it gives no position or none was seen."""
     found = np.full((len(case.cases), len(case.leads)), np.nan)
     wants_forcing = not isinstance(model, Forecasts) and len(inspect.signature(model).parameters) > 2
     for k, one in enumerate(case.cases):
         ocean = one.start.forcing
         if wants_forcing and ocean is None:
-            ocean = _files_of(case, one, {}, Parameters())
+            ocean = _file_forcing(case, one, {}, Parameters())
         known = (lambda start, dates, ocean=ocean: model(start, dates, ocean)) if wants_forcing else model  # type: ignore[call-arg]
         for lead, made in forecast(known, one, complete=False).items():
             found[k, case.leads.index(lead)] = float(distance(*made.mean(axis=0), *one.seen[lead]))
@@ -462,7 +462,7 @@ class Mean:
     interval: tuple[float, float] | None
 
 
-def mean_of(values: Floats, groups: Sequence[str]) -> Mean:
+def grouped_mean(values: Floats, groups: Sequence[str]) -> Mean:
     """Return the mean over groups of the means of their values, and its interval from drawing groups.
 
     It does not depend on the order of the values.
@@ -496,7 +496,7 @@ def table(case: SuiteCase, errors: Mapping[str, Floats], reference: str) -> dict
             row["bergs"] = len({one.start.berg for one, taken in zip(case.cases, common, strict=True) if taken})
             found = {name: one[common, j] for name, one in errors.items()} if owners else {}
             row["entrants"] = {
-                name: _row_of(one, found[reference], owners, name == reference) for name, one in found.items()
+                name: _entrant_row(one, found[reference], owners, name == reference) for name, one in found.items()
             }
             rows.append(row)
     return {"name": file.name, "sentence": file.sentence, "source": file.source, "licence": file.licence, "unit": file.unit,
@@ -504,9 +504,9 @@ def table(case: SuiteCase, errors: Mapping[str, Floats], reference: str) -> dict
             "starts": len(case.cases), "rows": rows}  # fmt: skip
 
 
-def _row_of(own: Floats, reference: Floats, owners: Sequence[str], is_reference: bool) -> dict[str, Any]:
+def _entrant_row(own: Floats, reference: Floats, owners: Sequence[str], is_reference: bool) -> dict[str, Any]:
     """Return the errors of an entrant on some starts, and how far the reference is from it; ``owners``: berg of each start."""
-    mean, medians = mean_of(own, owners), [np.median(own[np.array(owners) == name]) for name in set(owners)]
+    mean, medians = grouped_mean(own, owners), [np.median(own[np.array(owners) == name]) for name in set(owners)]
     alone = len(medians) == len(own)
     found = {
         "mean_km": mean.mean,
@@ -515,7 +515,7 @@ def _row_of(own: Floats, reference: Floats, owners: Sequence[str], is_reference:
     }
     if is_reference:
         return found
-    paired = mean_of(reference - own, owners)
+    paired = grouped_mean(reference - own, owners)
     return {
         **found,
         "reference_minus_this_km": paired.mean,
@@ -546,7 +546,7 @@ def tables(
         own = case.file.entrants
         named = dict(_named(text, own) for text in (wanted or (*USUAL, *own)))
         entrants = {**{name: entrant(text, case) for name, text in named.items()}, **(models or {})}
-        errors = {name: errors_of_entrant(model, case) for name, model in entrants.items()}
+        errors = {name: entrant_errors(model, case) for name, model in entrants.items()}
         found.append(table(case, errors, reference if reference in errors else list(errors)[-1]))
     return found
 

@@ -256,7 +256,7 @@ def _cases(berg: str, seen: Mapping[datetime, tuple[float, float]], leads: Seque
         origin = seen.get(when - timedelta(days=DAYS_BEFORE))
         if place[1] <= NORTH_OF or origin is None or distance(*origin, *place) < SLOWEST * DAYS_BEFORE:
             continue
-        later = {lead: seen[when + timedelta(days=lead)] for lead in leads if when + timedelta(days=lead) in seen}
+        later: dict[float, Any] = {lead: seen[when + timedelta(days=lead)] for lead in leads if when + timedelta(days=lead) in seen}
         days = (when - timedelta(days=back) for back in range(DAYS_BEFORE, 0, -1))
         if later:
             yield Case(Start(berg, when, *place, {day: seen[day] for day in days if day in seen}), later)
@@ -291,7 +291,7 @@ class Dressed:
 
     def __init__(self, model: DriftModel, training: Iterable[Case]) -> None:
         self.model = model
-        errors: dict[int, list[tuple[float, float]]] = {}
+        errors: dict[float, list[tuple[float, float]]] = {}
         for case in training:
             for lead, made in forecast(model, case).items():
                 (lon, lat), seen = made[0], case.seen[lead]
@@ -388,7 +388,7 @@ def table(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def ensemble_table(model: DriftModel, cases: Iterable[Case], error: float) -> list[dict[str, Any]]:
     """Return the scores of an ensemble by lead time, with an error of the observation (km) added to its members."""
-    points: dict[int, list[Point]] = {}
+    points: dict[float, list[Point]] = {}
     for case in cases:
         for lead, made in forecast(model, case).items():
             if len(made) < 2:

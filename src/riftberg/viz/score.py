@@ -165,9 +165,14 @@ def draw_suite(result: Sequence[dict[str, Any]], path: str | Path, *, dpi: int =
     for (above, below), case in zip(axes.T, result, strict=True):
         rows = [row for row in case["rows"] if row["subset"] == "all" and row["starts"]]
         days, reference = [row["lead_days"] for row in rows], case["reference"]
-        for name in rows[0]["entrants"] if rows else ():
-            one, wide = [row["entrants"][name] for row in rows], 2.0 if name == reference else 1.0
-            (line,) = above.plot(days, [value["mean_km"] for value in one], "o-", ms=3, lw=wide, label=name)
+        for k, name in enumerate(rows[0]["entrants"] if rows else ()):
+            one, ours = [row["entrants"][name] for row in rows], name == reference
+            shown = (
+                {"color": MODEL, "lw": 2.5, "zorder": 4}
+                if ours
+                else {"color": f"C{k % 10}", "ls": ("-", "--", ":")[k // 10 % 3]}
+            )
+            (line,) = above.plot(days, [value["mean_km"] for value in one], marker="o", ms=3, label=name, **shown)
             if name == reference and all(value["interval_km"] for value in one):
                 above.fill_between(
                     days, *zip(*(value["interval_km"] for value in one), strict=True), color=line.get_color(), alpha=0.2
@@ -183,7 +188,8 @@ def draw_suite(result: Sequence[dict[str, Any]], path: str | Path, *, dpi: int =
         above.set_title(case["name"], fontsize=10)
         for ax in (above, below):
             plain_axes(ax)
-        above.legend(fontsize=7)
+            ax.set_xticks(days, [f"{day:.3g}" for day in days])
+        above.legend(fontsize=6, framealpha=0.6)
     return style.save_figure(figure, path)
 
 
