@@ -256,7 +256,8 @@ def _cases(berg: str, seen: Mapping[datetime, tuple[float, float]], leads: Seque
         origin = seen.get(when - timedelta(days=DAYS_BEFORE))
         if place[1] <= NORTH_OF or origin is None or distance(*origin, *place) < SLOWEST * DAYS_BEFORE:
             continue
-        later: dict[float, Any] = {lead: seen[when + timedelta(days=lead)] for lead in leads if when + timedelta(days=lead) in seen}
+        dates: dict[float, datetime] = {lead: when + timedelta(days=lead) for lead in leads}
+        later = {lead: seen[date] for lead, date in dates.items() if date in seen}
         days = (when - timedelta(days=back) for back in range(DAYS_BEFORE, 0, -1))
         if later:
             yield Case(Start(berg, when, *place, {day: seen[day] for day in days if day in seen}), later)
