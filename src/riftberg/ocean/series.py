@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 from datetime import date, datetime, timedelta
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypedDict, Unpack
 
 import numpy as np
 
 from riftberg.config.units import count_text, minute_text
-from riftberg.config.values import moment, native, number, numbers
+from riftberg.config.values import check_names, moment, native, number, numbers
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.errors import ForcingError, InputError, nearest
 from riftberg.ocean.balance import SeaLevel, balancing_slope, decided, shares_of_slow_current
@@ -52,6 +52,25 @@ TOLERANCE: Final = 60.0
 """Seconds by which a run may begin before a series or end after it: dates of programs are a few off the full minute."""
 
 _ZONE: Final = re.compile(r"\d:?\d\d\s*([+-]\d\d:?\d\d)$")
+
+
+class SeriesOptions(TypedDict, total=False):
+    """Options of a series, as `Series` documents them."""
+
+    ua: Any
+    va: Any
+    depth: Any
+    ice_fraction: Any
+    ice_thickness: Any
+    ui: Any
+    vi: Any
+    wave_height: Any
+    sst: Any
+    sss: Any
+    ssh_slope: Any
+    hold: Any
+    max_gap: Any
+    latitude: float | None
 
 
 class Series(Formula):
@@ -97,36 +116,33 @@ class Series(Formula):
     """
 
     def __init__(
-        self, times: Any, *, uo: Any, vo: Any, ua: Any = None, va: Any = None, depth: Any = None, ice_fraction: Any = None,
-        ice_thickness: Any = None, ui: Any = None, vi: Any = None, wave_height: Any = None, sst: Any = None, sss: Any = None,
-        ssh_slope: Any = None, means: bool = False, sea_level: SeaLevel = "auto",
-        start: datetime | date | str | np.datetime64 | None = None, hold: Any = 0.0, max_gap: Any = None,
-        latitude: float | None = None,
+        self, times: Any, *, uo: Any, vo: Any, means: bool = False, sea_level: SeaLevel = "auto",
+        start: datetime | date | str | np.datetime64 | None = None, **options: Unpack[SeriesOptions],
     ) -> None:  # fmt: skip
-        self.latlon, self.latitude, self.notices = True, latitude, ()
-        self.means = means
+        check_names(options, SeriesOptions)
+        self.latlon, self.latitude, self.means = True, options.get("latitude"), means
         seconds, self.start = _as_seconds(times, start)
-        given = {"uo": uo, "vo": vo, "ua": ua, "va": va, "ice_fraction": ice_fraction, "ice_thickness": ice_thickness,
-                 "ui": ui, "vi": vi, "wave_height": wave_height, "sst": sst, "sss": sss}  # fmt: skip
-        given = {name: value for name, value in given.items() if value is not None}
+        slope, depth, max_gap = options.get("ssh_slope"), options.get("depth"), options.get("max_gap")
+        every: dict[str, Any] = {"uo": uo, "vo": vo, **options}
+        given = {name: every[name] for name in VALUES if every.get(name) is not None}
         for one, other in PAIRS:
             if (one in given) != (other in given):
                 raise ForcingError(f"{one if one in given else other} without {other if one in given else one}",
                                    where="Forcing.along", remedy="Give both components")  # fmt: skip
         choice = decided(
-            sea_level, {"uo", *(() if ssh_slope is None else ("ssh",))}, where="sea_level",
+            sea_level, {"uo", *(() if slope is None else ("ssh",))}, where="sea_level",
             level_wanted="Give ssh_slope, or leave sea_level out: then the slope balances the current",
             currents_wanted="Give uo and vo",
         )  # fmt: skip
         self.assumes_slope = sea_level == "auto" and choice == "geostrophic"
         columns = {name: _column(name, value, *_believable(name), seconds.size) for name, value in given.items()}
         if choice == "files":
-            for name, value in zip(SLOPES, _slope_pair(ssh_slope), strict=True):
+            for name, value in zip(SLOPES, _slope_pair(slope), strict=True):
                 columns[name] = _column(name, value, "1", (-STEEPEST, STEEPEST), seconds.size)
         self._water = np.array([np.inf if depth is None else _single_depth(depth)])
         self._times, self.times = seconds, seconds
         length = min(self._last_known(name, values) for name, values in columns.items())
-        held = number(hold, "s", where="hold", kind=ForcingError)
+        held = number(options.get("hold", 0.0), "s", where="hold", kind=ForcingError)
         self.cover = float(seconds[0]) - held, float(seconds[length]) + held
         step = float(np.median(np.diff(seconds))) if seconds.size > 1 else np.inf
         limit = GAP_FACTOR * step if max_gap is None else number(max_gap, "s", where="max_gap", kind=ForcingError)
