@@ -104,7 +104,7 @@ def test_the_slope_of_a_steady_current_has_the_coriolis_parameter_of_each_elemen
 
 
 @pytest.mark.parametrize(("size", "choice", "way"), [(20e3, "auto", 34.3), (20e3, "none", 0.2), (100.0, "none", 29.8)])
-def test_a_square_in_steady_water_goes_as_published(size: float, choice: Any, way: float) -> None:
+def test_a_square_in_steady_water_goes_as_the_balance_has_it(size: float, choice: Any, way: float) -> None:
     thickness = 250.0 if size > 1e3 else 100.0
     forcing = Forcing.along(dates(), uo=0.2, vo=0.0, sea_level=choice)
     assert drifted(forcing, 48, lone(size, thickness=thickness))[0] == pytest.approx(way, abs=0.6)

@@ -345,6 +345,12 @@ class Iceberg(BondedBerg):
                 lon, lat, length, width, thickness, {"static": static, "period": period, **options},
                 {"bond_length": bond_length, "outline": outline}, overlap=overlap,
             )  # fmt: skip
+        if overlap:
+            raise BergError(
+                "overlap of elements that may be bonded",
+                where="Iceberg.from_points",
+                remedy="Give length: of lone bergs",
+            )
         settings = berg_options(options, PointOptions, thickness)
         if bond_length is not None:
             bond_length = number(bond_length, "m", where="bond_length", kind=BergError)
