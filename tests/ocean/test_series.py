@@ -220,7 +220,7 @@ def test_a_long_gap_between_times_is_refused_where_a_run_meets_it() -> None:
     forcing = Forcing.along(dates(hours), uo=0.0, vo=0.0)
     forcing.check(new_elements(0), 0.0, 3 * 3600.0)
     with pytest.raises(
-        ForcingError, match=r"no value between 2025-10-01 03:00 and 2025-10-01 12:00, a gap of 0.375 days.*max_gap"
+        ForcingError, match=r"no value between 2025-10-01 03:00 and 2025-10-01 12:00: a gap of 0.375 days.*max_gap"
     ):
         forcing.check(new_elements(0), 0.0, 4 * 3600.0)
     Forcing.along(dates(hours), uo=0.0, vo=0.0, max_gap="9 h").check(new_elements(0), 0.0, 4 * 3600.0)

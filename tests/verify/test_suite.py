@@ -199,6 +199,8 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
         table(folder, "curent")
     with pytest.raises(InputError, match="no group of parameters"):
         table(folder, "riftberg drg.ocean_scale=3")
+    with pytest.raises(InputError, match=r"forcing\.sea_level.*level"):
+        table(folder, "riftberg forcing.sea_level=level")
     starts = folder / "made" / "starts.csv"
     starts.write_text(starts.read_text().replace("X05", "X06"))
     with pytest.raises(InputError, match="no forcing for X06, 2025-10-01"):

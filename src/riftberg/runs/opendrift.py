@@ -274,9 +274,11 @@ def _trajectory(ds: xr.Dataset, layout: _Layout, k: int, source: str) -> Traject
     ]
     moving, status = known("moving"), known("status")
     numbers = ds.variables.get("trajectory")
-    named = numbers is not None and numbers.size == layout.trajectories and numbers.dtype.kind in "iuf"
+    number = k
+    if numbers is not None and numbers.size == layout.trajectories and numbers.dtype.kind in "iuf":
+        number = int(numbers.values.ravel()[k])
     return Trajectory(
-        source, int(np.ravel(numbers)[k]) if named else k,
+        source, number,
         " ".join(str(ds.attrs[name]) for name in ("opendrift_class", "opendrift_version") if name in ds.attrs),
         times[valid].astype("datetime64[ns]"), lon[valid], lat[valid],
         np.full(int(valid.sum()), np.nan) if moving is None else moving, _meaning(ds, status),

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError, field_validator
 
 from riftberg.bergs.iceberg import Iceberg
-from riftberg.config.values import Section, UnfitError, findings, key, number, parse_date
+from riftberg.config.values import Section, UnfitError, explained, findings, key, number, parse_date
 from riftberg.constants import SECONDS_PER_DAY
 from riftberg.diagnostics.observed import read_observed
 from riftberg.errors import InputError, nearest
@@ -166,16 +166,18 @@ def _read_case(path: Path) -> SuiteCase:
         known = sorted({start.berg for start in starts})
         remedy = f"{nearest(unknown[0], known)}Bergs are {', '.join(known)}"
         raise document.refusal([(("held_out",), InputError(f"no berg {unknown[0]!r} starts", remedy=remedy))])
-    if isinstance(file.forcing, SeriesForcing):
-        series = series_by_start(file.forcing, path.parent, starts)
-        starts = [start.forced_by(series[start.key]) for start in starts]
+    forced = file.forcing
+    if isinstance(forced, FileForcing):
+        return SuiteCase(file, path.parent, _with_seen(file, path.parent / file.observed, starts))
+    series = series_by_start(forced, path.parent, starts)
+    starts = [start.forced_by(series[start.key]) for start in starts]
     cases = _with_seen(file, path.parent / file.observed, starts)
-    for one in cases if isinstance(file.forcing, SeriesForcing) else ():
-        last = max(one.seen) * SECONDS_PER_DAY
-        if one.start.forcing.cover[1] < last - AT_THE_TIME:
+    for one in cases:
+        days, lead = one.start.forcing.cover[1] / SECONDS_PER_DAY, max(one.seen)
+        if days < lead - AT_THE_TIME / SECONDS_PER_DAY:
             raise InputError(
-                f"the forcing of {one.start} ends after {one.start.forcing.cover[1] / SECONDS_PER_DAY:.4g} days, before the lead "
-                f"of {max(one.seen):.4g}", where=str(path.parent / file.forcing.along),
+                f"the forcing of {one.start} ends after {days:.4g} days, before the lead of {lead:.4g}",
+                where=str(path.parent / forced.along),
                 remedy="Give more of it, hold its end (forcing.hold), or leave the lead out",
             )  # fmt: skip
     return SuiteCase(file, path.parent, cases)
@@ -372,11 +374,9 @@ def _riftberg(case: SuiteCase, settings: Sequence[str]) -> Forecasts:
         for one in case.cases:
             _advance([one], _file_forcing(case, one, forcing, parameters), parameters, made, [one.start.lon])
         return made
-    series_keys = SeriesForcing.model_validate({**case.file.forcing.model_dump(exclude_unset=True), **forcing})
-    series = series_by_start(series_keys, case.folder, [one.start for one in case.cases])
-    together = (
-        _most_together(case) if any(np.isfinite(one.depth(0.0, 0.0)) for one in series.values()) else len(case.cases)
-    )
+    series = series_by_start(_changed_section(case, forcing), case.folder, [one.start for one in case.cases])
+    has_floor = any("depth" in one.provides for one in series.values())
+    together = _most_together(case) if has_floor else len(case.cases)
     for first in range(0, len(case.cases), together):
         cases = case.cases[first : first + together]
         middles = -180.0 + 360.0 * (np.arange(len(cases)) + 0.5) / len(cases)
@@ -411,30 +411,40 @@ def _advance(
     lat, length, width, thickness = (
         np.array([one.start.columns[name] for one in cases], float) for name in ("lat", "length", "width", "thickness")
     )  # fmt: skip
-    bergs = Iceberg.from_points(lon, lat, length=length, width=width, thickness=thickness, overlap=True)
     radius = cases[0].start.columns.get("radius", np.nan)
-    if len(cases) == 1 and radius == radius:
-        place = lon[0], float(lat[0])
-        bergs = Iceberg.rectangle(length[0], width[0], thickness=thickness[0], placement=place, radius=radius)
+    if len(cases) == 1 and np.isfinite(radius):
+        size = {"thickness": thickness[0], "radius": radius, "placement": (lon[0], float(lat[0]))}
+        bergs = Iceberg.rectangle(length[0], width[0], **size)
+    else:
+        bergs = Iceberg.from_points(lon, lat, length=length, width=width, thickness=thickness, overlap=True)
     model, reached = BareModel(bergs, forcing, parameters, cases[0].start.date), 0.0
     for lead in sorted({lead for one in cases for lead in one.seen}):
         with _without_notices():
             model.advance(lead - reached)
-        reached, own = lead, [main_position(model)] if len(cases) == 1 else model.elements.place
+        reached, middle = lead, main_position(model)
+        alone, place = len(cases) == 1, model.elements.place
         for k, one in enumerate(cases):
-            x, y = (own[0].lon, own[0].lat) if isinstance(own, list) else (own.lon[k], own.lat[k])
-            made.keep(one.start.berg, one.start.date, lead, one.start.lon + float(x) - lon[k], float(y))
+            x, y = (middle.lon, middle.lat) if alone else (float(place.lon[k]), float(place.lat[k]))
+            made.keep(one.start.berg, one.start.date, lead, one.start.lon + x - lon[k], y)
 
 
 def _file_forcing(case: SuiteCase, one: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
     """Return the forcing from files for one start."""
     from riftberg.ocean.files_forcing import Run, forcing_from_files
 
-    settings = FileForcing.model_validate({**case.file.forcing.model_dump(exclude_unset=True), **changes})
     start, thickness = one.start, np.array([one.start.columns["thickness"]], float)
     place = np.array([start.lon]), np.array([start.lat])
     run = Run.of(start.date, max(one.seen) + 0.1, thickness, parameters.ice.density, place=place)
-    return forcing_from_files(settings, case.folder, run)
+    return forcing_from_files(_changed_section(case, changes), case.folder, run)
+
+
+def _changed_section(case: SuiteCase, changes: Mapping[str, Any]) -> Any:
+    """Return what a case says of its forcing, with the settings of an entrant."""
+    section = type(case.file.forcing)
+    try:
+        return section.model_validate({**case.file.forcing.model_dump(exclude_unset=True), **changes})
+    except ValidationError as error:
+        raise explained(error, section, name="forcing") from error
 
 
 # ---- the table --------------------------------------------------------------------------------------------------------------
@@ -448,10 +458,16 @@ def entrant_errors(model: DriftModel, case: SuiteCase) -> Floats:
         ocean = one.start.forcing
         if wants_forcing and ocean is None:
             ocean = _file_forcing(case, one, {}, Parameters())
-        known = (lambda start, dates, ocean=ocean: model(start, dates, ocean)) if wants_forcing else model  # type: ignore[call-arg]
+        known = driven_by(ocean, model) if wants_forcing else model
         for lead, made in forecast(known, one, complete=False).items():
-            found[k, case.leads.index(lead)] = float(distance(*made.mean(axis=0), *one.seen[lead]))
+            lon, lat = made.mean(axis=0)
+            found[k, case.leads.index(lead)] = float(distance(lon, lat, *one.seen[lead]))
     return found
+
+
+def driven_by(forcing: Any, model: DriftModel) -> DriftModel:
+    """Return a drift model that takes the forcing as its third argument as one of start and dates."""
+    return lambda start, dates: model(start, dates, forcing)
 
 
 @dataclass(frozen=True)
@@ -477,7 +493,7 @@ def grouped_mean(values: Floats, groups: Sequence[str]) -> Mean:
     return Mean(float(means.mean()), (float(low), float(high)))
 
 
-def word(difference: Mean) -> str:
+def standing(difference: Mean) -> str:
     """Return what a paired difference from another entrant says: better, worse, or level where nothing is certain."""
     if difference.interval is None:
         return ""
@@ -508,20 +524,13 @@ def _entrant_row(own: Floats, reference: Floats, owners: Sequence[str], is_refer
     """Return the errors of an entrant on some starts, and how far the reference is from it; ``owners``: berg of each start."""
     mean, medians = grouped_mean(own, owners), [np.median(own[np.array(owners) == name]) for name in set(owners)]
     alone = len(medians) == len(own)
-    found = {
-        "mean_km": mean.mean,
-        "interval_km": mean.interval,
-        "median_km": float(np.median(own) if alone else np.mean(medians)),
-    }
+    median = float(np.median(own) if alone else np.mean(medians))
+    found: dict[str, Any] = {"mean_km": mean.mean, "interval_km": mean.interval, "median_km": median}
     if is_reference:
         return found
     paired = grouped_mean(reference - own, owners)
-    return {
-        **found,
-        "reference_minus_this_km": paired.mean,
-        "difference_interval_km": paired.interval,
-        "reference_is": word(paired),
-    }
+    found |= {"reference_minus_this_km": paired.mean, "difference_interval_km": paired.interval}
+    return found | {"reference_is": standing(paired)}
 
 
 def tables(
@@ -581,7 +590,6 @@ def _cell(one: Mapping[str, Any]) -> str:
     text = f"{one['mean_km']:.1f}"
     if "reference_minus_this_km" not in one:
         return text
-    interval = one["difference_interval_km"]
-    return f"{text} [{one['reference_minus_this_km']:+.1f}" + (
-        f" ({interval[0]:.1f}..{interval[1]:.1f})]" if interval else "]"
-    )
+    ends = one["difference_interval_km"]
+    interval = f" ({ends[0]:.1f}..{ends[1]:.1f})" if ends else ""
+    return f"{text} [{one['reference_minus_this_km']:+.1f}{interval}]"

@@ -147,9 +147,9 @@ class Case:
         return self.start.date, self.start.date + timedelta(days=max(self.seen))
 
 
-DriftModel = Callable[[Start, Sequence[datetime]], Any]
-"""A drift model: returns longitude and latitude in degrees at each date, as an array ``(dates, 2)``, or of an ensemble
-``(members, dates, 2)``."""
+DriftModel = Callable[..., Any]
+"""A drift model of a start and dates, and in a suite of the forcing: returns longitude and latitude in degrees at each date, as an
+array ``(dates, 2)``, or of an ensemble ``(members, dates, 2)``."""
 
 
 def family(berg: str) -> str:
