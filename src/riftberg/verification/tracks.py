@@ -148,8 +148,8 @@ class Case:
 
 
 DriftModel = Callable[..., Any]
-"""A drift model of a start and dates, and in a suite of the forcing: returns longitude and latitude in degrees at each date, as an
-array ``(dates, 2)``, or of an ensemble ``(members, dates, 2)``."""
+"""A drift model of a start and dates, and in a suite of the forcing: returns longitude and latitude in degrees at each date, as
+an array ``(dates, 2)``, or of an ensemble ``(members, dates, 2)``."""
 
 
 def family(berg: str) -> str:
