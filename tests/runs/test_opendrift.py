@@ -163,6 +163,12 @@ def test_an_experiment_takes_start_size_length_and_forcing_of_a_trajectory(file:
     assert model.start == datetime(2025, 9, 24, 3, 0, 31)
     assert info.days == pytest.approx(9 / 24)
     assert model.elements.length.tolist() == [200.0]
+    changes = {
+        "berg": {"thickness": 60.0},
+        "forcing": {"trajectory": 4},
+    }  # as --set and members of a forecast make them
+    model, _ = build(str(path), Options(changes=changes))
+    assert (model.elements.length[0], model.elements.thickness[0], model.start.hour) == (500.0, 60.0, 0)
     path.write_text(
         "start: 2025-09-24 06:00\ndays: 0.2\nforcing: {opendrift: ob.nc, trajectory: 7, sea_level: none, wind: none}\n"
     )

@@ -258,8 +258,9 @@ def read_file(
     folder of its files, by default its own.
     """
     document = Document(Path(path), ", ".join(Experiment.model_fields))
-    values = changed_document({"name": _name_of(path), **document.values}, changes or {})
-    values = _with_trajectory(values, data or Path(path).parent)
+    forcing = {group: inner for group, inner in (changes or {}).items() if group == "forcing"}
+    values = changed_document({"name": _name_of(path), **document.values}, forcing)
+    values = changed_document(_with_trajectory(values, data or Path(path).parent), changes or {})
     faults: list[tuple[Place, InputError]] = []
     parameters, experiment = Parameters(), None
     try:
