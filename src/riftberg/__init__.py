@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from riftberg.ocean.gridded import FieldRules, GriddedForcing
     from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
     from riftberg.runs.model import Model
+    from riftberg.runs.opendrift import read_opendrift, write_opendrift
     from riftberg.runs.run_file import open_run
     from riftberg.stepping.laws import Laws
     from riftberg.system.input_files import allow_large
@@ -53,6 +54,8 @@ _HOMES = {
     "calibrate": "riftberg.verification.calibrate",
     "forecast": "riftberg.ensembles.forecast",
     "open_run": "riftberg.runs.run_file",
+    "read_opendrift": "riftberg.runs.opendrift",
+    "write_opendrift": "riftberg.runs.opendrift",
     "open_cells": "riftberg.ensembles.result",
     "open_sweep": "riftberg.ensembles.result",
     "sensitivity": "riftberg.ensembles.sensitivity",
@@ -89,8 +92,10 @@ __all__ = [
     "open_cells",
     "open_run",
     "open_sweep",
+    "read_opendrift",
     "sensitivity",
     "sweep",
+    "write_opendrift",
 ]
 
 

@@ -184,3 +184,10 @@ def test_lone_bergs_drift() -> None:
     way = (model.elements.lon - east) * 111.195e3 * np.cos(np.radians(56.0))
     assert np.ptp(way) < 50.0
     assert 0.7 < float(way.mean()) / (0.2 * 24 * model.parameters.stepping.time_step) < 1.0
+
+
+def test_lone_bergs_may_lie_on_each_other_where_that_is_asked() -> None:
+    two = Iceberg.from_points([0.0, 0.0], -60.0, length=400.0, thickness=80.0, overlap=True)
+    assert two.elements.lon.tolist() == [0.0, 0.0]
+    with pytest.raises(BergError, match="overlap of elements that may be bonded"):
+        Iceberg.from_points([0.0, 0.0], -60.0, thickness=80.0, overlap=True)

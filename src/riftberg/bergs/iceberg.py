@@ -305,6 +305,7 @@ class Iceberg(BondedBerg):
         bond_length: float | None = None,
         period: float | None = None,
         outline: Any = None,
+        overlap: bool = False,
         **options: Unpack[PointOptions],
     ) -> Iceberg:
         """Build a berg from the positions of its elements, or lone bergs of given length and width; they stay where they are.
@@ -326,6 +327,8 @@ class Iceberg(BondedBerg):
             Zonal period in degrees (m if not ``latlon``); 0 if there is none. By default 360 degrees, and none in metres.
         outline : geometry, dict or array_like, optional
             Outline of the ice (polygon) in the coordinates of the elements, which elastic cells fill.
+        overlap : bool, optional
+            Lone bergs may lie on each other; they run without contact alone (``stepping.interactions: false``).
         **options
             Radius, packing, density, velocity, spin, earth_radius, latlon, pieces (`riftberg.bergs.keys.BergOptions`); radius,
             velocity and spin may be arrays (spins are then those of elements about themselves, and not of their berg), and
@@ -340,8 +343,14 @@ class Iceberg(BondedBerg):
         if length is not None or width is not None:
             return cls._lone_bergs(
                 lon, lat, length, width, thickness, {"static": static, "period": period, **options},
-                {"bond_length": bond_length, "outline": outline},
+                {"bond_length": bond_length, "outline": outline}, overlap=overlap,
             )  # fmt: skip
+        if overlap:
+            raise BergError(
+                "overlap of elements that may be bonded",
+                where="Iceberg.from_points",
+                remedy="Give length: of lone bergs",
+            )
         settings = berg_options(options, PointOptions, thickness)
         if bond_length is not None:
             bond_length = number(bond_length, "m", where="bond_length", kind=BergError)

@@ -64,7 +64,8 @@ def compare(
     runs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RUN RUN ...", help="Folders that 'riftberg run' made; sweep.nc#3 is member 3 of a sweep."
+            metavar="RUN RUN ...",
+            help="Folders that 'riftberg run' made; sweep.nc#3 is member 3 of a sweep, openberg.nc#3 trajectory 3 of OpenDrift.",
         ),
     ],
     output: Annotated[
@@ -96,7 +97,9 @@ def compare(
 
 def names_of(runs: Sequence[Path]) -> list[str]:
     """Return short names that differ: of the folders, or the paths where these are the same."""
-    short = [run.name if member_of(run) else folder_of(run).name for run in runs]
+    from riftberg.runs.opendrift import has_trajectories
+
+    short = [run.name if has_trajectories(run) or member_of(run) else folder_of(run).name for run in runs]
     return short if all(short) and len(set(short)) == len(short) else [str(run) for run in runs]
 
 
@@ -123,14 +126,24 @@ def folder_of(run: Path) -> Path:
 
 def comparison(runs: Sequence[Path], names: Sequence[str], observed: Path | None = None) -> Comparison:
     """Read runs and members of sweeps, and put them side by side."""
-    from riftberg.diagnostics.compare import compare, member_compared, read_compared
+    from riftberg.diagnostics.compare import compare, member_compared, read_compared, trajectory_compared
+    from riftberg.runs.opendrift import has_trajectories, read_trajectory
 
+    drifted = {run: read_trajectory(run) for run in runs if has_trajectories(run)}
     for run in runs:
-        if not member_of(run):
+        if run not in drifted and not member_of(run):
             check_file(folder_of(run) / "run.nc", missing="no run.nc", remedy="Name folders that 'riftberg run' made")
-    known = _known(opened_result(runs[0]), observed)
+    if runs[0] in drifted:
+        known = _known("", drifted[runs[0]].start, observed)
+    else:
+        first = opened_result(runs[0])
+        known = _known(
+            str(first.attrs.get("experiment", "")), first["time"].values[0].astype("datetime64[s]").item(), observed
+        )
     found = [
-        member_compared(opened_result(run), name, known.fixes)
+        trajectory_compared(drifted[run], name, known.fixes)
+        if run in drifted
+        else member_compared(opened_result(run), name, known.fixes)
         if member_of(run)
         else read_compared(folder_of(run), name, known.fixes)
         for run, name in zip(runs, names, strict=True)
@@ -162,14 +175,12 @@ def opened_result(run: Path) -> xr.Dataset:
     return one.assign_coords(time=own_dates(one)).drop_vars("start_after", errors="ignore")
 
 
-def _known(first: xr.Dataset, observed: Path | None) -> RealEvent:
-    """Return what is known of the event that the first run is about."""
+def _known(experiment: str, start: datetime, observed: Path | None) -> RealEvent:
+    """Return what is known of the event that the first run is about: its experiment and start."""
     from riftberg.diagnostics.compare import RealEvent, with_hours
     from riftberg.diagnostics.observed import Fix
     from riftberg.experiments.a68a import A68A_OBSERVED, PARTIAL, PUBLISHED, SEEN
 
-    experiment = str(first.attrs.get("experiment", ""))
-    start = first["time"].values[0].astype("datetime64[s]").item()
     fixes: list[Fix] = []
     if observed is not None:
         fixes = with_hours(observed_in(observed).fixes, start.hour + start.minute / 60.0)

@@ -197,15 +197,31 @@ def _show(result: dict[str, Any]) -> None:
 
 
 TRACK_FILES = ("cases.csv", "tracks.json")
-"""Files that the command writes."""
+SUITE_FILES = ("cases.csv", "suite.json", "suite.md", "suite.png")
+"""Files that the command writes, for tracks and for a suite."""
 
 
 @reported
 def verify_tracks(
-    tracks: Annotated[Path, typer.Argument(metavar="TRACKS", help="Folder of the tables of BYU and NIC, one CSV a berg.")],
+    tracks: Annotated[
+        Path | None, typer.Argument(metavar="[TRACKS]", help="Folder of the tables of BYU and NIC, one CSV a berg.")
+    ] = None,
+    suite: Annotated[
+        Path | None, typer.Option("--suite", metavar="FOLDER", help="Folder of cases with their forcing, instead of TRACKS.")
+    ] = None,
+    entrants: Annotated[
+        str | None,
+        typer.Option("--entrants", metavar="LIST",
+                     help="Of a suite, by commas: staying put, constant velocity, current, current x 0.5, "
+                     "riftberg group.name=value ..., forecasts FILE.csv, names of case.yaml, or NAME: one of these."),
+    ] = None,
+    reference: Annotated[
+        str, typer.Option("--reference", metavar="ENTRANT", help="Of a suite, with which the others are paired.")
+    ] = "riftberg",
     model: Annotated[
         str | None,
-        typer.Option("--model", metavar="MODULE:FUNCTION", help="Drift model in Python: a function of start and dates."),
+        typer.Option("--model", metavar="MODULE:FUNCTION",
+                     help="Drift model in Python: a function of start and dates, and of the forcing of a suite."),
     ] = None,
     forecasts: Annotated[
         Path | None,
@@ -219,15 +235,24 @@ def verify_tracks(
         str | None, typer.Option("--between", metavar="FIRST,LAST", help="Dates that must hold start and end.")
     ] = None,
     error: PositionError = USUAL_ERROR,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for cases.csv and tracks.json.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for cases.csv and the tables.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the tables.")] = False,
 ) -> None:  # fmt: skip
-    """Score drift models on observed tracks of giant bergs, beside staying put and constant velocity."""
+    """Score drift models on observed tracks, beside staying put and constant velocity: of BYU and NIC, or of a suite."""
     import json
 
     from riftberg.verification.tracks import BASELINES, read_cases, read_forecasts, write_cases
 
     within(error, "--error", 0.0, 100.0)
+    if (tracks is None) == (suite is None):
+        raise InputError("no tracks" if suite is None else "tracks and a suite", where="verify-tracks",
+                         remedy="Give TRACKS, or --suite FOLDER")  # fmt: skip
+    if tracks is None:
+        assert suite is not None
+        models = {} if model is None else {model: _imported(model)}
+        models |= {} if forecasts is None else {forecasts.name: read_forecasts(forecasts, complete=False)}
+        _verify_suite(suite, entrants, models, reference, output, as_json=as_json)
+        return
     if bergs not in ("all", "held-out", "training"):
         raise InputError(f"{value_shown(bergs)} is not known", where="--bergs", remedy="Use all, held-out or training")
     cases = _between(read_cases(tracks, _leads(leads)), between)
@@ -248,6 +273,32 @@ def verify_tracks(
             chosen = [case for case in cases if bergs == "all" or case.held_out is (bergs == "held-out")]
             written = [write_cases(chosen, output / "cases.csv"), write_json(result, output / "tracks.json")]
         say("Written: " + ", ".join(str(path) for path in written))
+
+
+def _verify_suite(
+    folder: Path, entrants: str | None, models: dict[str, DriftModel], reference: str, output: Path | None, *, as_json: bool
+) -> None:  # fmt: skip
+    """Score entrants on a suite, print the tables and write them."""
+    import json
+
+    from riftberg.verification.suite import as_markdown, read_suite, tables
+    from riftberg.verification.tracks import write_cases
+
+    wanted = [text.strip() for text in (entrants or "").split(",") if text.strip()]
+    cases = read_suite(folder)
+    result = tables(cases, wanted, models=models, reference=reference)
+    tell(json.dumps(result, indent=1) if as_json else as_markdown(result))
+    if output is not None:
+        from riftberg.system.atomic_files import write_json, write_text
+        from riftberg.viz.score import draw_suite
+
+        with results_folder(output, SUITE_FILES, taken=SUITE_FILES):
+            starts, numbers, page, picture = (output / name for name in SUITE_FILES)
+            write_cases([one for case in cases for one in case.cases], starts)
+            write_json({"cases": result}, numbers)
+            write_text(page, as_markdown(result))
+            draw_suite(result, picture)
+        say("Written: " + ", ".join(str(output / name) for name in SUITE_FILES))
 
 
 def _leads(text: str) -> list[int]:

@@ -28,6 +28,7 @@ from riftberg.diagnostics.summary import read_summary
 from riftberg.ocean.grid import haversine
 from riftberg.runs.accessor import Course, Event, aligned, apart, course_of
 from riftberg.runs.layout import COMMAND, FILE, parameters_of
+from riftberg.runs.opendrift import Trajectory
 from riftberg.runs.run_file import open_run
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, axis_difference, berg_position
@@ -55,13 +56,16 @@ def differences(summaries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
             rows[label] = texts
     flat = [
         {f"{group}.{name}": value for group, values in summary["numerics"].items() for name, value in values.items()}
+        if "program" not in summary else {}
         for summary in summaries
-    ]
-    names = sorted({name for one in flat for name in one if any(other.get(name) != one[name] for other in flat)})
+    ]  # fmt: skip
+    own = [one for one in flat if one]  # other programs have parameters of their own
+    names = sorted({name for one in own for name in one if any(other.get(name) != one[name] for other in own)})
     if names:
         more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         rows["parameters that differ"] = [
-            ", ".join(f"{name} {_value_text(one.get(name))}" for name in names[:MOST_NAMED]) + more for one in flat
+            ", ".join(f"{name} {_value_text(one.get(name))}" for name in names[:MOST_NAMED]) + more if one else ""
+            for one in flat
         ]
     return rows
 
@@ -218,6 +222,17 @@ def read_compared(folder: Path, name: str, fixes: Sequence[Fix]) -> ComparedRun:
     return ComparedRun(name, summary, days, course, file)
 
 
+def trajectory_compared(trajectory: Trajectory, name: str, fixes: Sequence[Fix]) -> ComparedRun:
+    """Compare a trajectory of another program, of which there are positions alone."""
+    course = trajectory.course()
+    summary = {
+        "experiment": Path(trajectory.source).stem, "program": trajectory.program or "another program", "breakups": [],
+        "numerics": {"earth": {"latlon": True, "radius": course.radius, "period": 0.0}}, "bonds_broken": 0, "bonds_total": None,
+        "largest_km2": float(course.area[-1]) / 1e6, "seconds_per_day": None,
+    }  # fmt: skip
+    return ComparedRun(name, summary, _days_of_course(course, fixes), course)
+
+
 def _set_beside_parameters(command: str, numerics: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Return what a command set of berg, start and forcing, which a summary does not name, by group and name."""
     found: dict[str, dict[str, str]] = {}
@@ -244,6 +259,11 @@ def member_compared(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> Comp
         "largest_km2": float(member["largest_area"]) / 1e6,
         "seconds_per_day": float(member["wall_time"]) / span if span else None,
     }  # fmt: skip
+    return ComparedRun(name, summary, _days_of_course(course, fixes), course)
+
+
+def _days_of_course(course: Course, fixes: Sequence[Fix]) -> list[RunDay]:
+    """Return how far a course is from observed positions."""
     days = []
     for fix in fixes:
         when = np.array([fix.when], "datetime64[ns]")
@@ -251,7 +271,7 @@ def member_compared(member: xr.Dataset, name: str, fixes: Sequence[Fix]) -> Comp
         if course.latlon and math.isfinite(x):
             metres = float(haversine(x, y, fix.lon, fix.lat, course.radius))
             days.append(RunDay(fix.when.isoformat(), metres / 1e3, None, area / 1e6))
-    return ComparedRun(name, summary, days, course)
+    return days
 
 
 def _day_of_fix(scene: Scene, fix: Fix) -> RunDay | None:
@@ -320,6 +340,7 @@ def compare(runs: Sequence[ComparedRun], known: RealEvent | None = None) -> Comp
 _BREAK_UP: Final = "break-up"
 _RANK: Final = {
     "experiment": 0,
+    "program": 0,
     "experiment file": 0,
     "forcing": 0,
     "parameters that differ": 0,
@@ -335,6 +356,20 @@ _RANK: Final = {
 def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, str]:
     """Return the cells of a run by label; ``events`` are its break-ups by row, None where it has none."""
     s = run.summary
+    rows = {"program": str(s["program"])} if "program" in s else _cells_of_ice(s, events)
+    if s["seconds_per_day"] is not None:
+        rows["wall time a day"] = f"{s['seconds_per_day']:.3g} s"
+    for day in run.days:
+        turned = "" if day.azimuth_difference is None else f", {day.azimuth_difference:+.0f}°"
+        rows[minute_text(day.time)] = f"{day.distance_km:.1f} km off{turned}"
+    means = run.rms()
+    if means is not None:
+        rows["rms of the days"] = f"{means[0]:.1f} km" + ("" if means[1] is None else f", {means[1]:.0f}°")
+    return rows
+
+
+def _cells_of_ice(s: dict[str, Any], events: Sequence[Event | None]) -> dict[str, str]:
+    """Return the cells of break-ups, pieces and bonds."""
     latlon = s["numerics"]["earth"]["latlon"]
     listed = enumerate(events[:MOST_EVENTS], 1)
     rows = {f"{_BREAK_UP} {k}": "none" if event is None else _event(event, latlon) for k, event in listed}
@@ -346,14 +381,6 @@ def _run_cells(run: ComparedRun, events: Sequence[Event | None]) -> dict[str, st
     total = s["bonds_total"]
     of = "" if total is None else f" of {total} = {100.0 * s['bonds_broken'] / max(1, total):.1f} %"
     rows["bonds broken"] = f"{s['bonds_broken']}{of}"
-    if s["seconds_per_day"] is not None:
-        rows["wall time a day"] = f"{s['seconds_per_day']:.3g} s"
-    for day in run.days:
-        turned = "" if day.azimuth_difference is None else f", {day.azimuth_difference:+.0f}°"
-        rows[minute_text(day.time)] = f"{day.distance_km:.1f} km off{turned}"
-    means = run.rms()
-    if means is not None:
-        rows["rms of the days"] = f"{means[0]:.1f} km" + ("" if means[1] is None else f", {means[1]:.0f}°")
     return rows
 
 

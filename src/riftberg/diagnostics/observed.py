@@ -81,6 +81,8 @@ class Observations:
 
 def read_observed(path: str | Path, *, date: str | None = None, variable: str | None = None) -> Observations:
     """Read outlines or positions."""
+    if (trajectories := _trajectories(path)) is not None:
+        return trajectories
     path = check_file(path, most=_MOST, remedy=f"Name a file {', '.join(KINDS)}")
     with reading(path, "no observations that can be read", f"Give outlines or positions: {', '.join(KINDS)}"):
         kind = path.suffix.lower()
@@ -111,6 +113,22 @@ def read_observed(path: str | Path, *, date: str | None = None, variable: str | 
                 "no position that is a number", where=str(path), remedy="Give latitude and longitude in degrees"
             )
         return Observations(path.name, [], fixes, [f"left out {unseen[0]}{others}"] if unseen else [])
+
+
+def _trajectories(path: str | Path) -> Observations | None:
+    """Return the positions of a trajectory file of OpenDrift or TrajAn, a name for each trajectory; None of another file."""
+    if ".nc" not in str(path):
+        return None
+    from riftberg.runs.opendrift import file_and_number, has_trajectories, read_opendrift
+
+    if not has_trajectories(path):
+        return None
+    found, file = read_opendrift(path), file_and_number(path)[0]
+    fixes = [
+        Fix(f"{file.stem} {one.number}" if len(found) > 1 else file.stem, when, False, *place, sensor=one.program)
+        for one in found for when, place in one.observed().items()
+    ]  # fmt: skip
+    return Observations(file.name, [], fixes)
 
 
 _MOST: Final = 2**31

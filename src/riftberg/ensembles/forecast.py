@@ -65,7 +65,7 @@ def product_members(experiment: object, data: Path | None = None) -> dict[str, i
     from riftberg.ocean.files_schema import FileForcing
 
     try:
-        forcing = read_file(Path(str(experiment)))[0].forcing
+        forcing = read_file(Path(str(experiment)), data=data)[0].forcing
         if not isinstance(forcing, FileForcing):
             return {}
         return members_of_files(forcing, data or Path(str(experiment)).parent)
@@ -129,7 +129,7 @@ def forecast_errors(
     experiment: object, vary: Mapping[str, Any] | Iterable[str], *, defaults: bool = True, data: Path | None = None
 ) -> dict[str, Any]:
     """Return what a forecast varies: what the user gives, then the file, then the errors that it has by itself."""
-    given = vary_with_file(experiment, vary)
+    given = vary_with_file(experiment, vary, data)
     own = {
         v.name: v.plain()
         for error in (default_errors(experiment, data) if defaults else ())

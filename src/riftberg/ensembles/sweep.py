@@ -301,7 +301,7 @@ def planned(
         varied, members = designed(vary, free=callable(experiment))
         check_sizes([v.name for v in varied])
     else:
-        varied = varied_of(vary_with_file(experiment, vary), free=callable(experiment))
+        varied = varied_of(vary_with_file(experiment, vary, options.data), free=callable(experiment))
         check_sizes([v.name for v in varied])
         members = members_of(varied, draws)
     length = options.days
@@ -368,7 +368,7 @@ def _start_of(
     if isinstance(experiment, str):
         from riftberg.experiments.yaml_file import read_file
 
-        start = read_file(Path(experiment), options.changes)[0].start
+        start = read_file(Path(experiment), options.changes, options.data)[0].start
     else:
         try:
             start = build_member(Job(CONTROL, {}, experiment, options, days, 1.0, Path())).start

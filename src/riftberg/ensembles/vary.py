@@ -87,12 +87,14 @@ def varied_of(vary: Mapping[str, Any] | Iterable[str], *, free: bool = False) ->
     return tuple(varied)
 
 
-def vary_with_file(experiment: object, vary: Mapping[str, Any] | Iterable[str]) -> dict[str, Any]:
+def vary_with_file(
+    experiment: object, vary: Mapping[str, Any] | Iterable[str], data: Path | None = None
+) -> dict[str, Any]:
     """Return what is varied by name: what the experiment file says under ``vary``, and before it what is given.
 
     ``starts`` is a table of starts, which becomes the names that its columns vary.
     """
-    own = _vary_of_file(Path(str(experiment))) if str(experiment).endswith((".yaml", ".yml")) else {}
+    own = _vary_of_file(Path(str(experiment)), data) if str(experiment).endswith((".yaml", ".yml")) else {}
     if isinstance(vary, Mapping):
         given = dict(vary)
         tables = [given.pop(STARTS)] if STARTS in given and not callable(experiment) else []
@@ -105,11 +107,11 @@ def vary_with_file(experiment: object, vary: Mapping[str, Any] | Iterable[str]) 
     return {**own, **starts, **given}
 
 
-def _vary_of_file(path: Path) -> dict[str, Any]:
+def _vary_of_file(path: Path, data: Path | None) -> dict[str, Any]:
     """Return the section ``vary`` of an experiment file; all that is wrong with it is reported with its lines."""
     from riftberg.experiments.yaml_file import read_file
 
-    experiment, _, document = read_file(path)
+    experiment, _, document = read_file(path, data=data)
     found: dict[str, Any] = {}
     faults: list[tuple[Any, InputError]] = []
     for name, values in experiment.vary.items():

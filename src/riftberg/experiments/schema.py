@@ -25,6 +25,7 @@ from riftberg.config.values import (
 from riftberg.errors import InputError
 from riftberg.ocean import formulas
 from riftberg.ocean.analytic import ConstantForcing
+from riftberg.ocean.balance import SeaLevel
 from riftberg.ocean.files_schema import FileForcing
 from riftberg.parameters import A68A_2022, A68A_2022_KID, Parameters
 
@@ -231,6 +232,39 @@ class FormulaForcing(Section):
         return self
 
 
+class SeriesForcing(Section):
+    """Forcing by a series in time that is the same everywhere, from a table."""
+
+    kind: Literal["along"]
+    along: str = key(
+        ..., "", "CSV with a column time and columns uo, vo, ua, va, depth, ice_fraction, ...", min_length=1
+    )
+    means: bool = key(
+        False, "", "a value is the mean over the interval that ends at its time; otherwise linear between times"
+    )
+    hold: float = key(0.0, "h", "how long the first and last value are held", ge=0)
+    max_gap: float | None = key(
+        None, "h", "longest time between two values that is interpolated across, else 2.5 usual ones", gt=0
+    )
+    sea_level: SeaLevel = key(
+        "auto",
+        "",
+        "files: the slope of the table; geostrophic: that which balances the current; auto: the first, else the second",
+    )
+    wind: Literal["files", "none"] = key("files", "", "none leaves the wind out")
+
+
+class OpenDriftForcing(Section):
+    """Forcing along a trajectory that OpenDrift wrote: start and size of the berg come from it too, where the file gives none."""
+
+    kind: Literal["opendrift"]
+    opendrift: str = key(..., "", "NetCDF file that OpenDrift (OpenBerg) wrote", min_length=1)
+    trajectory: int | None = key(None, "", "number of the trajectory in a file with several")
+    hold: float = key(0.0, "h", "how long the first and last value are held", ge=0)
+    sea_level: SeaLevel = key("auto", "", "geostrophic or auto: the slope that balances the current; none: no slope")
+    wind: Literal["files", "none"] = key("files", "", "none leaves the wind out")
+
+
 def _kind_of(forcing: Any) -> Any:
     kind = forcing.get("kind") if isinstance(forcing, dict) else getattr(forcing, "kind", None)
     return kind if isinstance(kind, str) else None
@@ -240,7 +274,9 @@ Forcing = Annotated[
     Annotated[ConstantForcing, Tag("constant")]
     | Annotated[FileForcing, Tag("files")]
     | Annotated[ExperimentForcing, Tag("analytic")]
-    | Annotated[FormulaForcing, Tag("formula")],
+    | Annotated[FormulaForcing, Tag("formula")]
+    | Annotated[SeriesForcing, Tag("along")]
+    | Annotated[OpenDriftForcing, Tag("opendrift")],
     Field(discriminator=Discriminator(_kind_of)),
 ]
 
@@ -288,9 +324,11 @@ class Experiment(Section):
     @field_validator("forcing", mode="before")
     @classmethod
     def _files_alone(cls, forcing: Any) -> Any:
-        """Take a list of files, or one, for forcing of that kind."""
+        """Take a list of files, or one, for forcing of that kind, and a section by the key that only one kind has."""
         files = [forcing] if isinstance(forcing, str) else forcing
-        return {"kind": "files", "files": files} if isinstance(files, list) else forcing
+        forcing = {"files": files} if isinstance(files, list) else forcing
+        named = [kind for kind in ("files", "along", "opendrift") if isinstance(forcing, dict) and kind in forcing]
+        return {"kind": named[0], **forcing} if len(named) == 1 else forcing
 
     @field_validator("days")
     @classmethod

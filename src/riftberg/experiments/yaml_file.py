@@ -31,6 +31,8 @@ from riftberg.experiments.schema import (
     Experiment,
     ExperimentForcing,
     FormulaForcing,
+    OpenDriftForcing,
+    SeriesForcing,
     Shelf,
     Strength,
     check_span,
@@ -43,8 +45,11 @@ from riftberg.system.input_files import MOST_YAML, check_file, in_folder, shown,
 from riftberg.system.netcdf_lock import closing_files
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from riftberg.bergs.iceberg import Iceberg
     from riftberg.ocean.forcing import Forcing
+    from riftberg.ocean.series import Series
     from riftberg.runs.model import Model
 
 
@@ -245,14 +250,17 @@ SMALLEST_SPHERE = 1e6
 
 
 def read_file(
-    path: Path, changes: Mapping[str, Mapping[str, Any]] | None = None
+    path: Path, changes: Mapping[str, Mapping[str, Any]] | None = None, data: Path | None = None
 ) -> tuple[Experiment, Parameters, Document]:
     """Read and check an experiment file; all that is wrong with it is reported at once.
 
-    ``changes``: keys of its sections that are to be other ones, by section and path in it; parameters are left alone.
+    ``changes``: keys of its sections that are to be other ones, by section and path in it; parameters are left alone. ``data``:
+    folder of its files, by default its own.
     """
     document = Document(Path(path), ", ".join(Experiment.model_fields))
-    values = changed_document({"name": _name_of(path), **document.values}, changes or {})
+    forcing = {group: inner for group, inner in (changes or {}).items() if group == "forcing"}
+    values = changed_document({"name": _name_of(path), **document.values}, forcing)
+    values = changed_document(_with_trajectory(values, data or Path(path).parent), changes or {})
     faults: list[tuple[Place, InputError]] = []
     parameters, experiment = Parameters(), None
     try:
@@ -272,6 +280,28 @@ def read_file(
     if faults or experiment is None:
         raise document.refusal(faults)
     return experiment, _packed(parameters, experiment), document
+
+
+def _with_trajectory(values: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return what a file says with start, length and berg of the trajectory that forces it, where it does not say them itself."""
+    forcing = values.get("forcing")
+    missing = {"start", "days", "berg"} - values.keys() - ({"berg"} if "bergs" in values else set())
+    if not isinstance(forcing, dict) or not isinstance(forcing.get("opendrift"), str) or not missing:
+        return values
+    from riftberg.runs.opendrift import read_trajectory
+
+    number = forcing.get("trajectory")
+    one = read_trajectory(in_folder(folder, forcing["opendrift"]), number if isinstance(number, int) else None)
+    own: dict[str, Any] = {"start": one.start, "days": float((one.times[-1] - one.times[0]) / np.timedelta64(1, "D"))}
+    if "berg" in missing:
+        size = one.known_size()
+        place = [float(one.lon[0]), float(one.lat[0])]
+        own["berg"] = {
+            "rectangle": {"length": size["length"], "width": size["width"]},
+            "thickness": size["thickness"],
+            "placement": place,
+        }
+    return {**{name: own[name] for name in missing}, **values}
 
 
 def _parameters(groups: Any) -> Parameters:
@@ -314,7 +344,7 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     """Build the experiment of a YAML file."""
     from riftberg.runs.model import Model
 
-    experiment, parameters, _ = read_file(path, options.changes)
+    experiment, parameters, _ = read_file(path, options.changes, options.data)
     if options.numerics == "reference":
         parameters = reference_numerics(parameters)
     parameters = options.apply(parameters)
@@ -494,9 +524,10 @@ def _bergs_at_points(berg: Berg, path: Path, parameters: Parameters) -> Iceberg:
         raise BergError(
             "a radius beside lengths", where=str(path), remedy="Leave berg.radius out, or the column length"
         )
-    size = {} if "length" in columns else {"radius": berg.radius}
+    if "length" not in columns:
+        columns["radius"] = berg.radius
     return Iceberg.from_points(
-        **columns, **size, packing=berg.packing, density=parameters.ice.density, velocity=berg.velocity,
+        **columns, packing=berg.packing, density=parameters.ice.density, velocity=berg.velocity,
         latlon=parameters.earth.latlon, earth_radius=parameters.earth.radius,
     )  # fmt: skip
 
@@ -535,11 +566,28 @@ def build_forcing(
         return shared_forcing(forcing, folder, run)
     if isinstance(forcing, FormulaForcing):
         return Sum(forcing.parts)
+    if isinstance(forcing, SeriesForcing | OpenDriftForcing):
+        return series_forcing(forcing, folder, experiment.start)
     from riftberg.ocean.story import StoryOcean
 
     find(forcing.name).check_parts(options.without)
     without = options.without | set(forcing.without)
     return StoryOcean(shoal="shoal" not in without, shear="shear" not in without, start=experiment.start)
+
+
+def series_forcing(forcing: SeriesForcing | OpenDriftForcing, folder: Path, start: datetime) -> Series:
+    """Return the series of a table, or along a trajectory."""
+    options: dict[str, Any] = {"sea_level": forcing.sea_level, "hold": 3600.0 * forcing.hold, "start": start}
+    if forcing.wind == "none":
+        options |= {"ua": None, "va": None}
+    if isinstance(forcing, OpenDriftForcing):
+        from riftberg.runs.opendrift import read_trajectory
+
+        return read_trajectory(in_folder(folder, forcing.opendrift), forcing.trajectory).forcing(**options)
+    from riftberg.ocean.series import read_series
+
+    gap = None if forcing.max_gap is None else 3600.0 * forcing.max_gap
+    return read_series(in_folder(folder, forcing.along), means=forcing.means, max_gap=gap, **options)
 
 
 def sections() -> Iterator[tuple[str, Mapping[str, FieldInfo]]]:

@@ -108,6 +108,28 @@ def shares_of_mean(times: Floats, middle: float) -> Shares:
     return Shares(first, weights / (end - begin))
 
 
+def shares_of_slow_current(times: Floats) -> tuple[list[int], list[Shares]]:
+    """Return the records at which the current that the sea surface balances is taken, and the weights of all records in each.
+
+    It is the mean over 25 hours, taken twice; ``times``: of the records, s.
+    """
+    numbers = [0]
+    while numbers[-1] < times.size - 1:
+        within = int(np.searchsorted(times, times[numbers[-1]] + APART, side="right")) - 1
+        numbers.append(max(within, numbers[-1] + 1))
+    once = [shares_of_mean(times, float(time)) for time in times]
+    twice = []
+    for number in numbers:
+        outer = once[number]
+        inner = once[outer.first : outer.first + outer.weights.size]
+        first = inner[0].first
+        weights = np.zeros(max(share.first + share.weights.size for share in inner) - first)
+        for weight, share in zip(outer.weights, inner, strict=True):
+            weights[share.first - first : share.first - first + share.weights.size] += weight * share.weights
+        twice.append(Shares(first, weights))
+    return numbers, twice
+
+
 @kernel
 def add_share(values: Floats, weight: float, total: Floats, known: Floats) -> None:
     """Add a record with its weight to a mean, where it is known."""
@@ -133,19 +155,13 @@ class MeanCurrents(ProductRecords):
 
     def __init__(self, of: ProductRecords) -> None:
         self._of = of
-        times = np.asarray(of.times)
-        numbers = [0]
-        while numbers[-1] < times.size - 1:
-            within = int(np.searchsorted(times, times[numbers[-1]] + APART, side="right")) - 1
-            numbers.append(max(within, numbers[-1] + 1))
-        self._once: dict[int, Shares] = {}
-        self._all_times = times
         self._means: dict[int, Block] = {}
         self._open: dict[int, _Sums] = {}
         self._next = -1  # The record that is to be added next to the sums that are open
         super().__init__(of.ds[["uo", "vo"]], of.start, keel=float(of.limits[-1]))
+        times = np.asarray(of.times)
+        numbers, self._shares = shares_of_slow_current(times)
         self.dates, self.times = of.dates[numbers], [float(t) for t in times[numbers]]
-        self._shares = [self._twice(float(t)) for t in self.times]
         self._firsts = np.array([share.first for share in self._shares])
         self._ends = np.array([share.first + share.weights.size for share in self._shares])
 
@@ -172,20 +188,6 @@ class MeanCurrents(ProductRecords):
 
     def _check_gap(self, record: int, time: float) -> None:
         """Pass: gaps are those of the currents, which their own records check."""
-
-    def _twice(self, time: float) -> Shares:
-        """Return the weights of records in the mean of means around a time (s)."""
-        outer = shares_of_mean(self._all_times, time)
-        inner = []
-        for number in range(outer.first, outer.first + outer.weights.size):
-            if number not in self._once:
-                self._once[number] = shares_of_mean(self._all_times, float(self._all_times[number]))
-            inner.append(self._once[number])
-        first = inner[0].first
-        weights = np.zeros(max(share.first + share.weights.size for share in inner) - first)
-        for weight, share in zip(outer.weights, inner, strict=True):
-            weights[share.first - first : share.first - first + share.weights.size] += weight * share.weights
-        return Shares(first, weights)
 
     def _record(self, number: int) -> Block:
         mean = self._means.get(number)

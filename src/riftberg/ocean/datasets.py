@@ -36,6 +36,7 @@ from riftberg.ocean.product_records import (
     fill_values,
     fill_vorticity,
 )
+from riftberg.ocean.series import Series
 from riftberg.parameters import Ice
 from riftberg.physics.floating import draft_of
 from riftberg.products.mesh import Mesh, NodeMesh, Places, mesh_of
@@ -659,6 +660,7 @@ class Forcing(formulas.Formula):
     seamount = formulas.Seamount
     slope = formulas.Slope
     turning_wind = formulas.TurningWind
+    along = Series
 
     @staticmethod
     def from_dataset(dataset: xr.Dataset, start: datetime | None = None, **names_and_options: Any) -> DatasetForcing:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from datetime import datetime
+from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -390,7 +391,7 @@ class ProductRecords:
                 self.ds, self._limits, self._blocks = self._whole.isel(depth=slice(0, layers)), limits[: layers + 1], {}
                 self._judged = frozenset()
 
-    @property
+    @cached_property  # asked for at every date
     def cover(self) -> tuple[float, float]:
         """First and last time covered, s since the start; infinite for fields without time."""
         if not self.times:
@@ -398,6 +399,10 @@ class ProductRecords:
         own = _seconds(self.ds["time"].values[[0, -1]], self.start)
         before, after = np.abs(_seconds(np.array(cover_of(self.ds)), self.start) - own)
         return self.times[0] - float(before), self.times[-1] + float(after)
+
+    @cached_property
+    def _gap_limit(self) -> float:
+        return gap_limit(self.ds)
 
     @property
     def limits(self) -> Floats:
@@ -455,8 +460,7 @@ class ProductRecords:
         )
 
     def _check_gap(self, record: int, time: float) -> None:
-        gap = Gap(self.dates[record], self.dates[record + 1])
-        limit = gap_limit(self.ds)
+        gap, limit = Gap(self.dates[record], self.dates[record + 1]), self._gap_limit
         if gap.seconds > limit and self.times[record] < time < self.times[record + 1]:
             raise gap_error(self.ds, gap, limit, self._date(time))
 

@@ -13,7 +13,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
@@ -71,14 +71,41 @@ class Start:
     date: datetime
     lon: float  # Degrees
     lat: float  # Degrees
-    before: Mapping[
-        datetime, tuple[float, float]
-    ]  # Earlier positions of up to `DAYS_BEFORE` days, longitude and latitude
+    before: Mapping[datetime, tuple[float, float]]  # Earlier positions that may be known, longitude and latitude
+    forcing: Any = None  # What drives the berg, where a suite gives it
+    columns: Mapping[str, Any] = field(default_factory=dict)  # What else is known, by column of the table of starts
+
+    def __str__(self) -> str:
+        return f"{self.berg}, {self.day}"
+
+    @property
+    def day(self) -> str:
+        """Date of the start, with its time unless that is midnight."""
+        return f"{self.date:%Y-%m-%d %H:%M}".removesuffix(" 00:00")
+
+    @property
+    def key(self) -> tuple[str, datetime]:
+        """Name and date, as tables of forecasts name a start."""
+        return self.berg.upper(), to_ten_minutes(self.date)
+
+    def forced_by(self, forcing: Any) -> Start:
+        """Return the same start with what drives the berg."""
+        return replace(self, forcing=forcing)
+
+    @property
+    def days_before(self) -> float:
+        """Days from the earliest position that is known to the start."""
+        return (self.date - min(self.before)) / timedelta(days=1)
+
+    @property
+    def speed(self) -> float:
+        """Mean speed before the start, km a day; NaN where it is not known."""
+        return float(np.hypot(*self.heading)) / self.days_before if self.before else np.nan
 
     @property
     def origin(self) -> tuple[float, float]:
         """Longitude and latitude at the begin of the motion before the start."""
-        return self.before[self.date - timedelta(days=DAYS_BEFORE)]
+        return self.before[min(self.before)]
 
     @property
     def heading(self) -> tuple[float, float]:
@@ -92,12 +119,13 @@ class Case:
     """One start with what was seen afterwards."""
 
     start: Start
-    seen: Mapping[int, tuple[float, float]]  # Longitude and latitude by lead time, days
+    seen: Mapping[float, tuple[float, float]]  # Longitude and latitude by lead time, days
+    kept_back: bool | None = None  # By the list of a suite
 
     @property
     def held_out(self) -> bool:
-        """Of a family that nothing may be tuned on."""
-        return family(self.start.berg) in HELD_OUT
+        """Of a berg, or of a family, that nothing may be tuned on."""
+        return family(self.start.berg) in HELD_OUT if self.kept_back is None else self.kept_back
 
     @property
     def tuned(self) -> bool:
@@ -119,9 +147,9 @@ class Case:
         return self.start.date, self.start.date + timedelta(days=max(self.seen))
 
 
-DriftModel = Callable[[Start, Sequence[datetime]], Any]
-"""A drift model: returns longitude and latitude in degrees at each date, as an array ``(dates, 2)``, or of an ensemble
-``(members, dates, 2)``."""
+DriftModel = Callable[..., Any]
+"""A drift model of a start and dates, and in a suite of the forcing: returns longitude and latitude in degrees at each date, as
+an array ``(dates, 2)``, or of an ensemble ``(members, dates, 2)``."""
 
 
 def family(berg: str) -> str:
@@ -228,7 +256,8 @@ def _cases(berg: str, seen: Mapping[datetime, tuple[float, float]], leads: Seque
         origin = seen.get(when - timedelta(days=DAYS_BEFORE))
         if place[1] <= NORTH_OF or origin is None or distance(*origin, *place) < SLOWEST * DAYS_BEFORE:
             continue
-        later = {lead: seen[when + timedelta(days=lead)] for lead in leads if when + timedelta(days=lead) in seen}
+        dates: dict[float, datetime] = {lead: when + timedelta(days=lead) for lead in leads}
+        later = {lead: seen[date] for lead, date in dates.items() if date in seen}
         days = (when - timedelta(days=back) for back in range(DAYS_BEFORE, 0, -1))
         if later:
             yield Case(Start(berg, when, *place, {day: seen[day] for day in days if day in seen}), later)
@@ -241,7 +270,9 @@ def staying_put(start: Start, dates: Sequence[datetime]) -> Floats:
 
 def constant_velocity(start: Start, dates: Sequence[datetime]) -> Floats:
     """Forecast that the berg goes on along its great circle with the mean velocity of the days before the start."""
-    ratio = np.array([(when - start.date) / timedelta(days=DAYS_BEFORE) for when in dates])
+    if not start.before:
+        return np.full((len(dates), 2), np.nan)
+    ratio = np.array([(when - start.date) / timedelta(days=start.days_before) for when in dates])
     return np.stack(carried_on(*start.origin, start.lon, start.lat, ratio), axis=-1)
 
 
@@ -261,7 +292,7 @@ class Dressed:
 
     def __init__(self, model: DriftModel, training: Iterable[Case]) -> None:
         self.model = model
-        errors: dict[int, list[tuple[float, float]]] = {}
+        errors: dict[float, list[tuple[float, float]]] = {}
         for case in training:
             for lead, made in forecast(model, case).items():
                 (lon, lat), seen = made[0], case.seen[lead]
@@ -288,11 +319,14 @@ class Dressed:
         return np.stack(moved(place[0], place[1], ahead * e - left * n, ahead * n + left * e), axis=-1)
 
 
-def forecast(model: DriftModel, case: Case) -> dict[int, Floats]:
-    """Return the positions ``(members, 2)`` that a model gives by lead time; checked."""
+def forecast(model: DriftModel, case: Case, *, complete: bool = True) -> dict[float, Floats]:
+    """Return the positions ``(members, 2)`` that a model gives by lead time; checked.
+
+    Unless they must be ``complete``, a model may give NaN for no position.
+    """
     leads = sorted(case.seen)
     dates = [case.start.date + timedelta(days=lead) for lead in leads]
-    where = f"{case.start.berg}, {case.start.date:%Y-%m-%d}"
+    where = str(case.start)
     try:
         made = np.asarray(model(case.start, dates), float)
     except InputError:
@@ -305,9 +339,10 @@ def forecast(model: DriftModel, case: Case) -> dict[int, Floats]:
             f"the model returns an array of shape {made.shape}", where=where,
             remedy=f"Return ({len(leads)}, 2), or (members, {len(leads)}, 2): longitude and latitude at each date",
         )  # fmt: skip
-    if not np.isfinite(made).all() or np.abs(made[..., 1]).max() > 90.0:
+    known = np.isfinite(made).all(axis=(0, 2))
+    if (complete and not known.all()) or np.abs(made[:, known, 1]).max(initial=0.0) > 90.0:
         raise InputError(f"the model returns {value_shown(made)}", where=where, remedy="Return degrees for each date")
-    return {lead: made[:, k] for k, lead in enumerate(leads)}
+    return {lead: made[:, k] for k, lead in enumerate(leads) if known[k]}
 
 
 @dataclass(frozen=True)
@@ -316,7 +351,7 @@ class Row:
 
     berg: str
     date: datetime
-    lead: int  # Days
+    lead: float  # Days
     error: float  # Distance of the mean of the members from the position that was seen, km
     held_out: bool
     tuned: bool
@@ -354,7 +389,7 @@ def table(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def ensemble_table(model: DriftModel, cases: Iterable[Case], error: float) -> list[dict[str, Any]]:
     """Return the scores of an ensemble by lead time, with an error of the observation (km) added to its members."""
-    points: dict[int, list[Point]] = {}
+    points: dict[float, list[Point]] = {}
     for case in cases:
         for lead, made in forecast(model, case).items():
             if len(made) < 2:
@@ -387,44 +422,73 @@ def write_cases(cases: Iterable[Case], path: Path) -> Path:
         s, box, (first, last) = case.start, case.box, case.dates
         for lead in sorted(case.seen):
             writer.writerow(
-                (s.berg, f"{s.date:%Y-%m-%d}", lead, s.lon, s.lat, *s.origin, int(case.held_out), int(case.tuned),
+                (s.berg, s.day, lead, s.lon, s.lat, *(s.origin if s.before else ("", "")), int(case.held_out), int(case.tuned),
                  *(f"{side:.2f}" for side in box), f"{first:%Y-%m-%d}", f"{last:%Y-%m-%d}")
             )  # fmt: skip
     write_text(path, text.getvalue())
     return path
 
 
-def read_forecasts(path: Path) -> DriftModel:
+class Forecasts:
+    """Positions that were forecast, as a drift model; several of a start and lead time are members.
+
+    Parameters
+    ----------
+    source : str
+        Where they come from, for messages.
+    complete : bool, optional
+        Refuse a start that is missing, or one whose lead times differ in their members; otherwise there is no position.
+    """
+
+    def __init__(self, source: str, *, complete: bool = True) -> None:
+        self.source, self.complete = source, complete
+        self._made: dict[tuple[str, datetime, datetime], list[tuple[float, float]]] = {}
+
+    def keep(self, berg: str, date: datetime, lead: float, lon: float, lat: float) -> None:
+        """Keep a position; ``lead``: days."""
+        key = berg.upper(), to_ten_minutes(date), to_ten_minutes(date + timedelta(days=lead))
+        self._made.setdefault(key, []).append((lon, lat))
+
+    def __call__(self, start: Start, dates: Sequence[datetime]) -> Any:
+        """Return the positions at dates."""
+        keys = [(*start.key, to_ten_minutes(when)) for when in dates]
+        members = {len(self._made.get(key, ())) for key in keys}
+        if self.complete and (0 in members or len(members) > 1):
+            what = "no forecast" if 0 in members else "lead times with different numbers of members"
+            raise InputError(
+                what,
+                where=f"{self.source}: {start}",
+                remedy="Forecast every row of cases.csv, with as many members each",
+            )
+        most = max(*members, 1)
+        rows = [[*self._made.get(key, ()), *[(np.nan, np.nan)] * most][:most] for key in keys]
+        return np.array(rows).swapaxes(0, 1)
+
+
+def to_ten_minutes(date: datetime) -> datetime:
+    """Return a date to the nearest ten minutes: programs write dates some seconds off."""
+    later = date + timedelta(minutes=5)
+    return later.replace(minute=later.minute // 10 * 10, second=0, microsecond=0)
+
+
+def read_forecasts(path: Path, *, complete: bool = True) -> Forecasts:
     """Return the forecasts of a table (`COLUMNS`; several rows of a start and lead time are members) as a drift model."""
     rows = [{str(key).strip().lower(): value or "" for key, value in row.items()} for row in rows_of_csv(path)[0]]
     missing = [name for name in COLUMNS if name not in rows[0]]
     if missing:
         raise InputError(f"no column {missing[0]!r}", where=str(path), remedy=f"Columns are {', '.join(COLUMNS)}")
-    made: dict[tuple[str, datetime, int], list[tuple[float, float]]] = {}
+    made = Forecasts(str(path), complete=complete)
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
         try:
-            lead, lon, lat = int(row["lead_days"]), float(row["lon"]), float(row["lat"])
+            lead, lon, lat = float(row["lead_days"]), float(row["lon"]), float(row["lat"])
         except (TypeError, ValueError) as error:
             raise InputError(
-                "lead_days, lon or lat is no number", where=where, remedy="Give whole days and degrees"
+                "lead_days, lon or lat is no number", where=where, remedy="Give days and degrees"
             ) from error
         if not is_seen(lon, lat):
             raise InputError(
                 f"latitude {lat:g}, longitude {lon:g} are no position", where=where, remedy="Leave the row out"
             )
-        made.setdefault((row["berg"].upper(), parse_date(row["start"], where=where)[0], lead), []).append((lon, lat))
-
-    def looked_up(start: Start, dates: Sequence[datetime]) -> Any:
-        keys = [(start.berg, start.date, (when - start.date).days) for when in dates]
-        members = {len(made.get(key, ())) for key in keys}
-        if 0 in members or len(members) > 1:
-            what = "no forecast" if 0 in members else "lead times with different numbers of members"
-            raise InputError(
-                what,
-                where=f"{path}: {start.berg}, {start.date:%Y-%m-%d}",
-                remedy="Forecast every row of cases.csv, with as many members each",
-            )
-        return np.array([made[key] for key in keys]).swapaxes(0, 1)
-
-    return looked_up
+        made.keep(row["berg"], parse_date(row["start"], where=where)[0], lead, lon, lat)
+    return made

@@ -154,6 +154,45 @@ def _draw_tracks(figure: Figure, ax: Axes, score: Score, water: Water | None) ->
         labels.put(day_text(np.datetime64(berg[k][0]), hour=False), float(seen[0][k]), float(seen[1][k]), fontsize=8)
 
 
+def draw_suite(result: Sequence[dict[str, Any]], path: str | Path, *, dpi: int = 150) -> Path:
+    """Draw the tables of a suite: mean errors by lead, and below how far the reference is from staying put.
+
+    ``result``: from `riftberg.verification.suite.tables`.
+    """
+    style.check_format(path)
+    figure = style.new_figure(max(5.0, 4.2 * len(result)), 7.0, dpi)
+    axes = figure.subplots(2, len(result), squeeze=False, sharex="col", height_ratios=(2.0, 1.0))
+    for (above, below), case in zip(axes.T, result, strict=True):
+        rows = [row for row in case["rows"] if row["subset"] == "all" and row["starts"]]
+        days, reference = [row["lead_days"] for row in rows], case["reference"]
+        for k, name in enumerate(rows[0]["entrants"] if rows else ()):
+            one, ours = [row["entrants"][name] for row in rows], name == reference
+            shown = (
+                {"color": MODEL, "lw": 2.5, "zorder": 4}
+                if ours
+                else {"color": f"C{k % 10}", "ls": ("-", "--", ":")[k // 10 % 3]}
+            )
+            (line,) = above.plot(days, [value["mean_km"] for value in one], marker="o", ms=3, label=name, **shown)
+            if name == reference and all(value["interval_km"] for value in one):
+                above.fill_between(
+                    days, *zip(*(value["interval_km"] for value in one), strict=True), color=line.get_color(), alpha=0.2
+                )
+            if name == "staying put" and name != reference:
+                below.plot(days, [value["reference_minus_this_km"] for value in one], "o-", ms=3, color=OBSERVED)
+                if all(value["difference_interval_km"] for value in one):
+                    ends = zip(*(value["difference_interval_km"] for value in one), strict=True)
+                    below.fill_between(days, *ends, color=OBSERVED, alpha=0.15)
+        below.axhline(0.0, color=colours.ZERO, lw=1.0)
+        above.set(ylim=(0.0, None), ylabel="mean error, km")
+        below.set(xlabel="days after the start", ylabel=f"{reference} minus\nstaying put, km")
+        above.set_title(case["name"], fontsize=10)
+        for ax in (above, below):
+            plain_axes(ax)
+            ax.set_xticks(days, [f"{day:.3g}" for day in days])
+        above.legend(fontsize=6, framealpha=0.6)
+    return style.save_figure(figure, path)
+
+
 def draw_verification(result: dict[str, Any], path: str | Path, *, dpi: int = 150) -> Path:
     """Draw what `riftberg.verification.forecast.report` returns."""
     style.check_format(path)

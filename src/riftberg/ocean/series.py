@@ -1,0 +1,508 @@
+"""Forcing along a track: a series in time that is the same everywhere, such as values that another program or a station gives.
+
+A series is linear between its times, or holds the mean of each interval. A slope of the sea surface that is not given balances
+the current of the series, averaged as that of files is (`riftberg.ocean.balance`), with f of each element.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Mapping, Sequence
+from datetime import date, datetime, timedelta
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, TypedDict, Unpack
+
+import numpy as np
+
+from riftberg.config.units import count_text, minute_text
+from riftberg.config.values import check_names, moment, native, number, numbers
+from riftberg.constants import SECONDS_PER_DAY
+from riftberg.errors import ForcingError, InputError, nearest
+from riftberg.ocean.balance import SeaLevel, balancing_slope, decided, shares_of_slow_current
+from riftberg.ocean.cells import FIELD_DEFAULTS, OVER_KEEL
+from riftberg.ocean.formulas import SUMMED, Formula
+from riftberg.products.quantities import QUANTITIES
+from riftberg.products.records import GAP_FACTOR
+from riftberg.state import Elements, Floats
+from riftberg.system.input_files import rows_of_csv, value_shown
+
+VALUES: Final = ("uo", "vo", "ua", "va", "ice_fraction", "ice_thickness", "ui", "vi", "wave_height", "sst", "sss")
+"""What a series gives by time, named and measured as in `riftberg.products.quantities`."""
+
+SLOPES: Final = ("ssh_slope_x", "ssh_slope_y")
+"""Columns of a given slope of the sea surface, to the east and north."""
+
+PAIRS: Final = (("uo", "vo"), ("ua", "va"), ("ui", "vi"))
+"""Components that one does not come without the other."""
+
+DEPTH_IS_ONE_NUMBER: Final = "the depth of a series is one number, that at the start; a varying one is refused"
+
+STEEPEST: Final = 0.01
+"""Slope of the sea surface that no sea has."""
+
+JUMP: Final = 1e-3
+"""Time (s) in which a series of means goes from one interval to the next."""
+
+FINE: Final = 3600.0
+"""Interval (s) at which the current is taken for the means that the sea surface balances."""
+
+TOLERANCE: Final = 60.0
+"""Seconds by which a run may begin before a series or end after it: dates of programs are a few off the full minute."""
+
+_ZONE: Final = re.compile(r"\d:?\d\d\s*([+-]\d\d:?\d\d)$")
+
+
+class SeriesOptions(TypedDict, total=False):
+    """Options of a series, as `Series` documents them."""
+
+    ua: Any
+    va: Any
+    depth: Any
+    ice_fraction: Any
+    ice_thickness: Any
+    ui: Any
+    vi: Any
+    wave_height: Any
+    sst: Any
+    sss: Any
+    ssh_slope: Any
+    hold: Any
+    max_gap: Any
+    latitude: float | None
+
+
+class Series(Formula):
+    """A series in time, uniform in space; `Forcing.along` makes it.
+
+    Parameters
+    ----------
+    times : sequence of date or float
+        Dates (UTC; datetime64, datetime or text), or seconds since the start of the run, rising.
+    uo, vo : float or array_like
+        Eastward and northward current, m s-1: a number, or one at each time; NaN at the end is no more.
+    ua, va : float or array_like, optional
+        Wind at 10 m, m s-1.
+    depth : float, optional
+        Depth of water at the start, m: one number, for a depth along another track is none of this berg's.
+    ice_fraction, ice_thickness, ui, vi : float or array_like, optional
+        Sea ice: the part of the sea that it covers, its thickness (m) and its velocity (m s-1).
+    wave_height : float or array_like, optional
+        Significant height of waves that go with the wind, m.
+    sst, sss : float or array_like, optional
+        Temperature (degrees Celsius) and salinity (1e-3) of the sea.
+    ssh_slope : pair of float or array_like, optional
+        Slope of the sea surface to the east and north.
+    means : bool, optional
+        A value is the mean over the interval that ends at its time (the first one: at its time), constant within; otherwise
+        values are linear between their times.
+    sea_level : str, optional
+        ``"files"``: the slope that is given. ``"geostrophic"``: that which balances the current. ``"none"``: no slope.
+        ``"auto"``: that which is given, else that which balances the current, with a notice.
+    start : date, optional
+        Date of the model's time 0 (UTC); by default the first of the times, if these are dates.
+    hold : float or str, optional
+        How long the first and last value are held (s, or text with a unit: ``"6 h"``).
+    max_gap : float or str, optional
+        Longest time between two values that is interpolated across, else 2.5 usual ones; means have none.
+    latitude : float, optional
+        Latitude (degrees) of the Coriolis parameter on an f-plane; by default that of each element.
+
+    Raises
+    ------
+    ForcingError
+        If times do not rise or have a time zone, a value is missing between others or not possible, or the depth varies.
+    """
+
+    def __init__(
+        self, times: Any, *, uo: Any, vo: Any, means: bool = False, sea_level: SeaLevel = "auto",
+        start: datetime | date | str | np.datetime64 | None = None, **options: Unpack[SeriesOptions],
+    ) -> None:  # fmt: skip
+        check_names(options, SeriesOptions)
+        self.latlon, self.latitude, self.means = True, options.get("latitude"), means
+        seconds, self.start = _as_seconds(times, start)
+        slope, depth, max_gap = options.get("ssh_slope"), options.get("depth"), options.get("max_gap")
+        every: dict[str, Any] = {"uo": uo, "vo": vo, **options}
+        given = {name: every[name] for name in VALUES if every.get(name) is not None}
+        for one, other in PAIRS:
+            if (one in given) != (other in given):
+                raise ForcingError(f"{one if one in given else other} without {other if one in given else one}",
+                                   where="Forcing.along", remedy="Give both components")  # fmt: skip
+        choice = decided(
+            sea_level, {"uo", *(() if slope is None else ("ssh",))}, where="sea_level",
+            level_wanted="Give ssh_slope, or leave sea_level out: then the slope balances the current",
+            currents_wanted="Give uo and vo",
+        )  # fmt: skip
+        self.assumes_slope = sea_level == "auto" and choice == "geostrophic"
+        columns = {name: _column(name, value, *_believable(name), seconds.size) for name, value in given.items()}
+        if choice == "files":
+            for name, value in zip(SLOPES, _slope_pair(slope), strict=True):
+                columns[name] = _column(name, value, "1", (-STEEPEST, STEEPEST), seconds.size)
+        self._water = np.array([np.inf if depth is None else _single_depth(depth)])
+        self._times, self.times = seconds, seconds
+        length = min(self._last_known(name, values) for name, values in columns.items())
+        held = number(options.get("hold", 0.0), "s", where="hold", kind=ForcingError)
+        self.cover = float(seconds[0]) - held, float(seconds[length]) + held
+        step = float(np.median(np.diff(seconds))) if seconds.size > 1 else np.inf
+        limit = GAP_FACTOR * step if max_gap is None else number(max_gap, "s", where="max_gap", kind=ForcingError)
+        gaps = [] if means else np.flatnonzero(np.diff(seconds[: length + 1]) > limit).tolist()
+        self._gaps = [(float(seconds[k]), float(seconds[k + 1])) for k in gaps]
+        self._times, self._values = _nodes(
+            seconds[: length + 1], {k: v[: length + 1] for k, v in columns.items()}, means
+        )
+        if choice == "geostrophic":
+            self._add_slow_current(means or step < SECONDS_PER_DAY)
+        self.provides = frozenset({*given, *(("depth",) if np.isfinite(self._water[0]) else ())} | (
+            set() if choice == "none" else {"slope_x", "slope_y"}
+        ))  # fmt: skip
+
+    def _last_known(self, name: str, values: Floats) -> int:
+        """Return the number of the last time at which a value is given; refuse one that is missing before."""
+        known = np.isfinite(values)
+        if not known.any():
+            raise ForcingError(f"{name} has no value", where="Forcing.along", remedy="Give numbers, or leave it out")
+        last = int(np.flatnonzero(known)[-1])
+        if not known[: last + 1].all():
+            gap = int(np.flatnonzero(~known)[0])
+            raise ForcingError(
+                f"{name} is missing at {self._when(float(self.times[gap]))}, and given later", where="Forcing.along",
+                remedy="Give the value, or leave the time out: values are linear across it. Missing at the end means no more",
+            )  # fmt: skip
+        return last
+
+    def _add_slow_current(self, averaged: bool) -> None:
+        """Keep the current that the sea surface balances: its mean over 25 hours, twice, or that of the series itself."""
+        at = self._times
+        if averaged and at[-1] - at[0] > FINE:
+            fine, numbers, weights = _slow_weights(float(at[0]), float(at[-1]))
+            slow = {name: weights @ np.interp(fine, at, self._values[name][0]) for name in ("uo", "vo")}
+            self._times, self._values = _united(
+                [(at, self._values), (fine[numbers], {f"slow_{name}": values[None] for name, values in slow.items()})]
+            )
+        else:
+            self._values = {**self._values, **{f"slow_{name}": self._values[name] for name in ("uo", "vo")}}
+
+    @classmethod
+    def side_by_side(cls, series: Sequence[Series]) -> Series:
+        """Return several series as one: element 1 has the first one, element 2 the second, and so on.
+
+        A series is the same everywhere, so that a berg may be put anywhere on its parallel. The floor goes by place: that of each
+        series holds in a sector of longitude of its own, the first from 180 W, as many as there are series.
+        """
+        several = copy.copy(series[0])
+        missing = {name for one in series for name in one._values if any(name not in other._values for other in series)}
+        if missing:
+            raise ForcingError(
+                f"{min(missing)} is given by some series alone", where="Forcing.along", remedy="Give it to all of them"
+            )
+        several._times = np.unique(np.concatenate([one._times for one in series]))
+        several._values = {
+            name: np.stack([np.interp(several._times, one._times, one._values[name][0]) for one in series])
+            for name in series[0]._values
+        }
+        several._water = np.array([one._water[0] for one in series])
+        several.cover, several._gaps = (-np.inf, np.inf), []
+        return several
+
+    def without_assumed_slope(self) -> Series:
+        """Return the same series without a slope of the sea surface that was not asked for: a sum has another one."""
+        other = copy.copy(self)
+        other.assumes_slope, other.provides = False, self.provides - {"slope_x", "slope_y"}
+        other._values = {name: values for name, values in self._values.items() if not name.startswith("slow_")}
+        return other
+
+    def add_to(self, elements: Elements, time: float) -> None:
+        """Add current, wind, ice and slope; depth, waves and water as far as the series gives them."""
+        e, lat = elements.environment, elements.place.lat
+        row = 0 if self._water.size == 1 else elements.body.id - 1
+        at = {name: value[row] for name, value in self._now(time).items()}
+        for name in SUMMED:
+            if name in at:
+                getattr(e, name)[:] += at[name]
+        if "slow_uo" in at:
+            place = lat if self.latitude is None else np.full(lat.shape, self.latitude)
+            slopes = balancing_slope(place, at["slow_uo"], at["slow_vo"])
+        else:
+            slopes = tuple(at.get(name, 0.0) for name in SLOPES)  # type: ignore[assignment]
+        e.slope_x[:] += slopes[0]
+        e.slope_y[:] += slopes[1]
+        np.minimum(e.depth, self._water[row], out=e.depth)
+        if "ice_fraction" in at:
+            np.maximum(e.ice_fraction, at["ice_fraction"], out=e.ice_fraction)
+        if "wave_height" in at:
+            e.wave_height[:], e.wave_x[:], e.wave_y[:], e.wave_period[:] = at["wave_height"], e.ua, e.va, 0.0
+        for name in OVER_KEEL.keys() & at.keys():
+            getattr(e, name)[:] = at[name]
+            getattr(e, OVER_KEEL[name])[:] = np.nan  # that of the surface holds, whatever another part has said
+
+    def _now(self, time: float) -> dict[str, Floats]:
+        """Return the values at a time by name, one for each row; beyond the ends those of the ends."""
+        after = int(np.clip(np.searchsorted(self._times, time), 1, self._times.size - 1))
+        before = self._times[after - 1]
+        weight = min(max((time - before) / (self._times[after] - before), 0.0), 1.0)
+        return {name: v[:, after - 1] * (1.0 - weight) + v[:, after] * weight for name, v in self._values.items()}
+
+    def current_series(self, times: Floats) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at times (s)."""
+        u, v = (np.interp(times, self._times, self._values[name][0]) for name in ("uo", "vo"))
+        return u, v
+
+    def check(self, elements: Elements, start: float, end: float) -> None:
+        """Raise `ForcingError` unless the series has values from ``start`` to ``end`` (s), and no gap too long between."""
+        first, last = self.cover
+        if start < first - TOLERANCE or end > last + TOLERANCE:
+            beyond = self._when(start if start < first - TOLERANCE else end)
+            raise ForcingError(
+                f"{beyond} lies outside the series, which goes from {self._when(first)} to {self._when(last)}",
+                where="Forcing.along", remedy="Run within it, give more of it, or hold its ends longer: hold",
+            )  # fmt: skip
+        for before, after in self._gaps:
+            if before < end and after > start:
+                days = (after - before) / SECONDS_PER_DAY
+                raise ForcingError(
+                    f"no value between {self._when(before)} and {self._when(after)}: a gap of {days:.3g} days",
+                    where="Forcing.along", remedy="Give the missing times, or allow a longer gap: max_gap",
+                )  # fmt: skip
+
+    def currents(self, lon: Floats, lat: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the current (m s-1) at arrays of points."""
+        now, shape = self._now(time), np.shape(lon)
+        return np.full(shape, now["uo"][0]), np.full(shape, now["vo"][0])
+
+    def depth(self, lon: Floats, lat: Floats) -> Floats:
+        """Return the depth of water (m) at arrays of points."""
+        sector = np.floor((np.asarray(lon, float) + 180.0) % 360.0 * (self._water.size / 360.0)).astype(int)
+        return np.asarray(self._water[np.minimum(sector, self._water.size - 1)])
+
+    def land(self, lon: Floats, lat: Floats) -> Any:
+        """Return that no point is land."""
+        return np.zeros(np.shape(lon), bool)
+
+    @property
+    def ice_drift_known(self) -> bool:
+        """Whether sea ice, where it is given, has a velocity."""
+        return not {"ice_thickness", "ice_fraction"} & self.provides or "ui" in self.provides
+
+    @property
+    def tells_sea_level(self) -> bool:
+        """Whether a model has something to say of the sea level."""
+        return self.assumes_slope
+
+    @property
+    def slope_remarks(self) -> tuple[str, ...]:
+        """What should be known of a slope that was assumed."""
+        return (
+            "the current of a series counts as that of the whole draft; near the surface it holds wind drift, without a slope",
+        )
+
+    def describe(self) -> str:
+        """Return what the series gives, from when to when."""
+        first, last = (self._when(float(self.times[k])) for k in (0, -1))
+        names = ", ".join(name for name in VALUES if name in self.provides)
+        lines = [
+            f"series at {count_text(self.times.size, 'time')} from {first} to {last}, uniform in space: {names}"
+            + (", means over the intervals" if self.means else "")
+        ]
+        if np.isfinite(self._water[0]):
+            lines.append(f"depth {self._water[0]:g} m everywhere, that at the start")
+        if "slow_uo" in self._values:
+            why = ", for no sea level is given" if self.assumes_slope else ""
+            lines.append(
+                f"slope of the sea surface: in geostrophic balance with the mean current over 25 hours, taken twice{why}"
+            )
+        return "\n".join(lines)
+
+    def _when(self, seconds: float) -> str:
+        if self.start is None:
+            return f"{seconds / 3600.0:g} h"
+        return minute_text((self.start + timedelta(seconds=round(seconds))).isoformat())
+
+
+def read_series(path: str | Path, **options: Any) -> Series:
+    """Return the series of a table.
+
+    Parameters
+    ----------
+    path : path
+        CSV with a column ``time`` (dates in UTC, or seconds since the start) and columns named as the arguments of `Series`;
+        ``ssh_slope_x`` and ``ssh_slope_y`` are a slope. Empty cells at the end mean no more; ``lon`` and ``lat`` are not read.
+    **options
+        As for `Series`.
+
+    Raises
+    ------
+    ForcingError
+        If a column is not known, or a cell holds no number.
+    """
+    rows, separator = rows_of_csv(Path(path), ForcingError)
+    return make_series(list(enumerate(rows, start=2)), separator, path, **options)
+
+
+def make_series(
+    rows: Sequence[tuple[int, Mapping[str, str]]], separator: str, path: str | Path, **options: Any
+) -> Series:
+    """Return the series of some rows of a table, each with its line; the columns berg and start say whose they are."""
+    names = {(name or "").strip().lower(): name for name in rows[0][1] if name is not None}
+    known = ("time", *VALUES, "depth", *SLOPES)
+    missing = next((name for name in ("time", "uo", "vo") if name not in names), None)
+    strange = next((name for name in names if name not in (*known, "lon", "lat", "berg", "start")), None)
+    if missing or strange:
+        raise ForcingError(
+            f"no column {missing!r}" if missing else f"a column {strange!r}", where=str(path),
+            remedy=f"{'' if missing else nearest(str(strange), known)}Columns are {', '.join(known)}",
+        )  # fmt: skip
+    values: dict[str, Any] = {
+        name: _column_numbers([row[names[name]] for _, row in rows], separator, path, name, rows[0][0])
+        for name in known[1:] if name in names
+    }  # fmt: skip
+    slopes = [values.pop(name) for name in SLOPES if name in values]
+    if slopes:
+        values["ssh_slope"] = tuple(slopes)
+    try:
+        return Series(_plain_times([(row[names["time"]] or "").strip() for _, row in rows]), **{**values, **options})
+    except InputError as error:
+        raise ForcingError(error.what, where=f"{path}, {error.where}", remedy=error.remedy) from error
+
+
+def _plain_times(texts: list[str]) -> list[Any]:
+    try:
+        return [float(text) for text in texts]
+    except ValueError:
+        return list(texts)
+
+
+def _column_numbers(texts: Sequence[str | None], separator: str, path: str | Path, name: str, line: int) -> Floats:
+    """Return a column as numbers, NaN where a cell is empty; ``line``: of the first one."""
+    cells = [(text or "").strip() for text in texts]
+    plain = cells if separator == "," else [cell.replace(",", ".") for cell in cells]
+    try:
+        return np.array([float(cell) if cell else np.nan for cell in plain])
+    except ValueError as error:
+        k = next(k for k, cell in enumerate(plain) if cell and not _is_number(cell))
+        raise ForcingError(
+            f"{value_shown(cells[k])} is no number", where=f"{path}, line {line + k}, {name}",
+            remedy="Give a number, or leave the cell empty",
+        ) from error  # fmt: skip
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _as_seconds(times: Any, start: Any) -> tuple[Floats, datetime | None]:
+    """Return times in seconds since the start, and its date where it is known."""
+    listed = np.asarray(times)
+    listed = np.atleast_1d(listed) if listed.dtype.kind in "fiuM" else np.array(list(np.ravel(times)), object)
+    if listed.ndim != 1 or listed.size == 0:
+        raise ForcingError(
+            f"{value_shown(times)} are no times", where="times", remedy="Give a list of dates or seconds"
+        )
+    begin = None if start is None else moment(start, where="start")
+    dated = listed.dtype.kind == "M"
+    shown: Any
+    if not dated and all(isinstance(native(value), int | float) for value in listed.tolist()):
+        shown = seconds = listed.astype(np.float64)
+    else:
+        shown = np.array(listed if dated else [_utc(value) for value in listed.tolist()], "datetime64[us]")
+        if np.isnat(shown).any():
+            raise ForcingError("a time is missing", where="times", remedy="Give a date to each value")
+        begin = begin or shown[0].item()
+        seconds = (shown - np.datetime64(begin)) / np.timedelta64(1, "s")
+    if not np.isfinite(seconds).all():
+        raise ForcingError("a time is no number", where="times", remedy="Give a time to each value")
+    wrong = np.flatnonzero(np.diff(seconds) <= 0.0)
+    if wrong.size:
+        k = int(wrong[0])
+        what = "stands twice" if shown[k] == shown[k + 1] else f"comes after {shown[k]}"
+        raise ForcingError(f"{shown[k + 1]} {what}", where="times", remedy="Sort the times, each given once")
+    return seconds, begin
+
+
+def _utc(value: Any) -> datetime:
+    """Return a date in UTC; one of another time zone is refused, for a table of them is easily read a few hours off."""
+    plain = native(value)
+    zone = _ZONE.search(plain) if isinstance(plain, str) else None
+    offset = getattr(plain, "utcoffset", lambda: None)() if not isinstance(plain, str) else None
+    if (zone is not None and zone[1].strip("+-0:")) or offset:
+        raise ForcingError(f"{value_shown(value)} has another time zone than UTC", where="times",
+                           remedy="Give the times in UTC, without a zone")  # fmt: skip
+    try:
+        return moment(value, where="times")
+    except InputError as error:
+        raise ForcingError(error.what, where=error.where, remedy=error.remedy) from error
+
+
+def _believable(name: str) -> tuple[str, tuple[float, float]]:
+    quantity = QUANTITIES[name]
+    return ("degC" if name == "sst" else "1" if name == "sss" else quantity.units), quantity.range
+
+
+def _column(name: str, value: Any, unit: str, limits: tuple[float, float], count: int) -> Floats:
+    """Return the values of a name at all times, within what can be believed."""
+    values = numbers(value, unit, where=name, kind=ForcingError)
+    if values.ndim and values.shape != (count,):
+        raise ForcingError(
+            f"{name} has the shape {values.shape}, there are {count_text(count, 'time')}", where=name,
+            remedy="Give a number, or one for each time",
+        )  # fmt: skip
+    low, high = limits
+    beyond = values[(values < low) | (values > high)]
+    if beyond.size:
+        raise ForcingError(
+            f"{name} = {beyond[0]:g} is not possible", where=name, remedy=f"Give {low:g} to {high:g} ({unit})"
+        )
+    return np.array(np.broadcast_to(values, count))
+
+
+def _slope_pair(pair: Any) -> tuple[Any, Any]:
+    if not isinstance(pair, Sequence | np.ndarray) or len(pair) != 2:
+        raise ForcingError(
+            f"{value_shown(pair)} is no pair", where="ssh_slope", remedy="Give the slopes to the east and to the north"
+        )
+    return pair[0], pair[1]
+
+
+def _single_depth(depth: Any) -> Any:
+    """Return the depth (m), which is one number."""
+    values = numbers(depth, "m", where="depth", kind=ForcingError)
+    known = values[np.isfinite(values)]
+    if known.size and not np.ptp(known) == 0.0:
+        raise ForcingError(DEPTH_IS_ONE_NUMBER, where="depth", remedy=f"Give {known.flat[0]:g}, that at the start")
+    if not known.size or not 0.0 < known.flat[0] <= 1e5:
+        raise ForcingError(
+            f"depth = {values.flat[0]:g} is not possible", where="depth", remedy="Give 0 to 100000 m, or leave it out"
+        )
+    return np.inf if known.flat[0] >= FIELD_DEFAULTS["depth"] else float(known.flat[0])
+
+
+def _nodes(seconds: Floats, columns: Mapping[str, Floats], means: bool) -> tuple[Floats, dict[str, Floats]]:
+    """Return times between which values are linear, at least two, and the values there, one row each."""
+    if seconds.size == 1:
+        seconds, columns = np.append(seconds, seconds + 1.0), {name: v.repeat(2) for name, v in columns.items()}
+    elif means:  # the next mean begins at the end of the one before: steps take what holds at their begin
+        seconds = np.concatenate([seconds[:1], seconds[:1] + JUMP,
+                                  np.column_stack([seconds[1:-1] - JUMP, seconds[1:-1]]).ravel(), seconds[-1:]])  # fmt: skip
+        columns = {name: np.append(v[0], v[1:].repeat(2)) for name, v in columns.items()}
+    return seconds, {name: v[None] for name, v in columns.items()}
+
+
+def _united(parts: Sequence[tuple[Floats, Mapping[str, Floats]]]) -> tuple[Floats, dict[str, Floats]]:
+    """Return values that are linear between their own times on the times of all."""
+    times = np.unique(np.concatenate([own for own, _ in parts]))
+    return times, {name: np.interp(times, own, v[0])[None] for own, values in parts for name, v in values.items()}
+
+
+@lru_cache(maxsize=64)
+def _slow_weights(first: float, last: float) -> tuple[Floats, list[int], Floats]:
+    """Return fine times, at which of them the slow current is taken, and the weights of all of them in each."""
+    fine = np.linspace(first, last, int(np.ceil((last - first) / FINE)) + 1)
+    taken, shares = shares_of_slow_current(fine)
+    weights = np.zeros((len(taken), fine.size))
+    for k, share in enumerate(shares):
+        weights[k, share.first : share.first + share.weights.size] = share.weights
+    return fine, taken, weights

@@ -1,0 +1,595 @@
+"""A table of errors of drift models on observed bergs: cases, entrants, paired differences with intervals, subsets.
+
+A suite is a folder with a folder for each case. ``case.yaml`` (`CaseFile`) says what the case is, ``starts.csv`` what a model may
+know at each start (berg, date, lon, lat, length, width, thickness; an earlier position as date_before, lon_before, lat_before;
+more columns for subsets), ``observed.csv`` where bergs were seen. A series for each start is a table with the columns berg and
+start before those of `riftberg.ocean.series`. Two entrants are compared on the starts that both answer; all means of a row are
+over the starts that all its entrants answer.
+"""
+
+from __future__ import annotations
+
+import inspect
+import logging
+import operator
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError, field_validator
+
+from riftberg.bergs.iceberg import Iceberg
+from riftberg.config.values import Section, UnfitError, explained, findings, key, number, parse_date
+from riftberg.constants import SECONDS_PER_DAY
+from riftberg.diagnostics.observed import read_observed
+from riftberg.errors import InputError, nearest
+from riftberg.experiments.changes import changed, parse_settings
+from riftberg.experiments.schema import SeriesForcing
+from riftberg.experiments.yaml_file import Document
+from riftberg.model import BareModel
+from riftberg.ocean.files_schema import FileForcing
+from riftberg.ocean.series import Series, make_series
+from riftberg.parameters import Parameters
+from riftberg.runs.tracks import main_position
+from riftberg.state import Floats
+from riftberg.system.input_files import in_folder, is_folder, rows_of_csv, value_shown
+from riftberg.verification.scores import EARTH_KM, FEWEST, distance
+from riftberg.verification.tracks import (
+    BASELINES,
+    FASTEST,
+    Case,
+    DriftModel,
+    Forecasts,
+    Start,
+    forecast,
+    read_forecasts,
+)
+
+DRAWS: Final = 10_000
+"""Samples of bergs or starts from which an interval comes."""
+
+ADVECTION_STEP: Final = 3600.0
+"""Step (s) in which a point goes with the current, at the middle of it."""
+
+AT_THE_TIME: Final = 60.0
+"""Seconds within which an observation counts as one at the time itself."""
+
+RIFTBERG: Final = "riftberg"
+
+USUAL: Final = (*BASELINES, "current", RIFTBERG)
+"""Entrants of every case; the last one is the reference."""
+
+ALL: Final = "all"
+
+
+class CaseFile(Section):
+    """What a case of a suite is."""
+
+    name: str = key("", "", "name of the case, else that of its folder")
+    sentence: str = key(..., "", "what it is, in a sentence", min_length=1)
+    source: str = key(..., "", "where positions and forcing come from", min_length=1)
+    licence: str = key(..., "", "under which terms they may be used, or that none are stated", min_length=1)
+    leads: list[float] = key(..., "day", "lead times", min_length=1)
+    unit: Literal["berg", "start"] = key("berg", "", "what the bootstrap draws; starts of one berg share their weather")
+    starts: str = key("starts.csv", "", "table of starts")
+    observed: str = key("observed.csv", "", "table of observed positions that count")
+    within: float = key(
+        0.0, "h", "positions are linear between observations at most so far apart; 0: only at the time", ge=0
+    )
+    forcing: SeriesForcing | FileForcing = key(..., "", "series along the tracks (along), or files")
+    entrants: dict[str, str] = key(
+        {}, "", "further entrants by name, such as no slope: riftberg forcing.sea_level=none"
+    )
+    subsets: dict[str, str] = key({}, "", "starts by what is known of them, such as afloat: draft < depth")
+    held_out: list[str] = key([], "", "bergs that nothing may be tuned on")
+    hindcast: bool = key(False, "", "the forcing is along the observed tracks: it tells a model where the berg went")
+
+    @field_validator("leads", mode="before")
+    @classmethod
+    def _in_days(cls, leads: Any) -> Any:
+        try:
+            return [number(lead, "day", where="leads") for lead in leads] if isinstance(leads, list) else leads
+        except InputError as error:
+            raise UnfitError(error.what, error.remedy) from error
+
+
+@dataclass(frozen=True)
+class SuiteCase:
+    """One case: what it is, and its starts with what was seen."""
+
+    file: CaseFile
+    folder: Path
+    cases: list[Case]
+
+    @property
+    def leads(self) -> list[float]:
+        """Lead times, days."""
+        return sorted(self.file.leads)
+
+    def groups(self) -> list[str]:
+        """Return what each start counts as in means and intervals."""
+        alone = self.file.unit == "start"
+        return [f"{case.start.berg} {case.start.date}" if alone else case.start.berg for case in self.cases]
+
+    def subsets(self) -> dict[str, NDArray[np.bool_]]:
+        """Return which starts each subset holds."""
+        found = {ALL: np.ones(len(self.cases), bool)}
+        if self.file.held_out:
+            held = np.array([case.start.berg in self.file.held_out for case in self.cases])
+            found |= {"open": ~held, "held out": held}
+        where = f"{self.folder / 'case.yaml'}, subsets"
+        return found | {
+            name: np.array([_holds(text, case.start, f"{where}.{name}") for case in self.cases])
+            for name, text in self.file.subsets.items()
+        }
+
+
+def read_suite(folder: str | Path) -> list[SuiteCase]:
+    """Read the cases of a suite.
+
+    Raises
+    ------
+    InputError
+        If there is no case, one lacks what it must say, a forcing ends before a lead, or a berg that is held out is not there.
+    """
+    folder = Path(folder)
+    files = sorted(folder.glob("*/case.yaml")) if is_folder(folder) else []
+    if not files:
+        raise InputError(
+            "no case", where=str(folder), remedy="Name a folder that holds a folder for each case, with case.yaml"
+        )
+    return [_read_case(file) for file in files]
+
+
+def _read_case(path: Path) -> SuiteCase:
+    document = Document(path, ", ".join(CaseFile.model_fields))
+    values: dict[str, Any] = {"name": path.parent.name, **document.values}
+    forcing = values.get("forcing")
+    if isinstance(forcing, dict) and "kind" not in forcing:
+        values["forcing"] = {"kind": "along" if "along" in forcing else "files", **forcing}
+    try:
+        file = CaseFile.model_validate(values)
+    except ValidationError as error:
+        raise document.refusal(findings(error, CaseFile)) from error
+    if min(file.leads) <= 0.0 or len(set(file.leads)) < len(file.leads):
+        raise document.refusal([(("leads",), InputError("lead times rise from above 0", remedy="Give each once"))])
+    starts = list(_starts(path.parent / file.starts))
+    unknown = [name for name in file.held_out if name not in {start.berg for start in starts}]
+    if unknown:
+        known = sorted({start.berg for start in starts})
+        remedy = f"{nearest(unknown[0], known)}Bergs are {', '.join(known)}"
+        raise document.refusal([(("held_out",), InputError(f"no berg {unknown[0]!r} starts", remedy=remedy))])
+    forced = file.forcing
+    if isinstance(forced, FileForcing):
+        return SuiteCase(file, path.parent, _with_seen(file, path.parent / file.observed, starts))
+    series = series_by_start(forced, path.parent, starts)
+    starts = [start.forced_by(series[start.key]) for start in starts]
+    cases = _with_seen(file, path.parent / file.observed, starts)
+    for one in cases:
+        days, lead = one.start.forcing.cover[1] / SECONDS_PER_DAY, max(one.seen)
+        if days < lead - AT_THE_TIME / SECONDS_PER_DAY:
+            raise InputError(
+                f"the forcing of {one.start} ends after {days:.4g} days, before the lead of {lead:.4g}",
+                where=str(path.parent / forced.along),
+                remedy="Give more of it, hold its end (forcing.hold), or leave the lead out",
+            )  # fmt: skip
+    return SuiteCase(file, path.parent, cases)
+
+
+SIZED: Final = ("lon", "lat", "length", "width", "thickness")
+"""Columns of starts that must hold numbers."""
+
+
+def _starts(path: Path) -> Iterator[Start]:
+    """Give the starts of a table."""
+    for line, row in enumerate(rows_of_csv(path)[0], start=2):
+        where, texts = (
+            f"{path}, line {line}",
+            {str(name).strip().lower(): (text or "").strip() for name, text in row.items()},
+        )
+        values: dict[str, Any] = {name: as_number(text) for name, text in texts.items()}
+        missing = next((name for name in ("berg", "date", *SIZED) if name not in texts), None)
+        wrong = next((name for name in SIZED if np.isnan(values.get(name, np.nan))), None)
+        if missing or wrong:
+            raise InputError(
+                f"no column {missing!r}" if missing else f"{wrong} is no number", where=where,
+                remedy="Columns are berg, date, lon, lat (degrees), length, width and thickness (m)",
+            )  # fmt: skip
+        before = {}
+        if texts.get("date_before"):
+            before[parse_date(texts["date_before"], where=where)[0]] = values["lon_before"], values["lat_before"]
+        date = parse_date(texts["date"], where=where)[0]
+        yield Start(texts["berg"], date, values["lon"], values["lat"], before, columns=values)
+
+
+def as_number(text: str) -> float:
+    """Return a cell as a number, NaN for an empty cell or one of text."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+@lru_cache(maxsize=4)
+def _rows_by_start(path: Path, written: int) -> tuple[dict[Any, list[tuple[int, dict[str, str]]]], str]:
+    """Return the rows of a table of series by start, and its separator; ``written``: when, for a table may change."""
+    rows, separator = rows_of_csv(path)
+    groups: dict[Any, list[tuple[int, dict[str, str]]]] = {}
+    keys: dict[tuple[str, str], Any] = {}
+    for line, row in enumerate(rows, start=2):
+        if "berg" not in row or "start" not in row:
+            raise InputError("no columns berg and start", where=str(path), remedy="Each row belongs to a start")
+        texts = row["berg"].strip(), row["start"].strip()
+        if texts not in keys:
+            keys[texts] = Start(texts[0], parse_date(texts[1], where=f"{path}, line {line}")[0], 0.0, 0.0, {}).key
+        groups.setdefault(keys[texts], []).append((line, row))
+    return groups, separator
+
+
+def series_by_start(settings: SeriesForcing, folder: Path, starts: Sequence[Start]) -> dict[Any, Series]:
+    """Return the series of the starts, by their keys; a column ``depth`` of the starts is their floor."""
+    path = Path(in_folder(folder, settings.along))
+    groups, separator = _rows_by_start(path, path.stat().st_mtime_ns if path.exists() else 0)
+    options: dict[str, Any] = {"sea_level": settings.sea_level, "hold": 3600.0 * settings.hold, "means": settings.means}
+    if settings.wind == "none":
+        options |= {"ua": None, "va": None}
+    found = {}
+    for start in starts:
+        if start.key not in groups:
+            raise InputError(
+                f"no forcing for {start}", where=str(path), remedy="Give its series: columns berg and start"
+            )
+        depth = start.columns.get("depth", np.nan)
+        floor = {} if np.isnan(depth) else {"depth": depth}
+        found[start.key] = make_series(groups[start.key], separator, path, start=start.date, **floor, **options)
+    return found
+
+
+def _with_seen(file: CaseFile, path: Path, starts: Sequence[Start]) -> list[Case]:
+    """Return the starts with the positions that were observed at the lead times; those with none are left out."""
+    tracks: dict[str, list[tuple[float, float, float]]] = {}
+    for fix in read_observed(path).fixes:
+        tracks.setdefault(fix.name.upper(), []).append((_seconds(fix.when), fix.lon, fix.lat))
+    cases = []
+    for start in starts:
+        track = np.array(sorted(tracks.get(start.berg.upper(), [(0.0, np.nan, np.nan)])))
+        places = {
+            lead: _position(track, _seconds(start.date) + lead * SECONDS_PER_DAY, 3600.0 * file.within)
+            for lead in file.leads
+        }
+        seen = {lead: place for lead, place in places.items() if place is not None}
+        if seen:
+            cases.append(Case(start, seen, start.berg in file.held_out))
+    if not cases:
+        raise InputError("no start was seen again at a lead", where=str(path), remedy="Give positions at the leads")
+    return cases
+
+
+def _seconds(date: datetime) -> float:
+    return (date - datetime(2000, 1, 1)).total_seconds()
+
+
+def _position(track: Floats, when: float, within: float) -> tuple[float, float] | None:
+    """Return the longitude and latitude at a time, linear between observations not too far apart; None where there is none."""
+    after = int(np.searchsorted(track[:, 0], when))
+    for k in (after - 1, after):
+        if 0 <= k < len(track) and abs(track[k, 0] - when) < AT_THE_TIME:
+            return float(track[k, 1]), float(track[k, 2])
+    if not 0 < after < len(track) or track[after, 0] - track[after - 1, 0] > within:
+        return None
+    one, other = track[after - 1], track[after]
+    share, turn = (when - one[0]) / (other[0] - one[0]), (other[1] - one[1] + 180.0) % 360.0 - 180.0
+    return float(one[1] + share * turn), float(one[2] + share * (other[2] - one[2]))
+
+
+_COMPARISON: Final = re.compile(r"\s*(\w+)\s*(<=|>=|<|>|==)\s*([\w.+-]+)\s*")
+_OPERATORS: Final[dict[str, Callable[[Any, Any], Any]]] = {
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
+}  # fmt: skip
+
+
+def _holds(text: str, start: Start, where: str) -> bool:
+    """Whether a start is of a subset: ``NAME < NUMBER`` or ``NAME < NAME``, of its columns and ``speed`` (km a day)."""
+    found, columns = _COMPARISON.fullmatch(text), {**start.columns, "berg": start.berg, "speed": start.speed}
+    if not found or found[1] not in columns:
+        raise InputError(
+            f"{value_shown(text)} compares no column", where=where,
+            remedy=f"Write NAME < NUMBER or NAME == BERG, with a name of {', '.join(columns)}",
+        )  # fmt: skip
+    other: Any = columns.get(found[3], found[3])
+    if isinstance(other, str) and found[1] != "berg":
+        try:
+            other = float(other)
+        except ValueError as error:
+            raise InputError(f"{found[3]!r} is no column and no number", where=where) from error
+    return bool(_OPERATORS[found[2]](columns[found[1]], other))
+
+
+# ---- entrants ---------------------------------------------------------------------------------------------------------------
+
+
+def advected(factor: float) -> DriftModel:
+    """Return the model of a point that goes with a share of the current."""
+
+    def model(start: Start, dates: Sequence[datetime], forcing: Any) -> Floats:
+        ends = np.array([(when - start.date).total_seconds() for when in dates])
+        times = np.unique(np.append(np.arange(0.0, ends.max(), ADVECTION_STEP), ends))
+        step, middle = factor * np.diff(times), 0.5 * (times[1:] + times[:-1])
+        metre = np.degrees(1e-3 / EARTH_KM)
+        if isinstance(forcing, Series):  # which is the same everywhere
+            u, v = forcing.current_series(middle)
+            lat = start.lat + metre * np.concatenate([[0.0], np.cumsum(step * v)])
+            east = metre * step * u / np.cos(np.radians(0.5 * (lat[1:] + lat[:-1])))
+            lon = start.lon + np.concatenate([[0.0], np.cumsum(east)])
+        else:
+            lon, lat = np.full(times.size, start.lon), np.full(times.size, start.lat)
+            for k in range(step.size):
+                u, v = (np.nan_to_num(part) for part in forcing.currents(lon[k : k + 1], lat[k : k + 1], middle[k]))
+                lat[k + 1] = lat[k] + metre * step[k] * v[0]
+                lon[k + 1] = lon[k] + metre * step[k] * u[0] / np.cos(np.radians(lat[k]))
+        rows = np.searchsorted(times, ends)
+        return np.column_stack([lon[rows], lat[rows]])
+
+    return model
+
+
+def entrant(definition: str, case: SuiteCase) -> DriftModel:
+    """Return the drift model of a definition.
+
+    One of `USUAL`, ``current x F``, ``riftberg group.name=value ...`` or ``forecasts FILE.csv``.
+    """
+    word, _, rest = definition.strip().partition(" ")
+    if definition in BASELINES:
+        return BASELINES[definition]
+    if definition == "current":
+        return advected(1.0)
+    share = re.fullmatch(r"current x ([\d.]+)", definition)
+    if share:
+        return advected(float(share[1]))
+    if word == RIFTBERG:
+        return _riftberg(case, rest.split())
+    if word == "forecasts" and rest:
+        return read_forecasts(case.folder / rest, complete=False)
+    raise InputError(
+        f"no entrant {value_shown(definition)}", where=f"{case.file.name}, entrants",
+        remedy=f"{nearest(definition, (*USUAL, *case.file.entrants))}Use {', '.join(USUAL)}, current x 0.5, riftberg "
+        "group.name=value, forecasts FILE.csv, or a name that case.yaml defines",
+    )  # fmt: skip
+
+
+def _riftberg(case: SuiteCase, settings: Sequence[str]) -> Forecasts:
+    """Run Riftberg for all starts: lone bergs that do not act on each other, those with series of their own in one model."""
+    changes = parse_settings(settings)
+    forcing = changes.pop("forcing", {})
+    parameters = changed(Parameters(stepping={"interactions": False}), changes)
+    made = Forecasts(f"{RIFTBERG} {' '.join(settings)}".strip(), complete=False)
+    if isinstance(case.file.forcing, FileForcing):
+        for one in case.cases:
+            _advance([one], _file_forcing(case, one, forcing, parameters), parameters, made, [one.start.lon])
+        return made
+    series = series_by_start(_changed_section(case, forcing), case.folder, [one.start for one in case.cases])
+    has_floor = any("depth" in one.provides for one in series.values())
+    together = _most_together(case) if has_floor else len(case.cases)
+    for first in range(0, len(case.cases), together):
+        cases = case.cases[first : first + together]
+        middles = -180.0 + 360.0 * (np.arange(len(cases)) + 0.5) / len(cases)
+        ocean = Series.side_by_side([series[one.start.key] for one in cases])
+        _advance(cases, ocean, parameters, made, middles.tolist())
+    return made
+
+
+@contextmanager
+def _without_notices() -> Iterator[None]:
+    """Keep hundreds of runs from saying the same: what a case lacks is the same for all of its starts."""
+    log = logging.getLogger("riftberg.model")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+
+
+def _most_together(case: SuiteCase) -> int:
+    """Return for how many bergs a parallel has room, each in a sector that the fastest does not leave."""
+    north = max(abs(one.start.lat) for one in case.cases) + 2.0
+    half = np.degrees(FASTEST * max(case.leads) / (EARTH_KM * np.cos(np.radians(min(north, 89.0)))))
+    return max(1, int(180.0 / half))
+
+
+def _advance(
+    cases: Sequence[Case], forcing: Any, parameters: Parameters, made: Forecasts, lon: Sequence[float]
+) -> None:
+    """Advance a model with a berg for each start, at its latitude and some longitude; keep where they are at the leads."""
+    lat, length, width, thickness = (
+        np.array([one.start.columns[name] for one in cases], float) for name in ("lat", "length", "width", "thickness")
+    )  # fmt: skip
+    radius = cases[0].start.columns.get("radius", np.nan)
+    if len(cases) == 1 and np.isfinite(radius):
+        size = {"thickness": thickness[0], "radius": radius, "placement": (lon[0], float(lat[0]))}
+        bergs = Iceberg.rectangle(length[0], width[0], **size)
+    else:
+        bergs = Iceberg.from_points(lon, lat, length=length, width=width, thickness=thickness, overlap=True)
+    model, reached = BareModel(bergs, forcing, parameters, cases[0].start.date), 0.0
+    for lead in sorted({lead for one in cases for lead in one.seen}):
+        with _without_notices():
+            model.advance(lead - reached)
+        reached, middle = lead, main_position(model)
+        alone, place = len(cases) == 1, model.elements.place
+        for k, one in enumerate(cases):
+            x, y = (middle.lon, middle.lat) if alone else (float(place.lon[k]), float(place.lat[k]))
+            made.keep(one.start.berg, one.start.date, lead, one.start.lon + x - lon[k], y)
+
+
+def _file_forcing(case: SuiteCase, one: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
+    """Return the forcing from files for one start."""
+    from riftberg.ocean.files_forcing import Run, forcing_from_files
+
+    start, thickness = one.start, np.array([one.start.columns["thickness"]], float)
+    place = np.array([start.lon]), np.array([start.lat])
+    run = Run.of(start.date, max(one.seen) + 0.1, thickness, parameters.ice.density, place=place)
+    return forcing_from_files(_changed_section(case, changes), case.folder, run)
+
+
+def _changed_section(case: SuiteCase, changes: Mapping[str, Any]) -> Any:
+    """Return what a case says of its forcing, with the settings of an entrant."""
+    section = type(case.file.forcing)
+    try:
+        return section.model_validate({**case.file.forcing.model_dump(exclude_unset=True), **changes})
+    except ValidationError as error:
+        raise explained(error, section, name="forcing") from error
+
+
+# ---- the table --------------------------------------------------------------------------------------------------------------
+
+
+def entrant_errors(model: DriftModel, case: SuiteCase) -> Floats:
+    """Return the errors of an entrant, km, by start and lead; NaN where it gives no position or none was seen."""
+    found = np.full((len(case.cases), len(case.leads)), np.nan)
+    wants_forcing = not isinstance(model, Forecasts) and len(inspect.signature(model).parameters) > 2
+    for k, one in enumerate(case.cases):
+        ocean = one.start.forcing
+        if wants_forcing and ocean is None:
+            ocean = _file_forcing(case, one, {}, Parameters())
+        known = driven_by(ocean, model) if wants_forcing else model
+        for lead, made in forecast(known, one, complete=False).items():
+            lon, lat = made.mean(axis=0)
+            found[k, case.leads.index(lead)] = float(distance(lon, lat, *one.seen[lead]))
+    return found
+
+
+def driven_by(forcing: Any, model: DriftModel) -> DriftModel:
+    """Return a drift model that takes the forcing as its third argument as one of start and dates."""
+    return lambda start, dates: model(start, dates, forcing)
+
+
+@dataclass(frozen=True)
+class Mean:
+    """A mean over bergs (or starts) with its 90 % interval; None of few."""
+
+    mean: float
+    interval: tuple[float, float] | None
+
+
+def grouped_mean(values: Floats, groups: Sequence[str]) -> Mean:
+    """Return the mean over groups of the means of their values, and its interval from drawing groups.
+
+    It does not depend on the order of the values.
+    """
+    names = sorted(set(groups))
+    owner = np.array(groups)
+    means = np.array([values[owner == name].mean() for name in names])
+    if len(names) < FEWEST:
+        return Mean(float(means.mean()), None)
+    drawn = means[np.random.default_rng(1).integers(0, len(names), (DRAWS, len(names)))].mean(axis=1)
+    low, high = np.quantile(drawn, [0.05, 0.95])
+    return Mean(float(means.mean()), (float(low), float(high)))
+
+
+def standing(difference: Mean) -> str:
+    """Return what a paired difference from another entrant says: better, worse, or level where nothing is certain."""
+    if difference.interval is None:
+        return ""
+    low, high = difference.interval
+    return "better" if high < 0.0 else "worse" if low > 0.0 else "level"
+
+
+def table(case: SuiteCase, errors: Mapping[str, Floats], reference: str) -> dict[str, Any]:
+    """Return a case's table: by subset and lead the errors of all entrants on the starts that all answer, paired with one."""
+    file, groups, rows = case.file, np.array(case.groups()), []
+    for subset, inside in case.subsets().items():
+        for j, lead in enumerate(case.leads):
+            common = inside & np.all([np.isfinite(one[:, j]) for one in errors.values()], axis=0)
+            owners = groups[common].tolist()
+            row: dict[str, Any] = {"subset": subset, "lead_days": lead, "starts": int(common.sum())}
+            row["bergs"] = len({one.start.berg for one, taken in zip(case.cases, common, strict=True) if taken})
+            found = {name: one[common, j] for name, one in errors.items()} if owners else {}
+            row["entrants"] = {
+                name: _entrant_row(one, found[reference], owners, name == reference) for name, one in found.items()
+            }
+            rows.append(row)
+    return {"name": file.name, "sentence": file.sentence, "source": file.source, "licence": file.licence, "unit": file.unit,
+            "held_out": file.held_out, "hindcast": file.hindcast, "reference": reference, "leads_days": case.leads,
+            "starts": len(case.cases), "rows": rows}  # fmt: skip
+
+
+def _entrant_row(own: Floats, reference: Floats, owners: Sequence[str], is_reference: bool) -> dict[str, Any]:
+    """Return the errors of an entrant on some starts, and how far the reference is from it; ``owners``: berg of each start."""
+    mean, medians = grouped_mean(own, owners), [np.median(own[np.array(owners) == name]) for name in set(owners)]
+    alone = len(medians) == len(own)
+    median = float(np.median(own) if alone else np.mean(medians))
+    found: dict[str, Any] = {"mean_km": mean.mean, "interval_km": mean.interval, "median_km": median}
+    if is_reference:
+        return found
+    paired = grouped_mean(reference - own, owners)
+    found |= {"reference_minus_this_km": paired.mean, "difference_interval_km": paired.interval}
+    return found | {"reference_is": standing(paired)}
+
+
+def tables(
+    suite: Sequence[SuiteCase], wanted: Sequence[str] = (), *, models: Mapping[str, DriftModel] | None = None,
+    reference: str = RIFTBERG,
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Return the tables of all cases.
+
+    Parameters
+    ----------
+    suite : sequence of SuiteCase
+    wanted : sequence of str, optional
+        Entrants: usual ones, names of ``case.yaml``, definitions (`entrant`) or ``NAME: DEFINITION``; by default the usual ones
+        and all of ``case.yaml``.
+    models : mapping, optional
+        Further drift models by name: functions of start and dates, and of the forcing if they have a third argument.
+    reference : str, optional
+        Entrant with which the others are paired, where it takes part; else the last one.
+    """
+    found = []
+    for case in suite:
+        own = case.file.entrants
+        named = dict(_named(text, own) for text in (wanted or (*USUAL, *own)))
+        entrants = {**{name: entrant(text, case) for name, text in named.items()}, **(models or {})}
+        errors = {name: entrant_errors(model, case) for name, model in entrants.items()}
+        found.append(table(case, errors, reference if reference in errors else list(errors)[-1]))
+    return found
+
+
+def _named(text: str, own: Mapping[str, str]) -> tuple[str, str]:
+    """Return name and definition of an entrant."""
+    name, colon, definition = (part.strip() for part in text.partition(": "))
+    return (name, definition) if colon else (name, own.get(name, name))
+
+
+def as_markdown(result: Sequence[Mapping[str, Any]]) -> str:
+    """Return tables as a page: a row for each entrant, mean errors by lead, and how far the reference is from it."""
+    lines = []
+    for case in result:
+        kind = "Hindcast along the observed track: it tells a model where the berg went. " if case["hindcast"] else ""
+        unit = f"90 % intervals from drawing {case['unit']}s"
+        lines += [f"## {case['name']}", "", f"{case['sentence']} {kind}Mean error, km; {unit}.", "",
+                  f"Source: {case['source']}. Licence: {case['licence']}.", ""]  # fmt: skip
+        for subset in dict.fromkeys(row["subset"] for row in case["rows"]):
+            rows = [row for row in case["rows"] if row["subset"] == subset and row["starts"]]
+            leads = [f"{row['lead_days']:.4g} d ({row['starts']})" for row in rows]
+            lines += [f"| {subset} | {' | '.join(leads)} |", "|---|" + "---|" * len(rows)]
+            for name in rows[0]["entrants"] if rows else ():
+                cells = [_cell(row["entrants"][name]) for row in rows]
+                lines.append(f"| {name} | {' | '.join(cells)} |")
+            lines.append("")
+        lines += [f"In brackets: {case['reference']} minus the row.", ""]
+    return "\n".join(lines)
+
+
+def _cell(one: Mapping[str, Any]) -> str:
+    text = f"{one['mean_km']:.1f}"
+    if "reference_minus_this_km" not in one:
+        return text
+    ends = one["difference_interval_km"]
+    interval = f" ({ends[0]:.1f}..{ends[1]:.1f})" if ends else ""
+    return f"{text} [{one['reference_minus_this_km']:+.1f}{interval}]"
