@@ -631,6 +631,9 @@ class BareModel(RunState):
         forcing = f"  forcing: {self.forcing.describe()}"
         e = self.elements
         names = {row.number: row.name for row in self.fragments.rows}
+        if not names:  # before the first step
+            begins = np.cumsum([0, *(count for _, count in self.fragments.bergs)])
+            names = {int(e.berg[k]): name for k, (name, _) in zip(begins, self.fragments.bergs, strict=False)}
         bears = reserve_lines(e.berg, e.thickness, e.length * e.width, names, self.parameters)
         ice = [f"  ice: {text}" for text in bears]
         return "\n".join([*self._heading(), *notices, forcing, *ice, self.parameters.describe()])

@@ -255,7 +255,7 @@ def test_an_experiment_is_written_that_reads_and_has_the_listed_size(folder: Pat
         )
         assert result.exit_code == 0, result.output
         experiment, parameters, _ = read_file(Path(f"{shape}.yaml"))
-        made = build_berg(experiment, parameters, Path(), [])
+        made = build_berg(experiment, parameters, Path())
         assert made.area == pytest.approx(area * 40 * 20 * 1852.0**2, rel=0.02)
         assert made.centroid == pytest.approx((-50.2, -60.4), abs=0.02)
         stretch = (made.elements.lat.max() - made.elements.lat.min()) * 111.2e3
@@ -281,7 +281,7 @@ def test_bergs_of_version_5(berg: str, date: str, axes: Any, shared: Path, tmp_p
     result = call("new", berg, "--date", date, "--tables", str(shared / "data" / "tracks"), "-o", str(file))
     assert result.exit_code == 0, result.output
     experiment, parameters, _ = read_file(file)
-    made = build_berg(experiment, parameters, tmp_path, [])
+    made = build_berg(experiment, parameters, tmp_path)
     if axes:
         assert made.area == pytest.approx(0.7854 * axes[0] * axes[1] * 1852.0**2, rel=0.02)
         assert made.centroid == pytest.approx((-59.3449, -74.5542), abs=0.1)

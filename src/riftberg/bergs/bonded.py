@@ -220,6 +220,7 @@ class BondedBerg:
         crossed = crossed_by(elements, bonds, rift, lines, latlon=self.latlon, threshold=threshold)
         made: dict[str, Any] = {"crossed": int(crossed.sum()), "broken": broken}
         if depth is not None:
+            depth = number(depth, "1", where="depth", kind=BergError)
             factor, crevassed = self._cut_to(crossed, depth, crevasse_strength)
             made |= {"depth": depth, "crevassed": crevassed, "unchanged": int((factor == 1.0).sum())}
         else:
@@ -231,14 +232,13 @@ class BondedBerg:
         report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
         return replace(self, elements=elements, bonds=bonds, report=report)
 
-    def _cut_to(self, crossed: Booleans, depth: Any, crevasse_strength: Any) -> tuple[Floats, float]:
+    def _cut_to(self, crossed: Booleans, depth: float, crevasse_strength: Any) -> tuple[Floats, float]:
         """Return what a rift leaves of the reserve of the bonds crossed, and how deep crevasses reach without it."""
         if crevasse_strength is None:
             raise BergError(
-                f"a rift of the depth {value_shown(depth)} in ice whose crevasses have no strength", where="depth",
+                f"a rift of the depth {depth:g} in ice whose crevasses have no strength", where="depth",
                 remedy="Give fracture.crevasse_strength, from which its strength follows, or a strength in place of the depth",
             )  # fmt: skip
-        depth = number(depth, "1", where="depth", kind=BergError)
         if not 0.0 < depth < 1.0:
             raise BergError(f"depth {depth:g}", where="depth", remedy="Give a part of the thickness, between 0 and 1")
         tip = number(crevasse_strength, "Pa", where="crevasse_strength", kind=BergError)

@@ -340,7 +340,9 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     return Model(berg, forcing, parameters, experiment.start), info
 
 
-def build_berg(experiment: Experiment, parameters: Parameters, folder: Path, notices: list[str]) -> Iceberg:
+def build_berg(
+    experiment: Experiment, parameters: Parameters, folder: Path, notices: list[str] | None = None
+) -> Iceberg:
     """Build the berg or bergs of an experiment, with their rifts and the strengths of their bonds.
 
     ``notices``: takes a sentence for each rift that changes nothing.
@@ -348,6 +350,7 @@ def build_berg(experiment: Experiment, parameters: Parameters, folder: Path, not
     from riftberg.bergs.iceberg import Iceberg
 
     drawn: Counter[int] = Counter()
+    notices = [] if notices is None else notices
     built = [_one_berg(place, berg, parameters, folder, drawn, notices) for place, berg in experiment.all_bergs]
     if experiment.berg is not None:
         return built[0]
