@@ -29,7 +29,7 @@ def bar(thickness: Any, *, density: float = 850.0, **fracture: Any) -> Model:
     """A bar of 8 x 2 elements of 2 km on a plane, at rest in water that exerts nothing."""
     p = Parameters(
         fracture={"shear_strength": 1e9, **fracture}, ice={"density": density}, earth={"latlon": False},
-        stepping={"only_interactions": True},
+        stepping={"only_interactions": True, "time_step": 60.0},
     )  # fmt: skip
     berg = Iceberg.rectangle(
         16e3, 4e3, thickness=200.0, radius=1000.0, placement=(8e3, 2e3), latlon=False, density=density
@@ -97,13 +97,14 @@ def test_factors_of_rifts_scatter_and_damage_multiply(peak: float, criterion: st
 
 
 def test_all_that_is_said_after_a_run_has_the_strength_of_the_place(tmp_path: Path) -> None:
-    """Two bars of 120 and 300 m, of which the thick one parts: scene, tracks, reasons, summary, description."""
+    """A bar of 300 m in the west, 180 m in the east, that parts in the thick ice: scene, tracks, reasons, summary, description."""
     thick = np.where(np.arange(16) % 8 < 4, 300.0, 180.0)
     model = bar(thick, crevasse_strength=TIP)
     low, high = (reserve(TIP, prestress(h, 850.0)) for h in (300.0, 180.0))
-    pull(model, 0.5 * 300.0 * low)
-    model.bonds.strength[3] = 0.2
-    model.advance(0.125, recorders=[RunWriter(tmp_path / "run.nc", every_hours=1)])
+    model.after_step.append(lambda run: pull(run, 0.15 * run.step_number * 300.0 * low))
+    x, bonds = model.elements.lon, model.bonds
+    bonds.strength[(x[bonds.first] < 6e3) != (x[bonds.second] < 6e3)] = 0.4
+    model.advance(steps=10, recorders=[RunWriter(tmp_path / "run.nc", every_hours=0.05)])
     assert model.bonds_broken > 0
     with open_run(tmp_path / "run.nc") as run:
         scene = Scene(run)
