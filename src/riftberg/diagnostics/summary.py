@@ -16,8 +16,8 @@ bergs : list, one entry per berg of the start, and per one added later: number, 
     piece), largest_weight (N), melted_kg, and drift_east_km, drift_north_km (of the largest from where the berg began; round a
     periodic domain all of the way), lon, lat (of the largest), and of the ice of the largest (Pa): prestress (mean by area),
     largest_prestress, reserve (tension that it bears beside it), crevasse_strength (at the tips of its crevasses: given, or what
-    fracture.normal_strength means); all null where it is gone, the last two where the strength is none of the ice. crevasses (in
-    the summary itself): how far to trust them
+    fracture.normal_strength means); all null where it is gone, the last two where the strength is none of the ice
+crevasses : how far strengths at the tips of crevasses, pre-stress and reserve can be trusted
 collisions : list, one entry per collision of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
     speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;

@@ -67,7 +67,7 @@ class BrittleLattice:
             self._solver = StiffnessSolver(self.cells, self.lattice, self.intact, self.supports, gauge_springs)
         self.criterion = criterion_for(model.parameters.fracture, model.laws.fracture)
         self._latest: Equilibrium | None = None
-        self._strengths: tuple[tuple[int, bytes, bytes, bytes], Strengths] | None = None
+        self._strengths: tuple[tuple[int, bytes, bytes], Strengths] | None = None
         self.follow_cracks(bodies, tips)
 
     @property
@@ -111,12 +111,15 @@ class BrittleLattice:
         self.intact = self.intact[self.intact != bond]
 
     def strengths(self) -> Strengths:
-        """Return the residual strengths of the intact bonds, found anew where strength, damage or thickness has changed."""
-        bonds, thickness, p = self._model.bonds, self._model.elements.thickness, self._model.constants
-        ice = thickness.tobytes() if p.crevasse_strength > 0.0 else b""
-        key = self.intact.size, bonds.strength.tobytes(), bonds.damage.tobytes(), ice
+        """Return the residual strengths of the intact bonds, found anew where strength or damage has changed.
+
+        Where ice has melted the lattice is another one.
+        """
+        bonds = self._model.bonds
+        key = self.intact.size, bonds.strength.tobytes(), bonds.damage.tobytes()
         if self._strengths is None or self._strengths[0] != key:
-            self._strengths = key, residual_strengths(thickness, bonds, self.intact, p)
+            thickness = self._model.elements.thickness
+            self._strengths = key, residual_strengths(thickness, bonds, self.intact, self._model.constants)
         return self._strengths[1]
 
     def equilibrium(self, displacement: Floats, load: Floats) -> Equilibrium:
