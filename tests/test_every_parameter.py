@@ -210,6 +210,7 @@ BURIED: Final = {"sea": {"depth": 157.0}, "steps": 1}
 NEAR: Final = {"sea": {"depth": 185.0}}
 WEAK = with_(OPEN, fracture={"enabled": True, "normal_strength": 10.0, "shear_strength": 1e7})
 WEAK_QUASI = with_(WEAK, stepping={"scheme": "quasi_static"})
+CREVASSED = with_(WEAK_QUASI, fracture={"crevasse_strength": 1e6, "normal_strength": None})
 WEARS = with_(
     OPEN,
     fracture={"enabled": True, "normal_strength": 1e3, "shear_strength": 1e7},
@@ -314,6 +315,7 @@ TRIALS: Final[dict[str, Trial]] = {
     "bonds.constant_width": Trial(590.0, with_(OPEN, bonds={"constant_size": True, "constant_length": 600.0})),
     "fracture.enabled": Trial(base=WEAK),
     "fracture.normal_strength": Trial(1e6, WEAK),
+    "fracture.crevasse_strength": Trial(100.0, CREVASSED),
     "fracture.shear_strength": Trial(1.0, WEAK),
     "fracture.flexural_strength": Trial(
         1.0,

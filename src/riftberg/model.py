@@ -34,6 +34,7 @@ from riftberg.stepping.explicit.stability import (
     size_bins,
 )
 from riftberg.stepping.forces.media import OWN
+from riftberg.stepping.fracture.reserves import reserve_lines
 from riftberg.stepping.fragments.connectivity import connected_parts
 from riftberg.stepping.fragments.contact_log import ContactLog
 from riftberg.stepping.fragments.grounding_log import GroundingLog
@@ -629,7 +630,14 @@ class BareModel(RunState):
         """Return what this model is, in plain words, with all parameters."""
         notices = [f"  notice: {text}" for text in self.notices]
         forcing = f"  forcing: {self.forcing.describe()}"
-        return "\n".join([*self._heading(), *notices, forcing, self.parameters.describe()])
+        e = self.elements
+        names = {row.number: row.name for row in self.fragments.rows}
+        if not names:  # before the first step
+            begins = np.cumsum([0, *(count for _, count in self.fragments.bergs)])
+            names = {int(e.berg[k]): name for k, (name, _) in zip(begins, self.fragments.bergs, strict=False)}
+        bears = reserve_lines(e.berg, e.thickness, e.length * e.width, names, self.parameters)
+        ice = [f"  ice: {text}" for text in bears]
+        return "\n".join([*self._heading(), *notices, forcing, *ice, self.parameters.describe()])
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -823,7 +831,7 @@ def check_strengths(bonds: Bonds, p: Parameters) -> None:
     """Refuse strengths that are no strengths; runs with the reference's quirks take those of the parameters as they stand."""
     own, f = not p.compatibility.zero_start, p.fracture
     for name, value in (("normal_strength", f.normal_strength), ("shear_strength", f.shear_strength)):
-        if f.enabled and own and value <= 0.0:
+        if f.enabled and own and value is not None and value <= 0.0:
             raise InputError(
                 f"fracture.{name} = {value:g} Pa is no strength",
                 where="parameters",

@@ -41,7 +41,7 @@ from riftberg.config.parameter_groups import (
     quantity,
 )
 from riftberg.config.usual_ranges import PUBLISHED_SPRINGS
-from riftberg.config.values import unit_of
+from riftberg.config.values import unit_of, words_for_nothing
 from riftberg.constants import AIR_DRAG_SIDE, AIR_DRAG_TOP, OCEAN_DRAG_BASE, OCEAN_DRAG_SIDE, SEA_ICE_DRAG_SIDE
 from riftberg.physics.sea_ice import LIMITED, LOCKED, NO_CAPTURE, OF_REFERENCE
 
@@ -135,6 +135,7 @@ OF_QUASI_STATIC: Final = (
     EngineChoice("grounding", "law", ("seabed",), "write 'linear', 'quadratic' or 'none'"),
     EngineChoice("fracture", "criterion", ("ice", "toughness"), "leave it out; each bond breaks by its own stress"),
     EngineChoice("fracture", "flexural_strength", (), "leave it out; nothing bends the ice on the sea floor"),
+    EngineChoice("fracture", "crevasse_strength", (), "write fracture.normal_strength"),
     EngineChoice("damage", "enabled", (True,), "write damage.enabled = false"),
 )
 """What 'quasi_static' has, and the explicit schemes refuse."""
@@ -211,7 +212,8 @@ class KernelParameters(NamedTuple):
     constant_length: Annotated[float, "bonds.constant_length"]
     constant_width: Annotated[float, "bonds.constant_width"]
     fracture: Annotated[bool, "fracture.enabled"]
-    normal_strength: Annotated[float, "fracture.normal_strength"]
+    normal_strength: float  # 0 where crevasse_strength is above 0
+    crevasse_strength: float  # 0 where there is none
     shear_strength: Annotated[float, "fracture.shear_strength"]
     fracture_on_substeps: Annotated[bool, "fracture.on_substeps"]
     broken_as_contact: Annotated[bool, "fracture.broken_as_contact"]
@@ -335,9 +337,11 @@ class Parameters(Group):
                 "fracture.flexural_strength is compared with the bending of ice on a bed of sediment: set grounding.law = "
                 "'seabed' with grounding.bending, or leave it out"
             )
-        if f.enabled and f.criterion == "toughness" and not (f.toughness > 0.0 and f.normal_strength > 0.0):
+        strength = f.normal_strength or f.crevasse_strength or 0.0
+        if f.enabled and f.criterion == "toughness" and not (f.toughness > 0.0 and strength > 0.0):
             raise ValueError(
-                "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2 and fracture.normal_strength, above 0"
+                "fracture.criterion = 'toughness' needs fracture.toughness in Pa m1/2, and fracture.normal_strength or "
+                "crevasse_strength, above 0"
             )
 
     @property
@@ -423,7 +427,8 @@ class Parameters(Group):
 
     def _given(self) -> dict[str, Any]:
         """Return all values by group and name; of the sea floor, for which the schemes have laws of their own, those given."""
-        return {**self.model_dump(), "grounding": self.grounding.model_dump(exclude_unset=True)}
+        grounding, fracture = self.grounding.model_dump(exclude_unset=True), self.fracture.model_dump(exclude_none=True)
+        return {**self.model_dump(), "grounding": grounding, "fracture": fracture}
 
     def kernel_values(self) -> KernelParameters:
         """Flatten the groups into the named tuple that compiled code reads."""
@@ -454,6 +459,8 @@ class Parameters(Group):
             # What a long step can resolve, where contact between bergs acts in it.
             contact_stiffest=math.inf if fast_contact else (CONTACT_PHASE / p.stepping.time_step) ** 2,
             contact_on_substeps=fast_contact,
+            normal_strength=p.fracture.normal_strength or 0.0,
+            crevasse_strength=p.fracture.crevasse_strength or 0.0,
             dem=p.bonds.law == "dem",
             bonds_on=p.bonds.law != "none",
             hexagonal=hexagonal,
@@ -529,8 +536,18 @@ def _merged(values: dict[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]
     """Return values with some of some groups changed."""
     for group, changes in groups.items():
         merges = isinstance(changes, Mapping) and group in values
+        if group == "fracture" and merges:
+            values = {**values, group: _without_replaced_strength(values[group], changes)}
         values = {**values, group: {**values[group], **changes} if merges else changes}
     return values
+
+
+def _without_replaced_strength(fracture: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values of the group without tensile strengths where changes give one: the two exclude each other."""
+    names = ("normal_strength", "crevasse_strength")
+    nothing = words_for_nothing(Fracture.model_fields[names[1]])
+    gives = any(changes.get(name) is not None and str(changes[name]).lower() not in nothing for name in names)
+    return {name: value for name, value in fracture.items() if not (gives and name in names)}
 
 
 def _explicit_if_asked(groups: dict[str, Any]) -> dict[str, Any]:

@@ -22,12 +22,14 @@ from riftberg.bergs.bonding import (
     separations,
     weaken,
 )
+from riftberg.bergs.lattice import Booleans
 from riftberg.bergs.raster import is_map
 from riftberg.config.units import count_text, place_text
 from riftberg.config.values import native, number
 from riftberg.constants import EARTH_RADIUS_A68
 from riftberg.errors import BergError
 from riftberg.parameters import Packing
+from riftberg.physics.crevasses import prestress, rift_factor, stable_depth
 from riftberg.physics.floating import draft_of
 from riftberg.plane import EqualAreaPlane, near
 from riftberg.state import Bonds, Elements, Floats, copy_state, elements_of
@@ -169,9 +171,17 @@ class BondedBerg:
         return float(strain[np.argmax(np.abs(strain))])
 
     def with_rifts(
-        self, rift: Any, *, strength: float = 0.0, broken: bool = False, crs: str | None = None, threshold: float = 0.5
+        self,
+        rift: Any,
+        *,
+        strength: float | None = None,
+        broken: bool = False,
+        depth: float | None = None,
+        crevasse_strength: float | None = None,
+        crs: str | None = None,
+        threshold: float = 0.5,
     ) -> Self:
-        """Return the berg with weakened or removed bonds along rifts.
+        """Return the berg with weakened or removed bonds along rifts, by one of ``strength``, ``broken`` and ``depth``.
 
         Parameters
         ----------
@@ -179,10 +189,15 @@ class BondedBerg:
             Lines as arrays (n, 2) of longitude and latitude, a file or geometry of lines, or a gridded mask, also as NetCDF
             or GeoTIFF; where the berg lies now, after shift, placement and rotation. A table (CSV) holds open lines, one
             for each date, id, name, ring, part or line that it gives.
-        strength : float
-            Factor from 0 to 1 on the strength of the crossed bonds.
+        strength : float, optional
+            Factor from 0 to 1 on the strength of the crossed bonds; 0 if nothing else is given.
         broken : bool
             Remove the crossed bonds instead; their ``break_time`` stays NaN, for they never existed in the run.
+        depth : float, optional
+            Part of the thickness, between 0 and 1, that the rift cuts instead: the crossed bonds bear what is left
+            (`riftberg.physics.crevasses`). It changes nothing where the ice is crevassed as deep without it.
+        crevasse_strength : float, optional
+            With ``depth``: `fracture.crevasse_strength` of the run, Pa.
         crs : str, optional
             Coordinate system of projected lines.
         threshold : float
@@ -191,9 +206,10 @@ class BondedBerg:
         Raises
         ------
         BergError
-            If no bond is crossed.
+            If no bond is crossed, or what is done to them is not said once.
         """
-        strength = number(strength, "1", where="strength", kind=BergError)
+        if (strength is not None) + bool(broken) + (depth is not None) > 1:
+            raise BergError("a rift has one of strength, broken and depth", where="rift", remedy="Give one of them")
         threshold = number(threshold, "1", where="threshold", kind=BergError)
         elements, bonds = copy_state(self.elements, self.bonds)
         lines = None
@@ -202,12 +218,36 @@ class BondedBerg:
 
             lines = line_strings(rift, crs)
         crossed = crossed_by(elements, bonds, rift, lines, latlon=self.latlon, threshold=threshold)
-        weaken(elements, bonds, crossed, strength=strength, broken=broken)
+        made: dict[str, Any] = {"crossed": int(crossed.sum()), "broken": broken}
+        if depth is not None:
+            depth = number(depth, "1", where="depth", kind=BergError)
+            factor, crevassed = self._cut_to(crossed, depth, crevasse_strength)
+            made |= {"depth": depth, "crevassed": crevassed, "unchanged": int((factor == 1.0).sum())}
+        else:
+            factor = np.array(number(0.0 if strength is None else strength, "1", where="strength", kind=BergError))
+            made["strength"] = float(factor)
+        weaken(elements, bonds, crossed, strength=factor, broken=broken)
         if broken and lines is not None:
             mark_cracks(elements, bonds, lines, self.latlon, crossed)
-        made = {"crossed": int(crossed.sum()), "broken": broken, "strength": 0.0 if broken else strength}
         report = {**self.report, "rifts": [*self.report.get("rifts", []), made]}
         return replace(self, elements=elements, bonds=bonds, report=report)
+
+    def _cut_to(self, crossed: Booleans, depth: float, crevasse_strength: Any) -> tuple[Floats, float]:
+        """Return what a rift leaves of the reserve of the bonds crossed, and how deep crevasses reach without it."""
+        if crevasse_strength is None:
+            raise BergError(
+                f"a rift of the depth {depth:g} in ice whose crevasses have no strength", where="depth",
+                remedy="Give fracture.crevasse_strength, from which its strength follows, or a strength in place of the depth",
+            )  # fmt: skip
+        if not 0.0 < depth < 1.0:
+            raise BergError(f"depth {depth:g}", where="depth", remedy="Give a part of the thickness, between 0 and 1")
+        tip = number(crevasse_strength, "Pa", where="crevasse_strength", kind=BergError)
+        if not tip > 0.0:
+            raise BergError(f"crevasse_strength {tip:g} Pa", where="crevasse_strength", remedy="Give one above 0")
+        thickness = self.elements.thickness
+        mean = 0.5 * (thickness[self.bonds.first[crossed]] + thickness[self.bonds.second[crossed]])
+        stress = [prestress(h, self.density) for h in mean]
+        return np.array([rift_factor(depth, tip, sigma) for sigma in stress]), stable_depth(tip, max(stress))
 
     def with_strength(
         self,

@@ -369,9 +369,9 @@ def crossed_by(
     return crossed
 
 
-def weaken(elements: Elements, bonds: Bonds, chosen: Booleans, *, strength: float, broken: bool) -> None:
-    """Weaken bonds in place by a factor, or remove them: status, bonds of their ends and numbers of the pieces."""
-    if not 0 <= strength <= 1:
+def weaken(elements: Elements, bonds: Bonds, chosen: Booleans, *, strength: Floats, broken: bool) -> None:
+    """Weaken bonds in place by factors, or remove them: status, bonds of their ends and numbers of the pieces."""
+    if not np.all((strength >= 0) & (strength <= 1)):
         raise BergError(f"strength {strength}", where="rift", remedy="Give a factor from 0 to 1")
     if broken:
         bonds.status[chosen] = GONE

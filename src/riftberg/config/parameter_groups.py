@@ -365,7 +365,20 @@ class Fracture(Group):
     """When a bond breaks."""
 
     enabled: bool = quantity(True, "", "bonds can break", "equations 7, KID's fracture_criterion")
-    normal_strength: float = quantity(18e3, "Pa", "largest tensile stress a bond bears", "paper; equations 10.5")
+    normal_strength: float | None = quantity(
+        18e3,
+        "Pa",
+        "largest tensile stress a bond bears; none where crevasse_strength is given",
+        "paper; equations 10.5",
+    )
+    crevasse_strength: float | None = quantity(
+        None,
+        "Pa",
+        "tension at the tips of crevasses at which they go on; with it a bond in quasi_static bears the reserve that its "
+        "thickness leaves, in place of normal_strength",
+        "Riftberg; Vaughan 1993: 90 to 320 kPa where crevasses are seen",
+        gt=0,
+    )
     shear_strength: float = quantity(100e3, "Pa", "largest shear stress a bond bears", "equations 10.5")
     flexural_strength: float | None = quantity(
         None,
@@ -398,6 +411,16 @@ class Fracture(Group):
     not_in_first_step: bool = quantity(
         False, "", "no test during the first long step", "equations 7.1, KID's no_frac_first_ts"
     )
+
+    @model_validator(mode="after")
+    def _one_tensile_strength(self) -> Fracture:
+        if self.crevasse_strength is not None and "normal_strength" not in self.model_fields_set:
+            self.__dict__["normal_strength"] = None  # its default; in files it stands as none
+        if (self.crevasse_strength is None) == (self.normal_strength is None):
+            raise ValueError(
+                "the ice has one tensile strength: give either normal_strength, or crevasse_strength, from which it follows"
+            )
+        return self
 
 
 class Damage(Group):

@@ -76,6 +76,9 @@ USUAL: Final[dict[str, Usual]] = {
     "fracture.normal_strength": Usual(
         1e3, 2e6, "18 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories (Petrovic 2003)"
     ),
+    "fracture.crevasse_strength": Usual(
+        2e4, 1e6, "90 to 320 kPa where crevasses are seen (Vaughan 1993); 79 kPa for A68a"
+    ),
     "fracture.shear_strength": Usual(1e3, 5e6, "100 kPa for A68a (Huth et al. 2022), 1 MPa in laboratories"),
     "fracture.flexural_strength": Usual(
         5e4, 3e6, "90 to 320 kPa of glaciers (Vaughan 1993), 1 to 2 MPa in laboratories"

@@ -189,6 +189,7 @@ class FirstBond:
     lat: float
     grounded: bool  # An end was aground when it broke
     strength: float  # Pa
+    prestress: float  # Of the ice there, Pa
     hours: list[float]  # Times of the history, h before its failure (negative)
     tension: list[float]  # Pa, at these times
     shear: list[float]  # Pa, at these times
@@ -319,7 +320,6 @@ class Cut:
         decisive = max(late, key=lambda load: load.nominal)
         record = int(np.searchsorted(scene.times, np.datetime64(decisive.time)))
         x, y = ("lon", "lat") if scene.latlon else ("x", "y")
-        strength = scene.parameters.fracture.normal_strength
         released, crack = self.released_per_area(), self.crack()
         return Breakup(
             fragment=int(run["fragment_number"].values[row]),
@@ -339,7 +339,7 @@ class Cut:
             by_strength=self.by_strength(),
             highest=self.highest_stress(),
             scheme=scene.parameters.stepping.scheme,
-            sudden=self.highest_stress(over_strength=True) < SUDDEN * strength,
+            sudden=self.highest_stress(over_strength=True) < SUDDEN,
             hours_since_start=float((first_break - scene.times[0]) / np.timedelta64(1, "h")),
             peak=self.highest_stress("peak_stress") if "peak_stress" in run else None,
             history=loads,
@@ -473,15 +473,14 @@ class Cut:
         """Return the largest tensile stress (Pa) of the parent at the last record before the first bond failed.
 
         With ``of="peak_stress"`` it is that of the sub-steps up to this record, since the one before. With
-        ``over_strength`` each is divided by the strength of its bond relative to that of the ice, as far as damage has left it
-        at that record.
+        ``over_strength`` each is divided by the strength of its bond, as far as damage has left it at that record.
         """
         body = self.body(self.last_whole)
         held = body[self.run["bond_first"].values] & body[self.run["bond_second"].values]
         held &= np.isnat(self.broken_at) | (self.broken_at > self.scene.times[self.last_whole])
         stress = self.run[of].isel(time=self.last_whole).values[held]
         if over_strength:
-            left = self.run["strength"].values[held]
+            left = self.scene.strengths[self.last_whole][held] * self.run["strength"].values[held]
             if "damage" in self.run:
                 left = left * (1.0 - self.run["damage"].isel(time=self.last_whole).values[held])
             stress = stress[left > 0.0] / left[left > 0.0]
@@ -502,7 +501,7 @@ class Cut:
         rows = np.flatnonzero((hours >= -HOURS_BEFORE) & (hours <= 0.0))
         ends = [int(run[name].values[bond]) for name in ("bond_first", "bond_second")]
         at = int(rows[-1]) if len(rows) else 0
-        strength = scene.parameters.fracture.normal_strength * float(run["strength"].values[bond])
+        strength = float(scene.strengths[at][bond] * run["strength"].values[bond])
         if "damage" in run:  # a bond keeps the damage with which it failed
             strength *= 1.0 - float(run["damage"].values[bond, -1])
         names = [name for name in ("normal_stress", "shear_stress", "peak_stress") if name in run]
@@ -514,6 +513,7 @@ class Cut:
             lat=float(np.mean(scene.y[at][ends])),
             grounded=bool(run["break_grounded"].values[bond] > 0),
             strength=strength,
+            prestress=float(scene.prestress(at)[ends].mean()),
             hours=[round(float(h), 4) for h in hours[rows]],
             tension=[float(s) for s in history["normal_stress"].values],
             shear=[float(s) for s in history["shear_stress"].values],

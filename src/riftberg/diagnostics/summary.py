@@ -14,7 +14,10 @@ breakups : list, one entry per fragment that split from its parent:
 bergs : list, one entry per berg of the start, and per one added later: number, name, area_km2 (as it was then), fragments
     (how many pieces it is in at the end), largest_km2 (of these), areas_km2 (of the six largest), largest (number of that
     piece), largest_weight (N), melted_kg, and drift_east_km, drift_north_km (of the largest from where the berg began; round a
-    periodic domain all of the way), lon, lat (of the largest), null where it is gone
+    periodic domain all of the way), lon, lat (of the largest), and of the ice of the largest (Pa): prestress (mean by area),
+    largest_prestress, reserve (tension that it bears beside it), crevasse_strength (at the tips of its crevasses: given, or what
+    fracture.normal_strength means); all null where it is gone, the last two where the strength is none of the ice
+crevasses : how far strengths at the tips of crevasses, pre-stress and reserve can be trusted
 collisions : list, one entry per collision of two bergs or fragments: time, end, bergs (their names or numbers), lon, lat,
     speed (relative speed before they touched, m s-1)
 track : list, one entry per day at the hour of the start: time, lon, lat, azimuth, area_km2 of the largest fragment;
@@ -67,6 +70,7 @@ from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.state.variables import LARGEST
+from riftberg.stepping.fracture.reserves import CAVEAT, Reserve, reserve_of
 from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import MOST_TEXT, check_file, reading, shown
 from riftberg.version import __version__
@@ -102,6 +106,7 @@ def summarize(
         "fragments": len(areas),
         "breakups": breakups(model),
         "bergs": berg_entries(model),
+        "crevasses": CAVEAT,
         "collisions": collisions(model),
         "ground": summarize_ground(model),
         "track": track_table(track),
@@ -207,7 +212,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
             "number": number, "name": row.name, "area_km2": row.area / 1e6,
             "fragments": len(mine), "largest_km2": mine[0][0] if mine else 0.0, "areas_km2": [size for size, _ in mine[:NAMED]],
             "melted_kg": melted.get(number, 0.0), "largest": mine[0][1] if mine else 0, "largest_weight": 0.0,
-            **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat")),
+            **dict.fromkeys(("drift_east_km", "drift_north_km", "lon", "lat", *Reserve._fields)),
         }  # fmt: skip
         if mine:
             inside = e.berg == mine[0][1]
@@ -222,6 +227,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
                 "drift_north_km": float(north[0]) / 1e3,
                 "lon": lon,
                 "lat": lat,
+                **reserve_of(e.thickness[inside], area[inside], model.parameters).as_dict(),
             }
         entries.append(entry)
     return entries

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Reasons:
-    """Break-ups of a run that are large enough to be shown, its stays on the sea floor, and what it lost by melting, in words."""
+    """Break-ups of a run that are large enough to be shown; stays on the sea floor, losses by melting and reserves, in words."""
 
     experiment: str
     forcing: str
@@ -34,6 +34,7 @@ class Reasons:
     strength: float | None
     melt: list[str] = field(default_factory=list)
     ground: list[str] = field(default_factory=list)
+    reserves: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers, texts, lists and dicts."""
@@ -97,13 +98,13 @@ def explain(run: xr.Dataset, *, smallest: float = SMALL) -> Reasons:
         breakup.name, breakup.parent_name = scene.name(breakup.fragment), scene.name(breakup.parent)
         breakup.collision = collision_of(scene, breakup)
         breakups.append(breakup)
-    fracture = scene.parameters.fracture
     return Reasons(
         experiment=str(run.attrs.get("experiment", "")),
         forcing=str(run.attrs.get("forcing_title", "")),
         breakups=breakups,
         small=small,
-        strength=fracture.normal_strength if fracture.enabled else None,
+        strength=scene.strength if scene.parameters.fracture.enabled else None,
+        reserves=scene.reserves(),
         melt=melt_lines(run),
         ground=why_lines(read_stays(run, scene.name), scene.parameters, latlon=scene.latlon),
     )
@@ -153,14 +154,14 @@ def removed_by(breakup: Breakup, control: xr.Dataset) -> str:
 
 def words(reasons: Reasons) -> list[str]:
     """Return the reasons in words, one paragraph per break-up."""
-    small = count_text(reasons.small, "small piece")
+    small, reserves = count_text(reasons.small, "small piece"), [" ".join(reasons.reserves)] if reasons.reserves else []
     if not reasons.breakups:
         but = f" but {small} (--all lists them)" if reasons.small else ""
-        return [f"Nothing broke off{but}.", *reasons.ground, *reasons.melt]
+        return [f"Nothing broke off{but}.", *reasons.ground, *reasons.melt, *reserves]
     lines = [_paragraph(breakup) for breakup in reasons.breakups]
     if reasons.small:
         lines.append(f"{small.replace('small', 'smaller')} broke off too (--all lists them).")
-    return [*lines, *reasons.ground, *reasons.melt]
+    return [*lines, *reasons.ground, *reasons.melt, *reserves]
 
 
 def _paragraph(b: Breakup) -> str:
@@ -267,7 +268,7 @@ def _strength_words(by_strength: dict[str, int]) -> str:
 
 def _stress_words(bond: FirstBond) -> str:
     """Return the stress of a bond some hours before it failed, and its strength."""
-    strength = f"its strength is {bond.strength / 1e3:.3g} kPa."
+    strength = f"its strength is {bond.strength / 1e3:.3g} kPa, beside a pre-stress of {bond.prestress / 1e3:.0f} kPa."
     if not bond.tension:
         return f"No record shows its stress; {strength}"
     stress, hours = bond.peak or bond.tension, np.array(bond.hours)

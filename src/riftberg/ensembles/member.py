@@ -32,6 +32,7 @@ from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import Shapes, is_channel, lon_of_track
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import on_the_floor
+from riftberg.stepping.fracture.criteria import bond_strengths
 from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import allow_large, value_shown
 
@@ -352,7 +353,8 @@ def _stress_ratio(model: BareModel) -> float:
     whole = (bonds.status == 0) & (bonds.strength > 0.0)
     if not whole.any():
         return 0.0
-    tension = np.fmax(bonds.peak_stress[whole], bonds.normal_stress[whole]) / f.normal_strength
+    strength = bond_strengths(model.elements.thickness, bonds.first[whole], bonds.second[whole], model.constants)
+    tension = np.fmax(bonds.peak_stress[whole], bonds.normal_stress[whole]) / strength
     left = bonds.strength[whole] * (1.0 - bonds.damage[whole])
     ratio = np.fmax(tension, np.abs(bonds.shear_stress[whole]) / f.shear_strength) / left
     return float(np.nanmax(ratio, initial=0.0))

@@ -504,7 +504,9 @@ def _apart(inputs: Mapping[str, Floats], rows: Any) -> str:
 GROUPS: Final = {
     "start": ("start_east", "start_north", "start_turn"),
     "thickness and size": ("start_thickness", "start_size"),
-    "strength": ("start_strength", "fracture_normal_strength", "fracture_shear_strength"),
+    "strength": (
+        "start_strength", "fracture_normal_strength", "fracture_crevasse_strength", "fracture_shear_strength",
+    ),
     "current": ("current_error_east", "current_error_north"),
     "wind": ("wind_error_east", "wind_error_north"),
     "floor": ("floor_error_mean", "floor_error_offset", "floor_error_scale"),

@@ -95,6 +95,13 @@ class Rift(Section):
     )
     strength: float = key(0.0, "1", "factor on the strength of the bonds crossed", ge=0, le=1)
     broken: bool = key(False, "", "remove the bonds crossed instead")
+    depth: float | None = key(
+        None,
+        "1",
+        "part of the thickness that the rift cuts instead; needs fracture.crevasse_strength, from which follows what is left",
+        gt=0,
+        lt=1,
+    )
     crs: str | None = key(None, "", "coordinate system of projected coordinates of lines, such as EPSG:3031")
     variable: str | None = key(None, "", "variable of a mask")
     threshold: float = key(0.5, "", "value of a mask above which there is a rift")
@@ -105,8 +112,8 @@ class Rift(Section):
             raise ValueError("a rift needs exactly one of file and points")
         if self.points is not None and len(self.points) < 2:
             raise ValueError("the points of a rift are at least two")
-        if self.broken and "strength" in self.model_fields_set:
-            raise ValueError("a rift has either a strength or broken: true")
+        if self.broken + ("strength" in self.model_fields_set) + (self.depth is not None) > 1:
+            raise ValueError("a rift has one of strength, broken: true and depth")
         extra = sorted(self.model_fields_set & {"crs", "variable", "threshold"})
         if self.points is not None and extra:
             raise ValueError(f"the points of a rift have no {extra[0]}")

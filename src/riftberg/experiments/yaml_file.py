@@ -349,18 +349,19 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
         parameters = reference_numerics(parameters)
     parameters = options.apply(parameters)
     folder = options.data or Path(path).parent
-    berg = build_berg(experiment, parameters, folder)
+    notices: list[str] = []
+    berg = build_berg(experiment, parameters, folder, notices)
     days = options.days or experiment.days
     check_span(experiment.start, days, where="--days" if options.days else str(path))
     forcing = build_forcing(experiment, folder, days, options, berg, parameters)
-    notices = tuple(getattr(forcing, "notices", ()))
+    notices += getattr(forcing, "notices", ())
     made, loses = lost_in_lattice(berg)
     info = Info(
         experiment.name,
         experiment.title,
         days,
         experiment.output_every_hours,
-        notices=notices,
+        notices=tuple(notices),
         output_forces=experiment.output_forces,
         output_cells=experiment.output_cells,
         made=made,
@@ -369,12 +370,18 @@ def build_file(path: Path, options: Options) -> tuple[Model, Info]:
     return Model(berg, forcing, parameters, experiment.start), info
 
 
-def build_berg(experiment: Experiment, parameters: Parameters, folder: Path) -> Iceberg:
-    """Build the berg or bergs of an experiment, with their rifts and the strengths of their bonds."""
+def build_berg(
+    experiment: Experiment, parameters: Parameters, folder: Path, notices: list[str] | None = None
+) -> Iceberg:
+    """Build the berg or bergs of an experiment, with their rifts and the strengths of their bonds.
+
+    ``notices``: takes a sentence for each rift that changes nothing.
+    """
     from riftberg.bergs.iceberg import Iceberg
 
     drawn: Counter[int] = Counter()
-    built = [_one_berg(place, berg, parameters, folder, drawn) for place, berg in experiment.all_bergs]
+    notices = [] if notices is None else notices
+    built = [_one_berg(place, berg, parameters, folder, drawn, notices) for place, berg in experiment.all_bergs]
     if experiment.berg is not None:
         return built[0]
     with _key_named("bergs"):
@@ -388,7 +395,9 @@ def _own_seed(seed: int, drawn: Counter[int]) -> int:
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0]) if number else seed
 
 
-def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path, drawn: Counter[int]) -> Iceberg:
+def _one_berg(
+    place: str, berg: Berg, parameters: Parameters, folder: Path, drawn: Counter[int], notices: list[str]
+) -> Iceberg:
     """Build one berg of an experiment; ``place`` is the name of its section, ``drawn`` counts the seeds that are used."""
     if berg.field is not None:
         with _key_named(f"{place}.field"):
@@ -409,12 +418,26 @@ def _one_berg(place: str, berg: Berg, parameters: Parameters, folder: Path, draw
                 path = Path(in_folder(folder, rift.file))
                 source = read_raster(path, rift.variable) if is_map(path) else path
             made = made.with_rifts(
-                source, strength=rift.strength, broken=rift.broken, crs=rift.crs, threshold=rift.threshold
-            )
+                source, strength=rift.strength if "strength" in rift.model_fields_set else None, broken=rift.broken,
+                depth=rift.depth, crevasse_strength=parameters.fracture.crevasse_strength, crs=rift.crs,
+                threshold=rift.threshold,
+            )  # fmt: skip
+            notices += [f"{place}.rifts.{index}: {text}" for text in _without_effect(made.report["rifts"][-1])]
     if berg.strength is not None:
         with _key_named(f"{place}.strength"):
             made = _with_strength(made, berg.strength, folder, drawn)
     return made if berg.name is None else made.named(berg.name)
+
+
+def _without_effect(rift: dict[str, Any]) -> list[str]:
+    """Return that a rift lies in crevasses which reach deeper by themselves, if so."""
+    if not rift.get("unchanged"):
+        return []
+    share = "" if rift["unchanged"] == rift["crossed"] else f" at {rift['unchanged']} of its {rift['crossed']} bonds"
+    return [
+        f"its depth of {rift['depth']:g} changes nothing{share}: with fracture.crevasse_strength the ice is crevassed down to "
+        f"{rift['crevassed']:.2g} of its thickness before it parts"
+    ]
 
 
 @contextmanager

@@ -20,12 +20,15 @@ from numpy.typing import NDArray
 from riftberg import constants
 from riftberg.errors import InputError, RiftbergError
 from riftberg.parameters import Packing
+from riftberg.physics.crevasses import prestress
 from riftberg.physics.floating import draft_of
 from riftberg.plane import near
 from riftberg.runs.groundings import Stay, read_stays
 from riftberg.runs.layout import called, parameters_of
 from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, family_of, is_channel, zonal_period
 from riftberg.state import Floats, Ints
+from riftberg.stepping.fracture.criteria import bond_strengths
+from riftberg.stepping.fracture.reserves import reserve_lines
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:
@@ -215,6 +218,36 @@ class Scene:
         damage: Floats = np.nan_to_num(self.run["damage"].transpose("time", "bond").values)
         return np.where(self.unbroken, damage, 0.0)
 
+    @cached_property
+    def strengths(self) -> Floats:
+        """Tensile strength (Pa) of the ice of each bond, without the factors of its rift, scatter and damage; (time, bond)."""
+        first, second = self.run["bond_first"].values, self.run["bond_second"].values
+        strengths = bond_strengths(self._thickness, first, second, self.parameters.kernel_values())
+        return np.broadcast_to(strengths, (len(self.times), first.size))
+
+    @cached_property
+    def strength(self) -> float:
+        """Lowest of them (Pa) in the run, where the ice is thickest."""
+        elements = np.arange(self._thickness.shape[1])
+        return float(bond_strengths(self._thickness, elements, elements, self.parameters.kernel_values()).min())
+
+    @cached_property
+    def _thickness(self) -> Floats:
+        """Thickness of the elements (m): (time, trajectory), of one record alone where it does not change."""
+        thickness = filled_forward(self.run["thickness"].transpose("time", "trajectory").values.astype(np.float64))
+        return thickness[:1] if (thickness == thickness[:1]).all() else thickness
+
+    def prestress(self, record: int) -> Floats:
+        """Return the pre-stress (Pa) of the elements at a record."""
+        return prestress(self._thickness[min(record, len(self._thickness) - 1)], self.parameters.ice.density)
+
+    def reserves(self) -> list[str]:
+        """Return pre-stress and reserve of the bergs at the start, in sentences."""
+        there = self.there[0]
+        numbers = self.berg[0][there]
+        names = {number: self.name(number) for number in np.unique(numbers).tolist()}
+        return reserve_lines(numbers, self._thickness[0][there], self.area[there], names, self.parameters)
+
     def lowest_strength(self) -> Floats | None:
         """Lowest normal strength (Pa) that damage has left to a bond at each record, NaN where none holds.
 
@@ -224,7 +257,7 @@ class Scene:
         if damage is None:
             return None
         own = self.run["strength"].values
-        left = self.parameters.fracture.normal_strength * own * (1.0 - damage)
+        left = self.strengths * own * (1.0 - damage)
         lowest = np.where(self.unbroken & (own > 0.0), left, np.inf).min(axis=1, initial=np.inf)
         return np.where(np.isfinite(lowest), lowest, np.nan)
 

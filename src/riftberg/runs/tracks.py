@@ -31,6 +31,7 @@ from riftberg.runs.layout import (
 )
 from riftberg.state import Floats, Ints, Variable
 from riftberg.stepping.forces.media import on_the_floor
+from riftberg.stepping.fracture.criteria import bond_strengths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -381,12 +382,15 @@ def _stresses(
     time: Floats, columns: Mapping[str, NDArray[Any]], part: Ints, count: int, p: Parameters
 ) -> dict[str, Floats]:
     """Return the largest tension of the bonds of each berg over their strength; nothing where bonds cannot break."""
-    if not (p.fracture.enabled and p.fracture.normal_strength > 0.0):
+    values = p.kernel_values()
+    if not (values.fracture and max(values.normal_strength, values.crevasse_strength) > 0.0):
         return {}
     first, second, breaks = columns["first"], columns["second"], columns["break_time"]
     berg = part[first]
     holds = (np.isnan(breaks)[:, None] | (breaks[:, None] > time)) & (berg >= 0) & (berg == part[second])
-    left = (p.fracture.normal_strength * columns["strength"])[:, None]
+    # Numbers by (bond, record); thickness that does not change is that of the elements alone.
+    thickness = np.atleast_2d(columns["thickness"].T).astype(np.float64)
+    left = bond_strengths(thickness, first, second, values).T * columns["strength"][:, None]
     if "damage" in columns:
         left = left * (1.0 - np.nan_to_num(columns["damage"]))
     with np.errstate(divide="ignore", invalid="ignore"):  # bonds without any strength

@@ -124,7 +124,7 @@ def update_fragments(run: RunState) -> None:
         drop_broken_bonds(bonds)
     elif run.step_number > 0 or not fracture.not_in_first_step:
         # The reference drops by the test of its long step, for which a threshold <= 0 is none (equations 7.1, quirk Q9).
-        normal, shear = (s if s > 0.0 else np.inf for s in (fracture.normal_strength, fracture.shear_strength))
+        normal, shear = (s if s > 0.0 else np.inf for s in (c.normal_strength, c.shear_strength))
         over = (bonds.normal_stress > normal) | (bonds.shear_stress > shear)
         bonds.status[(bonds.status == 1) & over] = GONE
     run.fragments.update(el, bonds, run.time, c)

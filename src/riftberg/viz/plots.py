@@ -185,9 +185,9 @@ def draw_stress(
     name, unit = stress_unit(max(float(np.nanmax(stress[r], initial=0.0)) for r in records))
     tension = {r: stress[r] / unit for r in records}
     top = max(1.0 / unit, *(float(np.nanmax(values, initial=0.0)) for values in tension.values()))
-    strength = fracture.normal_strength / unit
+    strength = scene.strength / unit
     beyond = fracture.enabled and top >= strength
-    text = f"; strength {fracture.normal_strength / 1e3:g} kPa" if fracture.enabled else ""
+    text = f"; strength {scene.strength / 1e3:.4g} kPa" if fracture.enabled else ""
     return _bond_maps(
         scene, water, tension, shades=colours.stress_map(), top=strength if beyond else top, beyond=beyond,
         label=f"largest tensile stress at a bond ({name}){text}{_opened(scene, records)}", what="stress in the bonds", dpi=dpi,
@@ -296,7 +296,7 @@ def _before_breakups(scene: Scene) -> list[int]:
     stress = scene.tension().max(axis=1, initial=0.0)
     if not records:
         return [int(np.argmax(stress))]
-    calm = IMPACT * scene.parameters.fracture.normal_strength
+    calm = IMPACT * scene.strength
     last = len(stress) - 1
     return sorted({r + 1 if r < last and stress[r] < calm <= stress[r + 1] else r for r in records})
 
@@ -444,7 +444,7 @@ def _peak_stress(ax: Axes, scene: Scene, times: Any) -> None:
         at_records = stress.max(axis=1, initial=0.0) / 1e3
         ax.plot(times, at_records, color=colours.STRENGTH, lw=0.8, label="at the records")
     if scene.parameters.fracture.enabled:
-        strength = scene.parameters.fracture.normal_strength / 1e3
+        strength = scene.strength / 1e3
         ax.axhline(strength, color=colours.STRENGTH, ls="--", lw=1.0)
         ax.text(0.005, strength, "strength", fontsize=8, va="bottom", transform=ax.get_yaxis_transform())
     lowest = scene.lowest_strength()
@@ -452,7 +452,7 @@ def _peak_stress(ax: Axes, scene: Scene, times: Any) -> None:
         ax.plot(times, lowest / 1e3, color=colours.DAMAGE_LINE, ls="--", lw=1.2, label="lowest strength left by damage")
     ax.set_ylim(bottom=0.0)  # after all lines: they set the upper end
     if scene.parameters.fracture.enabled:
-        _cut_off_cracks(ax, times, peak, CRACK * scene.parameters.fracture.normal_strength / 1e3)
+        _cut_off_cracks(ax, times, peak, CRACK * scene.strength / 1e3)
     style.legend_above(ax, ncols=3)
     ax.set_ylabel("largest tensile\nstress (kPa)", fontsize=9)
 

@@ -152,7 +152,7 @@ class ReplayContent:
     def data(self) -> dict[str, Any]:
         """Return everything, ready for JSON."""
         run, scene = self.run, self.scene
-        fracture, lowest = scene.parameters.fracture, scene.lowest_strength()
+        lowest = scene.lowest_strength()
         tension = scene.tension()[self.records]
         return {
             "title": self.title,
@@ -165,7 +165,7 @@ class ReplayContent:
             "packing": scene.parameters.bonds.packing,
             "sides": scene.sides.tolist(),
             "draft": scene.draft(),
-            "strength": fracture.normal_strength if fracture.enabled else None,
+            "strength": scene.strength if scene.parameters.fracture.enabled else None,
             "lowest": None if lowest is None else quantised(lowest[self.records], "uint16"),
             "colours": list(FRAGMENTS),
             "small": SMALL,

@@ -111,11 +111,15 @@ class BrittleLattice:
         self.intact = self.intact[self.intact != bond]
 
     def strengths(self) -> Strengths:
-        """Return the residual strengths of the intact bonds, found anew where strength or damage has changed."""
+        """Return the residual strengths of the intact bonds, found anew where strength or damage has changed.
+
+        Where ice has melted the lattice is another one.
+        """
         bonds = self._model.bonds
         key = self.intact.size, bonds.strength.tobytes(), bonds.damage.tobytes()
         if self._strengths is None or self._strengths[0] != key:
-            self._strengths = key, residual_strengths(bonds, self.intact, self._model.constants)
+            thickness = self._model.elements.thickness
+            self._strengths = key, residual_strengths(thickness, bonds, self.intact, self._model.constants)
         return self._strengths[1]
 
     def equilibrium(self, displacement: Floats, load: Floats) -> Equilibrium:

@@ -30,6 +30,7 @@ from riftberg.physics.bonds import (
     residual_strength,
     stress_ratio,
 )
+from riftberg.physics.crevasses import reserves
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses, principal_stresses
@@ -105,20 +106,33 @@ class Strengths(NamedTuple):
     shear: Floats  # Pa; shape (intact bonds,)
 
 
-def residual_strengths(bonds: Bonds, intact: Ints, p: KernelParameters) -> Strengths:
-    """Strengths that damage has left to the intact bonds."""
-    return Strengths(*_residual_strengths(bonds.strength, bonds.damage, intact, p.normal_strength, p.shear_strength))
+def residual_strengths(thickness: Floats, bonds: Bonds, intact: Ints, p: KernelParameters) -> Strengths:
+    """Strengths that damage has left to the intact bonds; ``thickness``: of the elements, m."""
+    nominal = bond_strengths(thickness, bonds.first[intact], bonds.second[intact], p)
+    return Strengths(*_residual_strengths(bonds.strength, bonds.damage, intact, nominal, p.shear_strength))
+
+
+def bond_strengths(thickness: Floats, first: Ints, second: Ints, p: KernelParameters) -> Floats:
+    """Tensile strength (Pa) of the ice of bonds: where they are, without the factors of their rifts, scatter and damage.
+
+    Every use of a strength goes through here, in a run and after it. ``thickness``: of the elements, m, shape (..., elements);
+    returns shape (..., bonds).
+    """
+    if not p.crevasse_strength > 0.0:
+        return np.full((*thickness.shape[:-1], first.size), p.normal_strength)
+    mean = 0.5 * (thickness[..., first] + thickness[..., second])
+    return reserves(mean.ravel(), p.rho_ice, p.crevasse_strength).reshape(mean.shape)
 
 
 @kernel
 def _residual_strengths(
-    strength: Floats, damage: Floats, intact: Ints, normal_strength: float, shear_strength: float
+    strength: Floats, damage: Floats, intact: Ints, nominal: Floats, shear_strength: float
 ) -> tuple[Floats, Floats]:
     """Return the fields of `Strengths` (no named tuple: see `riftberg.compiled.kernels`)."""
     normal, shear = np.empty(intact.size), np.empty(intact.size)
     for k in range(intact.size):
         b = intact[k]
-        normal[k], shear[k] = residual_strength(normal_strength, shear_strength, strength[b], damage[b])
+        normal[k], shear[k] = residual_strength(nominal[k], shear_strength, strength[b], damage[b])
     return normal, shear
 
 
