@@ -3,9 +3,9 @@
 python benchmarks/coming_from_opendrift.py             print the table
 python benchmarks/coming_from_opendrift.py --write     also put it into docs/evidence/coming-from-opendrift.md
 
-OpenBerg (OpenDrift 1.14) integrates the balance of Keghouche et al. (2010) over each time step from the velocity of the water, not
-from the berg's own, and moves the berg with the velocity at the end of the step. The balance is written down here from the
-publication, and integrated both ways.
+OpenBerg (OpenDrift 1.14) integrates the balance of Keghouche et al. (2010) over each time step from the velocity of the
+water, not from the berg's own, and moves the berg with the velocity at the end of the step. The balance is written down here
+from the publication, and integrated both ways.
 """
 
 from __future__ import annotations

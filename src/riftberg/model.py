@@ -207,14 +207,14 @@ class BareModel(RunState):
             # (`OceanForcing`) would be one at rest.
             if getattr(forcing, "given", True):
                 environment = self.elements.environment
-                own = [getattr(environment, name) for name in OWN_VARIABLES]
-                kept = [array.copy() for array in own]
+                by_user = [getattr(environment, name) for name in OWN_VARIABLES]
+                values_by_user = [array.copy() for array in by_user]
                 # What this forcing does not give is not known: it may stem from another one, such as the water at a keel.
                 for variable in ELEMENT_VARIABLES:
                     if variable.name in Environment._fields:
                         getattr(environment, variable.name)[:] = variable.default
                 self._stepper.sample_forcing(self)
-                for array, values in zip(own, kept, strict=True):
+                for array, values in zip(by_user, values_by_user, strict=True):
                     array[:] = values
 
     def __getstate__(self) -> dict[str, Any]:

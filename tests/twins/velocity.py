@@ -26,7 +26,15 @@ def surroundings(e, p, *, latitude, multiple):
     wave = waves.acceleration((e.ua, e.va), (e.uo, e.vo), e.mass, freeboard, length, width)
     return SimpleNamespace(
         ocean=drag.ocean(
-            e.mass, e.length, e.width, width, max(0.0, keel - ice), exposed, p.ocean_scale, p.water_side_drag, p.water_base_drag
+            e.mass,
+            e.length,
+            e.width,
+            width,
+            max(0.0, keel - ice),
+            exposed,
+            p.ocean_scale,
+            p.water_side_drag,
+            p.water_base_drag,
         ),
         air=drag.air(e.mass, e.length, e.width, width, freeboard, exposed, p.air_side_drag, p.air_top_drag),
         ice=drag.sea_ice(e.mass, width, ice, exposed, e.ui, e.vi, p.frozen_sea_ice_drag, p.ice_side_drag),

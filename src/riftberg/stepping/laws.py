@@ -227,7 +227,8 @@ def drag_values(law: ElementLaw, elements: Elements, time: float, medium: str) -
         return (law(elements, time),)
 
     as_sequence.__name__ = name_of(law)
-    return law_values(as_sequence, elements, time, f"drag of {medium}", ("coefficient",), least=0.0)[0]
+    (coefficients,) = law_values(as_sequence, elements, time, f"drag of {medium}", ("coefficient",), least=0.0)
+    return np.asarray(coefficients)
 
 
 def law_values(
