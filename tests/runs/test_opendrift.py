@@ -224,6 +224,7 @@ def test_a_run_written_for_opendrift_is_read_back(file: Path, tmp_path: Path) ->
         again.forcing()
 
 
+@pytest.mark.filterwarnings("ignore")  # of OpenDrift's own
 def test_opendrift_reads_a_run(file: Path, tmp_path: Path) -> None:
     opendrift = pytest.importorskip("opendrift")
     one = read_trajectory(file, 7)

@@ -173,15 +173,16 @@ class Series(Formula):
 
     def _add_slow_current(self, averaged: bool) -> None:
         """Keep the current that the sea surface balances: its mean over 25 hours, twice, or that of the series itself."""
-        at = self._times
+        at, slow = self._times, {name: self._values[name][0] for name in ("uo", "vo")}
+        own = at
         if averaged and at[-1] - at[0] > FINE:
             fine, numbers, weights = _slow_weights(float(at[0]), float(at[-1]))
-            slow = {name: weights @ np.interp(fine, at, self._values[name][0]) for name in ("uo", "vo")}
-            self._times, self._values = _united(
-                [(at, self._values), (fine[numbers], {f"slow_{name}": values[None] for name, values in slow.items()})]
-            )
-        else:
-            self._values = {**self._values, **{f"slow_{name}": self._values[name] for name in ("uo", "vo")}}
+            own, slow = fine[numbers], {name: weights @ np.interp(fine, at, values) for name, values in slow.items()}
+        self._times = np.union1d(at, own)
+        self._values = {
+            **{name: np.interp(self._times, at, values[0])[None] for name, values in self._values.items()},
+            **{f"slow_{name}": np.interp(self._times, own, values)[None] for name, values in slow.items()},
+        }
 
     @classmethod
     def side_by_side(cls, series: Sequence[Series]) -> Series:
@@ -374,24 +375,18 @@ def _plain_times(texts: list[str]) -> list[Any]:
 
 def _column_numbers(texts: Sequence[str | None], separator: str, path: str | Path, name: str, line: int) -> Floats:
     """Return a column as numbers, NaN where a cell is empty; ``line``: of the first one."""
-    cells = [(text or "").strip() for text in texts]
-    plain = cells if separator == "," else [cell.replace(",", ".") for cell in cells]
-    try:
-        return np.array([float(cell) if cell else np.nan for cell in plain])
-    except ValueError as error:
-        k = next(k for k, cell in enumerate(plain) if cell and not _is_number(cell))
-        raise ForcingError(
-            f"{value_shown(cells[k])} is no number", where=f"{path}, line {line + k}, {name}",
-            remedy="Give a number, or leave the cell empty",
-        ) from error  # fmt: skip
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    values = np.full(len(texts), np.nan)
+    for k, text in enumerate(texts):
+        cell = (text or "").strip()
+        try:
+            if cell:
+                values[k] = float(cell if separator == "," else cell.replace(",", "."))
+        except ValueError as error:
+            raise ForcingError(
+                f"{value_shown(cell)} is no number", where=f"{path}, line {line + k}, {name}",
+                remedy="Give a number, or leave the cell empty",
+            ) from error  # fmt: skip
+    return values
 
 
 def _as_seconds(times: Any, start: Any) -> tuple[Floats, datetime | None]:
@@ -489,12 +484,6 @@ def _nodes(seconds: Floats, columns: Mapping[str, Floats], means: bool) -> tuple
                                   np.column_stack([seconds[1:-1] - JUMP, seconds[1:-1]]).ravel(), seconds[-1:]])  # fmt: skip
         columns = {name: np.append(v[0], v[1:].repeat(2)) for name, v in columns.items()}
     return seconds, {name: v[None] for name, v in columns.items()}
-
-
-def _united(parts: Sequence[tuple[Floats, Mapping[str, Floats]]]) -> tuple[Floats, dict[str, Floats]]:
-    """Return values that are linear between their own times on the times of all."""
-    times = np.unique(np.concatenate([own for own, _ in parts]))
-    return times, {name: np.interp(times, own, v[0])[None] for own, values in parts for name, v in values.items()}
 
 
 @lru_cache(maxsize=64)

@@ -172,11 +172,11 @@ def _read_case(path: Path) -> SuiteCase:
     series = series_by_start(forced, path.parent, starts)
     starts = [start.forced_by(series[start.key]) for start in starts]
     cases = _with_seen(file, path.parent / file.observed, starts)
-    for one in cases:
-        days, lead = one.start.forcing.cover[1] / SECONDS_PER_DAY, max(one.seen)
+    for case in cases:
+        days, lead = case.start.forcing.cover[1] / SECONDS_PER_DAY, max(case.seen)
         if days < lead - AT_THE_TIME / SECONDS_PER_DAY:
             raise InputError(
-                f"the forcing of {one.start} ends after {days:.4g} days, before the lead of {lead:.4g}",
+                f"the forcing of {case.start} ends after {days:.4g} days, before the lead of {lead:.4g}",
                 where=str(path.parent / forced.along),
                 remedy="Give more of it, hold its end (forcing.hold), or leave the lead out",
             )  # fmt: skip
@@ -340,7 +340,7 @@ def advected(factor: float) -> DriftModel:
     return model
 
 
-def entrant(definition: str, case: SuiteCase) -> DriftModel:
+def entrant(definition: str, suite_case: SuiteCase) -> DriftModel:
     """Return the drift model of a definition.
 
     One of `USUAL`, ``current x F``, ``riftberg group.name=value ...`` or ``forecasts FILE.csv``.
@@ -354,33 +354,35 @@ def entrant(definition: str, case: SuiteCase) -> DriftModel:
     if share:
         return advected(float(share[1]))
     if word == RIFTBERG:
-        return _riftberg(case, rest.split())
+        return _riftberg(suite_case, rest.split())
     if word == "forecasts" and rest:
-        return read_forecasts(case.folder / rest, complete=False)
+        return read_forecasts(suite_case.folder / rest, complete=False)
     raise InputError(
-        f"no entrant {value_shown(definition)}", where=f"{case.file.name}, entrants",
-        remedy=f"{nearest(definition, (*USUAL, *case.file.entrants))}Use {', '.join(USUAL)}, current x 0.5, riftberg "
+        f"no entrant {value_shown(definition)}", where=f"{suite_case.file.name}, entrants",
+        remedy=f"{nearest(definition, (*USUAL, *suite_case.file.entrants))}Use {', '.join(USUAL)}, current x 0.5, riftberg "
         "group.name=value, forecasts FILE.csv, or a name that case.yaml defines",
     )  # fmt: skip
 
 
-def _riftberg(case: SuiteCase, settings: Sequence[str]) -> Forecasts:
+def _riftberg(suite_case: SuiteCase, settings: Sequence[str]) -> Forecasts:
     """Run Riftberg for all starts: lone bergs that do not act on each other, those with series of their own in one model."""
     changes = parse_settings(settings)
     forcing = changes.pop("forcing", {})
     parameters = changed(Parameters(stepping={"interactions": False}), changes)
     made = Forecasts(f"{RIFTBERG} {' '.join(settings)}".strip(), complete=False)
-    if isinstance(case.file.forcing, FileForcing):
-        for one in case.cases:
-            _advance([one], _file_forcing(case, one, forcing, parameters), parameters, made, [one.start.lon])
+    if isinstance(suite_case.file.forcing, FileForcing):
+        for case in suite_case.cases:
+            _advance([case], _file_forcing(suite_case, case, forcing, parameters), parameters, made, [case.start.lon])
         return made
-    series = series_by_start(_changed_section(case, forcing), case.folder, [one.start for one in case.cases])
-    has_floor = any("depth" in one.provides for one in series.values())
-    together = _most_together(case) if has_floor else len(case.cases)
-    for first in range(0, len(case.cases), together):
-        cases = case.cases[first : first + together]
+    series = series_by_start(
+        _changed_section(suite_case, forcing), suite_case.folder, [case.start for case in suite_case.cases]
+    )
+    has_floor = any("depth" in own.provides for own in series.values())
+    together = _most_together(suite_case) if has_floor else len(suite_case.cases)
+    for first in range(0, len(suite_case.cases), together):
+        cases = suite_case.cases[first : first + together]
         middles = -180.0 + 360.0 * (np.arange(len(cases)) + 0.5) / len(cases)
-        ocean = Series.side_by_side([series[one.start.key] for one in cases])
+        ocean = Series.side_by_side([series[case.start.key] for case in cases])
         _advance(cases, ocean, parameters, made, middles.tolist())
     return made
 
@@ -397,10 +399,10 @@ def _without_notices() -> Iterator[None]:
         log.setLevel(level)
 
 
-def _most_together(case: SuiteCase) -> int:
+def _most_together(suite_case: SuiteCase) -> int:
     """Return for how many bergs a parallel has room, each in a sector that the fastest does not leave."""
-    north = max(abs(one.start.lat) for one in case.cases) + 2.0
-    half = np.degrees(FASTEST * max(case.leads) / (EARTH_KM * np.cos(np.radians(min(north, 89.0)))))
+    north = max(abs(case.start.lat) for case in suite_case.cases) + 2.0
+    half = np.degrees(FASTEST * max(suite_case.leads) / (EARTH_KM * np.cos(np.radians(min(north, 89.0)))))
     return max(1, int(180.0 / half))
 
 
@@ -409,7 +411,7 @@ def _advance(
 ) -> None:
     """Advance a model with a berg for each start, at its latitude and some longitude; keep where they are at the leads."""
     lat, length, width, thickness = (
-        np.array([one.start.columns[name] for one in cases], float) for name in ("lat", "length", "width", "thickness")
+        np.array([case.start.columns[name] for case in cases], float) for name in ("lat", "length", "width", "thickness")
     )  # fmt: skip
     radius = cases[0].start.columns.get("radius", np.nan)
     if len(cases) == 1 and np.isfinite(radius):
@@ -418,31 +420,31 @@ def _advance(
     else:
         bergs = Iceberg.from_points(lon, lat, length=length, width=width, thickness=thickness, overlap=True)
     model, reached = BareModel(bergs, forcing, parameters, cases[0].start.date), 0.0
-    for lead in sorted({lead for one in cases for lead in one.seen}):
+    for lead in sorted({lead for case in cases for lead in case.seen}):
         with _without_notices():
             model.advance(lead - reached)
         reached, middle = lead, main_position(model)
         alone, place = len(cases) == 1, model.elements.place
-        for k, one in enumerate(cases):
+        for k, case in enumerate(cases):
             x, y = (middle.lon, middle.lat) if alone else (float(place.lon[k]), float(place.lat[k]))
-            made.keep(one.start.berg, one.start.date, lead, one.start.lon + x - lon[k], y)
+            made.keep(case.start.berg, case.start.date, lead, case.start.lon + x - lon[k], y)
 
 
-def _file_forcing(case: SuiteCase, one: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
+def _file_forcing(suite_case: SuiteCase, case: Case, changes: Mapping[str, Any], parameters: Parameters) -> Any:
     """Return the forcing from files for one start."""
     from riftberg.ocean.files_forcing import Run, forcing_from_files
 
-    start, thickness = one.start, np.array([one.start.columns["thickness"]], float)
+    start, thickness = case.start, np.array([case.start.columns["thickness"]], float)
     place = np.array([start.lon]), np.array([start.lat])
-    run = Run.of(start.date, max(one.seen) + 0.1, thickness, parameters.ice.density, place=place)
-    return forcing_from_files(_changed_section(case, changes), case.folder, run)
+    run = Run.of(start.date, max(case.seen) + 0.1, thickness, parameters.ice.density, place=place)
+    return forcing_from_files(_changed_section(suite_case, changes), suite_case.folder, run)
 
 
-def _changed_section(case: SuiteCase, changes: Mapping[str, Any]) -> Any:
+def _changed_section(suite_case: SuiteCase, changes: Mapping[str, Any]) -> Any:
     """Return what a case says of its forcing, with the settings of an entrant."""
-    section = type(case.file.forcing)
+    section = type(suite_case.file.forcing)
     try:
-        return section.model_validate({**case.file.forcing.model_dump(exclude_unset=True), **changes})
+        return section.model_validate({**suite_case.file.forcing.model_dump(exclude_unset=True), **changes})
     except ValidationError as error:
         raise explained(error, section, name="forcing") from error
 
@@ -450,18 +452,18 @@ def _changed_section(case: SuiteCase, changes: Mapping[str, Any]) -> Any:
 # ---- the table --------------------------------------------------------------------------------------------------------------
 
 
-def entrant_errors(model: DriftModel, case: SuiteCase) -> Floats:
+def entrant_errors(model: DriftModel, suite_case: SuiteCase) -> Floats:
     """Return the errors of an entrant, km, by start and lead; NaN where it gives no position or none was seen."""
-    found = np.full((len(case.cases), len(case.leads)), np.nan)
+    found = np.full((len(suite_case.cases), len(suite_case.leads)), np.nan)
     wants_forcing = not isinstance(model, Forecasts) and len(inspect.signature(model).parameters) > 2
-    for k, one in enumerate(case.cases):
-        ocean = one.start.forcing
+    for k, case in enumerate(suite_case.cases):
+        ocean = case.start.forcing
         if wants_forcing and ocean is None:
-            ocean = _file_forcing(case, one, {}, Parameters())
+            ocean = _file_forcing(suite_case, case, {}, Parameters())
         known = driven_by(ocean, model) if wants_forcing else model
-        for lead, made in forecast(known, one, complete=False).items():
+        for lead, made in forecast(known, case, complete=False).items():
             lon, lat = made.mean(axis=0)
-            found[k, case.leads.index(lead)] = float(distance(lon, lat, *one.seen[lead]))
+            found[k, suite_case.leads.index(lead)] = float(distance(lon, lat, *case.seen[lead]))
     return found
 
 
@@ -506,13 +508,16 @@ def table(case: SuiteCase, errors: Mapping[str, Floats], reference: str) -> dict
     file, groups, rows = case.file, np.array(case.groups()), []
     for subset, inside in case.subsets().items():
         for j, lead in enumerate(case.leads):
-            common = inside & np.all([np.isfinite(one[:, j]) for one in errors.values()], axis=0)
+            common = inside & np.all([np.isfinite(values[:, j]) for values in errors.values()], axis=0)
             owners = groups[common].tolist()
             row: dict[str, Any] = {"subset": subset, "lead_days": lead, "starts": int(common.sum())}
-            row["bergs"] = len({one.start.berg for one, taken in zip(case.cases, common, strict=True) if taken})
-            found = {name: one[common, j] for name, one in errors.items()} if owners else {}
+            row["bergs"] = len(
+                {start_case.start.berg for start_case, taken in zip(case.cases, common, strict=True) if taken}
+            )
+            found = {name: values[common, j] for name, values in errors.items()} if owners else {}
             row["entrants"] = {
-                name: _entrant_row(one, found[reference], owners, name == reference) for name, one in found.items()
+                name: _entrant_row(values, found[reference], owners, name == reference)
+                for name, values in found.items()
             }
             rows.append(row)
     return {"name": file.name, "sentence": file.sentence, "source": file.source, "licence": file.licence, "unit": file.unit,
@@ -586,10 +591,10 @@ def as_markdown(result: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def _cell(one: Mapping[str, Any]) -> str:
-    text = f"{one['mean_km']:.1f}"
-    if "reference_minus_this_km" not in one:
+def _cell(cell: Mapping[str, Any]) -> str:
+    text = f"{cell['mean_km']:.1f}"
+    if "reference_minus_this_km" not in cell:
         return text
-    ends = one["difference_interval_km"]
+    ends = cell["difference_interval_km"]
     interval = f" ({ends[0]:.1f}..{ends[1]:.1f})" if ends else ""
-    return f"{text} [{one['reference_minus_this_km']:+.1f}{interval}]"
+    return f"{text} [{cell['reference_minus_this_km']:+.1f}{interval}]"
