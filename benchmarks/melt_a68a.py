@@ -13,17 +13,21 @@ import numpy as np
 
 from riftberg.bergs.bonding import count_bonds
 from riftberg.experiments.a68a import (
-    FRESH_WATER,
     MELT_DAYS,
     MELT_START,
     MELT_THICKNESS,
-    THINNING,
     TrackSea,
     melting_a68a,
 )
 from riftberg.experiments.registry import Options
 from riftberg.life.melt import melt_step
 from riftberg.life.process import Ledger, water_by_process
+
+FRESH_WATER = (152.0, 61.0)
+"""Observed loss and its error, Gt."""
+
+THINNING = (21.6, 6.9)
+"""Observed melt of the base and its error in three months at the rate of the peak, m."""
 
 STEP = 21600.0
 RADIUS = 6000.0

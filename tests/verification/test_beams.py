@@ -19,7 +19,7 @@ POISSON = 0.3
 
 def bending_stiffness(beam: Beam) -> float:
     """Return E J, N m2."""
-    return beam.youngs_modulus * beam.second_moment
+    return beam.youngs_modulus * beam.thickness * (2.0 * beam.radius * beam.rows) ** 3 / 12.0
 
 
 def supported_deflection(beam: Beam, x: np.ndarray) -> np.ndarray:

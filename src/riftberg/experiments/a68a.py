@@ -269,12 +269,6 @@ TRACK_DAYS: Final = 6.0
 MELT_THICKNESS: Final = 190.0
 """Mean thickness at the start, m: 168 +- 10 m in January 2021, and about 20 m more before these three months."""
 
-FRESH_WATER: Final = (152.0, 61.0)
-"""Observed loss and its error, Gt."""
-
-THINNING: Final = (21.6, 6.9)
-"""Observed melt of the base and its error in three months at the rate of the peak, m."""
-
 
 class TrackSea(Steady):
     """A sea that carries a berg along its track, with the season's temperature.

@@ -52,11 +52,6 @@ class Beam:
         """Area of the cross-section, m2."""
         return 2.0 * self.radius * self.rows * self.thickness
 
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area of the cross-section, m4."""
-        return self.thickness * (2.0 * self.radius * self.rows) ** 3 / 12.0
-
     def points(self) -> tuple[Any, Any]:
         """Return x and y of the elements, column by column, m."""
         side = 2.0 * self.radius
