@@ -235,7 +235,11 @@ BERG_MISTAKES = [
     ),
     ("rifts: [{points: [[0, 1]]}]", "line 8, berg.rifts.0", "at least two"),
     ("rifts: [{points: [[0, 1], [2]]}]", "line 8, berg.rifts.0.points.1.1", "missing"),
-    ("rifts: [{file: a, broken: yes, strength: 0.1}]", "line 8, berg.rifts.0", "one of strength, broken: true and depth"),
+    (
+        "rifts: [{file: a, broken: yes, strength: 0.1}]",
+        "line 8, berg.rifts.0",
+        "one of strength, broken: true and depth",
+    ),
     ("strength: 0.5", "line 8, berg.strength", "0.5 is not a section. It has the keys weibull"),
     ("strength: {weibul: 5}", "line 8, berg.strength.weibul", "Did you mean 'weibull'"),
     ("strength: {weibull: 0}", "line 8, berg.strength.weibull", "Allowed: a number > 0"),
