@@ -148,7 +148,7 @@ def test_history_of_the_first_bonds(run: xr.Dataset) -> None:
 
 
 def test_ringing_between_records_is_told(run: xr.Dataset) -> None:
-    (text,) = why.words(why.explain(run))
+    text, *_ = why.words(why.explain(run))
     assert (
         "Its largest tensile stress between records was 1.0 kPa 24 h before, 2.1 kPa 6 h before, 2.3 kPa just before"
         in text
@@ -212,7 +212,7 @@ def test_small_pieces_are_counted_not_told(run: xr.Dataset) -> None:
     reasons = why.explain(run, smallest=0.5)
     assert reasons.breakups == []
     assert reasons.small == 1
-    assert why.words(reasons) == ["Nothing broke off but 1 small piece (--all lists them)."]
+    assert why.words(reasons)[0] == "Nothing broke off but 1 small piece (--all lists them)."
 
 
 def test_a_control_removes_a_break_or_delays_it(run: xr.Dataset, tmp_path: Path) -> None:
@@ -262,7 +262,7 @@ def test_causes_below_a_fiftieth_of_the_largest_are_not_named(run: xr.Dataset, s
 def test_words_json_and_figure(run: xr.Dataset, tmp_path: Path) -> None:
     reasons = why.explain(run)
     reasons.breakups[0].controls = {"without shoal": "removed", "without shear": "breaks off at 2020-12-10T13:00:00"}
-    (text,) = why.words(reasons)
+    text, *_ = why.words(reasons)
     for part in ("fragment 2 (54 km2, 6 elements) broke off berg 1, aground", "3 bonds failed", "strength is 18 kPa",
                  "Without shoal it does not break off.", "Without shear it still breaks off at 2020-12-10 13:00."):  # fmt: skip
         assert part in text, text
@@ -276,7 +276,7 @@ def test_words_json_and_figure(run: xr.Dataset, tmp_path: Path) -> None:
 
 def test_a_run_that_does_not_break_says_so(tmp_path: Path) -> None:
     reasons = why.explain(made(tmp_path / "run.nc", break_time=math.inf))
-    assert why.words(reasons) == ["Nothing broke off."]
+    assert why.words(reasons)[0] == "Nothing broke off."
 
 
 def test_the_sea_floor_is_found_from_the_balance(run: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -294,7 +294,7 @@ def test_the_sea_floor_is_found_from_the_balance(run: xr.Dataset, monkeypatch: p
     assert load.shear["sea floor"] == pytest.approx(needed, rel=2e-3)
     reasons = why.explain(aground)
     assert why.FLOOR in why.words(reasons)[0]  # the reader is told that the budget closes by construction
-    (told,) = why.words(replace(reasons, breakups=[replace(reasons.breakups[0], closure=0.012)]))
+    told, *_ = why.words(replace(reasons, breakups=[replace(reasons.breakups[0], closure=0.012)]))
     assert "recorded motion when it was last afloat within 1.2 %" in told
     budget = reasons.breakups[0].budgets["both"]
     assert budget.residual is not None
@@ -307,7 +307,7 @@ def test_no_force_is_blamed_for_a_cut_that_carries_little(run: xr.Dataset, monke
     assert breakup.decisive.nominal < 0.25 * 18e3
     reasons = why.explain(run)
     reasons.breakups[:] = [breakup]
-    (text,) = why.words(reasons)
+    text, *_ = why.words(reasons)
     assert "no force parts the cut as a whole" in text
     assert "broke because" not in text
 
@@ -318,7 +318,7 @@ def test_coriolis_and_slope_are_weighed_together(run: xr.Dataset, monkeypatch: p
     forces = {name: parts.get(name, 0.0) * pull for name in FORCES}
     monkeypatch.setattr("riftberg.diagnostics.cut.external_forces", lambda run, record, p: forces)
     reasons = why.explain(run)
-    (text,) = why.words(reasons)
+    text, *_ = why.words(reasons)
     nominal = reasons.breakups[0].decisive.nominal
     assert f"(Coriolis and surface slope, {nominal / 1.5 / 1e3:+.1f} kPa)" in text
     assert "as in a sheared current" in text

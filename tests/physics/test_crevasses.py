@@ -8,7 +8,7 @@ from hypothesis import given
 
 from physics.agreement import between, quick
 from riftberg.physics.crevasses import (
-    crevasse_strength_of,
+    implied_crevasse_strength,
     prestress,
     reserve,
     reserves,
@@ -84,13 +84,13 @@ def test_reserve_is_what_ice_bears_at_the_depth_of_stable_crevasses(s: float, th
 def test_the_strength_at_the_tips_is_the_inverse_of_the_reserve(strength: float, thickness: float) -> None:
     """On both branches: crevassed ice, and ice without crevasses."""
     sigma = prestress(thickness, 850.0)
-    assert reserve(crevasse_strength_of(strength, sigma), sigma) == pytest.approx(strength, rel=1e-9)
+    assert reserve(implied_crevasse_strength(strength, sigma), sigma) == pytest.approx(strength, rel=1e-9)
 
 
 def test_the_fitted_strength_of_a68a_means_79_kpa_at_200_m() -> None:
     """And 73 kPa at 170 m: 11 kPa of both are not the same ice."""
-    assert crevasse_strength_of(11e3, prestress(200.0, 850.0)) == pytest.approx(79e3, abs=500.0)
-    assert crevasse_strength_of(11e3, prestress(170.0, 850.0)) == pytest.approx(73e3, abs=500.0)
+    assert implied_crevasse_strength(11e3, prestress(200.0, 850.0)) == pytest.approx(79e3, abs=500.0)
+    assert implied_crevasse_strength(11e3, prestress(170.0, 850.0)) == pytest.approx(73e3, abs=500.0)
 
 
 @pytest.mark.parametrize(("thickness", "rho"), [(130.0, 820.0), (200.0, 850.0), (360.0, 890.0)])

@@ -70,7 +70,7 @@ from riftberg.runs.progress import Stopwatch
 from riftberg.runs.scene import Scene
 from riftberg.runs.tracks import Position, by_area, track_table
 from riftberg.state.variables import LARGEST
-from riftberg.stepping.fracture.reserves import CAVEAT, Reserve, reserve_of
+from riftberg.stepping.fracture.reserves import CAVEAT, Reserve, berg_reserve
 from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import MOST_TEXT, check_file, reading, shown
 from riftberg.version import __version__
@@ -227,7 +227,7 @@ def berg_entries(model: BareModel) -> list[dict[str, Any]]:
                 "drift_north_km": float(north[0]) / 1e3,
                 "lon": lon,
                 "lat": lat,
-                **reserve_of(e.thickness[inside], area[inside], model.parameters).as_dict(),
+                **berg_reserve(e.thickness[inside], area[inside], model.parameters).as_dict(),
             }
         entries.append(entry)
     return entries

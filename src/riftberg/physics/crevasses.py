@@ -67,7 +67,7 @@ def reserve(crevasse_strength: float, sigma: float) -> float:
 
 
 @kernel
-def crevasse_strength_of(strength: float, sigma: float) -> float:
+def implied_crevasse_strength(strength: float, sigma: float) -> float:
     """Strength ``s`` at the tips of crevasses, Pa, of which ``strength`` (Pa) is the reserve.
 
     ``2 sqrt(strength sigma_0)``, or ``strength + sigma_0`` where that exceeds ``2 sigma_0``.

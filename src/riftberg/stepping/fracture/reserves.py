@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from riftberg.parameters import Parameters
-from riftberg.physics.crevasses import crevasse_strength_of, prestress, reserve
+from riftberg.physics.crevasses import implied_crevasse_strength, prestress, reserve
 from riftberg.state import Floats, Ints
 
 CAVEAT: Final = (
@@ -43,7 +43,7 @@ class Reserve(NamedTuple):
         )
 
 
-def reserve_of(thickness: Floats, area: Floats, parameters: Parameters) -> Reserve:
+def berg_reserve(thickness: Floats, area: Floats, parameters: Parameters) -> Reserve:
     """Return the reserve of a berg from thickness (m) and area (m2) of its elements.
 
     Explicit schemes have strengths of bonds, which mean nothing for the ice.
@@ -54,7 +54,7 @@ def reserve_of(thickness: Floats, area: Floats, parameters: Parameters) -> Reser
     if tip is not None:
         bears = reserve(tip, mean)
     elif bears is not None and bears > 0.0:
-        tip = crevasse_strength_of(bears, mean)
+        tip = implied_crevasse_strength(bears, mean)
     if not fracture.enabled or parameters.stepping.scheme != "quasi_static" or tip is None:
         bears, tip = None, None
     return Reserve(mean, prestress(float(thickness.max()), density), bears, tip)
@@ -75,10 +75,10 @@ def reserve_lines(
         return []
     numbers = np.unique(berg)
     if numbers.size == 1 or numbers.size > MOST_TOLD:
-        return [reserve_of(thickness, area, parameters).words(), CAVEAT]
-    told = [
+        return [berg_reserve(thickness, area, parameters).words(), CAVEAT]
+    sentences = [
         f"{names.get(number) or f'berg {number}'}: "
-        + reserve_of(thickness[berg == number], area[berg == number], parameters).words()
+        + berg_reserve(thickness[berg == number], area[berg == number], parameters).words()
         for number in numbers.tolist()
     ]
-    return [*told, CAVEAT]
+    return [*sentences, CAVEAT]
