@@ -97,11 +97,7 @@ def test_factors_of_rifts_scatter_and_damage_multiply(peak: float, criterion: st
 
 
 def test_all_that_is_said_after_a_run_has_the_strength_of_the_place(tmp_path: Path) -> None:
-<<<<<<< HEAD
-    """A bar of 300 m in the west, 180 m in the east, that parts in the thick ice."""
-=======
     """Scene, tracks, reasons, summary, description of a bar of 300 m in the west, 180 m in the east, that parts in the west."""
->>>>>>> reserve
     thick = np.where(np.arange(16) % 8 < 4, 300.0, 180.0)
     model = bar(thick, crevasse_strength=TIP)
     low, high = (reserve(TIP, prestress(h, 850.0)) for h in (300.0, 180.0))
