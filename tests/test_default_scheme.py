@@ -34,7 +34,7 @@ def test_who_asks_for_what_only_the_explicit_scheme_has_gets_it(groups: dict[str
     assert Parameters().changed(**groups).stepping.scheme == "mts"
     assert A68A_2022.changed(**groups).stepping.scheme == "mts"
     if "stepping" not in groups:
-        with pytest.raises(InputError, match="quasi_static|is of the explicit schemes"):
+        with pytest.raises(InputError, match=r"quasi_static|is of the explicit schemes"):
             Parameters(**groups, stepping={"scheme": "quasi_static"})
 
 
