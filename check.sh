@@ -20,7 +20,10 @@ unset PYTHONDONTWRITEBYTECODE
 trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 "$venv/bin/mypy" &
 # Kernels of both engines are compiled first: two processes of tests that begin with an empty cache would each compile all of them.
-"$venv/bin/riftberg" run a68a --numerics both --days 8 --output "$(mktemp -d)" >/dev/null
+compile() { "$venv/bin/riftberg" run a68a --numerics "$1" --days 8 --output "$(mktemp -d)" >/dev/null; }
+compile reference &
+compile own
+wait $!
 # Two processes share the files of tests out between them.
 # A process that dies ends the run: pytest-xdist would wait for ever for the files that it had.
 "$venv/bin/python" -m pytest -n "${RIFTBERG_WORKERS:-2}" --dist loadfile --max-worker-restart 0 "$@" &
