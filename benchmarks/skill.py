@@ -247,8 +247,8 @@ def write_suite(data: Path, folder: Path) -> None:
 
 # ---- tables -----------------------------------------------------------------------------------------------------------------
 
-THEN = "forcing.along=former.csv sea_ice.capture=none"
-"""As Riftberg was at 1d8dca15: the slope from a mean over 24 hours, and no pack that holds. The floor was a drag."""
+THEN = "forcing.along=former.csv sea_ice.capture=none drag.water_base=0.0012 drag.air_top=0.0055"
+"""As Riftberg was at 1d8dca15: the slope from a mean over 24 hours, no pack that holds, KID's drag. The floor was a drag."""
 
 NOT_OURS = ("OpenBerg 1.14.9", "current", "current x 0.29", "constant velocity", "staying put")
 

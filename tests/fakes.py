@@ -81,6 +81,7 @@ class FakeModel:
         if not latlon:
             parameters = parameters.changed(earth={"latlon": False})
         self.parameters, self.start, self.forcing = parameters, start, FakeForcing()
+        self.constants = parameters.kernel_values()
         self.time, self.step_number, self.substeps = 0.0, 0, 90
         self.remembered: dict[str, Any] = {}
         self.turns = 0.0
