@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -54,23 +53,6 @@ def test_every_output_variable_is_there_with_its_units(run: tuple[FakeModel, Pat
         assert not {"u_sync", "v_sync", "sides", "first", "second"} & set(file.variables)
         assert all(file[v.name].standard_name == v.standard_name for v in histories(run[0]) if v.standard_name)
         assert file["lon"].dtype == file["lat"].dtype == file["rotation"].dtype == np.float64
-
-
-def test_a_file_with_the_names_of_earlier_versions_is_read(run: tuple[FakeModel, Path], tmp_path: Path) -> None:
-    shutil.copy(run[1], tmp_path / "run.nc")
-    with netCDF4.Dataset(tmp_path / "run.nc", "a") as file:
-        for now, then in (
-            ("u", "u_sync"),
-            ("v", "v_sync"),
-            ("corners", "sides"),
-            ("bond_first", "first"),
-            ("bond_second", "second"),
-        ):
-            file.renameVariable(now, then)
-    with open_run(run[1]) as now, open_run(tmp_path) as then:
-        assert set(now.variables) == set(then.variables)
-        np.testing.assert_array_equal(now["u"], then["u"])
-        assert len(then.riftberg.tracks.to_dataframe()) > 0
 
 
 def test_bond_table_and_family_tree(run: tuple[FakeModel, Path]) -> None:
