@@ -132,6 +132,7 @@ def _ends(job: int) -> int:
     return job
 
 
+@pytest.mark.slow
 def test_a_job_that_ends_its_process_again_and_again_has_failed_and_the_others_are_done() -> None:
     ended = {job: future.exception() for future, job in pooled(_ends, [0, 1, 2, 3], 2, Hold())}
     assert sorted(ended) == [0, 1, 2, 3]

@@ -65,7 +65,9 @@ def parameters(scheme: str, spring: float | None = None, **groups: Any) -> Param
     return Parameters(**{"earth": PLANE, **groups}, stepping=stepping, contact={"spring": spring})
 
 
-@pytest.mark.parametrize("bend", [0.0, 300.0], ids=["square cells", "curvilinear"])
+@pytest.mark.parametrize(
+    "bend", [0.0, pytest.param(300.0, marks=pytest.mark.slow)], ids=["square cells", "curvilinear"]
+)
 def test_a_berg_is_not_thrown_by_the_bed_of_dry_land_beside_deep_water(bend: float) -> None:
     """Bug: a plane through a pad between land of no known depth and 10 km of water stood kilometres inside the keel."""
     model = Model(BERGS["one bonded berg"](), coast(bend=bend), parameters("quasi_static", grounding={}))
