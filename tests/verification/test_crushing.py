@@ -358,6 +358,7 @@ def broken_in_converging_current(strength: str, dt: float, modulus: float, aside
         for place, turn in (((-16e3 + aside, -3e3), 10.0), ((12e3, 8e3), 70.0), ((6e3, -16e3), -30.0))
     ]
     p = Parameters(
+        drag={"water_base": 0.0012, "air_top": 0.0055},
         earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt},
         bonds={"youngs_modulus": modulus}, fracture={"normal_strength": strength},
     )  # fmt: skip

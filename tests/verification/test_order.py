@@ -59,10 +59,13 @@ class Tide(Steady):
         elements.uo[:], elements.vo[:] = 0.3 * math.cos(phase), 0.3 * math.sin(phase)
 
 
+HEAVY_DRAG = {"ocean_scale": 17.8, "water_base": 0.0012, "air_top": 0.0055}
+
+
 def drifted(dt: float, forcing: Steady, latitude: float, scheme: str = "mts", **groups: Any) -> Any:
     """Place (m) of an element after two days."""
     model = single(
-        forcing, velocity=(0.2, -0.3), drag={"ocean_scale": 17.8}, earth={"reference_latitude": latitude},
+        forcing, velocity=(0.2, -0.3), drag=HEAVY_DRAG, earth={"reference_latitude": latitude},
         stepping={"time_step": dt, "scheme": scheme}, **groups,
     )  # fmt: skip
     model.advance(steps=round(2 * 86_400.0 / dt))

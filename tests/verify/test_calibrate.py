@@ -151,7 +151,7 @@ def eddied(speed: float = 0.6, east: float = 0.2, nothing: float = 1.0) -> Model
     """Return a berg of thirty elements in an eddy; one argument does nothing."""
     berg = Iceberg.rectangle("30 km", "9 km", thickness=200.0, placement=(-37.0, -56.0))
     sea = Forcing.uniform(current=(east, 0.05)) + Forcing.eddy((-37.1, -56.1), radius=15e3, speed=speed)
-    return Model(berg, sea, Parameters(), start=START.isoformat())
+    return Model(berg, sea, Parameters(drag={"water_base": 0.0012, "air_top": 0.0055}), start=START.isoformat())
 
 
 PRIOR = {"speed": "~uniform(0.3, 1.0)", "east": "~uniform(0.05, 0.35)", "nothing": "~normal(1, 0.2)",

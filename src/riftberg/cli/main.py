@@ -39,7 +39,8 @@ SUMMARIES: Final = {
     "replay": "Write one web page that plays the run offline, with scrubbing and zoom; of a forecast with all its members.",
     "score": "Compare a run with observations, day by day: distance, heading, area, overlap, fragments.",
     "verify": "Score an ensemble against observations: CRPS, energy score, coverage, ranks, spread, probability of break-up.",
-    "verify-tracks": "Score drift models on observed tracks of giant bergs, beside staying put and constant velocity.",
+    "verify-tracks": "Score drift models on observed tracks, beside staying put and constant velocity: of BYU and NIC, or of a "
+    "suite.",
     "compare": "Compare runs: how far apart they are by time, break-ups, bonds, and the distance from observed positions.",
     "why": "Explain why a berg broke: forces on the fragments, load across the cut, the first bonds to fail, and controls.",
     "doctor": "Identify forcing files, check that they are sufficient for an experiment, list what is missing.",

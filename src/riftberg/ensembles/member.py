@@ -32,7 +32,7 @@ from riftberg.runs.scene import SMALL
 from riftberg.runs.tracks import Shapes, is_channel, lon_of_track
 from riftberg.state.population import rows_of
 from riftberg.stepping.forces.media import on_the_floor
-from riftberg.stepping.fracture.criteria import bond_strengths
+from riftberg.stepping.fracture.reserves import bond_strengths
 from riftberg.stepping.fragments.tree import centroid
 from riftberg.system.input_files import allow_large, value_shown
 

@@ -27,8 +27,7 @@ from riftberg.runs.groundings import Stay, read_stays
 from riftberg.runs.layout import called, parameters_of
 from riftberg.runs.tracks import FLOOR_LOAD, GOES_ON, aground_in_file, by_area, family_of, is_channel, zonal_period
 from riftberg.state import Floats, Ints
-from riftberg.stepping.fracture.criteria import bond_strengths
-from riftberg.stepping.fracture.reserves import reserve_lines
+from riftberg.stepping.fracture.reserves import bond_strengths, reserve_lines
 from riftberg.system.netcdf_lock import open_lazily, open_netcdf
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from riftberg.runs.layout import (
 )
 from riftberg.state import Floats, Ints, Variable
 from riftberg.stepping.forces.media import on_the_floor
-from riftberg.stepping.fracture.criteria import bond_strengths
+from riftberg.stepping.fracture.reserves import bond_strengths
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -30,9 +30,9 @@ from riftberg.physics.bonds import (
     residual_strength,
     stress_ratio,
 )
-from riftberg.physics.crevasses import reserves
 from riftberg.state import Bonds, Floats, Ints
 from riftberg.stepping.fracture.crack_tips import REACH, CrackPaths
+from riftberg.stepping.fracture.reserves import bond_strengths
 from riftberg.stepping.lattice.cell_stiffness import CellStiffness, CellStresses, principal_stresses
 from riftberg.stepping.lattice.equilibrium import ElasticLattice, bond_deformations
 from riftberg.stepping.laws import Ratios, name_of, to_read
@@ -110,18 +110,6 @@ def residual_strengths(thickness: Floats, bonds: Bonds, intact: Ints, p: KernelP
     """Strengths that damage has left to the intact bonds; ``thickness``: of the elements, m."""
     nominal = bond_strengths(thickness, bonds.first[intact], bonds.second[intact], p)
     return Strengths(*_residual_strengths(bonds.strength, bonds.damage, intact, nominal, p.shear_strength))
-
-
-def bond_strengths(thickness: Floats, first: Ints, second: Ints, p: KernelParameters) -> Floats:
-    """Tensile strength (Pa) of the ice of bonds: where they are, without the factors of their rifts, scatter and damage.
-
-    Every use of a strength goes through here, in a run and after it. ``thickness``: of the elements, m, shape (..., elements);
-    returns shape (..., bonds).
-    """
-    if not p.crevasse_strength > 0.0:
-        return np.full((*thickness.shape[:-1], first.size), p.normal_strength)
-    mean = 0.5 * (thickness[..., first] + thickness[..., second])
-    return reserves(mean.ravel(), p.rho_ice, p.crevasse_strength).reshape(mean.shape)
 
 
 @kernel

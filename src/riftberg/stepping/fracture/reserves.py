@@ -7,8 +7,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from riftberg.parameters import Parameters
-from riftberg.physics.crevasses import implied_crevasse_strength, prestress, reserve
+from riftberg.parameters import KernelParameters, Parameters
+from riftberg.physics.crevasses import implied_crevasse_strength, prestress, reserve, reserves
 from riftberg.state import Floats, Ints
 
 CAVEAT: Final = (
@@ -82,3 +82,15 @@ def reserve_lines(
         for number in numbers.tolist()
     ]
     return [*sentences, CAVEAT]
+
+
+def bond_strengths(thickness: Floats, first: Ints, second: Ints, p: KernelParameters) -> Floats:
+    """Tensile strength (Pa) of the ice of bonds: where they are, without the factors of their rifts, scatter and damage.
+
+    Every use of a strength goes through here, in a run and after it. ``thickness``: of the elements, m, shape (..., elements);
+    returns shape (..., bonds).
+    """
+    if not p.crevasse_strength > 0.0:
+        return np.full((*thickness.shape[:-1], first.size), p.normal_strength)
+    mean = 0.5 * (thickness[..., first] + thickness[..., second])
+    return reserves(mean.ravel(), p.rho_ice, p.crevasse_strength).reshape(mean.shape)
