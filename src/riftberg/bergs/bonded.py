@@ -211,6 +211,8 @@ class BondedBerg:
         if (strength is not None) + bool(broken) + (depth is not None) > 1:
             raise BergError("a rift has one of strength, broken and depth", where="rift", remedy="Give one of them")
         threshold = number(threshold, "1", where="threshold", kind=BergError)
+        share = number(0.0 if strength is None else strength, "1", where="strength", kind=BergError)
+        depth = None if depth is None else number(depth, "1", where="depth", kind=BergError)
         elements, bonds = copy_state(self.elements, self.bonds)
         lines = None
         if not is_map(rift):
@@ -220,12 +222,11 @@ class BondedBerg:
         crossed = crossed_by(elements, bonds, rift, lines, latlon=self.latlon, threshold=threshold)
         made: dict[str, Any] = {"crossed": int(crossed.sum()), "broken": broken}
         if depth is not None:
-            depth = number(depth, "1", where="depth", kind=BergError)
             factor, crevassed = self._cut_to(crossed, depth, crevasse_strength)
             made |= {"depth": depth, "crevassed": crevassed, "unchanged": int((factor == 1.0).sum())}
         else:
-            factor = np.array(number(0.0 if strength is None else strength, "1", where="strength", kind=BergError))
-            made["strength"] = float(factor)
+            factor = np.array(share)
+            made["strength"] = share
         weaken(elements, bonds, crossed, strength=factor, broken=broken)
         if broken and lines is not None:
             mark_cracks(elements, bonds, lines, self.latlon, crossed)
