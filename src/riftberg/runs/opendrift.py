@@ -2,8 +2,8 @@
 
 A file is a CF trajectory file: an array (trajectory, time) on one time axis, NaN before a seed and after the end of each, or
 TrajAn's layout of one dimension, all samples one after the other. Where no reader covers, OpenDrift writes a fallback, which is
-no value: a current of 0, a depth of 10,000 m. The attribute ``reader_NAME`` of a file says where a variable came from; ``0`` is
-from nowhere.
+no value: a current of 0, a depth of 10,000 m. The attribute ``reader_NAME`` of a file says where a variable came from; ``0``
+is from nowhere.
 """
 
 from __future__ import annotations
