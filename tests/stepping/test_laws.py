@@ -271,7 +271,7 @@ def test_a_run_with_laws_is_not_resumed_without_them(tmp_path: Path) -> None:
     Model.resume(Model(berg(), sea).save(tmp_path / "plain.restart.nc"), sea).advance(steps=1)
 
 
-def published_drag(elements, time):
+def built_in_drag(elements, time):
     """The built-in drag of the water on a berg of one element."""
     body = elements.body
     draft = 850.0 / 1025.0 * body.thickness
@@ -287,7 +287,7 @@ def test_a_drag_that_is_the_built_in_one_changes_nothing(scheme: str) -> None:
     bonds = {"law": "none"} if scheme in ("verlet", "runge_kutta") else {}
     p = Parameters(stepping={"scheme": scheme, "time_step": 600.0}, bonds=bonds)
     sea = Steady(current=(0.2, 0.1), wind=(5.0, -3.0))
-    runs = [Model(lone(), sea, p, laws=laws) for laws in (None, Laws(drag={"water": published_drag}))]
+    runs = [Model(lone(), sea, p, laws=laws) for laws in (None, Laws(drag={"water": built_in_drag}))]
     for model in runs:
         model.advance(steps=6)
     for name in ("lon", "lat", "u", "v"):
@@ -353,14 +353,14 @@ def test_a_rate_below_zero_is_refused() -> None:
         Model(lone(), Steady(), laws=Laws(force=growing)).advance(steps=1)
 
 
-@pytest.mark.parametrize("drag", [published_drag, {"ice": published_drag}, {"water": 5.0}])
+@pytest.mark.parametrize("drag", [built_in_drag, {"ice": built_in_drag}, {"water": 5.0}])
 def test_a_drag_without_its_medium_is_refused_before_the_run(drag) -> None:
     with pytest.raises(InputError, match="Laws, "):
         Model(lone(), Steady(), laws=Laws(drag=drag))
 
 
 def test_a_run_with_a_drag_of_ones_own_goes_on_bit_for_bit(tmp_path: Path) -> None:
-    laws, sea = Laws(force=towed, drag={"water": published_drag}), Steady(current=(0.2, 0.1))
+    laws, sea = Laws(force=towed, drag={"water": built_in_drag}), Steady(current=(0.2, 0.1))
     whole, first = (Model(lone(), sea, laws=laws) for _ in range(2))
     whole.advance(steps=5)
     first.advance(steps=2)

@@ -17,7 +17,7 @@ from riftberg import Iceberg, Model, Parameters
 from riftberg.diagnostics.summary import fragment_areas
 from riftberg.experiments import Options, build
 from riftberg.ocean.analytic import Steady
-from riftberg.parameters import A68A_2022
+from riftberg.parameters import A68A_2022, PUBLISHED_DRAG
 from riftberg.stepping.contact import faces
 from riftberg.stepping.contact.crushing_step import integrate_faces
 from riftberg.stepping.contact.face_forces import (
@@ -358,7 +358,7 @@ def broken_in_converging_current(strength: str, dt: float, modulus: float, aside
         for place, turn in (((-16e3 + aside, -3e3), 10.0), ((12e3, 8e3), 70.0), ((6e3, -16e3), -30.0))
     ]
     p = Parameters(
-        drag={"water_base": 0.0012, "air_top": 0.0055},
+        drag=dict(PUBLISHED_DRAG),
         earth={"latlon": False, "period": 0.0}, stepping={"time_step": dt},
         bonds={"youngs_modulus": modulus}, fracture={"normal_strength": strength},
     )  # fmt: skip

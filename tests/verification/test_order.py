@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from riftberg.ocean.analytic import Steady
+from riftberg.parameters import PUBLISHED_DRAG
 from verification.setups import lattice, parameters, shake, single
 
 
@@ -59,7 +60,7 @@ class Tide(Steady):
         elements.uo[:], elements.vo[:] = 0.3 * math.cos(phase), 0.3 * math.sin(phase)
 
 
-HEAVY_DRAG = {"ocean_scale": 17.8, "water_base": 0.0012, "air_top": 0.0055}
+HEAVY_DRAG = {**PUBLISHED_DRAG, "ocean_scale": 17.8}
 
 
 def drifted(dt: float, forcing: Steady, latitude: float, scheme: str = "mts", **groups: Any) -> Any:

@@ -19,6 +19,7 @@ from riftberg.diagnostics.observed import Fix, Observations
 from riftberg.diagnostics.outlines import Outline
 from riftberg.ensembles.sweep import run_sweep, sweep
 from riftberg.errors import InputError
+from riftberg.parameters import PUBLISHED_DRAG
 from riftberg.verification import calibrate as module
 from riftberg.verification.calibrate import (
     Errors,
@@ -151,7 +152,7 @@ def eddied(speed: float = 0.6, east: float = 0.2, nothing: float = 1.0) -> Model
     """Return a berg of thirty elements in an eddy; one argument does nothing."""
     berg = Iceberg.rectangle("30 km", "9 km", thickness=200.0, placement=(-37.0, -56.0))
     sea = Forcing.uniform(current=(east, 0.05)) + Forcing.eddy((-37.1, -56.1), radius=15e3, speed=speed)
-    return Model(berg, sea, Parameters(drag={"water_base": 0.0012, "air_top": 0.0055}), start=START.isoformat())
+    return Model(berg, sea, Parameters(drag=dict(PUBLISHED_DRAG)), start=START.isoformat())
 
 
 PRIOR = {"speed": "~uniform(0.3, 1.0)", "east": "~uniform(0.05, 0.35)", "nothing": "~normal(1, 0.2)",

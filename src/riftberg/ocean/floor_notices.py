@@ -12,7 +12,7 @@ from riftberg.ocean.forcing import Forcing
 from riftberg.ocean.formulas import Seamount
 from riftberg.parameters import Parameters
 from riftberg.physics.floating import draft_of
-from riftberg.physics.seabed import bending_length
+from riftberg.physics.seabed import POISSON, SIDES_PER_LAMBDA, UNBENT_MODULUS, bending_length
 from riftberg.state import Elements, Floats
 
 DEEP: Final = 20.0
@@ -34,8 +34,8 @@ def floor_notices(forcing: Forcing, elements: Elements, parameters: Parameters, 
         return
     if placed:
         yield from _deep_keel(forcing, elements, parameters.ice.density)
-    modulus = parameters.grounding.ice_modulus if parameters.grounding.bending else 9e9
-    side = 0.25 * math.sqrt(2.0) * bending_length(modulus, 0.3, float(elements.thickness.min()))
+    modulus = parameters.grounding.ice_modulus if parameters.grounding.bending else UNBENT_MODULUS
+    side = math.sqrt(2.0) * bending_length(modulus, POISSON, float(elements.thickness.min())) / SIDES_PER_LAMBDA
     for part in getattr(forcing, "parts", (forcing,)):
         if isinstance(part, Seamount) and part.width < PADS_ACROSS * side:
             yield (

@@ -20,6 +20,14 @@ Floats = NDArray[np.float64]
 WATER_STIFFNESS = RHO_SEAWATER * GRAVITY
 """Weight of the water that one metre of heave displaces, Pa m-1."""
 
+POISSON = 0.3
+"""Of the ice that bends."""
+
+SIDES_PER_LAMBDA = 4.0
+"""Sides of the pads, in which a keel asks for the floor, that make ``lambda``, at least."""
+
+UNBENT_MODULUS = 9e9
+"""Young's modulus (Pa) by which ice that does not bend is cut into pads: as finely as solid ice, for the sake of the floor."""
 
 PLATE_STEP = 0.02
 """Distance between the values of `PLATE_DEFLECTION`, over `bending_length`."""

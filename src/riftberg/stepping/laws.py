@@ -103,7 +103,7 @@ class Laws:
             raise InputError(f"{value_shown(self.force)} is no function", where="Laws, force", remedy="Give a function")
         if self.drag is not None and (not isinstance(self.drag, Mapping) or self.drag.keys() - DRAGS):
             raise InputError(
-                f"{value_shown(self.drag)} does not say the drag of which medium", where="Laws, drag",
+                f"{value_shown(self.drag)} names no medium whose drag it is", where="Laws, drag",
                 remedy="Name it: drag={'water': ..., 'air': ..., 'sea_ice': ...}",
             )  # fmt: skip
         own_drag = (self.drag or {}).items()
@@ -242,11 +242,11 @@ def law_values(
     where = f"Laws, {kind}: {name_of(law)}"
     with to_read(elements, "elements", where):
         given = law(elements, time)
-    every = names + optional
-    if not isinstance(given, Sequence | np.ndarray) or len(given) not in (len(names), len(every)):
+    all_names = names + optional
+    if not isinstance(given, Sequence | np.ndarray) or len(given) not in (len(names), len(all_names)):
         raise RunError(f"{where} returns {value_shown(given)} instead of {len(names)} arrays ({', '.join(names)})")
-    out = np.zeros((len(every), elements.size))
-    for row, name, values in zip(out, every, given, strict=False):
+    out = np.zeros((len(all_names), elements.size))
+    for row, name, values in zip(out, all_names, given, strict=False):
         try:
             row[:] = np.nan if values is None else values
         except (TypeError, ValueError) as error:

@@ -13,12 +13,9 @@ import numpy as np
 
 from riftberg.compiled.kernels import kernel
 from riftberg.constants import DEGREE
-from riftberg.physics.seabed import WATER_STIFFNESS, add_moments, bending_length, cut
+from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS, add_moments, bending_length, cut
 from riftberg.state import Floats, Ints
 from riftberg.stepping.lattice.footprints import BodyFootprint
-
-SIDES_PER_LAMBDA: Final = 4.0
-"""Sides of pads that make ``lambda``, at least."""
 
 RUNGS: Final = 8.0
 """Sides of pads grow by this root of 2 from one to the next, so that melt changes them seldom."""

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.physics.geometry import solve
-from riftberg.physics.seabed import WATER_STIFFNESS
+from riftberg.physics.seabed import SIDES_PER_LAMBDA, WATER_STIFFNESS
 from riftberg.state import Floats, Ints
-from riftberg.stepping.ground.pads import LOW_X, LOW_Y, SIDE, SIDES_PER_LAMBDA, Pads
+from riftberg.stepping.ground.pads import LOW_X, LOW_Y, SIDE, Pads
 
 REACH: Final = 3.0
 """How far around pads that overlap the floor the ice bends, over ``lambda``; what lies beyond counts 0.3 % of the stiffness."""

@@ -16,7 +16,7 @@ from riftberg.errors import InputError, RunError
 from riftberg.ocean.forcing import Forcing, land_at, sea_level
 from riftberg.parameters import Grounding
 from riftberg.physics.floating import draft_of
-from riftberg.physics.seabed import bending_stress, friction_depth
+from riftberg.physics.seabed import POISSON, UNBENT_MODULUS, bending_stress, friction_depth
 from riftberg.state import Floats, Ints
 from riftberg.state.population import rows_of
 from riftberg.state.variables import LARGEST
@@ -40,9 +40,6 @@ from riftberg.stepping.ground.shoal import Keels, Shoal, choose_squares, find_ca
 from riftberg.stepping.ground.soundings import DepthOf, Soundings
 from riftberg.stepping.lattice.footprints import FootprintBook, body_footprint
 from riftberg.stepping.run_state import RunState
-
-POISSON: Final = 0.3
-"""Of the ice that bends, for which the stiffness at edges and corners was found."""
 
 SEDIMENTS: Final[dict[str, dict[str, float]]] = {
     "rock": {"stiffness": 1e9, "bearing_strength": 1e7, "friction": 0.5},
@@ -214,8 +211,7 @@ class Seabed:
                 numbers = np.union1d(numbers, keels.bodies)
         count = np.bincount(bodies.body, minlength=near.size)[numbers]
         thickness = np.bincount(bodies.body, el.body.thickness, near.size)[numbers] / count
-        # Also ice that does not bend is cut that finely, for the sake of the floor.
-        side = sides_of_pads(self.bed.modulus or 9e9, POISSON, thickness)
+        side = sides_of_pads(self.bed.modulus or UNBENT_MODULUS, POISSON, thickness)
         shoal.ice = ice
         if keels is not None and np.array_equal(numbers, keels.bodies) and np.array_equal(side, keels.side):
             return keels
