@@ -98,7 +98,7 @@ def test_compilation_is_announced_where_it_is_due(invoke: Any, monkeypatch: pyte
     assert "compiling" not in invoke("run", "fake", "--no-map", "--days", "0.1").stderr
     invoke.model.__init__()
     monkeypatch.setattr(kernels, "is_warm", lambda: False)
-    assert "compiling takes two to three minutes" in invoke("run", "fake", "--no-map", "--days", "0.1").stderr
+    assert "compiling takes three to four minutes" in invoke("run", "fake", "--no-map", "--days", "0.1").stderr
 
 
 @pytest.mark.parametrize(

@@ -470,7 +470,7 @@ def announce_compilation(quiet: bool = False) -> None:
     from riftberg.compiled.kernels import is_warm
 
     if not quiet and not is_warm():
-        say("First run with this version: compiling takes two to three minutes on a free core, once.")
+        say("First run with this version: compiling takes three to four minutes on a free core, once.")
 
 
 def tell(text: object) -> None:
