@@ -487,7 +487,7 @@ def grouped_mean(values: Floats, groups: Sequence[str]) -> Mean:
     """
     names = sorted(set(groups))
     owner = np.array(groups)
-    means = np.array([values[owner == name].mean() for name in names])
+    means = np.array([np.sort(values[owner == name]).mean() for name in names])
     if len(names) < FEWEST:
         return Mean(float(means.mean()), None)
     drawn = means[np.random.default_rng(1).integers(0, len(names), (DRAWS, len(names)))].mean(axis=1)
@@ -527,7 +527,7 @@ def table(case: SuiteCase, errors: Mapping[str, Floats], reference: str) -> dict
 
 def _entrant_row(own: Floats, reference: Floats, owners: Sequence[str], is_reference: bool) -> dict[str, Any]:
     """Return the errors of an entrant on some starts, and how far the reference is from it; ``owners``: berg of each start."""
-    mean, medians = grouped_mean(own, owners), [np.median(own[np.array(owners) == name]) for name in set(owners)]
+    mean, medians = grouped_mean(own, owners), [np.median(own[np.array(owners) == name]) for name in sorted(set(owners))]
     alone = len(medians) == len(own)
     median = float(np.median(own) if alone else np.mean(medians))
     found: dict[str, Any] = {"mean_km": mean.mean, "interval_km": mean.interval, "median_km": median}
