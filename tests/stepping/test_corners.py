@@ -25,10 +25,10 @@ MORE = {("wedge", "square"): {39.0, 57.0, 81.0}, ("wedge", "hexagonal"): {36.0, 
 """Angles of lattices on which the largest tension is 15 to 40 % above that of the finite elements, with loads at both ends."""
 
 
-def filled(shape: shapely.Polygon, packing: str, angle: float) -> tuple[Any, Any, list[Any]]:
+def filled(shape: shapely.Polygon, packing: str, angle: float, side: float = SIDE) -> tuple[Any, Any, list[Any]]:
     """Elements, bonds and outlines of a polygon (m) that a lattice turned by an angle (degrees) fills, on a plane."""
     on_sphere = shapely.transform(shape, lambda xy: xy / DEGREE)
-    berg = Iceberg.from_outline(on_sphere, thickness=HEIGHT, radius=0.5 * SIDE, packing=packing, lattice_angle=angle)
+    berg = Iceberg.from_outline(on_sphere, thickness=HEIGHT, radius=0.5 * side, packing=packing, lattice_angle=angle)
     el = berg.elements
     el.lon[:], el.lat[:] = DEGREE * el.lon, DEGREE * el.lat
     return el, berg.bonds, [shapely.transform(outline, lambda xy: xy * DEGREE) for outline in berg.outlines]
@@ -59,13 +59,17 @@ def pull(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.where(abs(x) > 8e3, 0.25 * np.sign(x), 0.0), 0.0 * y
 
 
+def tension_under(shape: shapely.Polygon, force: Any, packing: str, angle: float, side: float = SIDE) -> float:
+    """Largest tension under forces per area on all elements."""
+    el, bonds, outlines = filled(shape, packing, angle, side)
+    area, (east, north) = el.mass / (850.0 * HEIGHT), force(el.lon, el.lat)
+    total = np.column_stack([east * area, north * area, 0.0 * area])
+    return float(stresses_under(el, bonds, outlines, packing, total).bond[:, 0].max())
+
+
 def pulled_at_the_ends(shape: shapely.Polygon, packing: str, angle: float) -> float:
     """Largest tension under forces on all elements of both ends, over that of fine finite elements."""
-    el, bonds, outlines = filled(shape, packing, angle)
-    area, (east, north) = el.mass / (850.0 * HEIGHT), pull(el.lon, el.lat)
-    force = np.column_stack([east * area, north * area, 0.0 * area])
-    found = stresses_under(el, bonds, outlines, packing, force).bond[:, 0].max()
-    return float(found / largest_tension(shape, pull, HEIGHT, 250.0))
+    return tension_under(shape, pull, packing, angle) / largest_tension(shape, pull, HEIGHT, 250.0)
 
 
 @pytest.mark.parametrize(
@@ -95,6 +99,60 @@ def test_corners_hold_on_all_lattices(name: str, packing: str) -> None:
     assert rim.max() < 1.35
     assert ends.min() > 0.85
     assert set(angles[ends > 1.155]) == MORE.get((name, packing), set())
+
+
+def rounded(shape: shapely.Polygon, radius: float) -> shapely.Polygon:
+    """Fill the concave corners of a polygon to arcs of a radius (m)."""
+    filled_up = shape.buffer(radius, quad_segs=16).buffer(-radius, quad_segs=16)
+    return max(shapely.get_parts(filled_up), key=shapely.area)
+
+
+CROSS = shapely.union(SHAPES["rectangle"], shapely.box(-4e3, -10e3, 4e3, 10e3))
+
+
+@pytest.mark.parametrize(
+    ("packing", "angle"), [("square", 24.0), ("square", 45.0), ("hexagonal", 33.0), ("hexagonal", 54.0)]
+)
+def test_a_fillet_of_one_element_bears_the_mean_stress_over_an_element(packing: str, angle: float) -> None:
+    """The peak at a concave corner so sharp is 1.5 times the mean over an element: a lattice gives 1 to 1.4 times the mean."""
+    tension, shape = tension_under(rounded(CROSS, SIDE), pull, packing, angle), rounded(CROSS, SIDE)
+    peak, mean = (largest_tension(shape, pull, HEIGHT, 250.0, over) for over in (0.0, SIDE))
+    assert 0.95 * mean < tension < peak
+
+
+@pytest.mark.parametrize(
+    ("packing", "angle"), [("square", 24.0), ("square", 45.0), ("hexagonal", 24.0), ("hexagonal", 54.0)]
+)
+def test_a_fillet_of_three_elements_bears_what_the_continuum_does(packing: str, angle: float) -> None:
+    shape = rounded(CROSS, 3.0 * SIDE)
+    assert 0.85 < tension_under(shape, pull, packing, angle) / largest_tension(shape, pull, HEIGHT, 250.0) < 1.15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("packing", ["square", "hexagonal"])
+def test_fillets_bear_the_mean_stress_over_an_element_on_all_lattices(packing: str) -> None:
+    """Every 9 degrees, the cross of 1-km elements and A68a of 3-km ones, pulled and bent (the page on numerics has ranges)."""
+    from riftberg.experiments import Options, build
+
+    outline = build("a68a", Options())[0].outlines[0]
+    lon, lat = shapely.get_coordinates(shapely.centroid(outline))[0]
+    plane = shapely.transform(outline, lambda at: DEGREE * (at - [lon, lat]) * [np.cos(np.radians(lat)), 1.0])
+    axis = np.diff(shapely.get_coordinates(plane.minimum_rotated_rectangle)[:3], axis=0)
+    along = axis[np.hypot(*axis.T).argmax()]
+    plane = shapely.affinity.rotate(plane, -np.degrees(np.arctan2(along[1], along[0])), origin=(0.0, 0.0))
+    end = 0.6 * abs(np.array(plane.bounds))[[0, 2]].max()
+
+    def pull_a68a(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.where(abs(x) > end, 0.25 * np.sign(x), 0.0), 0.0 * y
+
+    def bend_a68a(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return 0.0 * x, np.where(abs(x) > end, 0.1, 0.0)
+
+    for shape, force, side in ((CROSS, pull, SIDE), (plane, pull_a68a, 3e3), (plane, bend_a68a, 3e3)):
+        mean = largest_tension(rounded(shape, side), force, HEIGHT, 0.25 * side, side)
+        ratios = [tension_under(rounded(shape, side), force, packing, angle, side) / mean for angle in range(0, 91, 9)]
+        assert min(ratios) > 0.8
+        assert max(ratios) < 1.45
 
 
 def of_cells(places: list[tuple[float, float]], packing: str, order: int) -> Any:

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 import shapely
 from scipy.sparse.linalg import spsolve
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, cKDTree
 
 YOUNGS, POISSON = 5e6, 0.3
 
@@ -27,8 +27,11 @@ def mesh(shape, side):
     return nodes, triangle[kept], abs(area)[kept]
 
 
-def largest_tension(shape, force, thickness, side):
-    """Largest principal tension (Pa) of a free body that accelerates as a rigid one; ``force``: N m-2 at x and y (m)."""
+def largest_tension(shape, force, thickness, side, over=0.0):
+    """Largest principal tension (Pa) of a free body that accelerates as a rigid one; ``force``: N m-2 at x and y (m).
+
+    ``over``: side (m) of the squares of ice over which stress is averaged, as the cells of a lattice do; 0: at points.
+    """
     nodes, triangle, area = mesh(shape, side)
     place, count = nodes[triangle], 2 * len(nodes)
     x, y = place[..., 0], place[..., 1]
@@ -57,5 +60,9 @@ def largest_tension(shape, force, thickness, side):
     at_node = np.zeros((len(nodes), 3))
     for k in range(3):
         np.add.at(at_node, triangle[:, k], stress * area[:, None] / 3)
-    xx, yy, xy = (at_node / mass[:, None]).T
+    at_node /= mass[:, None]
+    if over > 0.0:
+        near = cKDTree(nodes).query_ball_point(nodes, over / np.sqrt(np.pi))
+        at_node = np.array([mass[ring] @ at_node[ring] / mass[ring].sum() for ring in near])
+    xx, yy, xy = at_node.T
     return float((0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)).max())
