@@ -151,7 +151,7 @@ def test_fillets_bear_the_mean_stress_over_an_element_on_all_lattices(packing: s
     for shape, force, side in ((CROSS, pull, SIDE), (plane, pull_a68a, 3e3), (plane, bend_a68a, 3e3)):
         mean = largest_tension(rounded(shape, side), force, HEIGHT, 0.25 * side, side)
         ratios = [tension_under(rounded(shape, side), force, packing, angle, side) / mean for angle in range(0, 91, 9)]
-        assert min(ratios) > 0.8
+        assert min(ratios) > 0.7
         assert max(ratios) < 1.45
 
 

@@ -60,7 +60,8 @@ def largest_tension(shape, force, thickness, side, over=0.0):
     at_node = np.zeros((len(nodes), 3))
     for k in range(3):
         np.add.at(at_node, triangle[:, k], stress * area[:, None] / 3)
-    at_node /= mass[:, None]
+    used = mass > 0.0  # where outlines are sharp a node may have no triangle
+    nodes, mass, at_node = nodes[used], mass[used], at_node[used] / mass[used, None]
     if over > 0.0:
         near = cKDTree(nodes).query_ball_point(nodes, over / np.sqrt(np.pi))
         at_node = np.array([mass[ring] @ at_node[ring] / mass[ring].sum() for ring in near])
