@@ -46,7 +46,7 @@ def turned(angle: float = 0.6, skew: float = 0.0) -> CurvilinearMesh:
 
 def values(moment: Blend, places: Places, draft: Floats | float = 1.0, near: np.ndarray = RINGS) -> Floats:
     out = np.empty(places.row.size)
-    fill_values(moment, places, np.broadcast_to(np.float64(draft), out.shape).copy(), 0, near, out)
+    fill_values(moment, places, np.broadcast_to(np.float64(draft), out.shape).copy(), 0, near, np.nan, out)
     return out
 
 
@@ -134,7 +134,7 @@ def test_a_curvilinear_grid_that_goes_round_has_cells_between_its_last_and_its_f
     for mesh in (straight, bent):
         places, out = mesh.locate(x, y), np.empty((4, x.size))
         assert ((places.row >= 0).all(), mesh.points.columns) == (True, lon.size)
-        fill_values(moment, places, np.ones(x.size), mesh.points.columns, RINGS, out[0])
+        fill_values(moment, places, np.ones(x.size), mesh.points.columns, RINGS, np.nan, out[0])
         fill_slopes(moment, places, mesh.points, x, y, out[1], out[2])
         fill_vorticity(moment, moment, places, mesh.points, x, y, np.ones(x.size), out[3])
         found.append(out)

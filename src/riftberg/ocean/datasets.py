@@ -352,14 +352,14 @@ class DatasetForcing(DescribedForcing):
             for name in part.gives:
                 self._fill(part, name, places, elements, time)
             if "ssh" in part.gives and self._part_with("depth_below_surface") is not None:
-                level = np.nan_to_num(_values(part, "ssh", places, time, None))
+                level = _values(part, "ssh", places, time, unknown=0.0)
         if "depth" not in self._missing:
             elements.depth[:] += level
         if self._balance is not None:
             # Fill the slope of the sea surface that is in geostrophic balance with a current; 0 where this is unknown.
             draft = draft_of(elements.body.thickness, self._density) if self._balance.records.has_levels else None
             places = balanced or self._balance.mesh.locate(elements.lon, elements.lat)
-            u, v = (np.nan_to_num(_values(self._balance, name, places, time, draft)) for name in ("uo", "vo"))
+            u, v = (_values(self._balance, name, places, time, draft, unknown=0.0) for name in ("uo", "vo"))
             elements.slope_x[:], elements.slope_y[:] = balancing_slope(elements.lat, u, v)
 
     def _fill(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
@@ -375,13 +375,13 @@ class DatasetForcing(DescribedForcing):
         if name == "wave_height":
             for variable in FILLS[name]:
                 known = variable in part.records.names
-                getattr(e, variable)[:] = np.nan_to_num(_values(part, variable, places, time, None)) if known else 0.0
+                getattr(e, variable)[:] = _values(part, variable, places, time, unknown=0.0) if known else 0.0
             return
         # Only currents push over the whole draft; temperature at the keel has variables of its own.
         draft = draft_of(e.body.thickness, self._density) if name == "uo" and part.records.has_levels else None
         components = (name, VECTORS[name]) if name in VECTORS else (name,)
         for component, variable in zip(components, FILLS[name], strict=False):
-            getattr(e, variable)[:] = np.nan_to_num(_values(part, component, places, time, draft))
+            getattr(e, variable)[:] = _values(part, component, places, time, draft, unknown=0.0)
         if name == "uo":
             self._fill_turn(part, places, e, time, draft)
         if name in OVER_KEEL and part.records.on_levels(name):
@@ -458,7 +458,7 @@ class DatasetForcing(DescribedForcing):
 
     def _check_known(self, part: Part, name: str, places: Places, elements: Elements, time: float) -> None:
         """Refuse elements where a field is unknown, or the sea floor above the water."""
-        values = _values(part, name, places, time, None)
+        values = _values(part, name, places, time)
         dry = values <= 0.0 if name == "depth_below_surface" else np.isnan(values)
         if dry.any():
             row = int(np.flatnonzero(dry)[0])
@@ -521,7 +521,13 @@ class DatasetForcing(DescribedForcing):
         known = np.empty(lon.size)
         blend = Blend(wet, wet, 0.0, SURFACE, np.nan)
         fill_values(
-            blend, current.mesh.locate(lon, lat), np.ones(lon.size), current.mesh.points.columns, NO_RINGS, known
+            blend,
+            current.mesh.locate(lon, lat),
+            np.ones(lon.size),
+            current.mesh.points.columns,
+            NO_RINGS,
+            np.nan,
+            known,
         )
         water_around = known > 1.0 - 1e-9
         return float((water_around & (unknown > 0.0)).sum() / max(1, water_around.sum()))
@@ -555,7 +561,7 @@ class DatasetForcing(DescribedForcing):
         if part is None or self._part_with("depth_below_surface") is None:
             return np.zeros(np.shape(lon))
         places = part.mesh.locate(_flat(lon), _flat(lat))
-        return np.nan_to_num(_values(part, "ssh", places, time, None)).reshape(np.shape(lon))
+        return _values(part, "ssh", places, time, unknown=0.0).reshape(np.shape(lon))
 
     def land(self, lon: Floats, lat: Floats) -> NDArray[np.bool_]:
         """Return which points of the products are land: no current is known there, or no depth above 0."""
@@ -581,11 +587,14 @@ class DatasetForcing(DescribedForcing):
         return text.replace("\n", "\n    ")
 
 
-def _values(part: Part, name: str, places: Places, time: float, draft: Floats | None, near: Ints = RINGS) -> Floats:
-    """Return a field at places; NaN where it is unknown."""
+def _values(
+    part: Part, name: str, places: Places, time: float, draft: Floats | None = None, near: Ints = RINGS,
+    unknown: float = np.nan,
+) -> Floats:  # fmt: skip
+    """Return a field at places."""
     out = np.empty(places.row.size)
     over = np.ones(out.size) if draft is None else draft
-    fill_values(part.records.moment(name, time), places, over, part.mesh.points.columns, near, out)
+    fill_values(part.records.moment(name, time), places, over, part.mesh.points.columns, near, unknown, out)
     return out
 
 

@@ -326,7 +326,7 @@ def _lacking(data: xr.DataArray, berg: Located) -> tuple[int, int]:
     for record in as_block(data.isel(depth=slice(0, 1)) if "depth" in data.dims else data, "forcing"):
         field = Blend(record, record, 0.0, SURFACE, np.nan)
         for values, rings in zip(known, (NO_RINGS, RINGS), strict=True):
-            fill_values(field, berg.places, draft, berg.mesh.points.columns, rings, values)
+            fill_values(field, berg.places, draft, berg.mesh.points.columns, rings, np.nan, values)
         dry |= np.isnan(known[0])
         unfilled |= np.isnan(known[1])
     return int((dry & ~berg.outside).sum()), int((unfilled & ~berg.outside).sum())

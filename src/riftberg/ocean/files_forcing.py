@@ -367,7 +367,7 @@ def values_at(product: Part, name: str, time: float, at: Located) -> Floats:
     for level, values in enumerate(out):
         one = slice(level, level + 1)
         layer = moment._replace(before=moment.before[one], after=moment.after[one], limits=SURFACE)
-        fill_values(layer, at.places, np.ones(values.size), product.mesh.points.columns, RINGS, values)
+        fill_values(layer, at.places, np.ones(values.size), product.mesh.points.columns, RINGS, np.nan, values)
     return out
 
 

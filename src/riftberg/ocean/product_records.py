@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from riftberg.compiled.kernels import kernel
 from riftberg.config.units import place_text
-from riftberg.constants import EARTH_RADIUS_A68
+from riftberg.constants import DEGREE, EARTH_RADIUS_A68
 from riftberg.errors import ForcingError
 from riftberg.ocean.forcing import SharedLock
 from riftberg.ocean.grid import wind_from_stress
 from riftberg.products.levels import layer_limits
-from riftberg.products.mesh import Places, ProductPoints, beside, utc
+from riftberg.products.mesh import Places, ProductPoints, beside, beside_parallel, utc
 from riftberg.products.quantities import QUANTITIES, unlikely
 from riftberg.products.records import (
     MAY_BE_EMPTY,
@@ -160,21 +160,24 @@ def _record_at(
 
 
 @kernel
-def fill_values(moment: Blend, places: Places, draft: Floats, columns: int, near: Ints, out: Floats) -> None:
-    """Fill a field at many places; NaN where it is unknown, and outside.
+def fill_values(
+    moment: Blend, places: Places, draft: Floats, columns: int, near: Ints, unknown: float, out: Floats
+) -> None:
+    """Fill a field at many places.
 
-    ``draft``: drafts, m.
+    ``draft``: drafts, m; ``unknown``: what stands outside and where the field is unknown.
     """
     before, after, weight, limits, absent = moment
     for n in range(out.size):
         if places.row[n] < 0:
-            out[n] = math.nan
+            out[n] = unknown
             continue
         corners = (places.row[n], places.column[n], places.next_row[n], places.next_column[n])
         xi, eta = places.xi[n], places.eta[n]
         first = _record_at(before, limits, draft[n], corners, xi, eta, columns, near)
         last = first if weight <= 0.0 else _record_at(after, limits, draft[n], corners, xi, eta, columns, near)
-        out[n] = in_time(first, last, weight, absent)
+        value = in_time(first, last, weight, absent)
+        out[n] = value if value == value else unknown
 
 
 @kernel
@@ -215,10 +218,11 @@ def fill_vorticity(
     for n in range(out.size):
         j, i, j1, i1 = places.row[n], places.column[n], places.next_row[n], places.next_column[n]
         xi, eta, d = places.xi[n], places.eta[n], draft[n]
-        e0, n0 = beside(x[j, i], y[j, i], lon[n], lat[n])
-        e1, n1 = beside(x[j, i1], y[j, i1], lon[n], lat[n])
-        e2, n2 = beside(x[j1, i], y[j1, i], lon[n], lat[n])
-        e3, n3 = beside(x[j1, i1], y[j1, i1], lon[n], lat[n])
+        cosine = math.cos(lat[n] * DEGREE)
+        e0, n0 = beside_parallel(x[j, i], y[j, i], lon[n], lat[n], cosine)
+        e1, n1 = beside_parallel(x[j, i1], y[j, i1], lon[n], lat[n], cosine)
+        e2, n2 = beside_parallel(x[j1, i], y[j1, i], lon[n], lat[n], cosine)
+        e3, n3 = beside_parallel(x[j1, i1], y[j1, i1], lon[n], lat[n], cosine)
         e_xi, e_eta = _across_cell(e0, e1, e2, e3, xi, eta)
         n_xi, n_eta = _across_cell(n0, n1, n2, n3, xi, eta)
         u_xi, u_eta = _across_cell(
@@ -250,13 +254,22 @@ def _faces(position: float, first: int, last: int, around: int) -> tuple[int, in
 
 
 @kernel
+def _surface_at(level: Blend, j: int, i: int) -> float:
+    """Value of a point of a field without levels at the time of the moment."""
+    before = level.before[0, j, i]
+    if level.weight <= 0.0:
+        return in_time(before, before, 0.0, level.absent)
+    return in_time(before, level.after[0, j, i], level.weight, level.absent)
+
+
+@kernel
 def _change(
-    level: Blend, points: ProductPoints, j: int, i: int, j1: int, i1: int, lon: float, lat: float
+    level: Blend, points: ProductPoints, j: int, i: int, j1: int, i1: int, lon: float, lat: float, cosine: float
 ) -> tuple[float, float, float]:
     """Change of the field, and of the position to the east and north (rad), from one point to the next."""
-    e0, n0 = beside(points.lon[j, i], points.lat[j, i], lon, lat)
-    e1, n1 = beside(points.lon[j1, i1], points.lat[j1, i1], lon, lat)
-    step = _point_at(level, 1.0, j1, i1) - _point_at(level, 1.0, j, i)
+    e0, n0 = beside_parallel(points.lon[j, i], points.lat[j, i], lon, lat, cosine)
+    e1, n1 = beside_parallel(points.lon[j1, i1], points.lat[j1, i1], lon, lat, cosine)
+    step = _surface_at(level, j1, i1) - _surface_at(level, j, i)
     return (step if step == step else 0.0), e1 - e0, n1 - n0
 
 
@@ -278,16 +291,17 @@ def fill_slopes(
         west, east, right = _faces(xi, i, columns - 2, points.columns)
         south, north, upper = _faces(eta, j, rows - 2, 0)
         q_xi = e_xi = n_xi = q_eta = e_eta = n_eta = 0.0
+        cosine = math.cos(lat[n] * DEGREE)
         for k in range(4):
             second = k % 2 == 1
             side = (right if second else 1.0 - right) * (eta if k >= 2 else 1.0 - eta)
             column, row = east if second else west, j1 if k >= 2 else j
             beyond = (column + 1) % points.columns if points.columns > 0 else column + 1
-            q, e, m = _change(level, points, row, column, row, beyond, lon[n], lat[n])
+            q, e, m = _change(level, points, row, column, row, beyond, lon[n], lat[n], cosine)
             q_xi, e_xi, n_xi = q_xi + side * q, e_xi + side * e, n_xi + side * m
             side = (upper if second else 1.0 - upper) * (xi if k >= 2 else 1.0 - xi)
             row, column = north if second else south, i1 if k >= 2 else i
-            q, e, m = _change(level, points, row, column, row + 1, column, lon[n], lat[n])
+            q, e, m = _change(level, points, row, column, row + 1, column, lon[n], lat[n], cosine)
             q_eta, e_eta, n_eta = q_eta + side * q, e_eta + side * e, n_eta + side * m
         # Positions are in rad, so the slope is per rad until it is divided by the radius.
         slope = gradient(q_xi, q_eta, (e_xi, n_xi), (e_eta, n_eta))
@@ -365,6 +379,7 @@ class ProductRecords:
                     remedy="Give fields on (time, depth, lat, lon); choose one entry of any other dimension",
                 )
         self.ds, self._whole, self._limits = ds, ds, SURFACE[:1]
+        self._on_levels = frozenset(str(name) for name, field in ds.data_vars.items() if "depth" in field.dims)
         self._blocks: dict[int, Block] = {}
         self._judged: frozenset[int] = frozenset()  # First records of the blocks that have been read, and are sound
         self._lock = SharedLock()
@@ -401,8 +416,10 @@ class ProductRecords:
         return self.times[0] - float(before), self.times[-1] + float(after)
 
     @cached_property
-    def _gap_limit(self) -> float:
-        return gap_limit(self.ds)
+    def _wide(self) -> frozenset[int]:
+        """Records after which the next one comes later than is allowed."""
+        limit = gap_limit(self.ds)
+        return frozenset(k for k in range(len(self.times) - 1) if Gap(self.dates[k], self.dates[k + 1]).seconds > limit)
 
     @property
     def limits(self) -> Floats:
@@ -416,7 +433,7 @@ class ProductRecords:
 
     def on_levels(self, name: str) -> bool:
         """Whether a field is on more than one level."""
-        return self._limits.size > 2 and name in self.ds and "depth" in self.ds[name].dims
+        return self._limits.size > 2 and name in self._on_levels
 
     def moment(self, name: str, time: float) -> Blend:
         """Return a field at a time."""
@@ -460,9 +477,9 @@ class ProductRecords:
         )
 
     def _check_gap(self, record: int, time: float) -> None:
-        gap, limit = Gap(self.dates[record], self.dates[record + 1]), self._gap_limit
-        if gap.seconds > limit and self.times[record] < time < self.times[record + 1]:
-            raise gap_error(self.ds, gap, limit, self._date(time))
+        if record in self._wide and self.times[record] < time < self.times[record + 1]:
+            gap = Gap(self.dates[record], self.dates[record + 1])
+            raise gap_error(self.ds, gap, gap_limit(self.ds), self._date(time))
 
     def _date(self, time: float) -> np.datetime64:
         return utc(self.start) + np.timedelta64(round(time), "s")

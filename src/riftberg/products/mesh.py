@@ -124,19 +124,48 @@ class Located:
         return np.asarray(found.reshape(*field.shape[:-2], *self.shape))
 
 
-def brackets(axis: Floats, at: Floats) -> tuple[Ints, Floats]:
-    """Return the lower neighbour of each position on an axis and the fraction of the way to the next; NaN outside."""
-    if axis.size == 1:
-        return np.zeros(at.size, dtype=np.int64), np.where(np.isclose(at, axis[0]), 0.0, np.nan)
-    if axis[0] > axis[-1]:
-        lower, fraction = brackets(axis[::-1], at)
-        return axis.size - 2 - lower, 1.0 - fraction
-    # The last point belongs to the cell before it.
-    lower = np.clip(np.searchsorted(axis, at, side="right") - 1, 0, axis.size - 2)
-    fraction = (at - axis[lower]) / (axis[lower + 1] - axis[lower])
+@kernel
+def bracket(axis: Floats, at: float) -> tuple[int, float]:
+    """Return the lower neighbour of a position on a monotonic axis and the fraction of the way to the next; NaN outside."""
+    last = axis.size - 1
+    if last == 0:
+        return 0, 0.0 if abs(at - axis[0]) <= 1e-8 + 1e-5 * abs(axis[0]) else math.nan
+    descends = axis[0] > axis[last]
+    # Bisection in ascending order; the last point belongs to the cell before it.
+    lower, upper = 0, last
+    while upper - lower > 1:
+        middle = (lower + upper) // 2
+        if at < axis[last - middle if descends else middle]:
+            upper = middle
+        else:
+            lower = middle
+    first, second = (axis[last - lower], axis[last - lower - 1]) if descends else (axis[lower], axis[lower + 1])
+    fraction = (at - first) / (second - first)
     # Half a step beyond the last point lies within the last cell of the product.
-    outside = (fraction < -BEYOND) | (fraction > 1.0 + BEYOND)
-    return lower, np.where(outside, np.nan, np.clip(fraction, 0.0, 1.0))
+    if not -BEYOND <= fraction <= 1.0 + BEYOND:
+        fraction = math.nan
+    fraction = min(max(fraction, 0.0), 1.0) if fraction == fraction else fraction
+    return (last - 1 - lower, 1.0 - fraction) if descends else (lower, fraction)
+
+
+@kernel
+def find_on_axes(x_axis: Floats, y_axis: Floats, around: int, x: Floats, y: Floats, places: Places) -> None:
+    """Find the cell around each position on two axes; ``around``: columns after which the first follows again, or 0."""
+    for n in range(x.size):
+        column, xi = bracket(x_axis, x[n])
+        row, eta = bracket(y_axis, y[n])
+        inside = xi == xi and eta == eta
+        places.row[n], places.column[n] = row if inside else -1, column
+        places.next_row[n] = min(row + 1, y_axis.size - 1)
+        places.next_column[n] = (column + 1) % around if around > 0 else min(column + 1, x_axis.size - 1)
+        places.xi[n], places.eta[n] = xi, eta
+
+
+def _on_axes(x_axis: Floats, y_axis: Floats, around: int, x: Floats, y: Floats) -> Places:
+    """Return the cells around positions on two axes."""
+    places = Places(*np.empty((4, x.size), np.int64), *np.empty((2, x.size)))
+    find_on_axes(x_axis, y_axis, around, x, y, places)
+    return places
 
 
 class AxesMesh:
@@ -145,7 +174,8 @@ class AxesMesh:
     def __init__(self, lon: Floats, lat: Floats) -> None:
         repeated = abs(lon[-1] - lon[0] - 360.0) < 1e-6  # the first meridian stands at the end once more
         around = lon.size - repeated if goes_round(lon) else 0
-        self._lat, self._lon = lat, np.append(lon, lon[0] + 360.0) if around == lon.size else lon
+        self._lat = np.ascontiguousarray(lat)
+        self._lon = np.append(lon, lon[0] + 360.0) if around == lon.size else np.ascontiguousarray(lon)
         self.points = ProductPoints(*np.meshgrid(lon, lat), around)
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
@@ -153,7 +183,7 @@ class AxesMesh:
         middle = 0.5 * (self._lon[0] + self._lon[-1])
         # On the branch about the middle of the axis: half a turn either way.
         near = lon - 360.0 * np.floor((lon - middle + 180.0) / 360.0)
-        return _placed(brackets(self._lon, near), brackets(self._lat, lat), self.points.columns)
+        return _on_axes(self._lon, self._lat, self.points.columns, near, np.ascontiguousarray(lat, np.float64))
 
 
 class ProjectedMesh:
@@ -169,21 +199,13 @@ class ProjectedMesh:
         positions: tuple[Floats, Floats],
         project: Callable[[Floats, Floats], tuple[Floats, Floats]],
     ) -> None:
-        self._x, self._y, self._project = x, y, project
+        self._x, self._y, self._project = np.ascontiguousarray(x), np.ascontiguousarray(y), project
         self.points = ProductPoints(np.ascontiguousarray(positions[0]), np.ascontiguousarray(positions[1]), 0)
 
     def locate(self, lon: Floats, lat: Floats) -> Places:
         """Return the places of positions."""
-        x, y = self._project(lon, lat)
-        return _placed(brackets(self._x, x), brackets(self._y, y), 0)
-
-
-def _placed(columns: tuple[Ints, Floats], rows: tuple[Ints, Floats], around: int) -> Places:
-    """Return places from the lower neighbour and the fraction along each axis; a fraction of NaN is outside."""
-    (column, xi), (row, eta) = columns, rows
-    outside = np.isnan(xi) | np.isnan(eta)
-    following = (column + 1) % around if around else column + 1
-    return Places(np.where(outside, -1, row), column, row + 1, following, xi, eta)
+        x, y = (np.ascontiguousarray(q, np.float64) for q in self._project(lon, lat))
+        return _on_axes(self._x, self._y, 0, x, y)
 
 
 def goes_round_in_x(points: Floats) -> bool:
@@ -294,13 +316,19 @@ def beside(lon: float, lat: float, lon0: float, lat0: float) -> tuple[float, flo
 
     ``(dlon cos(lat0), dlat)``; beyond `POLAR`, where meridians meet, in the plane that touches the sphere there.
     """
+    return beside_parallel(lon, lat, lon0, lat0, math.cos(lat0 * DEGREE))
+
+
+@kernel
+def beside_parallel(lon: float, lat: float, lon0: float, lat0: float, cosine: float) -> tuple[float, float]:
+    """Return the same as `beside`, given the cosine of ``lat0``: of many points beside one it is taken once."""
     turn = lon - lon0
-    turn -= 360.0 * np.floor((turn + 180.0) / 360.0)
+    turn -= 360.0 * math.floor((turn + 180.0) / 360.0)
     y, y0 = lat * DEGREE, lat0 * DEGREE
     if abs(lat0) < POLAR:
-        return turn * DEGREE * math.cos(y0), y - y0
+        return turn * DEGREE * cosine, y - y0
     east = math.cos(y) * math.sin(turn * DEGREE)
-    return east, math.sin(y) * math.cos(y0) - math.cos(y) * math.sin(y0) * math.cos(turn * DEGREE)
+    return east, math.sin(y) * cosine - math.cos(y) * math.sin(y0) * math.cos(turn * DEGREE)
 
 
 @kernel
