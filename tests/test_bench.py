@@ -81,6 +81,7 @@ def test_a_scheme_is_set_and_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert "quasi_static" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_other_scheme_stands_beside_unless_one_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
     """What a scheme costs is half of what to know before one is chosen."""
     told: dict[str, list[str]] = {}

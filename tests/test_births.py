@@ -79,6 +79,7 @@ def differing(one: Model, other: Model) -> list[str]:
     return [name for name in a if a[name] != b[name]]
 
 
+@pytest.mark.quick(1)
 @each_scheme
 def test_a_run_with_births_and_deaths_goes_on_bit_for_bit(tmp_path: Path, scheme: str) -> None:
     whole, files, seen = lively(scheme), [], set()

@@ -141,6 +141,7 @@ def test_a_lost_run_goes_on_without_a_gap(tmp_path: Path, wholes: dict[str, Path
         assert np.floor(steps).tolist()[:2] == ([] if name == "melts" else [25, 33])
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("damage", ["cut", "garbage", "of another run"])
 def test_a_damaged_newest_state_gives_way_to_the_older(
     tmp_path: Path, wholes: dict[str, Path], lost_part: Path, damage: str
@@ -175,6 +176,7 @@ def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
     assert_same_files(wholes["breaks"], tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_lost_again_and_again(tmp_path: Path, wholes: dict[str, Path]) -> None:
     words = command(tmp_path, "melts", "--keep-days", "0.3")
     lost([*words, "-o", str(tmp_path / "part")], 30)
@@ -217,6 +219,7 @@ def test_what_does_not_fit_the_run_is_refused(tmp_path: Path, lost_part: Path, w
     assert {path.name: path.read_bytes() for path in (tmp_path / "part").iterdir()} == before
 
 
+@pytest.mark.slow
 def test_another_run_into_the_folder_is_not_gone_on_with(tmp_path: Path) -> None:
     """States of an earlier run lie there; the run file is that of a run with other parameters."""
     words = command(tmp_path, "breaks", "-o", str(tmp_path / "part"))
@@ -293,6 +296,7 @@ def test_kill_9(tmp_path: Path, wholes: dict[str, Path], wait: float) -> None:
     assert_same_files(whole, tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_steps_between_two_kept_states_are_those_asked_for(tmp_path: Path) -> None:
     lost(command(tmp_path, "breaks", "--keep-days", "0.5", "-o", str(tmp_path / "part")), 80)
     times = sorted(load_state(path).time / 86400.0 for path in (tmp_path / "part").glob("*.restart.nc"))

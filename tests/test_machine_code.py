@@ -80,6 +80,7 @@ def made(program: Path, folder: Path) -> Path:
     return folder / "kernels"
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_each_signature_has_its_own_file_whoever_writes_at_once(program: Path, tmp_path: Path) -> None:
     """Two processes that compile the same at once leave code that the next one takes."""
@@ -103,6 +104,7 @@ def test_code_of_the_wheel_is_found_after_numba_was_used_and_changes_nobody_else
     assert not list((tmp_path / "cache").rglob("*.code"))
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 @pytest.mark.skipif(not LEVEL, reason="no machine code is made for this kind of processor")
 def test_code_of_the_wheel_that_does_not_fit_is_left_alone(program: Path, tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ for kind in sys.argv[4].split(","):
 @pytest.mark.parametrize(
     ("kinds", "most"),
     [
-        ("run,restart", 3),
+        ("run,restart", 2),
         *(pytest.param(kind, 0, marks=pytest.mark.slow) for kind in ("run", "restart", "sweep")),
     ],
 )
@@ -172,6 +172,7 @@ for name, work in (
 """
 
 
+@pytest.mark.quick(1)
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP], ids=["ENOLCK", "EOPNOTSUPP"])
 def test_a_file_system_without_locks_is_called_so_with_the_way_out(library: Path, tmp_path: Path, number: int) -> None:

@@ -104,6 +104,7 @@ RUNS = [(name, knoll if PHYSICS[name].stepping.scheme == "quasi_static" else gri
 IN_THE_STEADY = [pytest.param(n, steady, marks=() if n in ("dem", "verlet") else pytest.mark.slow) for n in PHYSICS]
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(("name", "ocean"), [*RUNS, *IN_THE_STEADY])
 def test_stopping_after_any_long_step_changes_nothing(tmp_path: Path, name: str, ocean: Callable[[], Forcing]) -> None:
     """A run that is stopped and gone on with after each long step is at each the run that never stopped."""

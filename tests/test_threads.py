@@ -47,6 +47,7 @@ def test_runs_side_by_side_equal_runs_in_turn(threads: int) -> None:
                 np.testing.assert_array_equal(a, getattr(theirs, name), err_msg=name)
 
 
+@pytest.mark.slow
 def test_numba_thread_setting_changes_nothing() -> None:
     """One process per setting; every array of the state enters the digest."""
     digests = set()

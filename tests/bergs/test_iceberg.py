@@ -266,6 +266,7 @@ def test_a_thickness_map_that_ends_at_the_outline_leaves_the_rim_whole(outside):
         Iceberg.from_outline(far, thickness=slab(200.0, outside))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("outside", [0.0, np.nan])
 @pytest.mark.parametrize("value", [1.0, 7.0, 200.0])
 def test_ice_of_a_mask_ends_half_way_to_the_cells_without(value, outside):

@@ -34,6 +34,7 @@ def table(path: Path, rows: list[str]) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_table_of_decades_gives_the_score_of_the_days_of_the_run(run: Any, tmp_path: Path) -> None:
     """Each of a million rows looked for its record, and for its place."""
     dates = np.datetime64("1990-01-01") + np.arange(100_000) * np.timedelta64(2, "h")
@@ -46,6 +47,7 @@ def test_a_table_of_decades_gives_the_score_of_the_days_of_the_run(run: Any, tmp
     assert len(few.days) == 2
 
 
+@pytest.mark.slow
 def test_positions_by_the_second_are_compared_each_place_once(run: Any, tmp_path: Path) -> None:
     dates = np.datetime64("2020-12-09T13:00") + np.arange(20_000) * np.timedelta64(4, "s")
     rows = [f"{day},-55.01,-37.2,B7" for day in dates]

@@ -53,6 +53,7 @@ def test_a_berg_that_shatters_still_has_its_map(tmp_path: Path) -> None:
     assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_controls_run_the_experiment_that_the_run_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, Options]] = []
 

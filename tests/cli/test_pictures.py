@@ -45,6 +45,7 @@ def call(*arguments: object) -> Any:
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
+@pytest.mark.slow
 def test_plot_draws_three_figures_beside_the_run(folder: Path) -> None:
     result = call("plot", folder / "run.nc", "--observed", folder / "seen.geojson", "--dpi", 50)
     assert result.exit_code == 0, result.output
@@ -167,6 +168,7 @@ def registry(monkeypatch: pytest.MonkeyPatch) -> list[Options]:
     return asked
 
 
+@pytest.mark.slow
 def test_why_runs_the_controls(folder: Path, tmp_path: Path, registry: list[Options]) -> None:
     result = call("why", folder, "--controls", "--no-figure", "-q", "-o", tmp_path)
     assert result.exit_code == 0, result.output

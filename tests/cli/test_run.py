@@ -252,6 +252,7 @@ class _PressedInARealRun:
         monkeypatch.setattr(DailyTrack, "record", pressing)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("stop", [1, 3])
 def test_the_command_that_is_printed_goes_on_with_all_options(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: int

@@ -70,6 +70,7 @@ def test_the_break_is_described(run: xr.Dataset) -> None:
     assert breakup.decisive.thickness == 200.0
 
 
+@pytest.mark.slow
 def test_what_a_crack_released_is_told_per_area_and_as_toughness(run: xr.Dataset) -> None:
     """G = energy / area and K = sqrt(E G); the scheme of this run knows neither, so both are put in by hand."""
     assert why.explain(run).breakups[0].released_per_area is None
@@ -92,6 +93,7 @@ def test_opposite_pulls_are_carried_as_tension(run: xr.Dataset, monkeypatch: pyt
     assert load.tension_recorded == pytest.approx(3e9, rel=1e-3)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("turn", [-35.0, 50.0, 130.0])
 def test_tension_and_shear_are_those_along_the_cut_however_the_berg_lies(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, turn: float
@@ -249,6 +251,7 @@ def test_a_piece_that_differs_by_less_than_a_tenth_is_the_same(tmp_path: Path) -
     assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("share", "named"), [(0.021, True), (0.019, False)])
 def test_causes_below_a_fiftieth_of_the_largest_are_not_named(run: xr.Dataset, share: float, named: bool) -> None:
     (breakup,) = why.explain(run).breakups

@@ -292,6 +292,7 @@ def test_the_command_line_runs_a_design(tmp_path: Path) -> None:
     assert "2 are done" in again.output
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_parts_make_the_same_result_as_the_whole(tmp_path: Path) -> None:
     common = [

@@ -80,6 +80,7 @@ def constant(path: Path, lon: Floats, current: Floats) -> Path:
     return path
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     "wider", [np.arange(-180.0, 180.0, 0.25), np.arange(0.0, 360.0, 0.25), np.arange(-185.0, -175.0, 0.2)]
 )

@@ -65,6 +65,7 @@ def test_sobol_indices_are_those_of_scipy() -> None:
     assert found["total"].values == pytest.approx(np.ravel(known.total_order), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     """90 % intervals of the total index of ``3 a + b``, 0.9 and 0.1, over plans with other seeds."""
     inside = []

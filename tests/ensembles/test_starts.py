@@ -118,6 +118,7 @@ def test_a_table_of_starts_is_named_among_what_is_varied(file: Path, tmp_path: P
     assert vary_with_file(file, ["start.turn~normal(0, 5)"]) == {**found, "start.turn": "~normal(0, 5)"}
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("date", "lattice"), [("2020-12-09", ""), ("2020-12-10", "packing: hexagonal, ")])
 def test_lattices_of_observed_outlines_have_ice_at_every_bond(
     date: str, lattice: str, shared: Path, tmp_path: Path

@@ -185,6 +185,7 @@ class Slow:
         return made
 
 
+@pytest.mark.slow
 def test_a_member_that_takes_too_long_is_left_told_and_goes_on_when_asked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -209,6 +210,7 @@ def test_a_member_that_takes_too_long_is_left_told_and_goes_on_when_asked(
         sweep(drifting, {"speed": SPEEDS}, days=1, member_time=0)
 
 
+@pytest.mark.slow
 def test_the_control_of_a_forecast_takes_the_time_that_it_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -410,6 +412,7 @@ def test_the_picture_is_drawn(alone: xr.Dataset, tmp_path: Path) -> None:
         draw_sweep(failed, tmp_path / "none.png")
 
 
+@pytest.mark.slow
 def test_a_lost_worker_costs_time_and_nothing_else(alone: xr.Dataset, tmp_path: Path) -> None:
     """Two processes; one is killed in the middle of a member, which another one does again with the same digits."""
     vary = {"speed": SPEEDS, "folder": [str(tmp_path)]}
@@ -539,6 +542,7 @@ def test_members_run_on_the_workers_of_a_scheduler(alone: xr.Dataset) -> None:
     assert same(result, alone)
 
 
+@pytest.mark.slow
 def test_a_script_without_guard_is_told_so(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(

@@ -79,6 +79,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
     shutil.rmtree(tmp_path / "files", ignore_errors=True)  # some hundred MB
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("name", "days", "zone", "breaks"),
     [

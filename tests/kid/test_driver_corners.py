@@ -100,6 +100,7 @@ EDGES = {"east": (321.12, -59.5, 2.0, 0.0), "west": (319.88, -59.5, -2.0, 0.0), 
          "south": (320.5, -60.12, 0.0, -2.0)}  # fmt: skip
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("scheme", ["verlet", "runge", "springs"])
 @pytest.mark.parametrize("edge", EDGES)
 def test_elements_leave_a_grid_in_degrees_over_every_edge(scheme: str, edge: str) -> None:

@@ -197,6 +197,7 @@ def rows() -> list[Any]:
 _RAN: dict[int, bool] = {}
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("number", rows())
 def test_a_row_runs_with_its_ledger_closed(number: int) -> None:
     """Nothing but Riftberg's own errors comes out; what runs is finite, and its ice is all accounted for."""

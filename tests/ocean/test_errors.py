@@ -93,6 +93,7 @@ def check_statistics(got: dict[str, Any], tolerance: float, correlation: float) 
 TIMES = (0.4 * DAY, 0.4 * DAY + 3 * DAY / 16, 3.4 * DAY)
 
 
+@pytest.mark.slow
 def test_some_hundred_draws_have_the_spread_and_scales_asked_for() -> None:
     check_statistics(many(400, TIMES), 0.25, 0.17)
 
@@ -256,6 +257,7 @@ def around(lon: float, lat: float, distance: float, turn: float = 0.3) -> Any:
     return ConformalPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("count", [150, pytest.param(3000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("place", "far"), CASES.values(), ids=CASES.keys())
 def test_size_and_scale_are_those_asked_for_wherever_the_ice_is(

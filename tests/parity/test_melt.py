@@ -42,6 +42,7 @@ def ran(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str
     return run
 
 
+@pytest.mark.quick(2)
 @each_case
 def test_the_same_bergs_at_each_record(ran: Callable[[str], Ran], name: str) -> None:
     """Births and deaths: `paired` compares who is there."""

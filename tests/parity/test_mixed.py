@@ -63,6 +63,7 @@ def ran(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str
     return run
 
 
+@pytest.mark.quick(5)
 @each_case
 def test_the_same_records(ran: Callable[[str], Ran], name: str) -> None:
     """Who is there at each stamp, and nobody else at any other."""

@@ -41,6 +41,7 @@ def tolerance(c: Comparison, variable: str) -> float:
     return c.case.relative_acceleration if variable in ACCELERATIONS else c.case.relative
 
 
+@pytest.mark.quick(6)
 @each_case
 def test_positions_before_the_first_break(comparison: Compare, name: str) -> None:
     c = comparison(name)

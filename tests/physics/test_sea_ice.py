@@ -148,6 +148,7 @@ PACKS = ((1.0, 1.0), (2.0, 0.95), (0.5, 0.9))
 """Thickness (m) and concentration."""
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("size", TABLE)
 @pytest.mark.parametrize("k", range(3))
 @pytest.mark.parametrize("own", [False, True], ids=["published drag", "own drag"])

@@ -129,6 +129,7 @@ def expected(tmp_path: Path) -> np.ndarray:
     return track(tmp_path / "file", "sea.nc")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_zarr_store_on_the_network_is_a_forcing(tmp_path: Path, expected: np.ndarray, version: int) -> None:
     sea().to_zarr(tmp_path / "sea.zarr", zarr_format=version, consolidated=version == 2)

@@ -241,6 +241,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.quick(9)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_field_reaches_the_berg_or_is_refused(fault: str, tmp_path: Path) -> None:
     reaches_or_is_refused(tmp_path, FAULTS[fault])

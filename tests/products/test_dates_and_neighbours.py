@@ -72,6 +72,7 @@ def day(number: float) -> datetime:
 # Years that dates to the nanosecond cannot hold
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("units", "calendar", "first"),
     [
@@ -156,6 +157,7 @@ def monthly(how: str) -> xr.Dataset:
     return ds
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("how", ["first", "last", "noon of the first", "grib"])
 def test_monthly_means_without_bounds_stand_in_mid_month(tmp_path: Path, how: str) -> None:
     path = written(tmp_path, monthly(how))
@@ -229,6 +231,7 @@ def bounded(edges: Any, at: str, units: str = "days since 2020-12-16", **attribu
     return ds
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("at", ["begin", "end", "near", "middle"])
 def test_one_mean_with_bounds_is_held_over_them(tmp_path: Path, at: str) -> None:
     path = written(tmp_path, bounded([[-15.0, 16.0]], at))
@@ -399,6 +402,7 @@ def test_two_grids_that_fit_are_refused(tmp_path: Path) -> None:
     assert "aaa_grd.nc" in current_of(path)[1]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("by", ["h", "mask_rho", "grd_file"])
 def test_the_grid_is_known_by_what_the_file_repeats(tmp_path: Path, by: str) -> None:
     [path] = roms(tmp_path, grid_apart=True)

@@ -137,6 +137,7 @@ def test_depths_with_land_below_zero_are_still_read(tmp_path: Path) -> None:
 # --- fields without units, or with those of others ----------------------------------------------------------------------
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("names", [("uo", "vo"), ("ua", "va"), ("ssh",), ("ice_thickness",)])
 @pytest.mark.parametrize("keeps", ["standard_name", "nothing"])
 def test_fields_without_units_are_refused_by_name(tmp_path: Path, names: tuple[str, ...], keeps: str) -> None:
@@ -178,6 +179,7 @@ def test_units_that_a_product_is_known_for_are_told_where_its_file_lacks_them(tm
     told(tmp_path, nemo, "uo has no units in the file: m s-1 is taken, as nemo writes it")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("names", "units", "words"),
     [
@@ -352,6 +354,7 @@ def test_a_rotated_pole_beside_positions_is_compared_too(tmp_path: Path) -> None
 # --- what a file holds beside, and what is not read ---------------------------------------------------------------------
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("scalar", "value", "attributes"),
     [
@@ -408,6 +411,7 @@ OF_THE_CELL: dict[str, dict[str, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(("said", "factor"), [
     *(pytest.param(words, 1.0, id=name) for name, words in OF_THE_ICE.items()),
     *(pytest.param(words, 2.0, id=name) for name, words in OF_THE_CELL.items()),

@@ -176,6 +176,7 @@ def test_roms_levels_without_their_stretching_are_refused(transform: int, tmp_pa
         open_all([tmp_path / "other.nc"])
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "quantity"),
     [("temp", "sst"), ("salt", "sss"), ("zeta", "ssh"),

@@ -153,6 +153,7 @@ def test_one_level_of_its_own_for_each_kind_of_field(tmp_path: Path) -> None:
     arrives(written(tmp_path, on_level(ds, ICE, "sfc", 0.0, units="m")))
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("name", "value", "attributes", "water", "wind"),
     [
@@ -287,6 +288,7 @@ def texts(ds: xr.Dataset, style: str) -> list[str]:
     return [str(text) for text in ds["time"].dt.strftime(STYLES[style]).values]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("style", "kind"), [(style, ("text", "characters", "beside")[k % 3]) for k, style in enumerate(STYLES)]
 )
@@ -414,6 +416,7 @@ HOW = (
 )
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("how", HOW)
 def test_the_same_file_in_other_ways(tmp_path: Path, how: str) -> None:
     ds = shaken(plain(), how)
@@ -478,6 +481,7 @@ def unstructured(names: tuple[str, str], told: bool) -> xr.Dataset:
     return ds
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("names", [("unod", "vnod"), ("u", "v")])
 def test_fesom_reaches_the_berg_of_a_run(tmp_path: Path, names: tuple[str, str]) -> None:
     path = written(tmp_path, unstructured(names, told=True))
@@ -543,6 +547,7 @@ def on_map(name: str, *, mapping: bool, positions: bool, flipped: bool) -> xr.Da
     return ds
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("name", "mapping", "positions"),
     [(name, True, False) for name in MAPS]
@@ -584,6 +589,7 @@ def test_currents_along_a_map_that_is_not_described_are_refused(tmp_path: Path) 
 # --- values and words of a file that a stranger may write ---------------------------------------------------------------
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("units", ["1", "g kg-1", "1e-3", "PSU", "0.001", None])
 def test_salinity_is_judged_by_its_values(tmp_path: Path, units: str | None) -> None:
     """A salinity of 0.034, kilograms of salt per kilogram under another unit, was taken as nearly fresh water."""
@@ -595,6 +601,7 @@ def test_salinity_is_judged_by_its_values(tmp_path: Path, units: str | None) -> 
     refused(written(tmp_path, wrong), "no sea is so fresh")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "factor", "offset", "words"),
     [
@@ -814,6 +821,7 @@ def test_a_place_that_stands_twice_is_told_as_such(tmp_path: Path, axis: str, un
     )  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("axis", "units"), [("lat", "degrees_south"), ("lon", "degrees_west"), ("lon", "deg W")])
 def test_degrees_south_and_west_are_turned(tmp_path: Path, axis: str, units: str) -> None:
     """They were taken for degrees north and east: the data lay on the other side of the earth."""
@@ -851,6 +859,7 @@ DATES = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("kind", DATES)
 def test_time_0_is_by_default_the_first_date_however_dates_are_written(tmp_path: Path, kind: str) -> None:
     """It was the least of whichever variable of dates came first: bounds, or the day on which a forecast was issued."""
@@ -888,6 +897,7 @@ HEIGHTS = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", HEIGHTS)
 def test_heights_of_the_sea_floor_become_depths(tmp_path: Path, name: str) -> None:
     """The sea floor was left out without a word, and no berg ever grounded."""
@@ -904,6 +914,7 @@ UNREAD = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("family", UNREAD)
 def test_what_a_file_holds_and_nothing_reads_is_told(
     tmp_path: Path, family: str, caplog: pytest.LogCaptureFixture

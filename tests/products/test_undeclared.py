@@ -105,6 +105,7 @@ def felt_on_map(path: Path) -> float:
     return float(max(np.abs(getattr(e, name) - truth(name, e.lon, e.lat)).max() for name in ("uo", "vo")))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "mapping", [("S1", ("n",)), ("i4", ("one",)), ("string", ("one",)), ("f8", ("one",)), ("S1", ()), ("string", ())]
 )
@@ -112,6 +113,7 @@ def test_grid_mappings_of_any_shape(tmp_path: Path, mapping: tuple[str, Any]) ->
     assert felt_on_map(on_map(tmp_path / "map.nc", mapping=mapping)) < 5e-3
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("units", "metres"),
     [
@@ -128,6 +130,7 @@ def test_map_axes_in_units_with_a_number(tmp_path: Path, units: str, metres: flo
     assert felt_on_map(on_map(tmp_path / "map.nc", units, metres)) < 5e-3
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("units", ["pixel", "furlong", "rad"])
 def test_map_axes_in_no_length_are_refused_for_that(tmp_path: Path, units: str) -> None:
     with pytest.raises(ForcingError, match=f"the axes of the map of uo count '{units}', which is no length"):

@@ -49,6 +49,7 @@ def channel(speed: float, kind: str) -> Model:
     return Model(bergs(speed), sea, Parameters(earth=PLANE, stepping={"time_step": STEP}))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("kind", ["grid", "formula"])
 @pytest.mark.parametrize("speed", [0.35, -0.35])
 def test_a_berg_has_gone_all_the_way_round_a_channel(speed: float, kind: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import netCDF4
@@ -100,10 +101,10 @@ def test_the_sound_file_goes_on(sound: Path) -> None:
 def test_every_number_of_a_restart_is_refused_where_it_cannot_be(every: bool, sound: Path, tmp_path: Path) -> None:
     """2**63 - 1 in `extra/rigid_body` wrote over the heap; 2**31 there asked for 16 GiB; NaN in sea and ledgers passed.
 
-    The quick test gives each variable one of three values in turn.
+    The quick test takes every fourth variable, and gives it one of three values in turn.
     """
     passed, forcing = [], ocean()
-    for turn, (name, kind) in enumerate(variables(sound)):
+    for turn, (name, kind) in enumerate(islice(variables(sound), 0, None, 1 if every else 4)):
         values = WHOLE if kind.kind in "iu" else REAL
         for value in values if every else values[turn % 3 :][:1]:
             if (name, value if kind.kind in "iu" else f"{value:g}") in HARMLESS:
@@ -119,6 +120,7 @@ def test_every_number_of_a_restart_is_refused_where_it_cannot_be(every: bool, so
     assert passed == []
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("name", "value"),
     [("element_mass", 1e20), ("element_mass", 0.0), ("element_thickness", 5001.0), ("element_length", 2e6),
@@ -145,6 +147,7 @@ def test_cells_of_another_grid_are_refused_before_they_are_read(file: Path) -> N
         Model.resume(file, OceanForcing(small, small.fields()))
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("name", "shape", "word"),
     [

@@ -72,6 +72,7 @@ def assert_goes_on(whole: Path, resumed: Path, *, first: float) -> None:
         assert x.tobytes() == y.tobytes(), f"{name} differs"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "every",
     [
@@ -97,6 +98,7 @@ def test_every_variable_of_a_resumed_run_is_that_of_the_whole_run(
         assert_goes_on(tmp_path / "whole.nc", tmp_path / "resumed.nc", first=stop * DT)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("every", [0.0, 1.0, 3.0 * DT / 3600.0], ids=["every step", "1 h", "3 steps"])
 def test_forces_of_a_resumed_run_are_those_of_the_whole_run(tmp_path: Path, every: float) -> None:
     """A mean between two records counts what acted before a stop between them."""
@@ -126,6 +128,7 @@ def test_stops_lie_between_records_and_peaks_matter_there(tmp_path: Path) -> Non
     assert (peaks[0] != peaks[1]).any()
 
 
+@pytest.mark.slow
 def test_two_stops_are_as_good_as_one(tmp_path: Path) -> None:
     """A state saved before the first new record still knows what was remembered before the first stop."""
     whole = fresh(LAWS["wearing"])

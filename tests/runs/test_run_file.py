@@ -144,6 +144,7 @@ def test_a_new_run_may_replace_a_file_that_is_still_open_here(tmp_path: Path) ->
     assert np.isfinite(earlier.lon.values).all()
 
 
+@pytest.mark.slow
 def test_killed_run_leaves_a_complete_file(tmp_path: Path) -> None:
     script = """
     import sys
@@ -264,6 +265,7 @@ def two_meetings(ds: xr.Dataset) -> xr.Dataset:
     )
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "index", "value", "said"),
     [

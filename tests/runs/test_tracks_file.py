@@ -164,6 +164,7 @@ def test_the_accessor_has_tables_that_a_person_can_use(path: Path) -> None:
         assert not any("bond" in elements[name].dims for name in elements.data_vars)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("kind", ["tracks", "fragments", "elements"])
 def test_each_table_has_a_picture_by_one_call(path: Path, tmp_path: Path, kind: str) -> None:
     with open_run(path) as run:

@@ -209,6 +209,7 @@ def test_diagonals_of_squares_hold_as_long_as_a_way_of_two_bonds_is_left() -> No
             assert freed(b, other) == ({e for e in ends if cell <= e} if cell else ends)
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("drilling", [0.1, 1.0])
 @pytest.mark.parametrize(("packing", "angle"), [(p, a) for p in ("square", "hexagonal") for a in (0.0, 22.5, 45.0)])
 def test_each_piece_keeps_three_rigid_motions_down_to_single_cells(packing, angle, drilling) -> None:

@@ -68,6 +68,7 @@ def pulled_at_the_ends(shape: shapely.Polygon, packing: str, angle: float) -> fl
     return float(found / largest_tension(shape, pull, HEIGHT, 250.0))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "packing", "angle"),
     [("rectangle", "square", 24.0), ("rectangle", "square", 15.0), ("rectangle", "hexagonal", 33.0),

@@ -80,6 +80,7 @@ def test_a_berg_is_not_thrown_by_the_bed_of_dry_land_beside_deep_water(bend: flo
     assert _in_water(model)
 
 
+@pytest.mark.quick(20)
 @pytest.mark.parametrize("bend", [0.0, 300.0], ids=["square cells", "curvilinear"])
 @pytest.mark.parametrize(
     ("scheme", "spring"),

@@ -64,6 +64,7 @@ def test_a_resumed_run_with_a_force_of_ones_own_has_the_same_digits(scheme, tmp_
     assert np.abs(whole.applied_forces()[:, FORCES.index("own")]).max() > 0.0
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("scheme", ["quasi_static", "mts", "verlet"])
 def test_several_forces_act_as_their_sum_and_stand_under_their_names(scheme, tmp_path: Path) -> None:
     def tug(elements, time):

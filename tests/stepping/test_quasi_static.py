@@ -360,6 +360,7 @@ class Stretching(Steady):
         elements.uo[:] = elements.lon / 60e3
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_crack_runs_through_thin_ice_up_to_its_last_bond(monkeypatch) -> None:
     """Bug: ice 10 m thick ended in a RunError. On their last bond the halves turn far, and round-off with them."""

@@ -215,6 +215,7 @@ def _loose(scheme, packing, step, spring=None, **groups):
     return model
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("spring", [None, 1e-6])
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("scheme", ["verlet", "runge_kutta"])

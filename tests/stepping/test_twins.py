@@ -98,6 +98,7 @@ def run_stages(el, partners, sizes, dt, mean_speeds, p):
     single_step.combine_stages(el, stages, dt, p)
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("mean_speeds", [False, True], ids=["mean-velocity", "mean-speeds"])
 @pytest.mark.parametrize("options", VERLET.values(), ids=VERLET.keys())
 def test_runge_kutta_step_equals_twin(options, mean_speeds):
@@ -140,6 +141,7 @@ DEM = {
 }
 
 
+@pytest.mark.quick(9)
 @pytest.mark.parametrize("substeps", [1, 3])
 @pytest.mark.parametrize("options", DEM.values(), ids=DEM.keys())
 def test_long_step_with_dem_bonds_equals_twin(options, substeps):

@@ -174,6 +174,7 @@ def test_currents_up_to_friction_are_held() -> None:
         assert (abs(model.elements.lon.mean() - x) < 0.1) == held
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("days", [30, pytest.param(365, marks=pytest.mark.slow)])
 def test_a_berg_aground_stays_for_a_year(days: int) -> None:
     model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=0.3, dt=10800.0, sediment="rock")

@@ -74,6 +74,7 @@ def balance(velocity, current, wind, sea_ice, slope, f, scale):
     return total - 9.8 * np.array(slope) + f * np.array([u[1], -u[0]])
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("what", "current", "wind", "sea_ice", "slope", "latitude"),
     [

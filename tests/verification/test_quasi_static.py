@@ -241,6 +241,7 @@ def test_nothing_breaks_below_the_strength() -> None:
     assert model.bonds_broken == 0
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("dt", [1800.0, 900.0, 450.0])
 def test_time_of_a_break_does_not_depend_on_the_step(agrees, dt) -> None:
     """Loads of a current that rises: the break comes when the stress reaches the strength, within a step."""

@@ -100,6 +100,7 @@ def test_without_a_position_before_the_axes_are_east_and_north(tmp_path: Path) -
     assert list(found.baselines) == ["staying put"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("factor", "word"), [(1.0, "reliable"), (2.5, "overconfident"), (0.4, "underconfident")])
 def test_pooled_twins_are_called_what_they_are(factor: float, word: str, tmp_path: Path) -> None:
     """Truth from the ensemble's own errors, and from larger and smaller ones; twenty bergs."""
@@ -116,6 +117,7 @@ def test_pooled_twins_are_called_what_they_are(factor: float, word: str, tmp_pat
         assert all(row["energy_km"] < row["error_of_mean_km"] for row in rows)
 
 
+@pytest.mark.slow
 def test_the_error_of_observations_is_added_to_the_members(tmp_path: Path) -> None:
     found = [
         verified(

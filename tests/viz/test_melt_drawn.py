@@ -67,6 +67,7 @@ def test_curves_stand_on_each_other(run: xr.Dataset) -> None:
     assert {t.get_text().split(":")[0] for t in curves.get_legend().get_texts()} == {"base", "sides", "waves"}
 
 
+@pytest.mark.slow
 def test_areas_are_those_of_the_record(run: xr.Dataset, tmp_path: Path) -> None:
     """Bug: the curves, the replay page and the score of a berg that melts had its area of the first record."""
     areas = (run["length"] * run["width"]).transpose("time", "trajectory").values

@@ -46,6 +46,7 @@ def extent(figure: Figure) -> float:
     return float(east - west)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("lat", "polar"), [(-72.0, True), (72.0, True), (-55.0, False), (20.0, False)])
 def test_projection_is_chosen_by_latitude(tmp_path: Path, lat: float, polar: bool) -> None:
     run = finished(tmp_path, lat)
@@ -53,6 +54,7 @@ def test_projection_is_chosen_by_latitude(tmp_path: Path, lat: float, polar: boo
     assert (extent(draw_tracks(run)) > 1e3) == polar  # metres, or degrees
 
 
+@pytest.mark.slow
 def test_projection_can_be_changed(south: xr.Dataset, tmp_path: Path) -> None:
     assert extent(draw_map(south, projection="degrees")) < 10.0
     here = finished(tmp_path, -55.0)
@@ -218,6 +220,7 @@ def test_no_view_where_no_coast_is_known(tmp_path: Path) -> None:
     assert len(draw_tracks(finished(tmp_path, 60.5)).axes[0].child_axes) == 1
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("lat", "lon", "named"), [(-74.9, -60.5, {"land", "ice shelf"}), (-54.5, -38.0, {"land"}), (-58.0, -20.0, set())]
 )
