@@ -224,6 +224,7 @@ def test_rest_lengths_travel_in_restarts(tmp_path: Path) -> None:
     assert differing(same, model) == []
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("scheme", ["mts", "mts, spring, implicit", "verlet", "runge_kutta"])
 @pytest.mark.parametrize("far", ["stiff", "large", "colliding"])
 def test_a_berg_far_away_changes_nothing(scheme: str, far: str) -> None:

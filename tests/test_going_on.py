@@ -123,6 +123,7 @@ def assert_same_files(whole: Path, other: Path) -> None:
         xr.testing.assert_identical(one, another)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", EXPERIMENTS)
 @pytest.mark.parametrize(
     "after", [70, pytest.param(101, marks=pytest.mark.slow), pytest.param(49, marks=pytest.mark.slow)]

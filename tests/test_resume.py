@@ -130,6 +130,7 @@ def test_bonds_break_before_and_after_the_stops(name: str) -> None:
     assert (model.elements.depth < 150.0).any()  # a keel of 166 m is aground
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", [name for name in PHYSICS if PHYSICS[name].stepping.scheme == "mts"])
 def test_bergs_touch_in_these_runs(name: str) -> None:
     """The test above is about runs in which bergs collide: without contact between bergs they end elsewhere."""

@@ -44,6 +44,7 @@ def test_bergs_that_do_not_touch_do_not_push(side: float, radius: float, scheme:
     assert model.contacts.rows == []
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("scheme", "law"), [("mts", "dem"), ("mts", "spring"), ("mts", "none"), ("quasi_static", "dem"), ("verlet", "none")]
 )
@@ -188,6 +189,7 @@ def test_the_a68a_preset_keeps_the_published_distance_and_stiffness() -> None:
     assert (default.contact.distance, default.contact.spring, default.bonds.spring) == (0.0, None, None)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("coefficient", [0.0, 1e4])
 def test_the_sea_floor_is_one_for_berg_and_pieces(coefficient: float) -> None:
     """With grounding off the berg was told afloat and its pieces aground. On a bed: `tests/verification/test_landing.py`."""

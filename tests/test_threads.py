@@ -34,6 +34,7 @@ def moved(seed: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     return model.elements, model.bonds
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("threads", [2, 4])
 def test_runs_side_by_side_equal_runs_in_turn(threads: int) -> None:
     """Kernels release the interpreter lock and share nothing, so replicas may run in threads."""

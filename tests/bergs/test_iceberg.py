@@ -284,6 +284,7 @@ def boxes(gap: float) -> list[tuple[float, float, float, float]]:
     return [(-38, -56, middle, -55.7), (middle + gap * metre, -56, middle + (30e3 + gap) * metre, -55.7)]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("gap", [300.0, 1000.0, 1500.0, 2000.0, 3000.0, 4000.0])
 def test_pieces_of_an_outline_are_not_bonded_to_each_other(gap, packing):
@@ -350,6 +351,7 @@ def test_a_mask_across_greenwich_or_the_date_line_is_joined():
     np.testing.assert_allclose(berg.elements.lon + 180, plain.elements.lon, atol=1e-9)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "thickness", [200, np.float32(200), np.int64(200), np.array(200.0), [200.0], (200,), "200 m", "0.2 km"]
 )

@@ -94,6 +94,7 @@ def test_dates_at_the_end_of_all_years_are_no_traceback(run: Any, date: str, tmp
         score.score_run(run, read_observed(table(tmp_path / "late.csv", [f"{date},-55,-37,B7"])), hour=24.0)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "sum_", ["np.float64(1) / np.float64(0)", "np.array([1e308]) * 10", "np.nanmean(np.array([np.nan]))"]
 )

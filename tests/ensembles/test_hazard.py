@@ -210,6 +210,7 @@ def hazards(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return tmp_path / "hazard"
 
 
+@pytest.mark.quick(1)
 def test_maps_lie_where_gdal_and_so_qgis_finds_them(hazards: Path) -> None:
     """The probability of ice by date had its dates last: QGIS took them for longitudes, and laid the map at 0, 0."""
     import rasterio
@@ -249,6 +250,7 @@ def test_shapes_are_read_alike_by_gdal_and_so_by_qgis(hazards: Path, end: str) -
     assert not any(found.values())
 
 
+@pytest.mark.quick(1)
 def test_geojson_keeps_the_rules_of_rfc_7946(hazards: Path) -> None:
     document = json.loads((hazards / "hazard.geojson").read_text())
     assert document["type"] == "FeatureCollection"

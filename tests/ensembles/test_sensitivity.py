@@ -200,6 +200,7 @@ def drifting(speed: float = 0.1, strength: float = 1.0) -> Model:
     return Model(berg, Steady(current=(speed, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("result", [3.0, [1.0, 2.0], ["a"] * 4])
 def test_a_result_that_is_no_number_for_each_member_is_refused(result: Any) -> None:
     with pytest.raises(InputError, match=r"the function of 'own' returns .* one number for each of the 4 members"):
@@ -209,6 +210,7 @@ def test_a_result_that_is_no_number_for_each_member_is_refused(result: Any) -> N
         )  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("row", "berg", "said"), [
     ("2021-12-09T01:00,-37.0,-56.0", [], "no position of A1 from"),
     ("2020-12-09T14:00,-37.0,-56.0", ["--berg", "B1"], "no positions of B1"),

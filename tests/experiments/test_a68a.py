@@ -396,6 +396,7 @@ def test_what_a_run_should_not_be_taken_for_is_told_before_it() -> None:
     )
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", ["mts", "quasi_static", "verlet", "runge_kutta"])
 def test_elements_that_a_user_moves_are_moved(scheme: str) -> None:
     """They showed each other their old places, from which an explicit step went on: a moved berg stood where it had been."""

@@ -212,6 +212,7 @@ ATTRIBUTES: dict[str, tuple[str, str, dict[str, Any], str]] = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("what", ATTRIBUTES)
 def test_attributes_that_say_something_else_are_refused(shared: Path, tmp_path: Path, what: str) -> None:
     case = copied(shared, tmp_path / "case", "a68_oras5")

@@ -130,6 +130,7 @@ def _pair(z: complex) -> np.ndarray:
     return np.array([z.real, z.imag])
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("flag", [True, False], ids=["with the flag", "without"])
 @pytest.mark.parametrize(
     ("elements", "latitude", "wind", "spring"),
@@ -185,6 +186,7 @@ def first_of(now: dict[str, np.ndarray]) -> int:
     raise AssertionError(thick)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("changed", "first"),
     [
@@ -276,6 +278,7 @@ SCHEMES = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_an_imposed_velocity(tmp_path: Path, scheme: str) -> None:
     """Verlet at once, Runge-Kutta from the second step on, MTS not at all: elements keep the velocity that they have."""
@@ -370,6 +373,7 @@ FOOTLOOSE = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("x", "width", "distance", "flag"),
     [

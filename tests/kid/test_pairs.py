@@ -134,6 +134,7 @@ REFUSED: Final[dict[str, tuple[str, str, Values, Values, tuple[str, ...]]]] = {
 """Pairs that are refused before the first step, and what the refusal names: both entries."""
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_refused_pair_is_named(name: str) -> None:
     scene, scheme, driver, icebergs, words = REFUSED[name]

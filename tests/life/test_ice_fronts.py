@@ -198,6 +198,7 @@ def everything(model: Model) -> dict[str, bytes]:
     return {name: np.asarray(array).tobytes() for name, array in arrays.items()}
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("piece", ["whole", "broken"])
 def test_a_resumed_run_goes_on_bit_for_bit(piece: str, tmp_path: Path):
     """It moves and draws the outline anew after the restart."""

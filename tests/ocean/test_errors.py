@@ -204,6 +204,7 @@ def sizes(base: Any, elements: Any, length: float = LENGTH, count: int = 60, **m
     return np.sqrt(np.mean(squares, axis=0))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("base", [Coast(), Shelf(), Coast() + Steady(), coast_of_product()])
 def test_the_error_fades_towards_land_and_stays_balanced(base: Any) -> None:
     """The coast is a parallel, so that it fills whole rows; the product ends 12 km west of the berg, where there is no land."""

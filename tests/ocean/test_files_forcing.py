@@ -145,6 +145,7 @@ def test_currents_on_levels_are_averaged_over_the_draft_of_each_element(folder: 
     _run(folder / "files.yaml")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("more", ["", "  spacing: 0.25\n", "  sea_level: geostrophic\n"])
 def test_thicker_members_get_the_current_over_their_draft(folder: Path, more: str) -> None:
     """Levels were cut at the keel of the berg as the file has it: members much thicker than that failed."""

@@ -261,6 +261,7 @@ def glorys(folder: Path, name: str, number: float, **attributes: str) -> None:
     ds.assign_attrs(source="MERCATOR GLORYS12V1", **attributes).to_netcdf(folder / name)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "attributes"),
     [

@@ -72,12 +72,14 @@ def test_the_same_records(ran: Callable[[str], Ran], name: str) -> None:
     paired(ours, theirs, ELEMENT)
 
 
+@pytest.mark.quick(3)
 @each_case
 def test_positions(ran: Callable[[str], Ran], name: str) -> None:
     ours, theirs = paired(*ran(name).tables(), ELEMENT)
     assert ran(name).distance(ours, theirs) <= POSITION_MIXED
 
 
+@pytest.mark.quick(3)
 @each_case
 def test_all_other_variables(ran: Callable[[str], Ran], name: str) -> None:
     """As part of the largest value of each in the case; masses and sizes more closely."""

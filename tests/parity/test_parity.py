@@ -127,6 +127,7 @@ def test_final_restart(comparison: Compare, name: str) -> None:
         assert np.hypot(*offset(ours, theirs, c.case.latlon)).max() <= looser * POSITION
 
 
+@pytest.mark.quick(3)
 @each_case
 def test_layout_of_the_restart(comparison: Compare, name: str) -> None:
     """Names, order, types and attributes; and checksums over the numbers that stand in the file."""

@@ -240,6 +240,7 @@ SCENES = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("fraction", [1.0, 0.9, 0.8])
 def test_the_ledger_closes_and_no_pack_gives_more_than_it_bears(scene: str, fraction: float) -> None:

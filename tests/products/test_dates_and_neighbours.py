@@ -107,6 +107,7 @@ def test_heading_and_lead_time_of_another_age(tmp_path: Path) -> None:
     refused(written(tmp_path, ahead), "outside the years")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("year", "right"), [(1679, True), (2260, True), (1677, False), (2262, False)])
 def test_years_at_the_edge(tmp_path: Path, year: int, right: bool) -> None:
     path = written(tmp_path, dated(growing(np.arange(4)), np.arange(4), f"days since {year}-06-01"))
@@ -294,6 +295,7 @@ def forecasts(folder: Path, step: float = 0.25, names: tuple[str, ...] = UO_VO) 
     return files
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("step", [0.25, 0.5])
 def test_of_two_forecasts_the_one_named_later_counts(tmp_path: Path, step: float) -> None:
     first, second = forecasts(tmp_path, step)

@@ -67,6 +67,7 @@ def depth(x: Any, y: Any) -> Any:
     return truth("deptho", x, y)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "said", "more", "is_told"),
     [
@@ -90,6 +91,7 @@ def test_a_height_is_turned_into_a_depth_whatever_its_standard_name(
     assert any("is taken as a height, positive up" in line for line in forcing.notices) == is_told
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "said", "more"),
     [
@@ -273,6 +275,7 @@ def without_radius(name: str, *, positions: bool, **more: str) -> xr.Dataset:
     return ds
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", SPHERES)
 def test_without_a_radius_the_positions_of_the_file_count(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch

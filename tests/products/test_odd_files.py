@@ -199,6 +199,7 @@ def test_a_single_number_that_says_where_a_field_holds(
             forcing_from_files(asked, tmp_path, run)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "names",
     [
@@ -251,6 +252,7 @@ UNITS: tuple[dict[str, tuple[str, float, float]], ...] = (
 )
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("units", UNITS)
 def test_units_that_users_have(tmp_path: Path, units: dict[str, tuple[str, float, float]]) -> None:
     ds = plain()
@@ -259,6 +261,7 @@ def test_units_that_users_have(tmp_path: Path, units: dict[str, tuple[str, float
     arrives(written(tmp_path, ds))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("name", "units"), [("uo", "m"), ("ua", "bananas"), ("sst", "m"), ("ssh", "degC"), ("uo", "")])
 def test_units_that_cannot_be_are_refused_by_name(tmp_path: Path, name: str, units: str) -> None:
     ds = plain()
@@ -320,6 +323,7 @@ def test_a_single_date_in_words_keeps_a_run_of_another_year_off(tmp_path: Path, 
         DatasetForcing.from_xarray(ds.load(), START).check(elements(), 0.0, 8640.0)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["forecast_reference_time", "reftime", "validity_date", "valid_time", "date"])
 def test_a_single_date_of_any_name_counts(tmp_path: Path, name: str) -> None:
     still = plain(names=("uo", "vo")).isel(time=0, drop=True)
@@ -330,6 +334,7 @@ def test_a_single_date_of_any_name_counts(tmp_path: Path, name: str) -> None:
         by_run(old)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "units", ["Hours Since 2020-12-16", "HOURS since 2020-12-16 00:00", "hours  since 2020-12-16T00:00:00Z"]
 )
@@ -626,6 +631,7 @@ def test_the_doctor_doubts_percent_that_are_shares(tmp_path: Path) -> None:
     assert "are these shares of 1?" in doctor([written(tmp_path, ds)]).text()
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("packed_limits", [False, True])
 @pytest.mark.parametrize("key", ["valid_range", "valid_max"])
 def test_values_outside_of_the_valid_range_are_missing(tmp_path: Path, key: str, packed_limits: bool) -> None:
@@ -684,6 +690,7 @@ def test_a_usual_name_with_the_standard_name_of_something_else(tmp_path: Path, e
     refused(written(tmp_path, ds), f"uo is {east}, which is none of these")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "names", [("u2m", "v2m"), ("ua80m", "va80m"), ("uas_2m", "vas_2m"), ("u_wind_50m", "v_wind_50m")]
 )
@@ -829,6 +836,7 @@ def test_degrees_south_and_west_are_turned(tmp_path: Path, axis: str, units: str
     arrives(written(tmp_path, ds.assign_coords({axis: (axis, -ds[axis].values, {"units": units})})))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("levels", [1, 2])
 def test_a_layer_that_begins_at_the_surface_by_its_bounds_is_taken(tmp_path: Path, levels: int) -> None:
     """A mean from 0 to 100 m has its middle at 50 m, and was refused: nothing was known above."""

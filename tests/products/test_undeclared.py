@@ -196,6 +196,7 @@ def test_reasons_of_the_machine_and_of_our_own_are_kept(tmp_path: Path) -> None:
 # Flags
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("how", ["bytes", "signed bytes", "text", "decoded", "shorts", "per cent"])
 def test_flags_without_a_valid_range_are_missing(tmp_path: Path, how: str) -> None:
     """Flags along the western edge, as NASA Team, AMSR2 and others write them, are no ice and no fault."""
@@ -270,6 +271,7 @@ def with_period(name: str, **said: str) -> xr.Dataset:
 _MOMENT = "mean_period_from_variance_spectral_density_{}_frequency_moment"
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -286,6 +288,7 @@ def test_mean_periods_by_the_names_of_models(tmp_path: Path, name: str, said: di
     np.testing.assert_allclose(e.wave_period, 11.0 + 0.5 * (e.lon - CENTRE) + 0.2 * (e.lat + 55.5), atol=1e-5)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "said"),
     [

@@ -132,6 +132,7 @@ def test_a_size_that_no_ice_has_is_refused(file: Path, name: str, value: float) 
         Model.resume(file, ocean())
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("value", [2**63 - 1, 2**31, -1])
 def test_bodies_of_the_rigid_scheme_index_no_foreign_memory(file: Path, value: int) -> None:
     spoil(file, "extra/rigid_body", value)
@@ -175,6 +176,7 @@ def test_arrays_of_another_shape_are_refused(file: Path, name: str, shape: tuple
         Model.resume(file, ocean())
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["next_element", "rigid_body", "motion_ledger", "a_users_own"])
 def test_texts_in_the_place_of_numbers_are_refused(file: Path, name: str) -> None:
     with netCDF4.Dataset(file, "a") as ds:
@@ -187,6 +189,7 @@ def test_texts_in_the_place_of_numbers_are_refused(file: Path, name: str) -> Non
         load_state(file)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("attribute", "before", "after"),
     [
@@ -217,6 +220,7 @@ def test_stores_of_an_exchange_on_another_grid_are_refused(sound: Path) -> None:
         Exchange(model)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", ["mts", "verlet", "runge_kutta", "quasi_static"])
 def test_restarts_of_every_scheme_are_taken(scheme: str, tmp_path: Path) -> None:
     model, _ = begun(scheme)
@@ -227,6 +231,7 @@ def test_restarts_of_every_scheme_are_taken(scheme: str, tmp_path: Path) -> None
     np.testing.assert_array_equal(other.elements.lon, model.elements.lon)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "name", ["rigid_pose", "rigid_left_lon", "motion_ledger", "next_element", "record_times", "life_ledger"]
 )
@@ -240,6 +245,7 @@ def test_an_array_that_the_run_needs_and_that_is_gone_is_missed(file: Path, name
         load_state(file)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["rigid_left_id", "record_rows_of_elements", "record_rows_of_bonds"])
 def test_identifiers_stand_once_and_are_some_that_were_given(file: Path, name: str) -> None:
     with netCDF4.Dataset(file, "a") as ds:
@@ -256,6 +262,7 @@ def test_identifiers_stand_once_and_are_some_that_were_given(file: Path, name: s
         load_state(file)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("name", "value"), [("cell_i", 10**9), ("cell_j", 10**8), ("cell_j", -2)])
 def test_cells_that_no_grid_has_are_refused_without_a_grid_too(file: Path, name: str, value: int) -> None:
     spoil(file, f"element_{name}", value)

@@ -165,6 +165,7 @@ def test_uniform_gradients_leave_no_forces_inside_and_store_the_energy_of_the_so
         np.testing.assert_allclose(at_bonds, np.tile(stress, (first.size, 1)), rtol=0, atol=1e-13)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(("packing", "angle"), [("square", 0.0), ("square", 22.5), ("hexagonal", 30.0)])
 def test_bays_curves_holes_and_narrow_inlets_are_filled(shape, packing, angle) -> None:
@@ -294,6 +295,7 @@ def test_means_take_triangles_with_a_freed_edge_only_where_there_are_no_others()
     assert len(seen) >= 3
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("packing", "angle"), LATTICES)
 def test_a_beam_of_eight_cells_sags_as_beam_theory_says(packing, angle) -> None:
     sag, edge = bent(packing, angle, 8)

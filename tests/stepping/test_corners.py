@@ -111,6 +111,7 @@ RISE = np.sqrt(0.75)
 BLOCK = [(x, y) for x in range(5) for y in (0, 1)]
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("order", range(4))
 @pytest.mark.parametrize(
     ("packing", "places", "last"),
@@ -153,6 +154,7 @@ def test_a_bent_strip_one_cell_wide_bears_its_moment(angle: float) -> None:
         assert found.bond[k, 0] > 0.8 * 6.0 * moment / (HEIGHT * SIDE**2)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("packing", "angle"), [("square", 0.0), ("square", 24.0), ("hexagonal", 0.0), ("hexagonal", 33.0)]
 )

@@ -340,6 +340,7 @@ def test_a_bar_that_is_pulled_apart_parts_across_and_the_pieces_are_free_of_each
     assert model.bonds.normal_stress[model.bonds.status == 0].max() < 1e3
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_a_resumed_run_goes_on_bit_for_bit(packing, tmp_path) -> None:
     model = pulled(packing)
@@ -368,6 +369,7 @@ def test_criteria_of_the_ice_are_refused_where_stress_is_that_of_bonds() -> None
             Parameters(fracture={"criterion": "toughness", "toughness": toughness})
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("angle", [0.0, 30.0])
 @pytest.mark.parametrize("shape", ["rectangle", "rectangle in metres", "table", "outline"])
 def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:

@@ -127,6 +127,7 @@ def test_a_berg_does_not_go_into_the_one_that_a_coast_holds() -> None:
     assert np.abs(model.elements.u).max() < 0.1 * CURRENT
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("scheme", "columns"),
     [

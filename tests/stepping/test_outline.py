@@ -178,6 +178,7 @@ def test_a_berg_across_the_date_line_is_measured_as_anywhere():
     np.testing.assert_allclose(there.berg_length, here.berg_length, rtol=1e-9)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["waves", "air", "water", "sea_ice"])
 def test_what_acts_on_sides_is_the_bergs_on_every_lattice(name):
     """The sum over elements: waves by 2 L W / (L + W), drag on sides by a quarter of the perimeter."""

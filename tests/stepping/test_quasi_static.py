@@ -323,6 +323,7 @@ def test_a_large_berg_that_does_not_turn_is_stepped() -> None:
     assert np.ptp(model.elements.u) < 1e-9
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("where", ["process", "forcing"])
 def test_a_step_that_was_taken_back_is_taken_again_as_if_it_had_not_failed(where, monkeypatch) -> None:
     """It was lost: bodies and what was known of the lattice stayed those of the failed step."""

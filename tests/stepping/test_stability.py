@@ -75,6 +75,7 @@ def _scattered_thickness(packing):
     return 200.0 * np.random.default_rng(5).uniform(0.5, 1.5, count)
 
 
+@pytest.mark.quick(4)
 @pytest.mark.compiled
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("objective", [True, False])

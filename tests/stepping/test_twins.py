@@ -211,6 +211,7 @@ def test_flags_left_from_earlier_steps_enter_the_norm():
     assert len(counts) == 2
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("keep", [True, False], ids=["broken-as-contact", "search"])
 @pytest.mark.parametrize("objective", [True, False], ids=["objective", "reference-damper"])
 def test_breaking_inside_the_long_step_equals_twin(keep, objective):
@@ -264,6 +265,7 @@ SPRING = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("options", SPRING.values(), ids=SPRING.keys())
 def test_long_step_with_spring_bonds_equals_twin(options):
     """Spec 4.3 (part 3), 5.3 without DEM, 6.4: bergs act on each other in the long step, bonds in the sub-steps."""

@@ -80,6 +80,7 @@ def dissipated(model: Model) -> float:
     return booked
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("speed", "dt"),
     [(0.3, 60.0), (0.3, 1800.0), (0.3, 10800.0), (0.01, 600.0), (0.01, 10800.0), (1.0, 60.0), (1.0, 10800.0)],

@@ -76,6 +76,7 @@ def test_nearly_rigid_ice_heaves_and_tilts() -> None:
     assert load == pytest.approx(0.05 / compliance, rel=0.01)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("modulus", [9e9, 1e9])
 def test_ice_on_a_bank_takes_its_shape(modulus: float) -> None:
     volume = 0.5 * 10.0 * 10e3 * 30e3

@@ -215,6 +215,7 @@ def test_baselines_get_the_errors_of_other_bergs(tmp_path: Path) -> None:
     assert result["baselines"]["staying put"][4]["error_of_mean_km"] > 30.0
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -220,6 +220,7 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
     assert "fitted" not in said(folder, "--bergs", "held-out")
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -165,6 +165,7 @@ def test_the_scale_of_the_current_is_that_of_the_panels(run: tuple[FakeModel, xr
     np.testing.assert_allclose(image.cmap(image.norm(speeds)), bar.cmap(bar.norm(speeds)))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("latlon", [True, False])
 def test_the_picture_needs_neither_forcing_nor_bonds_nor_many_records(tmp_path: Path, latlon: bool) -> None:
     model = FakeModel(1, 1, latlon=latlon)

@@ -114,6 +114,7 @@ def test_a_picture_is_as_it_was_found_good(kind: str, run: xr.Dataset, tmp_path:
     assert most < MOST, f"{kind}: largest difference {most:.0f} of 255"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.usefixtures("without_text")
 @pytest.mark.parametrize("kind", ["map", "timeline"])
 def test_a_wrong_picture_is_noticed(

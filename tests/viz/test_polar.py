@@ -86,6 +86,7 @@ def test_option_of_the_command_line(south: xr.Dataset, tmp_path: Path) -> None:
     assert (tmp_path / "map.png").read_bytes() != polar
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("lat", [-72.0, -56.0, 56.0, 72.0])
 def test_map_around_positions_holds_them_on_any_branch_and_takes_the_pole_beyond_60_degrees(lat: float) -> None:
     lon = np.array([179.5, -179.5, np.nan, 180.2])  # across the date line
@@ -120,6 +121,7 @@ def test_tracks_have_gaps_where_a_berg_lost_a_part() -> None:
     np.testing.assert_array_equal(y, x)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("lat", [-72.0, 72.0])
 def test_elements_keep_size_and_shape(tmp_path: Path, lat: float) -> None:
     """A square of 3 km is one on the map, where a map in degrees is true at one latitude alone."""

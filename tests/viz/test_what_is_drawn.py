@@ -643,6 +643,7 @@ def test_one_element_does_not_fill_its_panel(tmp_path: Path) -> None:
     assert box.north - box.south >= 3.9 * side
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("pieces", [2, 6])
 def test_the_legend_of_many_pieces_keeps_off_the_title(
     run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pieces: int
