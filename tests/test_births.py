@@ -311,6 +311,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[float
     return path, seen
 
 
+@pytest.mark.slow
 def test_every_element_has_values_in_its_life_and_at_no_other_time(recorded: tuple) -> None:
     path, seen = recorded
     with open_run(path) as run:

@@ -74,6 +74,7 @@ def test_damage_over_time_is_the_closed_form() -> None:
         assert model.bonds.damage[0] == pytest.approx(exact, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_a_time_scale_ten_times_as_long_makes_a_life_ten_times_as_long() -> None:
     short, long = (
         life(pulled(0.9, time_step=dt, threshold=0.3, time_scale=tau))

@@ -161,6 +161,7 @@ def test_a_damaged_newest_state_gives_way_to_the_older(
     assert_same_files(wholes["breaks"], tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
     tmp_path: Path, wholes: dict[str, Path], lost_part: Path
 ) -> None:
@@ -187,6 +188,7 @@ def test_lost_again_and_again(tmp_path: Path, wholes: dict[str, Path]) -> None:
     assert_same_files(wholes["melts"], tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_what_was_interrupted_goes_on_in_its_folder_too(
     tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -246,6 +248,7 @@ def test_short_runs_keep_nothing_and_an_empty_folder_says_so(tmp_path: Path) -> 
         assert said in " ".join(result.stderr.split())
 
 
+@pytest.mark.slow
 def test_states_are_kept_by_the_clock_and_a_full_disk_is_no_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

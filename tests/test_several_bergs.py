@@ -89,6 +89,7 @@ def test_a_collision_depends_on_the_bergs_that_meet_alone() -> None:
     np.testing.assert_array_equal(run(True), run(False))
 
 
+@pytest.mark.slow
 def test_bergs_of_different_packing_thickness_and_size_go_through_one_run(tmp_path: Path) -> None:
     large = Iceberg.rectangle(18e3, 9e3, thickness=250.0, placement=(-37.0, -56.0)).named("A")
     small = Iceberg.rectangle(

@@ -103,6 +103,7 @@ def _reading(path: Path, stop: threading.Event) -> None:
             ds["lon"].values  # noqa: B018
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
 def test_a_process_forked_while_another_thread_reads_can_read_too(alone: list[str], folder_alone: Path) -> None:
     """It would inherit a lock that nobody gives back."""
@@ -208,6 +209,7 @@ def test_one_forcing_is_shared_by_models_in_threads(tmp_path: Path) -> None:
         assert list(pool.map(run, places, [f"shared{lon}.nc" for lon in places])) == alone
 
 
+@pytest.mark.slow
 def test_filters_of_warnings_are_what_they_were_after_threads(tmp_path: Path) -> None:
     """Where the blocks of two threads overlapped, the second put back for ever what the first had set."""
     from riftberg.products import open_product
@@ -258,6 +260,7 @@ def kid_digest(case: Path, output: str) -> str:
     return "".join(digest(path) for path in files)
 
 
+@pytest.mark.slow
 def test_kid_runs_in_threads(tmp_path: Path) -> None:
     from kid.conftest import write_case
 

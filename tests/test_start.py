@@ -232,6 +232,7 @@ def test_partners_ascend_where_there_are_many() -> None:
         assert partner[start[e] : start[e + 1]].tolist() == near[near != e].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_with_another_numba_kernels_are_compiled_as_it_does(tmp_path: Path) -> None:
     """`riftberg.compiled.parts` knows the inside of some versions only; the others must do without."""

@@ -42,6 +42,7 @@ def test_the_storyline_is_what_comes_now() -> None:
     assert rows("storyline") == SCRIPT.storyline(), AGAIN
 
 
+@pytest.mark.slow
 def test_the_first_row_is_what_comes_now() -> None:
     assert rows("story")[0] == SCRIPT.row(SCRIPT.RUNS[0]), AGAIN
 

@@ -330,6 +330,7 @@ def test_pieces_too_small_for_an_element_are_told():
     assert "pieces: 1 (the outline has 2)" in text
 
 
+@pytest.mark.slow
 def test_a_mask_across_greenwich_or_the_date_line_is_joined():
     """Longitudes from 0 to 360, as a whole circle or cropped to both of its ends, or from -180 to 180."""
     here = grid(

@@ -75,6 +75,7 @@ def test_two_runs_do_not_go_on_from_one_state(files: Path) -> None:
     assert "two runs cannot go on from one state" in result.stderr
 
 
+@pytest.mark.slow
 def test_runs_that_are_there_are_compared(
     kept: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -71,6 +71,7 @@ def test_more_positions_than_anybody_sees_are_refused_with_the_reason(
         score.score_run(run, observed)
 
 
+@pytest.mark.slow
 def test_thousands_of_outlines_are_read_once_each(tmp_path: Path) -> None:
     """Each was compared with all that came before."""
     rows = [

@@ -37,6 +37,7 @@ def test_a_folder_that_cannot_be_made_is_one_message(tmp_path: Path, monkeypatch
     assert str(tmp_path / "file") in result.stderr
 
 
+@pytest.mark.slow
 def test_a_berg_that_shatters_still_has_its_map(tmp_path: Path) -> None:
     """All bonds break when a strength is given in the wrong unit; no fragment is large enough to be named then."""
     model = FakeModel(30, 4)

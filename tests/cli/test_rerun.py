@@ -104,6 +104,7 @@ def swept(first: Path) -> Path:
     return first
 
 
+@pytest.mark.slow
 def test_a_member_of_a_sweep_is_run_by_itself(swept: Path) -> None:
     (swept / "here" / "it.yaml").write_text("days: 99")  # what the sweep was made from is in its file
     result = call("rerun", "all/sweep.nc#1", "-o", "two", "-q", "--no-map")
@@ -125,6 +126,7 @@ def test_a_member_of_a_sweep_is_run_by_itself(swept: Path) -> None:
         assert float(abs(two["lon"] - three["lon"]).isel(time=0).max()) > 0.01
 
 
+@pytest.mark.slow
 def test_a_member_that_is_not_there_and_a_sweep_that_keeps_nothing_are_refused(swept: Path) -> None:
     result = call("rerun", "all/sweep.nc#9", "-o", "b", "-q")
     assert result.exit_code == 2

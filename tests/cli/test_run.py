@@ -200,6 +200,7 @@ def test_experiments_are_listed() -> None:
     assert "--without shoal | shear" in result.output
 
 
+@pytest.mark.slow
 def test_a_yaml_experiment_runs_for_real(tmp_path: Path) -> None:
     (tmp_path / "slab.yaml").write_text(
         "start: 2020-12-09\ndays: 0.25\n"

@@ -141,6 +141,7 @@ def test_a_job_that_ends_its_process_again_and_again_has_failed_and_the_others_a
     assert LOST_TIMES == 3
 
 
+@pytest.mark.slow
 def test_nothing_begins_after_a_signal() -> None:
     hold = Hold()
     made: list[int] = []

@@ -314,6 +314,7 @@ def test_the_layout_is_that_of_the_page() -> None:
     assert ds["lead"].values.tolist() == [0.0, 24.0, 48.0, 72.0, 96.0]
 
 
+@pytest.mark.slow
 def test_a_forecast_of_a_function_has_all_default_errors(tmp_path: Path) -> None:
     ds = riftberg.forecast(drifting, days="12 h", every_hours=6, members=4, workers=0, output=tmp_path / "f")
     assert ds["status"].values.tolist() == [0] * 4

@@ -226,6 +226,7 @@ def test_observations_that_do_not_fit_are_refused_before_the_runs(
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_a_function_of_inputs(tmp_path: Path) -> None:
     vary = {"speed": "~uniform(0.1, 0.2)", "strength": "~uniform(0.5, 1)"}
     found = riftberg.sensitivity(

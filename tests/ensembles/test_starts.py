@@ -77,6 +77,7 @@ def test_starts_after_the_forecast_or_long_before_are_refused(file: Path, tmp_pa
             forecast(file, {"starts": path}, members=2, default_errors=False, workers=0)
 
 
+@pytest.mark.slow
 def test_observed_outlines_are_starts(file: Path, tmp_path: Path) -> None:
     for name, half in (("small", 0.05), ("large", 0.1)):
         corners = [[-39 + i * half, -55 + j * half] for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
@@ -144,6 +145,7 @@ def usual(start: str = "2020-12-10 00:00") -> Model:
     return required(start)
 
 
+@pytest.mark.slow
 def test_members_of_a_function_do_not_start_after_the_forecast_either() -> None:
     """Bug: only those of a file were refused; of a function they had no position at the start, and lost the end."""
     common: dict[str, Any] = {"days": 0.5, "every_hours": 6, "members": 1, "default_errors": False, "workers": 0}

@@ -404,6 +404,7 @@ def test_many_fragments_are_listed_by_size() -> None:
     assert rows[1] == 21
 
 
+@pytest.mark.slow
 def test_the_picture_is_drawn(alone: xr.Dataset, tmp_path: Path) -> None:
     for ending in ("png", "pdf", "svg"):
         assert draw_sweep(alone, tmp_path / f"sweep.{ending}").stat().st_size > 5000
@@ -595,6 +596,7 @@ def begun(start: str) -> Model:
     return Model(berg, Steady(current=(0.3, 0.0)), start=datetime.fromisoformat(start))
 
 
+@pytest.mark.slow
 def test_members_that_start_at_other_dates_have_their_own(tmp_path: Path) -> None:
     """Bug: all had the dates of member 0; member 1 lay 14 km beside its own rerun."""
     starts = ["2020-12-01 00:00:00", "2020-12-03 00:00:00"]

@@ -165,6 +165,7 @@ def test_the_judge_compares_the_value_at_the_berg(tmp_path: Path) -> None:
     assert [v.what for v in verdicts] == [RIGHT, SILENT, SILENT, REFUSED], told(verdicts)
 
 
+@pytest.mark.slow
 def test_the_judge_takes_what_is_told_and_then_holds_to_it(tmp_path: Path) -> None:
     strange = truth(Ocean(lat=PLAIN.lat + 0.5)).wrong
     no_wind = Truth(strange, ("no file gives the wind",), truth(names=("uo", "vo", "slope")).wrong)

@@ -137,6 +137,7 @@ def test_a_zarr_store_on_the_network_is_a_forcing(tmp_path: Path, expected: np.n
         np.testing.assert_array_equal(track(tmp_path, f"{address}/sea.zarr"), expected)
 
 
+@pytest.mark.slow
 def test_an_opendap_address_is_a_forcing(tmp_path: Path, expected: np.ndarray) -> None:
     Dap.asked.clear()
     with serving(Dap) as address:

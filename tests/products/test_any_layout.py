@@ -288,6 +288,7 @@ LAYOUTS = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(layout=LAYOUTS)
 def test_any_combination_reaches_the_berg_or_is_refused(layout: Layout, tmp_path: Path) -> None:

@@ -113,6 +113,7 @@ def test_forces_of_a_resumed_run_are_those_of_the_whole_run(tmp_path: Path, ever
         assert_goes_on(tmp_path / "whole.nc", tmp_path / "resumed.nc", first=stop * DT)
 
 
+@pytest.mark.slow
 def test_stops_lie_between_records_and_peaks_matter_there(tmp_path: Path) -> None:
     """Without what is remembered, the record after a stop between two records lacks the peak from before the stop."""
     part = fresh(LAWS["breaking"])
@@ -141,6 +142,7 @@ def test_two_stops_are_as_good_as_one(tmp_path: Path) -> None:
     assert_goes_on(tmp_path / "whole.nc", tmp_path / "resumed.nc", first=7 * DT)
 
 
+@pytest.mark.slow
 def test_runs_through_model_run_too(tmp_path: Path) -> None:
     fresh(LAWS["breaking"]).run(steps=10, output=tmp_path / "whole.nc", every_hours=1.5)
     part = fresh(LAWS["breaking"])

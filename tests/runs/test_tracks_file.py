@@ -75,6 +75,7 @@ def test_a_file_without_the_group_has_tracks_too(path: Path) -> None:
         np.testing.assert_array_equal(first["lon"].values, run.riftberg.tracks["lon"].values[:8])
 
 
+@pytest.mark.slow
 def test_blocks_and_resuming_give_the_same_tracks(path: Path, tmp_path: Path) -> None:
     model, whole = FakeModel(), tmp_path / "run.nc"
     model.remembered = {}

@@ -299,6 +299,7 @@ def test_a_spin_that_is_round_off_does_not_keep_the_velocities_from_settling() -
     assert relative_increment(np.array([1e-17, 0.0, 1e-22]), np.zeros(3), inertia) <= NEWTON_RTOL
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("guess", [1e-4, 1e-2, 0.3, 10.0])
 def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> None:
     """It ends without the pass that the last two say would change the velocities by less than 1e-11 of them."""

@@ -114,6 +114,7 @@ def test_rest_comes_where_friction_slope_and_drag_have_used_up_the_motion(speed:
     assert still.load == pytest.approx(stiffness * run.y[0, -1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_page_holds_what_the_script_gives() -> None:
     assert table_rows(PAGE, "plate theory") == list(PLATE.theory())
     rows = table_rows(PAGE, "plate on a bed")

@@ -48,6 +48,7 @@ def order(results: list[Any]) -> float:
 # Motion
 
 
+@pytest.mark.slow
 def test_order_in_the_long_step(agrees) -> None:
     """Places and turns of the elements after two days are of second order in the step."""
     ends = []

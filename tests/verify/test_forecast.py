@@ -179,6 +179,7 @@ def folders(tmp_path: Path, count: int) -> list[Path]:
     return pairs
 
 
+@pytest.mark.slow
 def test_the_command_pools_forecasts_and_writes_numbers_and_a_figure(tmp_path: Path) -> None:
     pairs = folders(tmp_path, 6)
     dates = [

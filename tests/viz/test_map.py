@@ -203,6 +203,7 @@ def test_labels_never_overlap() -> None:
     assert sorted(text.xy for text in led) == sorted(text.xy for text in lines)
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_figure_without_pyplot(run: tuple[FakeModel, xr.Dataset]) -> None:
     """Bug: a kernel that had not imported pyplot showed ``<Figure size ...>``; IPython asks objects for a picture."""
     assert draw_map(run[1], dpi=30)._repr_png_().startswith(b"\x89PNG")

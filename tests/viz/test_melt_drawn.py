@@ -47,6 +47,7 @@ def test_colours_are_the_thickness_lost(run: xr.Dataset) -> None:
     np.testing.assert_allclose(ice.get_array(), thickness[0] - thickness[4])
 
 
+@pytest.mark.slow
 def test_the_map_of_a_single_berg_shows_what_it_has_lost(run: xr.Dataset, tmp_path: Path) -> None:
     """Bug: the map of a run with melt showed none; the colours of one fragment said nothing."""
     thickness = run["thickness"].transpose("time", "trajectory").values

@@ -217,6 +217,7 @@ def test_view_of_the_world_marks_the_place_and_stays_off_the_ice(south: xr.Datas
     assert frame.width < 1.1 * SIZE * figure.axes[0].get_window_extent().width
 
 
+@pytest.mark.slow
 def test_no_view_where_no_coast_is_known(tmp_path: Path) -> None:
     assert not draw_tracks(finished(tmp_path, 20.0)).axes[0].child_axes
     assert len(draw_tracks(finished(tmp_path, 60.5)).axes[0].child_axes) == 1

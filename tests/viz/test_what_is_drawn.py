@@ -241,6 +241,7 @@ def test_moments_differ_and_are_as_short_as_can_be() -> None:
     assert texts("h", 6, [0, 5]) == ["0 h", "5 h"]
 
 
+@pytest.mark.slow
 def test_dates_of_a_berg_that_stays_do_not_pile_up(tmp_path: Path) -> None:
     """Bug: the dates of a berg that hardly moved were written around one mark."""
     ax = draw_map(finished(Seconds(), tmp_path, 10.0 / 86_400.0, every_hours=1.0 / 3600.0)).axes[0]
@@ -276,6 +277,7 @@ def hatched(figure: Figure) -> bool:
     return any(any(getattr(drawn, "hatches", None) or ()) for ax in figure.axes for drawn in ax.collections)
 
 
+@pytest.mark.slow
 def test_a_run_without_a_sea_floor_is_not_hatched_as_shallow(tmp_path: Path, run: xr.Dataset, picture: Figure) -> None:
     """Bug: a depth of 0 and the sea level on top of it was drawn as a shoal from edge to edge."""
     model = FakeModel()
@@ -296,6 +298,7 @@ class AllShallow(FakeForcing):
         return np.full(np.shape(lon), 120.0)
 
 
+@pytest.mark.slow
 def test_a_map_that_is_shallow_from_edge_to_edge_is_hatched(run: xr.Dataset) -> None:
     """Bug: a berg aground in 150 m of water was drawn on a blue without a sign of it."""
     assert hatched(draw_map(run, forcing=AllShallow()))
@@ -371,6 +374,7 @@ def test_panels_that_are_compared_have_one_size(tmp_path: Path) -> None:
     assert near[0] == near[1] == near[2]
 
 
+@pytest.mark.slow
 def test_maps_in_metres_name_their_axes_at_the_rim_only(tmp_path: Path) -> None:
     """Bug: the names of y lay on the ticks of the panel before."""
     figure = draw_map(finished(FakeModel(latlon=False), tmp_path))
@@ -394,6 +398,7 @@ def test_nothing_on_the_map_overprints(picture: Figure) -> None:
     assert not any(a.overlaps(b) for a, b in itertools.combinations(texts, 2))
 
 
+@pytest.mark.slow
 def test_a_long_forcing_is_wrapped_in_every_title(
     run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
