@@ -37,7 +37,9 @@ COMPILES = "test_every_parameter.py"
 FEW_KERNELS = ("products", "fetching", "bergs", "ocean", "viz")
 """Folders that need few kernels."""
 
-DEAR = ("test_docs.py", "test_short.py", "test_landing.py", "test_a68a.py", "test_parity.py", "test_sweep.py")
+DEAR = (
+    "test_docs.py", "test_short.py", "test_side_by_side.py", "test_going_on.py", "test_tiles.py", "test_why.py",
+)  # fmt: skip
 """Files that take more than twenty seconds."""
 
 

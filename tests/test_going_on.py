@@ -63,13 +63,21 @@ def ended(words: list[str]) -> str:
     return result.stderr
 
 
+class Wholes(dict[str, Path]):
+    """Folder of each experiment's run that never stopped; it runs when it is first asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __missing__(self, name: str) -> Path:
+        ended(command(self.folder, name, "-o", str(self.folder / name)))
+        self[name] = self.folder / name
+        return self[name]
+
+
 @pytest.fixture(scope="module")
-def wholes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folder of each experiment's run that never stopped."""
-    folder = tmp_path_factory.mktemp("wholes")
-    for name in EXPERIMENTS:
-        ended(command(folder, name, "-o", str(folder / name)))
-    return {name: folder / name for name in EXPERIMENTS}
+def wholes(tmp_path_factory: pytest.TempPathFactory) -> Wholes:
+    return Wholes(tmp_path_factory.mktemp("wholes"))
 
 
 class Cut(BaseException):

@@ -21,7 +21,10 @@ UNDEFINED = {"od", "uvel_prev", "vvel_prev"}
 NOISE = 1e-12
 """Largest value of a variable that is nothing but round-off in the case, in its own unit."""
 
-each_case = pytest.mark.parametrize("name", MIXED)
+
+def each_case(test: Callable[..., None]) -> Callable[..., None]:
+    """Give a test all cases; the same five of all tests are quick, and run once."""
+    return pytest.mark.quick(5)(pytest.mark.parametrize("name", MIXED)(test))
 
 
 @dataclass
@@ -63,7 +66,6 @@ def ran(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str
     return run
 
 
-@pytest.mark.quick(5)
 @each_case
 def test_the_same_records(ran: Callable[[str], Ran], name: str) -> None:
     """Who is there at each stamp, and nobody else at any other."""
@@ -72,14 +74,12 @@ def test_the_same_records(ran: Callable[[str], Ran], name: str) -> None:
     paired(ours, theirs, ELEMENT)
 
 
-@pytest.mark.quick(3)
 @each_case
 def test_positions(ran: Callable[[str], Ran], name: str) -> None:
     ours, theirs = paired(*ran(name).tables(), ELEMENT)
     assert ran(name).distance(ours, theirs) <= POSITION_MIXED
 
 
-@pytest.mark.quick(3)
 @each_case
 def test_all_other_variables(ran: Callable[[str], Ran], name: str) -> None:
     """As part of the largest value of each in the case; masses and sizes more closely."""

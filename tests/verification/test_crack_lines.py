@@ -213,7 +213,7 @@ def cracked_plate(packing: str, angle: float, inclined: float, *, rift: bool = T
     return plate
 
 
-@pytest.mark.quick(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "inclined", [0.0, pytest.param(30.0, marks=pytest.mark.slow), pytest.param(45.0, marks=pytest.mark.slow)]
 )

@@ -100,7 +100,7 @@ def difference(picture: np.ndarray, good: np.ndarray) -> tuple[float, float]:
     return float(apart.mean()), float(np.quantile(apart, 0.99))
 
 
-@pytest.mark.quick(4)
+@pytest.mark.quick(3)
 @pytest.mark.usefixtures("without_text")
 @pytest.mark.parametrize("kind", list(DRAWN))
 def test_a_picture_is_as_it_was_found_good(kind: str, run: xr.Dataset, tmp_path: Path) -> None:

@@ -78,10 +78,8 @@ def test_option_of_the_command_line(south: xr.Dataset, tmp_path: Path) -> None:
     call = ["plot", str(run), "-k", "map", "--dpi", "40", "-o", str(tmp_path)]
     done = CliRunner().invoke(app, [*call, "--projection", "mercator"])
     assert done.exit_code != 0
-    assert CliRunner().invoke(app, call).exit_code == 0
-    polar = (tmp_path / "map.png").read_bytes()
     assert CliRunner().invoke(app, [*call, "--projection", "polar"]).exit_code == 0
-    assert (tmp_path / "map.png").read_bytes() == polar
+    polar = (tmp_path / "map.png").read_bytes()
     assert CliRunner().invoke(app, [*call, "--projection", "degrees"]).exit_code == 0
     assert (tmp_path / "map.png").read_bytes() != polar
 
