@@ -7,11 +7,12 @@ set -euo pipefail
 cd "$(dirname "$0")"
 venv="${RIFTBERG_VENV:-.venv}"
 [ -x "$venv/bin/python" ] || "${PYTHON:-python3}" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
-# clouddrift still asks for zarr below 3, which today's xarray no longer takes; it uses none of it for what is tested here.
-"$venv/bin/python" -m pip install --quiet --no-deps --constraint constraints.txt clouddrift
+# Bytecode of the packages is written for what is imported, when it is imported: most of the files never are.
+pip() { "$venv/bin/python" -m pip install --quiet --no-compile --constraint constraints.txt "$@"; }
+pip --editable '.[dev]'
+# Clouddrift still asks for zarr below 3, which today's xarray no longer takes; it uses none of it for what is tested here.
 # Veros sets upper limits to packages that are here already in newer versions, with which it works.
-"$venv/bin/python" -m pip install --quiet --no-deps --constraint constraints.txt veros loguru entrypoints h5netcdf h5py
+pip --no-deps clouddrift veros loguru entrypoints h5netcdf h5py
 "$venv/bin/ruff" format --check src tests benchmarks
 "$venv/bin/ruff" check src tests benchmarks
 # Some two hundred processes begin in the tests: none is to compile the sources anew.
@@ -20,7 +21,7 @@ unset PYTHONDONTWRITEBYTECODE
 trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 "$venv/bin/mypy" &
 # Kernels of both engines are compiled first: two processes of tests that begin with an empty cache would each compile all of them.
-compile() { "$venv/bin/riftberg" run a68a --numerics "$1" --days 8 --output "$(mktemp -d)" >/dev/null; }
+compile() { "$venv/bin/riftberg" run a68a --numerics "$1" --days 8 --quiet --no-map --output "$(mktemp -d)"; }
 compile reference &
 compile own
 wait $!

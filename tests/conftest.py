@@ -37,7 +37,9 @@ COMPILES = "test_every_parameter.py"
 FEW_KERNELS = ("products", "fetching", "bergs", "ocean", "viz")
 """Folders that need few kernels."""
 
-DEAR = ("test_docs.py", "test_short.py", "test_landing.py", "test_a68a.py", "test_parity.py", "test_sweep.py")
+DEAR = (
+    "test_docs.py", "test_short.py", "test_side_by_side.py", "test_going_on.py", "test_tiles.py", "test_why.py",
+)  # fmt: skip
 """Files that take more than twenty seconds."""
 
 
@@ -50,8 +52,27 @@ def _turn(item: pytest.Item) -> int:
     return 2 if item.path.name in DEAR else 3
 
 
+def _mark_slow_cases(items: list[pytest.Item]) -> None:
+    """Mark as slow all cases of a test that are not among those in the quick set: ``quick(count)``, spread over the list."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("quick") and not item.get_closest_marker("slow"):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for items_of_test in cases.values():
+        marker = items_of_test[0].get_closest_marker("quick")
+        assert marker is not None
+        (count,) = marker.args
+        last = len(items_of_test) - 1
+        chosen = {round(k * last / max(count - 1, 1)) for k in range(count)}
+        for number, item in enumerate(items_of_test):
+            if number not in chosen:
+                item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the files in their order; leave out what needs compilation where there is none."""
+    """Put the files in their order; mark slow cases; leave out what needs compilation where there is none."""
+    _mark_slow_cases(items)
     items.sort(key=_turn)
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         for item in items:

@@ -79,6 +79,7 @@ def test_what_is_read_is_what_stands_there(rows: int, columns: int, on: bool, la
     assert _agrees(_outer(table, count=count, on=on), np.arange(6.0)[::2] if on else np.arange(3.0))
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("factor", [2.5, np.float64(2.5), 2, np.int64(2)])
 @pytest.mark.parametrize("on", [True, False, np.True_])
 def test_numbers_may_be_of_python_or_numpy(factor: object, on: object) -> None:

@@ -249,6 +249,7 @@ class Failing(Steady):
             elements.uo[:] = np.nan
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("scheme", ["mts", "quasi_static"])
 def test_a_failure_in_a_run_saves_the_state_and_says_how_to_go_on(tmp_path: Path, scheme: str) -> None:
     """The water at the end of a step belongs to the state: one with none could not be gone on with."""

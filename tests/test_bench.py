@@ -43,6 +43,7 @@ def test_json_has_every_documented_key(fake: FakeModel, capsys: pytest.CaptureFi
     assert row["relative_to_yardstick"] == pytest.approx(row["seconds_per_day"] / row["yardstick_seconds_per_day"])
 
 
+@pytest.mark.slow
 def test_a_whole_run_is_timed_day_by_day_and_with_output(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,6 +73,7 @@ def test_days_of_a_whole_run_follow_the_clock(monkeypatch: pytest.MonkeyPatch) -
     assert bench._processor_days(model, 2.5) == pytest.approx([a_day, 5 * a_day, a_day / 2])  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_scheme_is_set_and_told(capsys: pytest.CaptureFixture[str]) -> None:
     row = measured("a68a", "--set", "stepping.scheme=mts", "--days", "0.1", capsys=capsys)
     assert row["scheme"] == "mts"
@@ -81,6 +83,7 @@ def test_a_scheme_is_set_and_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert "quasi_static" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_other_scheme_stands_beside_unless_one_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
     """What a scheme costs is half of what to know before one is chosen."""
     told: dict[str, list[str]] = {}

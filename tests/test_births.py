@@ -79,6 +79,7 @@ def differing(one: Model, other: Model) -> list[str]:
     return [name for name in a if a[name] != b[name]]
 
 
+@pytest.mark.quick(1)
 @each_scheme
 def test_a_run_with_births_and_deaths_goes_on_bit_for_bit(tmp_path: Path, scheme: str) -> None:
     whole, files, seen = lively(scheme), [], set()
@@ -223,6 +224,7 @@ def test_rest_lengths_travel_in_restarts(tmp_path: Path) -> None:
     assert differing(same, model) == []
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("scheme", ["mts", "mts, spring, implicit", "verlet", "runge_kutta"])
 @pytest.mark.parametrize("far", ["stiff", "large", "colliding"])
 def test_a_berg_far_away_changes_nothing(scheme: str, far: str) -> None:
@@ -309,6 +311,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[float
     return path, seen
 
 
+@pytest.mark.slow
 def test_every_element_has_values_in_its_life_and_at_no_other_time(recorded: tuple) -> None:
     path, seen = recorded
     with open_run(path) as run:

@@ -52,6 +52,7 @@ def life(model: Model) -> float:
     return float(np.nanmin(model.bonds.break_time))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("r", "m"), [(0.5, 2.0), (0.5, 1.0), (0.8, 3.0)])
 def test_the_life_of_a_bond_tends_to_the_closed_form_as_the_step_shrinks(r: float, m: float) -> None:
     """``t_f = tau (1 - r^(m + 1)) / ((m + 1) r^m)``; it comes out late, as steps from the slow side do."""
@@ -73,6 +74,7 @@ def test_damage_over_time_is_the_closed_form() -> None:
         assert model.bonds.damage[0] == pytest.approx(exact, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_a_time_scale_ten_times_as_long_makes_a_life_ten_times_as_long() -> None:
     short, long = (
         life(pulled(0.9, time_step=dt, threshold=0.3, time_scale=tau))
@@ -119,6 +121,7 @@ def run_of(p: Parameters, steps: int = 7) -> Model:
     return model
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", [name for name in PHYSICS if name.startswith("quasi-static")])
 def test_off_it_leaves_no_trace(name: str) -> None:
     """Bit for bit, whatever its other parameters, and the same as a threshold that is never reached."""

@@ -65,6 +65,7 @@ def refused(result: subprocess.CompletedProcess[str], *words: str) -> None:
         assert word in result.stderr
 
 
+@pytest.mark.slow
 def test_files_may_not_grow(tmp_path: Path) -> None:
     """Like ``ulimit -f``: HDF5 answers with a RuntimeError, which once came through as a traceback."""
 
@@ -134,6 +135,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("fault", ["garbage", "cut", "empty", "bit"])
 def test_a_damaged_cache_is_compiled_anew(tmp_path: Path, kept: Path, fault: str) -> None:
     cache = Path(shutil.copytree(kept / "cache", tmp_path / "cache"))
@@ -150,6 +152,7 @@ def test_a_damaged_cache_is_compiled_anew(tmp_path: Path, kept: Path, fault: str
     assert sorted(cache.rglob("*.code")) == files  # it was looked up, and made again in its place
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("place", ["/proc/riftberg", "/dev/null/cache"])
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path, place: str) -> None:
     result, folder = cached(tmp_path, RIFTBERG_CACHE=place)
@@ -204,6 +207,7 @@ def test_a_cache_of_another_user_is_refused(depth: int, tmp_path: Path, chosen: 
     assert chosen(tmp_path / "shared").is_relative_to(tmp_path / "home")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="modes of POSIX")
 def test_machine_code_that_others_can_write_to_is_not_run(tmp_path: Path, kept: Path) -> None:
     """Of a file alone, as a umask of 0 leaves it, and of a folder; the code in it is that of somebody else."""
@@ -235,6 +239,7 @@ class Planted:
         return Path.touch, (self.marker,)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("home", [None, "/nonexistent", "/dev/null"])
 def test_without_a_home(tmp_path: Path, home: str | None) -> None:
     given = {} if home is None else {"HOME": home}

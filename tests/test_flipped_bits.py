@@ -56,6 +56,7 @@ def test_no_restart_with_a_flipped_bit_is_taken_with_another_result(tmp_path: Pa
     assert refused > count // 10
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["element_lon", "bond_damage", "extra/own", "element_mass", "time"])
 def test_a_number_that_could_be_is_refused_where_it_was_not_written(tmp_path: Path, name: str) -> None:
     import netCDF4

@@ -58,8 +58,8 @@ print("whole", flush=True)
 """
 
 
-# These write as "summary" and "film" do, by `replacing`; each is killed in `test_killed`.
-ALIKE = ("kid restart", "picture", "replay", "score")
+# These write as "summary" does, by `replacing`, or as "run.nc" does; each is killed in `test_killed`.
+ALIKE = ("kid restart", "kid trajectories", "film", "forces", "picture", "replay", "score")
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in ALIKE else ()) for n in WRITERS])
@@ -105,6 +105,7 @@ with open_run(out) as run:
 """
 
 
+@pytest.mark.slow
 def test_a_run_that_fills_the_disk_can_save_its_state(tmp_path: Path) -> None:
     """The room of the failed copy was taken until the process ended, and nothing could be saved."""
     result = on_small_disk(GROWING.format(here=str(HERE)), tmp_path, 3)
@@ -116,6 +117,7 @@ def test_a_run_that_fills_the_disk_can_save_its_state(tmp_path: Path) -> None:
     assert "room True" in result.stdout
 
 
+@pytest.mark.slow
 def test_the_error_of_the_end_does_not_hide_that_of_the_beginning(tmp_path: Path) -> None:
     """A file that may not grow any more: neither the next record, nor the last one, nor the state."""
 
@@ -151,7 +153,7 @@ if result.exit_code:
 """
 
 
-@pytest.mark.parametrize("megabytes", [3, 6, *(pytest.param(s, marks=pytest.mark.slow) for s in (4, 5, 7, 8, 10, 14))])
+@pytest.mark.parametrize("megabytes", [3, *(pytest.param(s, marks=pytest.mark.slow) for s in (4, 5, 6, 7, 8, 10, 14))])
 def test_a_run_is_refused_or_has_room_to_its_end(tmp_path: Path, megabytes: float) -> None:
     """The check of room once knew nothing of the copy that takes the next records: runs died at half."""
     disk = tmp_path / "disk"

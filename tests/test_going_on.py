@@ -63,13 +63,21 @@ def ended(words: list[str]) -> str:
     return result.stderr
 
 
+class Wholes(dict[str, Path]):
+    """Folder of each experiment's run that never stopped; it runs when it is first asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __missing__(self, name: str) -> Path:
+        ended(command(self.folder, name, "-o", str(self.folder / name)))
+        self[name] = self.folder / name
+        return self[name]
+
+
 @pytest.fixture(scope="module")
-def wholes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Folder of each experiment's run that never stopped."""
-    folder = tmp_path_factory.mktemp("wholes")
-    for name in EXPERIMENTS:
-        ended(command(folder, name, "-o", str(folder / name)))
-    return {name: folder / name for name in EXPERIMENTS}
+def wholes(tmp_path_factory: pytest.TempPathFactory) -> Wholes:
+    return Wholes(tmp_path_factory.mktemp("wholes"))
 
 
 class Cut(BaseException):
@@ -123,6 +131,7 @@ def assert_same_files(whole: Path, other: Path) -> None:
         xr.testing.assert_identical(one, another)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", EXPERIMENTS)
 @pytest.mark.parametrize(
     "after", [70, pytest.param(101, marks=pytest.mark.slow), pytest.param(49, marks=pytest.mark.slow)]
@@ -141,6 +150,7 @@ def test_a_lost_run_goes_on_without_a_gap(tmp_path: Path, wholes: dict[str, Path
         assert np.floor(steps).tolist()[:2] == ([] if name == "melts" else [25, 33])
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("damage", ["cut", "garbage", "of another run"])
 def test_a_damaged_newest_state_gives_way_to_the_older(
     tmp_path: Path, wholes: dict[str, Path], lost_part: Path, damage: str
@@ -159,6 +169,7 @@ def test_a_damaged_newest_state_gives_way_to_the_older(
     assert_same_files(wholes["breaks"], tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
     tmp_path: Path, wholes: dict[str, Path], lost_part: Path
 ) -> None:
@@ -175,6 +186,7 @@ def test_a_state_whose_records_are_missing_gives_way_to_an_older_one(
     assert_same_files(wholes["breaks"], tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_lost_again_and_again(tmp_path: Path, wholes: dict[str, Path]) -> None:
     words = command(tmp_path, "melts", "--keep-days", "0.3")
     lost([*words, "-o", str(tmp_path / "part")], 30)
@@ -184,6 +196,7 @@ def test_lost_again_and_again(tmp_path: Path, wholes: dict[str, Path]) -> None:
     assert_same_files(wholes["melts"], tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_what_was_interrupted_goes_on_in_its_folder_too(
     tmp_path: Path, wholes: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -217,6 +230,7 @@ def test_what_does_not_fit_the_run_is_refused(tmp_path: Path, lost_part: Path, w
     assert {path.name: path.read_bytes() for path in (tmp_path / "part").iterdir()} == before
 
 
+@pytest.mark.slow
 def test_another_run_into_the_folder_is_not_gone_on_with(tmp_path: Path) -> None:
     """States of an earlier run lie there; the run file is that of a run with other parameters."""
     words = command(tmp_path, "breaks", "-o", str(tmp_path / "part"))
@@ -242,6 +256,7 @@ def test_short_runs_keep_nothing_and_an_empty_folder_says_so(tmp_path: Path) -> 
         assert said in " ".join(result.stderr.split())
 
 
+@pytest.mark.slow
 def test_states_are_kept_by_the_clock_and_a_full_disk_is_no_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -293,6 +308,7 @@ def test_kill_9(tmp_path: Path, wholes: dict[str, Path], wait: float) -> None:
     assert_same_files(whole, tmp_path / "part")
 
 
+@pytest.mark.slow
 def test_steps_between_two_kept_states_are_those_asked_for(tmp_path: Path) -> None:
     lost(command(tmp_path, "breaks", "--keep-days", "0.5", "-o", str(tmp_path / "part")), 80)
     times = sorted(load_state(path).time / 86400.0 for path in (tmp_path / "part").glob("*.restart.nc"))

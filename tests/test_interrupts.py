@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -253,20 +253,20 @@ def _trees() -> list[ast.Module]:
 @cache
 def _called() -> frozenset[str]:
     """Names of all that Python functions of the package call."""
-    return frozenset().union(*map(_calls, _trees()))
+    return frozenset(name for tree in _trees() for name in _calls(tree))
 
 
-def _calls(tree: ast.AST) -> set[str]:
+def _calls(tree: ast.AST) -> Iterator[str]:
     """Names of what Python functions of a module call; what kernels call is compiled code."""
-    found: set[str] = set()
-    for node in ast.iter_child_nodes(tree):
+    nodes = [tree]
+    while nodes:
+        node = nodes.pop()
         marks = {ast.unparse(mark) for mark in getattr(node, "decorator_list", ())}
         if marks & {"kernel", "borrower", "stage"}:
             continue
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
-            found.add(node.func.id if isinstance(node.func, ast.Name) else node.func.attr)
-        found |= _calls(node)
-    return found
+            yield node.func.id if isinstance(node.func, ast.Name) else node.func.attr
+        nodes.extend(ast.iter_child_nodes(node))
 
 
 def _named_tuples_returned(tree: ast.AST, named: set[str]) -> set[str]:

@@ -10,6 +10,7 @@ import pytest
 from scripts import loaded
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("seconds", [math.inf, 1e12, 60.0])
 def test_tests_are_waited_for_without_a_limit_of_time(
     seconds: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -27,6 +28,7 @@ def test_tests_are_waited_for_without_a_limit_of_time(
     assert "1 passed" in text
 
 
+@pytest.mark.slow
 def test_a_set_up_that_compiles_under_load_is_no_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a thousand tests with a limit of time each, one ended in an error of its set-up on a loaded machine."""
     mutations = loaded("tests/mutations.py")

@@ -135,6 +135,7 @@ OTHERS: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", OTHERS)
 def test_every_command_is_refused_what_another_one_writes(finished: Path, tmp_path: Path, name: str) -> None:
     """The file of the first stays as it is, to the last bit; nothing else is written or left."""

@@ -104,6 +104,7 @@ RUNS = [(name, knoll if PHYSICS[name].stepping.scheme == "quasi_static" else gri
 IN_THE_STEADY = [pytest.param(n, steady, marks=() if n in ("dem", "verlet") else pytest.mark.slow) for n in PHYSICS]
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(("name", "ocean"), [*RUNS, *IN_THE_STEADY])
 def test_stopping_after_any_long_step_changes_nothing(tmp_path: Path, name: str, ocean: Callable[[], Forcing]) -> None:
     """A run that is stopped and gone on with after each long step is at each the run that never stopped."""
@@ -129,6 +130,7 @@ def test_bonds_break_before_and_after_the_stops(name: str) -> None:
     assert (model.elements.depth < 150.0).any()  # a keel of 166 m is aground
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", [name for name in PHYSICS if PHYSICS[name].stepping.scheme == "mts"])
 def test_bergs_touch_in_these_runs(name: str) -> None:
     """The test above is about runs in which bergs collide: without contact between bergs they end elsewhere."""

@@ -45,6 +45,7 @@ def test_the_pieces_are_named_by_their_areas_and_the_berg_is_there_on_every_day(
     assert not {o.when.day for o in script.daily_outlines(shared / "data").outlines if o.when.month == 12} & {10, 24}
 
 
+@pytest.mark.slow
 def test_the_reference_rules_give_the_published_berg_in_the_table(script: ModuleType, shared: Path) -> None:
     rows = [
         [cell.strip() for cell in line.split("|")[1:-1]] for line in script.mask_table(shared / "data").splitlines()

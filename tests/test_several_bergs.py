@@ -44,6 +44,7 @@ def test_bergs_that_do_not_touch_do_not_push(side: float, radius: float, scheme:
     assert model.contacts.rows == []
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("scheme", "law"), [("mts", "dem"), ("mts", "spring"), ("mts", "none"), ("quasi_static", "dem"), ("verlet", "none")]
 )
@@ -88,6 +89,7 @@ def test_a_collision_depends_on_the_bergs_that_meet_alone() -> None:
     np.testing.assert_array_equal(run(True), run(False))
 
 
+@pytest.mark.slow
 def test_bergs_of_different_packing_thickness_and_size_go_through_one_run(tmp_path: Path) -> None:
     large = Iceberg.rectangle(18e3, 9e3, thickness=250.0, placement=(-37.0, -56.0)).named("A")
     small = Iceberg.rectangle(
@@ -188,6 +190,7 @@ def test_the_a68a_preset_keeps_the_published_distance_and_stiffness() -> None:
     assert (default.contact.distance, default.contact.spring, default.bonds.spring) == (0.0, None, None)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("coefficient", [0.0, 1e4])
 def test_the_sea_floor_is_one_for_berg_and_pieces(coefficient: float) -> None:
     """With grounding off the berg was told afloat and its pieces aground. On a bed: `tests/verification/test_landing.py`."""

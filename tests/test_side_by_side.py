@@ -88,7 +88,7 @@ def test_runs_with_output_in_threads(tmp_path: Path, alone: list[str], threads: 
     assert together == alone
 
 
-@pytest.mark.parametrize("start", ["fork", "spawn"])
+@pytest.mark.parametrize("start", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
 def test_runs_with_output_in_processes(tmp_path: Path, alone: list[str], start: str) -> None:
     if start not in multiprocessing.get_all_start_methods():
         pytest.skip(f"this system cannot {start}")
@@ -103,6 +103,7 @@ def _reading(path: Path, stop: threading.Event) -> None:
             ds["lon"].values  # noqa: B018
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
 def test_a_process_forked_while_another_thread_reads_can_read_too(alone: list[str], folder_alone: Path) -> None:
     """It would inherit a lock that nobody gives back."""
@@ -118,6 +119,7 @@ def test_a_process_forked_while_another_thread_reads_can_read_too(alone: list[st
         thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "processes", [pytest.param(False, id="threads"), pytest.param(True, id="processes", marks=pytest.mark.slow)]
 )
@@ -207,6 +209,7 @@ def test_one_forcing_is_shared_by_models_in_threads(tmp_path: Path) -> None:
         assert list(pool.map(run, places, [f"shared{lon}.nc" for lon in places])) == alone
 
 
+@pytest.mark.slow
 def test_filters_of_warnings_are_what_they_were_after_threads(tmp_path: Path) -> None:
     """Where the blocks of two threads overlapped, the second put back for ever what the first had set."""
     from riftberg.products import open_product
@@ -238,6 +241,7 @@ def test_filters_end_with_their_block_whatever_another_library_puts_back(foreign
     assert list(warnings.filters) == before
 
 
+@pytest.mark.slow
 def test_lazy_data_of_the_program_itself_stay_apart_from_runs(tmp_path: Path, alone: list[str]) -> None:
     """Datasets that were opened by xarray as they are, with and without dask, are read while runs write."""
     own = field_file(tmp_path / "currents.nc")
@@ -256,6 +260,7 @@ def kid_digest(case: Path, output: str) -> str:
     return "".join(digest(path) for path in files)
 
 
+@pytest.mark.slow
 def test_kid_runs_in_threads(tmp_path: Path) -> None:
     from kid.conftest import write_case
 
@@ -351,6 +356,7 @@ def test_first_compile_in_processes_with_one_cache(tmp_path: Path, kinds: str) -
         assert {answer for answer, _ in answers} == {"[1, 0, 2, 1, 3, 2, 4, 3, 5, 4]\n"[0:]}
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["words.nc", "words.nc4", "words.h5"])
 def test_a_file_that_only_looks_like_netcdf_does_not_stop_the_program(tmp_path: Path, name: str) -> None:
     """Bug once: xarray wanted its lock a second time, for ever."""

@@ -188,6 +188,7 @@ def test_the_lock_includes_that_of_xarray_once_it_is_loaded() -> None:
     assert said(LOCK).split() == ["False", "False", "True", "False", "False"]
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_kernel_that_kernels_call_is_a_part_of_their_code(tmp_path: Path) -> None:
     """One file of machine code; and loaded again it does without what numba loads to compile.
@@ -214,6 +215,7 @@ def test_named_tuples_of_a_call_are_taken_apart_by_name(tmp_path: Path) -> None:
     assert turned == first
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_kernel_that_borrows_cannot_make_an_array(tmp_path: Path) -> None:
     """By itself, or by a kernel that it calls and that another has called before; such an array would never be given back."""
@@ -230,6 +232,7 @@ def test_partners_ascend_where_there_are_many() -> None:
         assert partner[start[e] : start[e + 1]].tolist() == near[near != e].tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_with_another_numba_kernels_are_compiled_as_it_does(tmp_path: Path) -> None:
     """`riftberg.compiled.parts` knows the inside of some versions only; the others must do without."""

@@ -37,10 +37,12 @@ def test_the_page_has_all_rows_of_the_explicit_scheme() -> None:
     assert [row[0] for row in rows("explicit")] == [run.name for run in SCRIPT.EXPLICIT], AGAIN
 
 
+@pytest.mark.slow
 def test_the_storyline_is_what_comes_now() -> None:
     assert rows("storyline") == SCRIPT.storyline(), AGAIN
 
 
+@pytest.mark.slow
 def test_the_first_row_is_what_comes_now() -> None:
     assert rows("story")[0] == SCRIPT.row(SCRIPT.RUNS[0]), AGAIN
 

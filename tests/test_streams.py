@@ -37,6 +37,7 @@ WAYS = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("way", WAYS)
 def test_a_run_goes_on_where_nobody_listens(tmp_path: Path, way: str) -> None:
     """It ended without a word at its first line of progress; with a closed stream a file of results took its number."""
@@ -48,6 +49,7 @@ def test_a_run_goes_on_where_nobody_listens(tmp_path: Path, way: str) -> None:
     assert "Traceback" not in result.stderr
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("line", "code"),
     [
@@ -90,6 +92,7 @@ def test_a_hang_up_ends_a_run_like_a_request_to_terminate(tmp_path: Path) -> Non
     assert (tmp_path / "out" / "interrupted.restart.nc").exists()
 
 
+@pytest.mark.slow
 def test_a_hang_up_is_nothing_to_a_run_that_ignores_it(tmp_path: Path) -> None:
     """As ``nohup`` asks for."""
     process = hung_up(tmp_path, "nohup")

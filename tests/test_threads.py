@@ -34,6 +34,7 @@ def moved(seed: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     return model.elements, model.bonds
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("threads", [2, 4])
 def test_runs_side_by_side_equal_runs_in_turn(threads: int) -> None:
     """Kernels release the interpreter lock and share nothing, so replicas may run in threads."""
@@ -47,6 +48,7 @@ def test_runs_side_by_side_equal_runs_in_turn(threads: int) -> None:
                 np.testing.assert_array_equal(a, getattr(theirs, name), err_msg=name)
 
 
+@pytest.mark.slow
 def test_numba_thread_setting_changes_nothing() -> None:
     """One process per setting; every array of the state enters the digest."""
     digests = set()

@@ -131,6 +131,7 @@ SLIPS: list[tuple[dict[str, Any], Any, dict[str, Any], str]] = [
 ]  # fmt: skip
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("made", "forcing", "changes", "words"), SLIPS, ids=lambda value: value if isinstance(value, str) else ""
 )

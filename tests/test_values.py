@@ -185,6 +185,7 @@ def said_of_file(tmp_path: Path, line: str, value: str) -> str:
     return f"{caught.value.what}. {caught.value.remedy}"
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize(("line", "key", "python"), MISTAKES, ids=[key for _, key, _ in MISTAKES])
 @pytest.mark.parametrize(("text", "value"), [("25 kN", "25 kN"), ("many", "many"), ("2 parsec", "2 parsec")])
 def test_a_mistake_gets_the_same_words_in_python_as_in_a_file(

@@ -38,6 +38,7 @@ def scattered(size: int, metric: Metric, seed: int) -> Elements:
     return e
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("size", [2, 3, 50, 300])
 @pytest.mark.parametrize(
     "metric", [PLANE, Metric(False, 1.0, 1000.0), Metric(False, 1.0, 3.0), Metric(False, 1.0, 7.0), EARTH], ids=str

@@ -266,6 +266,7 @@ def test_a_thickness_map_that_ends_at_the_outline_leaves_the_rim_whole(outside):
         Iceberg.from_outline(far, thickness=slab(200.0, outside))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("outside", [0.0, np.nan])
 @pytest.mark.parametrize("value", [1.0, 7.0, 200.0])
 def test_ice_of_a_mask_ends_half_way_to_the_cells_without(value, outside):
@@ -283,6 +284,7 @@ def boxes(gap: float) -> list[tuple[float, float, float, float]]:
     return [(-38, -56, middle, -55.7), (middle + gap * metre, -56, middle + (30e3 + gap) * metre, -55.7)]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("gap", [300.0, 1000.0, 1500.0, 2000.0, 3000.0, 4000.0])
 def test_pieces_of_an_outline_are_not_bonded_to_each_other(gap, packing):
@@ -328,6 +330,7 @@ def test_pieces_too_small_for_an_element_are_told():
     assert "pieces: 1 (the outline has 2)" in text
 
 
+@pytest.mark.slow
 def test_a_mask_across_greenwich_or_the_date_line_is_joined():
     """Longitudes from 0 to 360, as a whole circle or cropped to both of its ends, or from -180 to 180."""
     here = grid(
@@ -349,6 +352,7 @@ def test_a_mask_across_greenwich_or_the_date_line_is_joined():
     np.testing.assert_allclose(berg.elements.lon + 180, plain.elements.lon, atol=1e-9)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "thickness", [200, np.float32(200), np.int64(200), np.array(200.0), [200.0], (200,), "200 m", "0.2 km"]
 )

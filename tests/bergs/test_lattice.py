@@ -116,6 +116,7 @@ def test_impossible_radius_is_refused(radius):
         fill(rectangle_region(1.0, 1.0), radius, "square")
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("angle", [0.0, 15.0, 30.0, 45.0, -70.0])
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("shape", [(30e3, 15e3), (61e3, 31.7e3), (20e3, 9e3)])

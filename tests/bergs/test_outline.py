@@ -76,6 +76,7 @@ def shapefile(path):
 WRITERS = {"b.geojson": geojson, "b.csv": csv, "b.kml": kml, "b.kmz": kmz, "b.shp": shapefile}
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_format_gives_the_same_outline_by_date_name_and_number(name, tmp_path):
     path = tmp_path / name

@@ -67,6 +67,7 @@ def cracked(berg: Iceberg, lon: float, lat: float) -> list[Any]:
 ELSEWHERE = [(180.0, -55.0, False), (180.0, -55.0, True), (-180.0, -55.0, True), (321.0, -55.0, False)]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("lon0", "lat0", "points"), ELSEWHERE)
 def test_a_berg_made_elsewhere_is_the_same(lon0: float, lat0: float, points: bool) -> None:
     """From points on both sides of the date line its centre was on the other side of the Earth, and rifts cut it twice."""

@@ -51,7 +51,7 @@ def test_both_numerics_side_by_side_in_one_command(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    result = call("run", "a68a-paper", "--data", str(files), "--days", "0.25", "--numerics", "both", "-q")
+    result = call("run", "a68a-paper", "--data", str(files), "--days", "0.1", "--numerics", "both", "-q")
     assert result.exit_code == 0, result.output
     folder = Path("riftberg-out/a68a-paper-both")
     assert sorted(path.name for path in folder.iterdir()) == ["comparison.json", "own", "reference", "tracks.png"]
@@ -64,7 +64,7 @@ def test_both_numerics_side_by_side_in_one_command(
     for words in ("around 17 Dec, aground", "0 of 874 = 0.0 %", "2020-12-09 13:00", "km off"):
         assert words in result.output
     assert (folder / "tracks.png").stat().st_size > 5000
-    assert call("run", "a68a-paper", "--data", str(files), "--days", "0.1", "--numerics", "both", "-q",
+    assert call("run", "a68a-paper", "--data", str(files), "--days", "0.05", "--numerics", "both", "-q",
                 "--no-map").exit_code == 0  # fmt: skip
     assert Path("riftberg-out/a68a-paper-both-2/comparison.json").exists()
 
@@ -75,6 +75,7 @@ def test_two_runs_do_not_go_on_from_one_state(files: Path) -> None:
     assert "two runs cannot go on from one state" in result.stderr
 
 
+@pytest.mark.slow
 def test_runs_that_are_there_are_compared(
     kept: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -98,6 +99,7 @@ def test_runs_that_are_there_are_compared(
     assert "no run.nc" in nothing.stderr
 
 
+@pytest.mark.slow
 def test_controls_keep_the_numerics_and_the_files_of_the_run(
     files: Path, kept: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -150,6 +152,7 @@ def source(shelf: Shelf, files: Path, tmp_path: Path, monkeypatch: pytest.Monkey
         yield shelf
 
 
+@pytest.mark.slow
 def test_the_published_run_in_one_command(source: Shelf, files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is there: the files are fetched, merged, checked, and the run is that from the files themselves."""
     monkeypatch.delenv("RIFTBERG_DATA", raising=False)

@@ -98,6 +98,7 @@ KINDS = [(files, *SPANS[k % 3], EXTRAS[k % 4]) for k, files in enumerate(FILES)]
 KINDS += [(files, *SPANS[0], EXTRAS[3]) for files in FILES[:7]]
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize(("files", "start", "days", "extra"), KINDS)
 def test_ready_means_that_the_run_starts(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: str, start: str, days: float, extra: str

@@ -34,6 +34,7 @@ def table(path: Path, rows: list[str]) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_table_of_decades_gives_the_score_of_the_days_of_the_run(run: Any, tmp_path: Path) -> None:
     """Each of a million rows looked for its record, and for its place."""
     dates = np.datetime64("1990-01-01") + np.arange(100_000) * np.timedelta64(2, "h")
@@ -46,6 +47,7 @@ def test_a_table_of_decades_gives_the_score_of_the_days_of_the_run(run: Any, tmp
     assert len(few.days) == 2
 
 
+@pytest.mark.slow
 def test_positions_by_the_second_are_compared_each_place_once(run: Any, tmp_path: Path) -> None:
     dates = np.datetime64("2020-12-09T13:00") + np.arange(20_000) * np.timedelta64(4, "s")
     rows = [f"{day},-55.01,-37.2,B7" for day in dates]
@@ -69,6 +71,7 @@ def test_more_positions_than_anybody_sees_are_refused_with_the_reason(
         score.score_run(run, observed)
 
 
+@pytest.mark.slow
 def test_thousands_of_outlines_are_read_once_each(tmp_path: Path) -> None:
     """Each was compared with all that came before."""
     rows = [
@@ -92,6 +95,7 @@ def test_dates_at_the_end_of_all_years_are_no_traceback(run: Any, date: str, tmp
         score.score_run(run, read_observed(table(tmp_path / "late.csv", [f"{date},-55,-37,B7"])), hour=24.0)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "sum_", ["np.float64(1) / np.float64(0)", "np.array([1e308]) * 10", "np.nanmean(np.array([np.nan]))"]
 )

@@ -37,6 +37,7 @@ def test_a_folder_that_cannot_be_made_is_one_message(tmp_path: Path, monkeypatch
     assert str(tmp_path / "file") in result.stderr
 
 
+@pytest.mark.slow
 def test_a_berg_that_shatters_still_has_its_map(tmp_path: Path) -> None:
     """All bonds break when a strength is given in the wrong unit; no fragment is large enough to be named then."""
     model = FakeModel(30, 4)
@@ -53,6 +54,7 @@ def test_a_berg_that_shatters_still_has_its_map(tmp_path: Path) -> None:
     assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_controls_run_the_experiment_that_the_run_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, Options]] = []
 

@@ -45,6 +45,7 @@ def call(*arguments: object) -> Any:
     return CliRunner().invoke(app, [str(a) for a in arguments])
 
 
+@pytest.mark.slow
 def test_plot_draws_three_figures_beside_the_run(folder: Path) -> None:
     result = call("plot", folder / "run.nc", "--observed", folder / "seen.geojson", "--dpi", 50)
     assert result.exit_code == 0, result.output
@@ -68,6 +69,7 @@ def test_observed_positions_are_no_outlines(folder: Path) -> None:
     assert "no outlines, only positions" in result.stderr
 
 
+@pytest.mark.slow
 def test_animate_writes_a_gif_of_its_frames(folder: Path, tmp_path: Path) -> None:
     result = call("animate", folder, "-o", tmp_path / "film.gif", "--hours", 12, "--dpi", 40, "-q")
     assert result.exit_code == 0, result.output
@@ -143,6 +145,7 @@ def test_score_takes_kml_and_masks_and_is_told_their_date(folder: Path, tmp_path
     assert "no date. Looked for an attribute date" in refused.stderr
 
 
+@pytest.mark.slow
 def test_why_tells_words_and_a_table(folder: Path) -> None:
     result = call("why", folder)
     assert result.exit_code == 0, result.output
@@ -167,6 +170,7 @@ def registry(monkeypatch: pytest.MonkeyPatch) -> list[Options]:
     return asked
 
 
+@pytest.mark.slow
 def test_why_runs_the_controls(folder: Path, tmp_path: Path, registry: list[Options]) -> None:
     result = call("why", folder, "--controls", "--no-figure", "-q", "-o", tmp_path)
     assert result.exit_code == 0, result.output

@@ -71,6 +71,7 @@ def test_a_refused_rerun_leaves_nothing_behind(first: Path) -> None:
     assert not Path("b").exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_was_resumed_keeps_what_it_was_made_from(first: Path) -> None:
     """A state of other parameters than those of the experiment file has its own."""
     model, _ = build("here/it.yaml")
@@ -103,6 +104,7 @@ def swept(first: Path) -> Path:
     return first
 
 
+@pytest.mark.slow
 def test_a_member_of_a_sweep_is_run_by_itself(swept: Path) -> None:
     (swept / "here" / "it.yaml").write_text("days: 99")  # what the sweep was made from is in its file
     result = call("rerun", "all/sweep.nc#1", "-o", "two", "-q", "--no-map")
@@ -124,6 +126,7 @@ def test_a_member_of_a_sweep_is_run_by_itself(swept: Path) -> None:
         assert float(abs(two["lon"] - three["lon"]).isel(time=0).max()) > 0.01
 
 
+@pytest.mark.slow
 def test_a_member_that_is_not_there_and_a_sweep_that_keeps_nothing_are_refused(swept: Path) -> None:
     result = call("rerun", "all/sweep.nc#9", "-o", "b", "-q")
     assert result.exit_code == 2
@@ -140,6 +143,7 @@ def test_a_member_that_is_not_there_and_a_sweep_that_keeps_nothing_are_refused(s
     assert not Path("b").exists()
 
 
+@pytest.mark.slow
 def test_a_run_with_errors_goes_on_with_them(first: Path) -> None:
     """The restart knows the state; that the sea has errors, the command line must say again."""
     (first / "here" / "it.yaml").write_text(YAML)

@@ -200,6 +200,7 @@ def test_experiments_are_listed() -> None:
     assert "--without shoal | shear" in result.output
 
 
+@pytest.mark.slow
 def test_a_yaml_experiment_runs_for_real(tmp_path: Path) -> None:
     (tmp_path / "slab.yaml").write_text(
         "start: 2020-12-09\ndays: 0.25\n"
@@ -252,6 +253,7 @@ class _PressedInARealRun:
         monkeypatch.setattr(DailyTrack, "record", pressing)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("stop", [1, 3])
 def test_the_command_that_is_printed_goes_on_with_all_options(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: int

@@ -97,6 +97,7 @@ def test_bergs_that_only_drift_have_mass_and_no_melt(tmp_path) -> None:
     assert float(monthly["ibmass"].max()) > 0.0
 
 
+@pytest.mark.slow
 def test_a_resumed_run_goes_on_with_month_and_moment_bit_for_bit(tmp_path) -> None:
     whole, full = run(tmp_path, days=3.0)
     first, _ = run(tmp_path, days=0.7)  # in the middle of both; the month ends at 0.75 days
@@ -152,6 +153,7 @@ def test_a_berg_beyond_the_cells_and_cells_that_do_not_close_are_refused(tmp_pat
         GridRecorder(tmp_path / "x", 1.0, every_hours=0.0)
 
 
+@pytest.mark.slow
 def test_the_command_line_writes_both_files(tmp_path) -> None:
     (tmp_path / "e.yaml").write_text(
         "name: small\nstart: 2020-12-15\ndays: 0.1\n"

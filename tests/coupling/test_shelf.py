@@ -41,6 +41,7 @@ def relative(berg: Iceberg, shelf: IceShelf) -> float:
     return abs(float(berg.elements.mass.sum() / shelf.mass.sum()) - 1.0)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("radius", [2500.0, 1200.0])
 def test_the_berg_has_the_mass_and_the_slope_of_the_shelf(packing, radius: float) -> None:

@@ -123,6 +123,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_runs_and_members_of_a_sweep_are_compared_alike(runs: Path, tmp_path: Path) -> None:
     """The second member is the second run. Its centroid is the mean of longitudes and latitudes, a metre from that of a run."""
     member = f"{runs / 's' / 'sweep.nc'}#1"

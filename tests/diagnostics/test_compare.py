@@ -60,6 +60,7 @@ def test_distance_and_turn_are_those_that_were_put_in(folder: Path) -> None:
     assert told.rms() == pytest.approx((math.sqrt(12.5), math.sqrt(250.0)), rel=1e-6)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("area", "counted"), [(WHOLE, WHOLE), (190.0, WHOLE), (188.0, REST), (REST, REST), (50.0, REST), (math.nan, REST)]
 )

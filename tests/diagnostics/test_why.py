@@ -70,6 +70,7 @@ def test_the_break_is_described(run: xr.Dataset) -> None:
     assert breakup.decisive.thickness == 200.0
 
 
+@pytest.mark.slow
 def test_what_a_crack_released_is_told_per_area_and_as_toughness(run: xr.Dataset) -> None:
     """G = energy / area and K = sqrt(E G); the scheme of this run knows neither, so both are put in by hand."""
     assert why.explain(run).breakups[0].released_per_area is None
@@ -92,6 +93,7 @@ def test_opposite_pulls_are_carried_as_tension(run: xr.Dataset, monkeypatch: pyt
     assert load.tension_recorded == pytest.approx(3e9, rel=1e-3)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("turn", [-35.0, 50.0, 130.0])
 def test_tension_and_shear_are_those_along_the_cut_however_the_berg_lies(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, turn: float
@@ -156,6 +158,7 @@ def test_ringing_between_records_is_told(run: xr.Dataset) -> None:
     assert "more than 1.8 kPa at the record before, but 2.3 kPa between that and the one before it" in text
 
 
+@pytest.mark.slow
 def test_a_landing_in_the_quasi_static_scheme_is_told_as_one() -> None:
     """Bug: nothing rings in that scheme, but the tip of A68a "broke in the ringing after the kicks of the slow forces"."""
     model, _ = build("a68a")
@@ -171,6 +174,7 @@ def test_a_landing_in_the_quasi_static_scheme_is_told_as_one() -> None:
     assert "before it touched the sea floor; the impact broke it" in texts[1]
 
 
+@pytest.mark.slow
 def test_files_without_peaks_are_explained_by_their_records(run: xr.Dataset) -> None:
     (breakup,) = why.explain(run.drop_vars("peak_stress")).breakups
     assert breakup.first_bonds[0].peak == []
@@ -196,6 +200,7 @@ def test_a_weak_bond_that_reaches_its_own_strength_did_not_break_suddenly(run: x
     assert not breakup.sudden
 
 
+@pytest.mark.slow
 def test_a_run_that_melts_is_explained(run: xr.Dataset) -> None:
     """Bug: mass and area change with time there, and were taken for columns of the elements: TypeError."""
     left = np.linspace(1.0, 0.5, run.sizes["time"])
@@ -215,6 +220,7 @@ def test_small_pieces_are_counted_not_told(run: xr.Dataset) -> None:
     assert why.words(reasons)[0] == "Nothing broke off but 1 small piece (--all lists them)."
 
 
+@pytest.mark.slow
 def test_a_control_removes_a_break_or_delays_it(run: xr.Dataset, tmp_path: Path) -> None:
     (breakup,) = why.explain(run).breakups
     assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
@@ -223,6 +229,7 @@ def test_a_control_removes_a_break_or_delays_it(run: xr.Dataset, tmp_path: Path)
     assert why.removed_by(breakup, made(tmp_path / "never.nc", break_time=math.inf)) == "removed"
 
 
+@pytest.mark.slow
 def test_a_control_in_which_another_piece_breaks_off_is_told_with_both_areas(run: xr.Dataset) -> None:
     (breakup,) = why.explain(run).breakups
     inside, whole = breakup.members, [int(n) for n in run["trajectory"].values]
@@ -240,6 +247,7 @@ def test_a_control_in_which_another_piece_breaks_off_is_told_with_both_areas(run
     assert why.removed_by(breakup, run) == "removed"
 
 
+@pytest.mark.slow
 def test_a_piece_that_differs_by_less_than_a_tenth_is_the_same(tmp_path: Path) -> None:
     run = made(tmp_path / "run.nc", ny=12)
     (breakup,) = why.explain(run).breakups
@@ -249,6 +257,7 @@ def test_a_piece_that_differs_by_less_than_a_tenth_is_the_same(tmp_path: Path) -
     assert why.removed_by(breakup, run) == "breaks off at 2020-12-10T13:00:00"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("share", "named"), [(0.021, True), (0.019, False)])
 def test_causes_below_a_fiftieth_of_the_largest_are_not_named(run: xr.Dataset, share: float, named: bool) -> None:
     (breakup,) = why.explain(run).breakups

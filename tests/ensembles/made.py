@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,20 @@ from riftberg.ensembles.vary import Varied
 
 DAY = 86400.0
 START = datetime(2020, 12, 9)
+
+SMALL_BERG = """\
+start: 2020-12-09 13:00
+days: 0.25
+berg: {rectangle: {length: 9 km, width: 6 km}, placement: [-39.25, -55.03], thickness: 200 m}
+forcing: {kind: constant, current: [0.1, 0.05], wind: [8.0, 3.0]}
+"""
+
+
+def small_berg(folder: Path) -> Path:
+    """Write the experiment of a small berg off South Georgia for six hours."""
+    path = folder / "small.yaml"
+    path.write_text(SMALL_BERG)
+    return path
 
 
 def outcome(

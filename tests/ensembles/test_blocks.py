@@ -67,6 +67,7 @@ def test_blocks_make_the_same_file_as_one_piece(tmp_path: Path, monkeypatch: pyt
     lazy.close()
 
 
+@pytest.mark.slow
 def test_a_first_result_is_shown_while_others_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "FIRST_LOOK", 2)
     store = Store(tmp_path / "it", forecast_plan(drifting, (), Options(days=0.1), 2.4, Draws(6)), resume=False)
@@ -83,6 +84,7 @@ def test_a_first_result_is_shown_while_others_run(tmp_path: Path, monkeypatch: p
     assert result["status"].values.tolist() == [0] * 6
 
 
+@pytest.mark.slow
 def test_a_forecast_that_is_stopped_in_its_control_has_the_whole_run_afterwards(tmp_path: Path) -> None:
     def halting() -> Model:
         model = drifting()

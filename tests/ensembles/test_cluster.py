@@ -141,6 +141,7 @@ def test_a_job_that_ends_its_process_again_and_again_has_failed_and_the_others_a
     assert LOST_TIMES == 3
 
 
+@pytest.mark.slow
 def test_nothing_begins_after_a_signal() -> None:
     hold = Hold()
     made: list[int] = []
@@ -218,6 +219,7 @@ def test_a_script_without_a_main_guard_is_run_once(script: str, how: str, tmp_pa
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "words"), [("file", "no worker has begun"), pytest.param("pipe", "in no file", marks=pytest.mark.slow)]
 )
@@ -232,11 +234,13 @@ def test_a_script_that_workers_must_read_is_told_at_once_to_guard_its_call(
     assert done.stdout.count("script") <= 3
 
 
+@pytest.mark.slow
 def test_a_script_with_a_main_guard_needs_nothing_else(tmp_path: Path) -> None:
     done = ran(PLAIN + GUARDED, tmp_path, "file")
     assert "[2.0, 3.0]" in done.stdout, done.stderr
 
 
+@pytest.mark.slow
 def test_a_sweep_and_a_forecast_in_a_script_without_a_main_guard(tmp_path: Path) -> None:
     (tmp_path / "e.yaml").write_text(
         "name: e\nstart: 2020-12-09\ndays: 0.05\nforcing: {kind: constant, current: [0.1, 0.0]}\n"

@@ -278,6 +278,7 @@ def test_the_command_line_draws_and_says_what(tmp_path: Path) -> None:
     assert "2 are done" in more.output
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_the_command_line_runs_a_design(tmp_path: Path) -> None:
     file, out = tmp_path / "plan.csv", tmp_path / "s"
@@ -292,6 +293,7 @@ def test_the_command_line_runs_a_design(tmp_path: Path) -> None:
     assert "2 are done" in again.output
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_parts_make_the_same_result_as_the_whole(tmp_path: Path) -> None:
     common = [

@@ -210,6 +210,7 @@ def hazards(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return tmp_path / "hazard"
 
 
+@pytest.mark.quick(1)
 def test_maps_lie_where_gdal_and_so_qgis_finds_them(hazards: Path) -> None:
     """The probability of ice by date had its dates last: QGIS took them for longitudes, and laid the map at 0, 0."""
     import rasterio
@@ -228,6 +229,7 @@ def test_maps_lie_where_gdal_and_so_qgis_finds_them(hazards: Path) -> None:
             assert float(abs(ours["lat"] - lat).min()) < 1e-9
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("end", ["geojson", "kml"])
 def test_shapes_are_read_alike_by_gdal_and_so_by_qgis(hazards: Path, end: str) -> None:
     from pyogrio import list_layers
@@ -248,6 +250,7 @@ def test_shapes_are_read_alike_by_gdal_and_so_by_qgis(hazards: Path, end: str) -
     assert not any(found.values())
 
 
+@pytest.mark.quick(1)
 def test_geojson_keeps_the_rules_of_rfc_7946(hazards: Path) -> None:
     document = json.loads((hazards / "hazard.geojson").read_text())
     assert document["type"] == "FeatureCollection"
@@ -266,6 +269,7 @@ def test_geojson_keeps_the_rules_of_rfc_7946(hazards: Path) -> None:
             assert np.abs(x).max() <= 180.0
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("place", "within", "message"),
     [
@@ -314,6 +318,7 @@ def spread_out(number: int, weight: list[float] | None) -> xr.Dataset:
     return forecast_of(members, 2, weight=weight)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("kind", FEW)
 def test_where_few_members_count_no_file_and_no_line_tells_a_spread(kind: str, tmp_path: Path) -> None:
     """Bug: after sightings that one member met, 90 % lay within an ellipse of 0 by 0 km, and one line was all limits of ice."""

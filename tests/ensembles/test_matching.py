@@ -68,6 +68,7 @@ def test_lengths_and_scatter_are_those_of_the_largest_likelihood() -> None:
         assert unlikely(best) < min(unlikely(best + step), unlikely(best - step)), k
 
 
+@pytest.mark.slow
 def test_the_emulator_knows_how_far_it_is_off() -> None:
     """Its 90 % intervals hold 90 % of new members, with scatter and without; a line is a line, a constant a constant."""
     random = np.random.default_rng(2)
@@ -111,6 +112,7 @@ def test_what_is_left_is_the_part_within_three_standard_deviations() -> None:
     assert (found.weight * inside).sum() / len(inside) == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_far_corner_is_found() -> None:
     """Of five inputs, each left within 6 %: 8e-7 of all."""
     values = np.full(5, 0.9)

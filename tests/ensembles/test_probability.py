@@ -26,7 +26,7 @@ from riftberg.errors import InputError
 from riftberg.runs.run_file import open_run
 from riftberg.viz.ensemble import draw_forecast
 
-from .made import forecast_of, outcome
+from .made import forecast_of, outcome, small_berg
 
 
 def drifting() -> Model:
@@ -314,6 +314,7 @@ def test_the_layout_is_that_of_the_page() -> None:
     assert ds["lead"].values.tolist() == [0.0, 24.0, 48.0, 72.0, 96.0]
 
 
+@pytest.mark.slow
 def test_a_forecast_of_a_function_has_all_default_errors(tmp_path: Path) -> None:
     ds = riftberg.forecast(drifting, days="12 h", every_hours=6, members=4, workers=0, output=tmp_path / "f")
     assert ds["status"].values.tolist() == [0] * 4
@@ -390,7 +391,7 @@ def test_the_picture_is_drawn(tmp_path: Path) -> None:
 def test_the_command_forecasts(tmp_path: Path) -> None:
     out = tmp_path / "f"
     said = CliRunner().invoke(
-        app, ["forecast", "a68a", "--members", "2", "--days", "0.25", "-o", str(out), "--workers", "0"]
+        app, ["forecast", str(small_berg(tmp_path)), "--members", "2", "-o", str(out), "--workers", "0"]
     )
     assert said.exit_code == 0, said.output
     assert "Errors: current 0.1 m/s, 50 km, 3 days; wind 2 m/s" in said.output

@@ -80,6 +80,7 @@ def constant(path: Path, lon: Floats, current: Floats) -> Path:
     return path
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     "wider", [np.arange(-180.0, 180.0, 0.25), np.arange(0.0, 360.0, 0.25), np.arange(-185.0, -175.0, 0.2)]
 )
@@ -107,6 +108,7 @@ def stated(path: Path, west: float, east: float, units: str = "m s-1") -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_size_by_place_is_that_of_the_product(tmp_path: Path) -> None:
     field = stated_error(str(stated(tmp_path / "it.nc", 5.0, 20.0, "cm s-1")))
     assert field.at(np.array([-42.0, -32.0]), np.array([-56.0, -56.0])) == pytest.approx([0.05, 0.2])

@@ -71,6 +71,7 @@ def test_files_of_two_ensembles_go_together(file: Path) -> None:
     assert (model.elements.uo[0], model.elements.ua[0]) == pytest.approx((0.3, 1.0))
 
 
+@pytest.mark.slow
 def test_members_of_a_forecast_take_those_of_the_product_in_turn(file: Path) -> None:
     line = errors_line(varied_of(forecast_errors(str(file), ())))
     assert line.startswith("Errors: 3 members of the products in turn; wind 2 m/s")

@@ -65,6 +65,7 @@ def test_sobol_indices_are_those_of_scipy() -> None:
     assert found["total"].values == pytest.approx(np.ravel(known.total_order), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     """90 % intervals of the total index of ``3 a + b``, 0.9 and 0.1, over plans with other seeds."""
     inside = []
@@ -199,6 +200,7 @@ def drifting(speed: float = 0.1, strength: float = 1.0) -> Model:
     return Model(berg, Steady(current=(speed, 0.0), depth=2000.0), Parameters(), start="2020-12-09")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("result", [3.0, [1.0, 2.0], ["a"] * 4])
 def test_a_result_that_is_no_number_for_each_member_is_refused(result: Any) -> None:
     with pytest.raises(InputError, match=r"the function of 'own' returns .* one number for each of the 4 members"):
@@ -208,6 +210,7 @@ def test_a_result_that_is_no_number_for_each_member_is_refused(result: Any) -> N
         )  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("row", "berg", "said"), [
     ("2021-12-09T01:00,-37.0,-56.0", [], "no position of A1 from"),
     ("2020-12-09T14:00,-37.0,-56.0", ["--berg", "B1"], "no positions of B1"),
@@ -223,6 +226,7 @@ def test_observations_that_do_not_fit_are_refused_before_the_runs(
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_a_function_of_inputs(tmp_path: Path) -> None:
     vary = {"speed": "~uniform(0.1, 0.2)", "strength": "~uniform(0.5, 1)"}
     found = riftberg.sensitivity(

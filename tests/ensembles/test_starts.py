@@ -77,6 +77,7 @@ def test_starts_after_the_forecast_or_long_before_are_refused(file: Path, tmp_pa
             forecast(file, {"starts": path}, members=2, default_errors=False, workers=0)
 
 
+@pytest.mark.slow
 def test_observed_outlines_are_starts(file: Path, tmp_path: Path) -> None:
     for name, half in (("small", 0.05), ("large", 0.1)):
         corners = [[-39 + i * half, -55 + j * half] for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
@@ -118,6 +119,7 @@ def test_a_table_of_starts_is_named_among_what_is_varied(file: Path, tmp_path: P
     assert vary_with_file(file, ["start.turn~normal(0, 5)"]) == {**found, "start.turn": "~normal(0, 5)"}
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("date", "lattice"), [("2020-12-09", ""), ("2020-12-10", "packing: hexagonal, ")])
 def test_lattices_of_observed_outlines_have_ice_at_every_bond(
     date: str, lattice: str, shared: Path, tmp_path: Path
@@ -143,6 +145,7 @@ def usual(start: str = "2020-12-10 00:00") -> Model:
     return required(start)
 
 
+@pytest.mark.slow
 def test_members_of_a_function_do_not_start_after_the_forecast_either() -> None:
     """Bug: only those of a file were refused; of a function they had no position at the start, and lost the end."""
     common: dict[str, Any] = {"days": 0.5, "every_hours": 6, "members": 1, "default_errors": False, "workers": 0}

@@ -185,6 +185,7 @@ class Slow:
         return made
 
 
+@pytest.mark.slow
 def test_a_member_that_takes_too_long_is_left_told_and_goes_on_when_asked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -209,6 +210,7 @@ def test_a_member_that_takes_too_long_is_left_told_and_goes_on_when_asked(
         sweep(drifting, {"speed": SPEEDS}, days=1, member_time=0)
 
 
+@pytest.mark.slow
 def test_the_control_of_a_forecast_takes_the_time_that_it_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -402,6 +404,7 @@ def test_many_fragments_are_listed_by_size() -> None:
     assert rows[1] == 21
 
 
+@pytest.mark.slow
 def test_the_picture_is_drawn(alone: xr.Dataset, tmp_path: Path) -> None:
     for ending in ("png", "pdf", "svg"):
         assert draw_sweep(alone, tmp_path / f"sweep.{ending}").stat().st_size > 5000
@@ -410,6 +413,7 @@ def test_the_picture_is_drawn(alone: xr.Dataset, tmp_path: Path) -> None:
         draw_sweep(failed, tmp_path / "none.png")
 
 
+@pytest.mark.slow
 def test_a_lost_worker_costs_time_and_nothing_else(alone: xr.Dataset, tmp_path: Path) -> None:
     """Two processes; one is killed in the middle of a member, which another one does again with the same digits."""
     vary = {"speed": SPEEDS, "folder": [str(tmp_path)]}
@@ -539,6 +543,7 @@ def test_members_run_on_the_workers_of_a_scheduler(alone: xr.Dataset) -> None:
     assert same(result, alone)
 
 
+@pytest.mark.slow
 def test_a_script_without_guard_is_told_so(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
@@ -591,6 +596,7 @@ def begun(start: str) -> Model:
     return Model(berg, Steady(current=(0.3, 0.0)), start=datetime.fromisoformat(start))
 
 
+@pytest.mark.slow
 def test_members_that_start_at_other_dates_have_their_own(tmp_path: Path) -> None:
     """Bug: all had the dates of member 0; member 1 lay 14 km beside its own rerun."""
     starts = ["2020-12-01 00:00:00", "2020-12-03 00:00:00"]

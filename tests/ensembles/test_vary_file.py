@@ -171,6 +171,7 @@ def test_numbers_of_the_file_are_drawn_in_their_units_within_their_limits() -> N
     assert all(len(m[shift.name]) == 2 for m in members_of([shift], Draws(2)))
 
 
+@pytest.mark.slow
 def test_what_the_file_varies_is_drawn_by_sweep_forecast_and_sensitivity(tmp_path: Path) -> None:
     path = tmp_path / "it.yaml"
     path.write_text(YAML + VARY)

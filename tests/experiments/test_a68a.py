@@ -95,6 +95,7 @@ def test_the_story() -> None:
     assert model.elements.lat[~there].mean() < -56.8
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("scheme", ["quasi_static", "mts"])
 def test_pieces_part_where_they_stand(scheme: str) -> None:
     """Bug: held by the last bonds of the crack, in equilibrium, the tip was 10 km off and turned by 30 degrees in its step."""
@@ -114,6 +115,7 @@ def test_pieces_part_where_they_stand(scheme: str) -> None:
         model.step()
 
 
+@pytest.mark.slow
 def test_without_the_shoal_only_the_finger_breaks_off() -> None:
     events = breakups(run(build("a68a", Options(without=frozenset({"shoal"})))[0], 14.0))
     assert len(events) == 1
@@ -121,6 +123,7 @@ def test_without_the_shoal_only_the_finger_breaks_off() -> None:
     assert events[0][0] > 19.0
 
 
+@pytest.mark.slow
 def test_without_the_shear_the_finger_stays() -> None:
     events = breakups(run(build("a68a", Options(without=frozenset({"shear"})))[0], 17.0))
     assert len(events) == 1
@@ -222,6 +225,7 @@ def test_currents_are_no_faster_than_products_show() -> None:
     assert fastest[0] <= float(there[0]) + 1e-6 < 0.5651
 
 
+@pytest.mark.slow
 def test_the_numerics_of_the_reference_tell_the_same_story() -> None:
     """The shared description's own fit: 216 and 504 km2 in 13 bonds."""
     model = run(build("a68a", Options(numerics="reference"))[0], 14.0)
@@ -243,6 +247,7 @@ def geostrophic_level(ocean: StoryOcean, lon: float, lat: float, time: float) ->
     return 2.0 * EARTH_ROTATION * math.sin(LATITUDE * DEGREE) * psi / GRAVITY
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("time", [0.0, 7.7 * DAY, 12.0 * DAY])
 @pytest.mark.parametrize("gradient_wind", [False, True])
 def test_currents_are_free_of_divergence_and_in_balance_with_the_sea_surface(time: float, gradient_wind: bool) -> None:
@@ -391,6 +396,7 @@ def test_what_a_run_should_not_be_taken_for_is_told_before_it() -> None:
     )
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", ["mts", "quasi_static", "verlet", "runge_kutta"])
 def test_elements_that_a_user_moves_are_moved(scheme: str) -> None:
     """They showed each other their old places, from which an explicit step went on: a moved berg stood where it had been."""

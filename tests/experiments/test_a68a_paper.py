@@ -79,6 +79,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
     shutil.rmtree(tmp_path / "files", ignore_errors=True)  # some hundred MB
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("name", "days", "zone", "breaks"),
     [
@@ -211,6 +212,7 @@ def test_hours_follow_the_clock_of_the_driver(small: Path) -> None:
         assert forcing.fields_at(5400.0).ssh[middle] == pytest.approx(level, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_numerics_are_the_references_unless_riftbergs_are_asked_for(small: Path) -> None:
     def parameters(numerics: Any) -> Any:
         return build("a68a-paper", Options(data=small, days=1.0, numerics=numerics))[0].parameters

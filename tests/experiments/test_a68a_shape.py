@@ -62,6 +62,7 @@ def test_strain_at_the_start_is_gone_against_the_rule_of_the_reference():
     assert bent.initial_strain * 5e6 == pytest.approx(3.8e3, abs=100)  # Pa; story: 4 kPa
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("radius", [750.0, 1000.0, 1500.0, 2000.0])
 def test_other_lattices_fill_the_same_shape(radius, packing):

@@ -171,6 +171,7 @@ SECTIONS: list[type[BaseModel]] = [
 FIELDS = [(section, name) for section in SECTIONS for name in fields_of(section)]
 
 
+@pytest.mark.quick(100)
 @pytest.mark.parametrize(("section", "name"), FIELDS, ids=lambda part: part if isinstance(part, str) else part.__name__)
 def test_no_word_of_pydantic_answers_a_wrong_value(section: type[BaseModel], name: str) -> None:
     answers = [answer(partial(given, value, section, name)) for value in WRONG]
@@ -204,6 +205,7 @@ PLACES = [
 ]  # fmt: skip
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("place", PLACES)
 def test_a_wrong_value_anywhere_in_a_file_is_refused_in_our_words(place: str, tmp_path: Path) -> None:
     key = place.partition(":")[0]

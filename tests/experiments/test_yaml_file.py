@@ -317,6 +317,7 @@ def test_a_list_of_bergs_and_formulas(tmp_path: Path) -> None:
     assert "eddy" in model.forcing.describe()
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("old", "new", "where", "what"),
     [

@@ -127,6 +127,7 @@ FAULTS: dict[str, tuple[tuple[str, Callable[..., None]], tuple[str, ...]]] = {
 """File and change, and the words that must stand in the message."""
 
 
+@pytest.mark.quick(10)
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_spoilt_file_is_refused_for_its_true_reason(shared: Path, tmp_path: Path, name: str, fault: str) -> None:
@@ -211,6 +212,7 @@ ATTRIBUTES: dict[str, tuple[str, str, dict[str, Any], str]] = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("what", ATTRIBUTES)
 def test_attributes_that_say_something_else_are_refused(shared: Path, tmp_path: Path, what: str) -> None:
     case = copied(shared, tmp_path / "case", "a68_oras5")
@@ -234,6 +236,7 @@ def test_integers_without_their_factor_are_refused(shared: Path, tmp_path: Path)
         load_case(case)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("what", ["reversed", "shifted", "transposed", "two-dimensional and reversed"])
 def test_rows_that_lie_elsewhere_are_refused_where_the_file_says_where(shared: Path, tmp_path: Path, what: str) -> None:
     case = copied(shared, tmp_path / "case", "a68_oras5")

@@ -67,6 +67,7 @@ def test_hours_counted_in_days_are_whole_hours(tmp_path: Path) -> None:
 # ---------------------------------------------------------------------------------------- hours, edges, one spot
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("dt", [3600.0, 5400.0, 7200.0])
 def test_a_step_takes_the_hour_at_which_it_begins(dt: float) -> None:
     """At half hours currents and wind are means of two records, the sea level is that of the earlier one."""
@@ -100,6 +101,7 @@ EDGES = {"east": (321.12, -59.5, 2.0, 0.0), "west": (319.88, -59.5, -2.0, 0.0), 
          "south": (320.5, -60.12, 0.0, -2.0)}  # fmt: skip
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("scheme", ["verlet", "runge", "springs"])
 @pytest.mark.parametrize("edge", EDGES)
 def test_elements_leave_a_grid_in_degrees_over_every_edge(scheme: str, edge: str) -> None:
@@ -150,6 +152,7 @@ def test_the_depth_of_a_file_is_that_of_the_water() -> None:
     assert shallow.said("read_ocean_depth_from_file").startswith("honoured")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("entry", ["generate_test_icebergs", "add_iceberg_thickness_to_SSH"])
 def test_what_does_nothing_is_accepted_and_said(entry: str) -> None:
     done = scenes.run("berg", "verlet", {}, {entry: True, "add_weight_to_ocean": False})
@@ -181,6 +184,7 @@ SHELF = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("scheme", "cutoff", "melts"), [("verlet", 20.1, False), ("verlet", 19.9, True), ("springs", 20.1, False)]
 )
@@ -266,6 +270,7 @@ BREAKS = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("more", "listed"),
     [({"frac_thres_n": 1.0, "frac_thres_t": 1e9}, True),

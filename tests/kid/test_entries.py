@@ -28,6 +28,7 @@ def test_counts() -> None:
         assert len({e.name.lower() for e in entries}) == len(entries)
 
 
+@pytest.mark.quick(23)
 @pytest.mark.parametrize("entry", [*ICEBERGS, *DRIVER], ids=lambda e: e.name)
 def test_every_entry_is_classified(entry: Entry) -> None:
     assert entry.treatment in (HONOURED, REFUSED, REPORTED)

@@ -90,6 +90,7 @@ def test_every_honoured_entry_has_a_trial() -> None:
     assert set(CHECKS) <= names
 
 
+@pytest.mark.quick(14)
 @pytest.mark.parametrize(("group", "entry", "scheme"), cases(HONOURED))
 def test_an_honoured_entry_acts_or_is_told_to_be_idle(group: str, entry: Entry, scheme: str) -> None:
     trial = TRIALS[group][entry.name]
@@ -134,6 +135,7 @@ def other_value(entry: Entry) -> Any:
     return float(entry.default) + 1.0  # type: ignore[arg-type]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(("group", "entry", "scheme"), cases(REPORTED))
 def test_an_entry_without_effect_has_none(group: str, entry: Entry, scheme: str) -> None:
     """And the report says why."""
@@ -159,6 +161,7 @@ OF_THE_DATA = ("ni", "nj", "gridres", "ibuo", "ibvo", "ibua", "ibuy", "collision
 """Entries of the driver that its A68 case takes from its data, or does not have."""
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("name", OF_THE_DATA)
 def test_the_a68_case_takes_grid_and_fields_from_its_data(name: str) -> None:
     """And says so of each entry that would set them otherwise."""

@@ -56,6 +56,7 @@ LAYOUTS = {
 }
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=list(LAYOUTS))
 @pytest.mark.parametrize("block_bytes", [1, 700, 5000, 2**22])
 def test_blocks_give_what_records_give(

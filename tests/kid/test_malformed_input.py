@@ -59,6 +59,7 @@ CALVING: dict[str, tuple[dict[str, Any], str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(10)
 @pytest.mark.parametrize("what", CALVING)
 @pytest.mark.parametrize("melts", [False, True])
 def test_a_malformed_calving_restart_is_refused(case: Path, what: str, melts: bool) -> None:
@@ -150,6 +151,7 @@ LONG = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("what", LONG)
 def test_long_namelists_are_refused_at_once(case: Path, what: str) -> None:
     text, words = LONG[what]

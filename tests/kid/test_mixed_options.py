@@ -130,6 +130,7 @@ def _pair(z: complex) -> np.ndarray:
     return np.array([z.real, z.imag])
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("flag", [True, False], ids=["with the flag", "without"])
 @pytest.mark.parametrize(
     ("elements", "latitude", "wind", "spring"),
@@ -185,6 +186,7 @@ def first_of(now: dict[str, np.ndarray]) -> int:
     raise AssertionError(thick)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("changed", "first"),
     [
@@ -276,6 +278,7 @@ SCHEMES = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_an_imposed_velocity(tmp_path: Path, scheme: str) -> None:
     """Verlet at once, Runge-Kutta from the second step on, MTS not at all: elements keep the velocity that they have."""
@@ -318,6 +321,7 @@ def _own_model(p: Parameters, length: str, width: str) -> Model:
 # ---------------------------------------------------------------------------------------------- contact by cells
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("scheme", ["verlet", "runge_kutta", "mts with springs"])
 @pytest.mark.parametrize(
     ("apart", "across", "distance", "feels"),
@@ -369,6 +373,7 @@ FOOTLOOSE = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("x", "width", "distance", "flag"),
     [
@@ -399,6 +404,7 @@ def test_a_child_may_collide_once_nobody_stands_in_the_cells_around(
 EDGES = {"north": (0.0, 1.0), "south": (0.0, -1.0), "east": (1.0, 0.0), "west": (-1.0, 0.0)}
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("scheme", ["verlet", "runge_kutta", "mts with springs", "mts with DEM", "footloose"])
 @pytest.mark.parametrize("edge", EDGES)
 def test_what_leaves_over_a_closed_edge_is_gone(tmp_path: Path, edge: str, scheme: str) -> None:
@@ -458,6 +464,7 @@ def coupled(folder: Path, entries: dict[str, Any], **elements: Any) -> list[dict
     return records(run_kid(folder, folder / "out.nc"))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("entries", "in_melt"),
     [({}, False), ({"Runge_not_Verlet": True}, False), ({"mts": True, "mts_sub_steps": 2}, True),

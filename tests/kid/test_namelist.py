@@ -122,6 +122,7 @@ def test_every_entry_of_a_file_is_reported(tmp_path: Path) -> None:
     assert any("add_weight_to_ocean = True (default): no effect here" in line for line in lines)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("name", ACCEPTED)
 def test_reference_cases_are_accepted(shared: Path, name: str) -> None:
     check_supported(read_namelist(shared / "reference" / name / "input.nml"))

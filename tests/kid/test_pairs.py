@@ -134,6 +134,7 @@ REFUSED: Final[dict[str, tuple[str, str, Values, Values, tuple[str, ...]]]] = {
 """Pairs that are refused before the first step, and what the refusal names: both entries."""
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_refused_pair_is_named(name: str) -> None:
     scene, scheme, driver, icebergs, words = REFUSED[name]
@@ -197,6 +198,7 @@ def rows() -> list[Any]:
 _RAN: dict[int, bool] = {}
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("number", rows())
 def test_a_row_runs_with_its_ledger_closed(number: int) -> None:
     """Nothing but Riftberg's own errors comes out; what runs is finite, and its ice is all accounted for."""

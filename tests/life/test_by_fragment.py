@@ -55,6 +55,7 @@ def test_fragments_add_up_to_the_ledger_and_each_loses_its_own_ice(done) -> None
         assert sum(lost[number].values()) == pytest.approx(before - ice, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_fragment_that_has_lost_nothing_has_zeros_and_a_resumed_run_goes_on(done, tmp_path: Path) -> None:
     assert (melt_of({}, np.array([1, 2])) == 0.0).all()
     model = two_bergs()
@@ -85,6 +86,7 @@ def test_summary_words_map_and_replay_tell_of_it(done) -> None:
     assert '"melted"' in (folder / "replay.html").read_text()
 
 
+@pytest.mark.slow
 def test_bits_and_children_are_told_in_words_maps_replay_and_reasons(tmp_path: Path) -> None:
     """Bergs by footloose calving belong to no fragment that melts yet, and bits to none at all: both were told nowhere."""
     p = Parameters(

@@ -94,6 +94,7 @@ ALL = [
 ]  # fmt: skip
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("shape", "size", "packing", "angle"), QUICK)
 def test_lost_area_is_that_of_the_outline_moved_inwards(shape, size, packing, angle):
     """Bug once: 0.995 of it with elements of 6 km, 0.869 with 0.6 km, and 0.6 to 0.7 once rows of the edge were gone."""
@@ -109,6 +110,7 @@ def test_lost_area_on_all_lattices(shape, size, packing, angle):
     assert worst < 0.01
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("packing", "angle"), [("square", 0.0), ("square", 45.0), ("hexagonal", 20.0)])
 def test_what_is_left_lies_within_the_outline_moved_inwards(packing, angle):
     """Area alone could be right while the corners go first: no element farther out than its own size, none missing inside."""
@@ -124,6 +126,7 @@ def test_what_is_left_lies_within_the_outline_moved_inwards(packing, angle):
     assert (whole[inside[alive] > 2e3] == 1.0).all()
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("angle", [0.0, 22.5, 45.0])
 @pytest.mark.parametrize(("shape", "length"), [("rectangle", 180e3), ("disc", 2.0 * np.pi * RADIUS)])
@@ -195,6 +198,7 @@ def everything(model: Model) -> dict[str, bytes]:
     return {name: np.asarray(array).tobytes() for name, array in arrays.items()}
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("piece", ["whole", "broken"])
 def test_a_resumed_run_goes_on_bit_for_bit(piece: str, tmp_path: Path):
     """It moves and draws the outline anew after the restart."""

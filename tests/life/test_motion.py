@@ -54,6 +54,7 @@ def test_forces_give_all_momentum_that_there_is_to_round_off(scheme) -> None:
     assert b.impulse["life"] == b.impulse["other"] == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_what_the_floor_takes_in_a_landing_that_breaks_a_berg_is_told_to_round_off() -> None:
     """The quasi-static scheme told the drag of the floor at the ends of its steps, up to 6 % of all momentum off."""
     model, _ = build("grounding-fracture", Options())

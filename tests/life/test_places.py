@@ -64,6 +64,7 @@ def overlapping(model: Model, first: int) -> int:
     return int(near[:, first:].sum())
 
 
+@pytest.mark.quick(4)
 @each_scheme
 @pytest.mark.parametrize("style", ["bergs", "bits"])
 @pytest.mark.parametrize("columns", [1, 3])
@@ -232,6 +233,7 @@ def test_children_of_several_elements_bring_the_heat_of_all_their_ice(style: str
     closes(model)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("seed", range(5))
 def test_the_free_place_is_the_nearest_and_free(seed: int) -> None:
     """Against a search over all places of a raster."""

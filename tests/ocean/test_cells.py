@@ -265,6 +265,7 @@ def test_position_in_a_polar_cell_lies_in_the_plane_of_the_pole():
     np.testing.assert_allclose(twin.plane(x, y), np.mean(corners, axis=0), atol=1e-12)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("make", [square_lakes, bent, degrees])
 def test_moves_between_cells_agree_with_twin(make):
     """Random moves of up to six cells among random land: position, cell and bounce as in the plain twin."""

@@ -93,6 +93,7 @@ def check_statistics(got: dict[str, Any], tolerance: float, correlation: float) 
 TIMES = (0.4 * DAY, 0.4 * DAY + 3 * DAY / 16, 3.4 * DAY)
 
 
+@pytest.mark.slow
 def test_some_hundred_draws_have_the_spread_and_scales_asked_for() -> None:
     check_statistics(many(400, TIMES), 0.25, 0.17)
 
@@ -203,6 +204,7 @@ def sizes(base: Any, elements: Any, length: float = LENGTH, count: int = 60, **m
     return np.sqrt(np.mean(squares, axis=0))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("base", [Coast(), Shelf(), Coast() + Steady(), coast_of_product()])
 def test_the_error_fades_towards_land_and_stays_balanced(base: Any) -> None:
     """The coast is a parallel, so that it fills whole rows; the product ends 12 km west of the berg, where there is no land."""
@@ -256,6 +258,7 @@ def around(lon: float, lat: float, distance: float, turn: float = 0.3) -> Any:
     return ConformalPlane(lon, lat, EARTH_RADIUS_A68).inverse(x, y)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("count", [150, pytest.param(3000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("place", "far"), CASES.values(), ids=CASES.keys())
 def test_size_and_scale_are_those_asked_for_wherever_the_ice_is(

@@ -145,6 +145,7 @@ def test_currents_on_levels_are_averaged_over_the_draft_of_each_element(folder: 
     _run(folder / "files.yaml")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("more", ["", "  spacing: 0.25\n", "  sea_level: geostrophic\n"])
 def test_thicker_members_get_the_current_over_their_draft(folder: Path, more: str) -> None:
     """Levels were cut at the keel of the berg as the file has it: members much thicker than that failed."""
@@ -340,6 +341,7 @@ def test_of_two_files_of_the_sea_floor_the_later_one_counts(folder: Path) -> Non
             assert np.all(np.abs(e.depth - 300.0 - more - 10 * (e.lon + 39.0)) < 3.0)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("own_grid", [True, False])
 def test_a_wind_stress_counts_where_there_is_no_wind_to_take(folder: Path, own_grid: bool) -> None:
     """Of both the wind drives the berg, and the run says so; alone the stress does; ``wind: none`` takes neither."""

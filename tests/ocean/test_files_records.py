@@ -132,6 +132,7 @@ def test_max_gap_allows_a_longer_gap_and_hold_ends_beyond_the_records(tmp_path: 
         build(str(experiment(tmp_path, more="  max_gap: 95\n  hold: 12\n")))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("spacing", ["", "  spacing: 0.25\n  every_hours: 6\n"])
 @pytest.mark.parametrize("lack", [(), ("uo", "vo"), ("vo",)])
 def test_a_record_without_values_is_bridged_like_a_missing_one(
@@ -260,6 +261,7 @@ def glorys(folder: Path, name: str, number: float, **attributes: str) -> None:
     ds.assign_attrs(source="MERCATOR GLORYS12V1", **attributes).to_netcdf(folder / name)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "attributes"),
     [

@@ -115,6 +115,7 @@ def test_against_the_sea_level_of_oras5(shared: Path) -> None:
     assert errors == pytest.approx({"a68a": 0.041, "a68a-keel-mean": 0.012}, abs=0.0005)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("more", ["", "  currents: surface\n", "  spacing: 0.25\n  every_hours: 3\n"])
 def test_an_experiment_file_takes_levels_over_the_draft(folder: Path, more: str) -> None:
     """Also where the surface alone drives the berg; the sea level of the files is left out."""

@@ -53,6 +53,7 @@ def from_positions(grid, function):
     return np.ascontiguousarray(function(grid.arrays.lon_centre, grid.arrays.lat_centre))
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("make", ALL)
 @pytest.mark.parametrize("rule", [DEPTH_OF_CELL, DEPTH_BIQUADRATIC])
 @pytest.mark.parametrize("mirrored", [False, True])

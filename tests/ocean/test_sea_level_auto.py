@@ -298,6 +298,7 @@ def test_products_of_a_day_and_longer_are_left_as_they_are(days: int) -> None:
     )
 
 
+@pytest.mark.slow
 def test_inertial_motion_and_tides_do_not_shake_a_large_berg() -> None:
     """0.1 m/s of inertial current at 60 S: a 20-km berg stays below 0.2 m/s (a slope from hourly currents drives it to 0.7)."""
     hours = np.arange(0.0, 24.0 * 10 + 1)

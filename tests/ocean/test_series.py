@@ -248,6 +248,7 @@ def experiment(tmp_path: Path) -> Path:
     return tmp_path / "e.yaml"
 
 
+@pytest.mark.slow
 def test_a_table_is_the_forcing_of_an_experiment_and_of_its_forecast(experiment: Path) -> None:
     model, _ = build(str(experiment), Options())
     assert "12:00" in model.forcing.describe()

@@ -51,6 +51,7 @@ def differences(folder: Path, expected: Path) -> Iterator[tuple[str, float]]:
         yield f"berg {name}", float((np.abs(ours[name] - want) / size).max())
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("name", CASES)
 def test_returned_fields_stocks_ids_and_bergs(shared: Path, tmp_path: Path, name: str) -> None:
     folder = shared / "reference" / "coupling" / name

@@ -20,10 +20,13 @@ SHAPE = ("mass", "thickness", "width", "length", "mass_of_bits", "mass_of_fl_bit
 LEAST = 1e-6
 """Part of the largest value in the case below which a value is round-off of a difference, not relative to itself."""
 
-# The longest ones behind the mark of long cases; they are short in themselves, but have 70,000 steps.
-each_case = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "footloose" else name for name in MELTING]
-)
+
+def each_case(test: Callable[..., None]) -> Callable[..., None]:
+    """Give a test all cases; the same two of all tests are quick, and run once. The longest has 70,000 steps."""
+    cases = [pytest.param(name, marks=pytest.mark.slow) if name == "footloose" else name for name in MELTING]
+    return pytest.mark.quick(2)(pytest.mark.parametrize("name", cases)(test))
+
+
 Ran = tuple[KidReport, Table, Table]
 _DONE: dict[str, Ran] = {}
 

@@ -21,7 +21,10 @@ UNDEFINED = {"od", "uvel_prev", "vvel_prev"}
 NOISE = 1e-12
 """Largest value of a variable that is nothing but round-off in the case, in its own unit."""
 
-each_case = pytest.mark.parametrize("name", MIXED)
+
+def each_case(test: Callable[..., None]) -> Callable[..., None]:
+    """Give a test all cases; the same five of all tests are quick, and run once."""
+    return pytest.mark.quick(5)(pytest.mark.parametrize("name", MIXED)(test))
 
 
 @dataclass

@@ -131,6 +131,7 @@ OPTIONS = [
 ]
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("options", OPTIONS, ids=lambda o: "-".join(o) or "default")
 @pytest.mark.parametrize("equal", [True, False], ids=["equal", "unequal"])
 def test_composed_bond_law_equals_twin_on_random_pairs(options, equal):

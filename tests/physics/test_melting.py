@@ -220,6 +220,7 @@ def test_three_equations_of_the_reference_equal_twin(const):
         assert_same(got, expected)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("const", "scaled"), [(True, False), (False, False), (False, True)])
 def test_three_equations_equal_an_exact_search(const, scaled):
     for seed in range(60):

@@ -9,6 +9,7 @@ from riftberg.physics.floating import LEGACY, UPDATED, WEEKS_MELLOR, roll
 from twins import rolling as twin
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", [UPDATED, WEEKS_MELLOR, LEGACY])
 @pytest.mark.parametrize("tip", [0.0, 0.7, 1.3])
 def test_rolling_equals_twin(scheme, tip):

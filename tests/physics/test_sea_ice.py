@@ -148,6 +148,7 @@ PACKS = ((1.0, 1.0), (2.0, 0.95), (0.5, 0.9))
 """Thickness (m) and concentration."""
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("size", TABLE)
 @pytest.mark.parametrize("k", range(3))
 @pytest.mark.parametrize("own", [False, True], ids=["published drag", "own drag"])
@@ -239,6 +240,7 @@ SCENES = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("fraction", [1.0, 0.9, 0.8])
 def test_the_ledger_closes_and_no_pack_gives_more_than_it_bears(scene: str, fraction: float) -> None:

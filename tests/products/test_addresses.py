@@ -129,6 +129,7 @@ def expected(tmp_path: Path) -> np.ndarray:
     return track(tmp_path / "file", "sea.nc")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_zarr_store_on_the_network_is_a_forcing(tmp_path: Path, expected: np.ndarray, version: int) -> None:
     sea().to_zarr(tmp_path / "sea.zarr", zarr_format=version, consolidated=version == 2)
@@ -136,6 +137,7 @@ def test_a_zarr_store_on_the_network_is_a_forcing(tmp_path: Path, expected: np.n
         np.testing.assert_array_equal(track(tmp_path, f"{address}/sea.zarr"), expected)
 
 
+@pytest.mark.slow
 def test_an_opendap_address_is_a_forcing(tmp_path: Path, expected: np.ndarray) -> None:
     Dap.asked.clear()
     with serving(Dap) as address:

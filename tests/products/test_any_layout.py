@@ -241,6 +241,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.quick(9)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_field_reaches_the_berg_or_is_refused(fault: str, tmp_path: Path) -> None:
     reaches_or_is_refused(tmp_path, FAULTS[fault])
@@ -287,6 +288,7 @@ LAYOUTS = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(layout=LAYOUTS)
 def test_any_combination_reaches_the_berg_or_is_refused(layout: Layout, tmp_path: Path) -> None:

@@ -33,6 +33,7 @@ def met_in_words(path: Path) -> None:
                 ds.load()
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("make", KINDS)
 def test_no_traceback_for_flipped_bytes(make: object, tmp_path: Path) -> None:
     path = make(tmp_path)  # type: ignore[operator]
@@ -46,6 +47,7 @@ def test_no_traceback_for_flipped_bytes(make: object, tmp_path: Path) -> None:
         met_in_words(path)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("make", KINDS)
 def test_no_traceback_for_lost_attributes_and_variables(make: object, tmp_path: Path) -> None:
     path = make(tmp_path)  # type: ignore[operator]
@@ -67,6 +69,7 @@ def test_no_traceback_for_lost_attributes_and_variables(make: object, tmp_path: 
         met_in_words(path)
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])
 @pytest.mark.parametrize("form", ["NETCDF4", "NETCDF3_CLASSIC", "NETCDF3_64BIT", "NETCDF3_64BIT_DATA"])
 def test_a_file_cut_short_is_told_and_never_read_as_zeros(form: str, share: float, tmp_path: Path) -> None:

@@ -72,6 +72,7 @@ def day(number: float) -> datetime:
 # Years that dates to the nanosecond cannot hold
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("units", "calendar", "first"),
     [
@@ -106,6 +107,7 @@ def test_heading_and_lead_time_of_another_age(tmp_path: Path) -> None:
     refused(written(tmp_path, ahead), "outside the years")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("year", "right"), [(1679, True), (2260, True), (1677, False), (2262, False)])
 def test_years_at_the_edge(tmp_path: Path, year: int, right: bool) -> None:
     path = written(tmp_path, dated(growing(np.arange(4)), np.arange(4), f"days since {year}-06-01"))
@@ -156,6 +158,7 @@ def monthly(how: str) -> xr.Dataset:
     return ds
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("how", ["first", "last", "noon of the first", "grib"])
 def test_monthly_means_without_bounds_stand_in_mid_month(tmp_path: Path, how: str) -> None:
     path = written(tmp_path, monthly(how))
@@ -229,6 +232,7 @@ def bounded(edges: Any, at: str, units: str = "days since 2020-12-16", **attribu
     return ds
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("at", ["begin", "end", "near", "middle"])
 def test_one_mean_with_bounds_is_held_over_them(tmp_path: Path, at: str) -> None:
     path = written(tmp_path, bounded([[-15.0, 16.0]], at))
@@ -291,6 +295,7 @@ def forecasts(folder: Path, step: float = 0.25, names: tuple[str, ...] = UO_VO) 
     return files
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("step", [0.25, 0.5])
 def test_of_two_forecasts_the_one_named_later_counts(tmp_path: Path, step: float) -> None:
     first, second = forecasts(tmp_path, step)
@@ -399,6 +404,7 @@ def test_two_grids_that_fit_are_refused(tmp_path: Path) -> None:
     assert "aaa_grd.nc" in current_of(path)[1]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("by", ["h", "mask_rho", "grd_file"])
 def test_the_grid_is_known_by_what_the_file_repeats(tmp_path: Path, by: str) -> None:
     [path] = roms(tmp_path, grid_apart=True)

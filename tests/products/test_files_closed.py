@@ -54,6 +54,7 @@ def still_open(path: Path) -> list[str]:
     return [place for place in places if os.path.exists(place) and os.path.realpath(place) == os.path.realpath(path)]
 
 
+@pytest.mark.quick(8)
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="only Linux lists the open files of a process so")
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize("way", [recognise, open_all, open_product, doctor, by_experiment])
@@ -99,6 +100,7 @@ print("whole")
 """
 
 
+@pytest.mark.slow
 def test_files_with_texts_do_not_end_the_process(tmp_path: Path) -> None:
     """A file with texts of any length that is closed while another is open leaves the library with types that are gone."""
     for name in ("one.nc", "two.nc"):

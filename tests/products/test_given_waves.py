@@ -120,6 +120,7 @@ def pushes(model: Model) -> np.ndarray:
     return model.applied_forces()[:, FORCES.index("waves")]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("period", [True, False])
 def test_the_force_in_every_scheme_is_that_of_the_given_waves(scheme: str, period: bool) -> None:
@@ -201,6 +202,7 @@ def test_without_given_waves_they_follow_from_the_wind(tmp_path: Path) -> None:
     assert (e.wave_height < 0.0).all()
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("left", "words"),
     [

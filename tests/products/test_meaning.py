@@ -67,6 +67,7 @@ def depth(x: Any, y: Any) -> Any:
     return truth("deptho", x, y)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "said", "more", "is_told"),
     [
@@ -90,6 +91,7 @@ def test_a_height_is_turned_into_a_depth_whatever_its_standard_name(
     assert any("is taken as a height, positive up" in line for line in forcing.notices) == is_told
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "said", "more"),
     [
@@ -137,6 +139,7 @@ def test_depths_with_land_below_zero_are_still_read(tmp_path: Path) -> None:
 # --- fields without units, or with those of others ----------------------------------------------------------------------
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("names", [("uo", "vo"), ("ua", "va"), ("ssh",), ("ice_thickness",)])
 @pytest.mark.parametrize("keeps", ["standard_name", "nothing"])
 def test_fields_without_units_are_refused_by_name(tmp_path: Path, names: tuple[str, ...], keeps: str) -> None:
@@ -178,6 +181,7 @@ def test_units_that_a_product_is_known_for_are_told_where_its_file_lacks_them(tm
     told(tmp_path, nemo, "uo has no units in the file: m s-1 is taken, as nemo writes it")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("names", "units", "words"),
     [
@@ -271,6 +275,7 @@ def without_radius(name: str, *, positions: bool, **more: str) -> xr.Dataset:
     return ds
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", SPHERES)
 def test_without_a_radius_the_positions_of_the_file_count(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
@@ -352,6 +357,7 @@ def test_a_rotated_pole_beside_positions_is_compared_too(tmp_path: Path) -> None
 # --- what a file holds beside, and what is not read ---------------------------------------------------------------------
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("scalar", "value", "attributes"),
     [
@@ -408,6 +414,7 @@ OF_THE_CELL: dict[str, dict[str, str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(("said", "factor"), [
     *(pytest.param(words, 1.0, id=name) for name, words in OF_THE_ICE.items()),
     *(pytest.param(words, 2.0, id=name) for name, words in OF_THE_CELL.items()),

@@ -147,6 +147,7 @@ def roms(
     return files
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("options", [{}, {"grid_apart": True}, {"angle": False}, {"transform": 1}, {"transform": 2}])
 def test_roms_currents_are_turned_and_stand_on_depths(options: dict[str, Any], tmp_path: Path) -> None:
     [ds] = [part for part in open_all(roms(tmp_path, **options)) if "uo" in part]
@@ -176,6 +177,7 @@ def test_roms_levels_without_their_stretching_are_refused(transform: int, tmp_pa
         open_all([tmp_path / "other.nc"])
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "quantity"),
     [("temp", "sst"), ("salt", "sss"), ("zeta", "ssh"),
@@ -216,6 +218,7 @@ def test_angle_in_other_units_than_it_says_is_refused(tmp_path: Path) -> None:
         open_all([path])
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("degrees", [0.15, 6.2, 20.0])
 @pytest.mark.parametrize("unit", ["degree", "radian"])
 def test_the_unit_of_an_angle_without_one_is_that_which_fits_the_grid(
@@ -441,6 +444,7 @@ def test_a_wrf_file_has_its_places_and_its_wind(tmp_path: Path) -> None:
         recognise(tmp_path / "places.nc")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("edge", ["south", "north", "west", "east"])
 def test_nodes_around_a_box_are_kept_with_it(tmp_path: Path, edge: str) -> None:
     """At its edges the cut field is the whole one."""

@@ -51,6 +51,7 @@ def felt(path: Path, north: float = 0.0, **entry: Any) -> tuple[float, str]:
     return float(np.abs(e.uo - truth("uo", e.lon, e.lat - north)).max()), "\n".join(forcing.notices)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("names", [MOM6, MOM5, ROTATED, BARE])
 @pytest.mark.parametrize("positions", [("geolat", "geolon"), ("nav_lat", "nav_lon")])
 def test_true_positions_beside_axes_are_taken(
@@ -128,6 +129,7 @@ def test_what_has_a_standard_name_is_a_position(tmp_path: Path) -> None:
     assert "nominal" not in felt(written(tmp_path, ds))[1]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("names", "said"),
     [

@@ -153,6 +153,7 @@ def test_one_level_of_its_own_for_each_kind_of_field(tmp_path: Path) -> None:
     arrives(written(tmp_path, on_level(ds, ICE, "sfc", 0.0, units="m")))
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("name", "value", "attributes", "water", "wind"),
     [
@@ -198,6 +199,7 @@ def test_a_single_number_that_says_where_a_field_holds(
             forcing_from_files(asked, tmp_path, run)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "names",
     [
@@ -250,6 +252,7 @@ UNITS: tuple[dict[str, tuple[str, float, float]], ...] = (
 )
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("units", UNITS)
 def test_units_that_users_have(tmp_path: Path, units: dict[str, tuple[str, float, float]]) -> None:
     ds = plain()
@@ -258,6 +261,7 @@ def test_units_that_users_have(tmp_path: Path, units: dict[str, tuple[str, float
     arrives(written(tmp_path, ds))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("name", "units"), [("uo", "m"), ("ua", "bananas"), ("sst", "m"), ("ssh", "degC"), ("uo", "")])
 def test_units_that_cannot_be_are_refused_by_name(tmp_path: Path, name: str, units: str) -> None:
     ds = plain()
@@ -287,6 +291,7 @@ def texts(ds: xr.Dataset, style: str) -> list[str]:
     return [str(text) for text in ds["time"].dt.strftime(STYLES[style]).values]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("style", "kind"), [(style, ("text", "characters", "beside")[k % 3]) for k, style in enumerate(STYLES)]
 )
@@ -318,6 +323,7 @@ def test_a_single_date_in_words_keeps_a_run_of_another_year_off(tmp_path: Path, 
         DatasetForcing.from_xarray(ds.load(), START).check(elements(), 0.0, 8640.0)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["forecast_reference_time", "reftime", "validity_date", "valid_time", "date"])
 def test_a_single_date_of_any_name_counts(tmp_path: Path, name: str) -> None:
     still = plain(names=("uo", "vo")).isel(time=0, drop=True)
@@ -328,6 +334,7 @@ def test_a_single_date_of_any_name_counts(tmp_path: Path, name: str) -> None:
         by_run(old)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "units", ["Hours Since 2020-12-16", "HOURS since 2020-12-16 00:00", "hours  since 2020-12-16T00:00:00Z"]
 )
@@ -414,6 +421,7 @@ HOW = (
 )
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("how", HOW)
 def test_the_same_file_in_other_ways(tmp_path: Path, how: str) -> None:
     ds = shaken(plain(), how)
@@ -478,6 +486,7 @@ def unstructured(names: tuple[str, str], told: bool) -> xr.Dataset:
     return ds
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("names", [("unod", "vnod"), ("u", "v")])
 def test_fesom_reaches_the_berg_of_a_run(tmp_path: Path, names: tuple[str, str]) -> None:
     path = written(tmp_path, unstructured(names, told=True))
@@ -543,6 +552,7 @@ def on_map(name: str, *, mapping: bool, positions: bool, flipped: bool) -> xr.Da
     return ds
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("name", "mapping", "positions"),
     [(name, True, False) for name in MAPS]
@@ -584,6 +594,7 @@ def test_currents_along_a_map_that_is_not_described_are_refused(tmp_path: Path) 
 # --- values and words of a file that a stranger may write ---------------------------------------------------------------
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("units", ["1", "g kg-1", "1e-3", "PSU", "0.001", None])
 def test_salinity_is_judged_by_its_values(tmp_path: Path, units: str | None) -> None:
     """A salinity of 0.034, kilograms of salt per kilogram under another unit, was taken as nearly fresh water."""
@@ -595,6 +606,7 @@ def test_salinity_is_judged_by_its_values(tmp_path: Path, units: str | None) -> 
     refused(written(tmp_path, wrong), "no sea is so fresh")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "factor", "offset", "words"),
     [
@@ -619,6 +631,7 @@ def test_the_doctor_doubts_percent_that_are_shares(tmp_path: Path) -> None:
     assert "are these shares of 1?" in doctor([written(tmp_path, ds)]).text()
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("packed_limits", [False, True])
 @pytest.mark.parametrize("key", ["valid_range", "valid_max"])
 def test_values_outside_of_the_valid_range_are_missing(tmp_path: Path, key: str, packed_limits: bool) -> None:
@@ -677,6 +690,7 @@ def test_a_usual_name_with_the_standard_name_of_something_else(tmp_path: Path, e
     refused(written(tmp_path, ds), f"uo is {east}, which is none of these")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "names", [("u2m", "v2m"), ("ua80m", "va80m"), ("uas_2m", "vas_2m"), ("u_wind_50m", "v_wind_50m")]
 )
@@ -814,6 +828,7 @@ def test_a_place_that_stands_twice_is_told_as_such(tmp_path: Path, axis: str, un
     )  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("axis", "units"), [("lat", "degrees_south"), ("lon", "degrees_west"), ("lon", "deg W")])
 def test_degrees_south_and_west_are_turned(tmp_path: Path, axis: str, units: str) -> None:
     """They were taken for degrees north and east: the data lay on the other side of the earth."""
@@ -821,6 +836,7 @@ def test_degrees_south_and_west_are_turned(tmp_path: Path, axis: str, units: str
     arrives(written(tmp_path, ds.assign_coords({axis: (axis, -ds[axis].values, {"units": units})})))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("levels", [1, 2])
 def test_a_layer_that_begins_at_the_surface_by_its_bounds_is_taken(tmp_path: Path, levels: int) -> None:
     """A mean from 0 to 100 m has its middle at 50 m, and was refused: nothing was known above."""
@@ -851,6 +867,7 @@ DATES = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("kind", DATES)
 def test_time_0_is_by_default_the_first_date_however_dates_are_written(tmp_path: Path, kind: str) -> None:
     """It was the least of whichever variable of dates came first: bounds, or the day on which a forecast was issued."""
@@ -888,6 +905,7 @@ HEIGHTS = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", HEIGHTS)
 def test_heights_of_the_sea_floor_become_depths(tmp_path: Path, name: str) -> None:
     """The sea floor was left out without a word, and no berg ever grounded."""
@@ -904,6 +922,7 @@ UNREAD = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("family", UNREAD)
 def test_what_a_file_holds_and_nothing_reads_is_told(
     tmp_path: Path, family: str, caplog: pytest.LogCaptureFixture

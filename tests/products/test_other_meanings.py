@@ -39,6 +39,7 @@ MASKS = [
 ]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("said", "land", "sea"), MASKS)
 def test_zeros_where_a_mask_says_land_are_no_still_water(tmp_path: Path, said: str, land: float, sea: float) -> None:
     """Beside a coast the berg met a mean of the current and of nothing, over land a calm."""
@@ -95,6 +96,7 @@ def test_a_berg_where_one_component_is_unknown_does_not_start(tmp_path: Path, na
 # --- what is no sea level, and what is no metre ---------------------------------------------------------------------------
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     "said",
     [

@@ -38,6 +38,7 @@ def taken(path: Path, **names: str) -> tuple[float, str]:
 REFERENCE = {"standard_name": "forecast_reference_time"}
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("dates", "right", "other"),
     [
@@ -95,6 +96,7 @@ def test_issue_alone_is_told(tmp_path: Path) -> None:
     assert "those of issued, and nothing says how far ahead they hold" in said
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("names", [("start_date", "end_date"), ("begin", "stop"), ("average_T1", "average_T2")])
 @pytest.mark.parametrize("beside", ["", "start", "middle"])
 def test_start_and_end_are_bounds_of_means(tmp_path: Path, names: tuple[str, str], beside: str) -> None:

@@ -105,6 +105,7 @@ def felt_on_map(path: Path) -> float:
     return float(max(np.abs(getattr(e, name) - truth(name, e.lon, e.lat)).max() for name in ("uo", "vo")))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "mapping", [("S1", ("n",)), ("i4", ("one",)), ("string", ("one",)), ("f8", ("one",)), ("S1", ()), ("string", ())]
 )
@@ -112,6 +113,7 @@ def test_grid_mappings_of_any_shape(tmp_path: Path, mapping: tuple[str, Any]) ->
     assert felt_on_map(on_map(tmp_path / "map.nc", mapping=mapping)) < 5e-3
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("units", "metres"),
     [
@@ -128,6 +130,7 @@ def test_map_axes_in_units_with_a_number(tmp_path: Path, units: str, metres: flo
     assert felt_on_map(on_map(tmp_path / "map.nc", units, metres)) < 5e-3
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("units", ["pixel", "furlong", "rad"])
 def test_map_axes_in_no_length_are_refused_for_that(tmp_path: Path, units: str) -> None:
     with pytest.raises(ForcingError, match=f"the axes of the map of uo count '{units}', which is no length"):
@@ -193,6 +196,7 @@ def test_reasons_of_the_machine_and_of_our_own_are_kept(tmp_path: Path) -> None:
 # Flags
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("how", ["bytes", "signed bytes", "text", "decoded", "shorts", "per cent"])
 def test_flags_without_a_valid_range_are_missing(tmp_path: Path, how: str) -> None:
     """Flags along the western edge, as NASA Team, AMSR2 and others write them, are no ice and no fault."""
@@ -267,6 +271,7 @@ def with_period(name: str, **said: str) -> xr.Dataset:
 _MOMENT = "mean_period_from_variance_spectral_density_{}_frequency_moment"
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -283,6 +288,7 @@ def test_mean_periods_by_the_names_of_models(tmp_path: Path, name: str, said: di
     np.testing.assert_allclose(e.wave_period, 11.0 + 0.5 * (e.lon - CENTRE) + 0.2 * (e.lat + 55.5), atol=1e-5)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "said"),
     [

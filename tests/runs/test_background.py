@@ -137,6 +137,7 @@ def test_a_run_does_not_check_its_own_values_again(tmp_path: Path, monkeypatch: 
     assert checked == [path]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("size", [(2, 8), (8, 2), (4, 4)])
 def test_the_box_of_the_water_is_centred_on_the_track_and_twice_as_wide_as_high(
     tmp_path: Path, size: tuple[int, int]

@@ -49,6 +49,7 @@ def channel(speed: float, kind: str) -> Model:
     return Model(bergs(speed), sea, Parameters(earth=PLANE, stepping={"time_step": STEP}))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("kind", ["grid", "formula"])
 @pytest.mark.parametrize("speed", [0.35, -0.35])
 def test_a_berg_has_gone_all_the_way_round_a_channel(speed: float, kind: str) -> None:
@@ -95,6 +96,7 @@ def test_turns_are_known_after_a_restart(tmp_path: Any) -> None:
     assert summarize(again)["bergs"] == summarize(whole)["bergs"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("width", [8.0, 360.0])
 def test_drift_round_a_sector_and_across_the_end_of_a_globe(width: float) -> None:
     """Longitudes of a sector repeat after its width: 2 days at 1 m/s are 2.7 degrees at 55 S, in a sector of 8 over its end."""

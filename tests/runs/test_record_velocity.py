@@ -26,6 +26,7 @@ def loose(scheme: str) -> Parameters:
     )
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("parameters", "size", "bound"),
     [(A68A_2022, 6e3, 0.05), (A68A_2022_KID, 6e3, 0.3), (loose("verlet"), 3e3, 0.3), (loose("runge_kutta"), 3e3, 0.3)],

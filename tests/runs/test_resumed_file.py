@@ -72,6 +72,7 @@ def assert_goes_on(whole: Path, resumed: Path, *, first: float) -> None:
         assert x.tobytes() == y.tobytes(), f"{name} differs"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     "every",
     [
@@ -97,6 +98,7 @@ def test_every_variable_of_a_resumed_run_is_that_of_the_whole_run(
         assert_goes_on(tmp_path / "whole.nc", tmp_path / "resumed.nc", first=stop * DT)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("every", [0.0, 1.0, 3.0 * DT / 3600.0], ids=["every step", "1 h", "3 steps"])
 def test_forces_of_a_resumed_run_are_those_of_the_whole_run(tmp_path: Path, every: float) -> None:
     """A mean between two records counts what acted before a stop between them."""
@@ -111,6 +113,7 @@ def test_forces_of_a_resumed_run_are_those_of_the_whole_run(tmp_path: Path, ever
         assert_goes_on(tmp_path / "whole.nc", tmp_path / "resumed.nc", first=stop * DT)
 
 
+@pytest.mark.slow
 def test_stops_lie_between_records_and_peaks_matter_there(tmp_path: Path) -> None:
     """Without what is remembered, the record after a stop between two records lacks the peak from before the stop."""
     part = fresh(LAWS["breaking"])
@@ -126,6 +129,7 @@ def test_stops_lie_between_records_and_peaks_matter_there(tmp_path: Path) -> Non
     assert (peaks[0] != peaks[1]).any()
 
 
+@pytest.mark.slow
 def test_two_stops_are_as_good_as_one(tmp_path: Path) -> None:
     """A state saved before the first new record still knows what was remembered before the first stop."""
     whole = fresh(LAWS["wearing"])
@@ -138,6 +142,7 @@ def test_two_stops_are_as_good_as_one(tmp_path: Path) -> None:
     assert_goes_on(tmp_path / "whole.nc", tmp_path / "resumed.nc", first=7 * DT)
 
 
+@pytest.mark.slow
 def test_runs_through_model_run_too(tmp_path: Path) -> None:
     fresh(LAWS["breaking"]).run(steps=10, output=tmp_path / "whole.nc", every_hours=1.5)
     part = fresh(LAWS["breaking"])

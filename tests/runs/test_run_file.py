@@ -144,6 +144,7 @@ def test_a_new_run_may_replace_a_file_that_is_still_open_here(tmp_path: Path) ->
     assert np.isfinite(earlier.lon.values).all()
 
 
+@pytest.mark.slow
 def test_killed_run_leaves_a_complete_file(tmp_path: Path) -> None:
     script = """
     import sys
@@ -264,6 +265,7 @@ def two_meetings(ds: xr.Dataset) -> xr.Dataset:
     )
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "index", "value", "said"),
     [
@@ -297,6 +299,7 @@ def test_a_number_that_names_nothing_is_refused(
     assert name in str(error.value)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["trajectory", "spin", "fragment_area"])
 def test_a_variable_that_readers_use_is_missed(run: tuple[FakeModel, Path], tmp_path: Path, name: str) -> None:
     """Without the identifiers `riftberg why` named elements by their rows."""
@@ -305,6 +308,7 @@ def test_a_variable_that_readers_use_is_missed(run: tuple[FakeModel, Path], tmp_
         open_run(tmp_path / "bad.nc")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", ["corners", "damage", "contact_first"])
 def test_letters_where_numbers_belong_are_refused(run: tuple[FakeModel, Path], tmp_path: Path, name: str) -> None:
     """Bug once: variables that only some readers use were not looked at before they were used."""
@@ -316,6 +320,7 @@ def test_letters_where_numbers_belong_are_refused(run: tuple[FakeModel, Path], t
         open_run(tmp_path / "bad.nc")
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("ids", ["letters", "real numbers", "twice the same"])
 def test_identifiers_that_are_none_are_refused(run: tuple[FakeModel, Path], tmp_path: Path, ids: str) -> None:
     """A film was drawn of elements whose identifiers were letters."""

@@ -75,6 +75,7 @@ def test_a_file_without_the_group_has_tracks_too(path: Path) -> None:
         np.testing.assert_array_equal(first["lon"].values, run.riftberg.tracks["lon"].values[:8])
 
 
+@pytest.mark.slow
 def test_blocks_and_resuming_give_the_same_tracks(path: Path, tmp_path: Path) -> None:
     model, whole = FakeModel(), tmp_path / "run.nc"
     model.remembered = {}
@@ -164,6 +165,7 @@ def test_the_accessor_has_tables_that_a_person_can_use(path: Path) -> None:
         assert not any("bond" in elements[name].dims for name in elements.data_vars)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("kind", ["tracks", "fragments", "elements"])
 def test_each_table_has_a_picture_by_one_call(path: Path, tmp_path: Path, kind: str) -> None:
     with open_run(path) as run:

@@ -165,6 +165,7 @@ def test_uniform_gradients_leave_no_forces_inside_and_store_the_energy_of_the_so
         np.testing.assert_allclose(at_bonds, np.tile(stress, (first.size, 1)), rtol=0, atol=1e-13)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(("packing", "angle"), [("square", 0.0), ("square", 22.5), ("hexagonal", 30.0)])
 def test_bays_curves_holes_and_narrow_inlets_are_filled(shape, packing, angle) -> None:
@@ -209,6 +210,7 @@ def test_diagonals_of_squares_hold_as_long_as_a_way_of_two_bonds_is_left() -> No
             assert freed(b, other) == ({e for e in ends if cell <= e} if cell else ends)
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("drilling", [0.1, 1.0])
 @pytest.mark.parametrize(("packing", "angle"), [(p, a) for p in ("square", "hexagonal") for a in (0.0, 22.5, 45.0)])
 def test_each_piece_keeps_three_rigid_motions_down_to_single_cells(packing, angle, drilling) -> None:
@@ -293,6 +295,7 @@ def test_means_take_triangles_with_a_freed_edge_only_where_there_are_no_others()
     assert len(seen) >= 3
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("packing", "angle"), LATTICES)
 def test_a_beam_of_eight_cells_sags_as_beam_theory_says(packing, angle) -> None:
     sag, edge = bent(packing, angle, 8)

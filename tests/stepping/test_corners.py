@@ -72,6 +72,7 @@ def pulled_at_the_ends(shape: shapely.Polygon, packing: str, angle: float) -> fl
     return tension_under(shape, pull, packing, angle) / largest_tension(shape, pull, HEIGHT, 250.0)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "packing", "angle"),
     [("rectangle", "square", 24.0), ("rectangle", "square", 15.0), ("rectangle", "hexagonal", 33.0),
@@ -168,6 +169,7 @@ RISE = np.sqrt(0.75)
 BLOCK = [(x, y) for x in range(5) for y in (0, 1)]
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("order", range(4))
 @pytest.mark.parametrize(
     ("packing", "places", "last"),
@@ -210,6 +212,7 @@ def test_a_bent_strip_one_cell_wide_bears_its_moment(angle: float) -> None:
         assert found.bond[k, 0] > 0.8 * 6.0 * moment / (HEIGHT * SIDE**2)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("packing", "angle"), [("square", 0.0), ("square", 24.0), ("hexagonal", 0.0), ("hexagonal", 33.0)]
 )

@@ -70,6 +70,7 @@ def loads(el, body, xy, force):
     return balanced_loads(body, xy, turn, force, el.mass, inertia, np.zeros(int(body.max()) + 1))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("packing", "angle"), [("square", 0.0), ("square", 22.5), ("hexagonal", 15.0)])
 def test_factors_after_breaks_are_those_without_the_bonds_and_every_break_gives_way(packing, angle) -> None:
     berg, p = turned_beam(packing, angle, 9000.0, 6000.0), parameters(packing).kernel_values()
@@ -274,6 +275,7 @@ def test_of_the_bonds_of_a_place_the_one_in_line_with_the_tension_breaks() -> No
         assert abs((lattice.nx, lattice.ny)[1 - along][row]) == pytest.approx(1.0)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(
     ("packing", "angle"), [("square", 0.0), ("square", 22.5), ("square", 45.0), ("hexagonal", 15.0)]
 )
@@ -338,6 +340,7 @@ def test_a_bar_that_is_pulled_apart_parts_across_and_the_pieces_are_free_of_each
     assert model.bonds.normal_stress[model.bonds.status == 0].max() < 1e3
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_a_resumed_run_goes_on_bit_for_bit(packing, tmp_path) -> None:
     model = pulled(packing)
@@ -366,6 +369,7 @@ def test_criteria_of_the_ice_are_refused_where_stress_is_that_of_bonds() -> None
             Parameters(fracture={"criterion": "toughness", "toughness": toughness})
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("angle", [0.0, 30.0])
 @pytest.mark.parametrize("shape", ["rectangle", "rectangle in metres", "table", "outline"])
 def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:
@@ -395,6 +399,7 @@ def test_a_berg_knows_the_outline_that_was_asked_for(shape, angle) -> None:
     assert len(Iceberg.join([berg, far]).outlines) == 2
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_blocks_and_nodes_on_the_outline_are_those_of_the_matrix_added_up_number_by_number(packing) -> None:
     berg, p = turned_beam(packing, 20.0, 9000.0, 6000.0), parameters(packing).kernel_values()

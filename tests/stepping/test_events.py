@@ -28,6 +28,7 @@ def halvings(end: float, tolerance: float) -> int:
     return math.ceil(math.log2(end / tolerance))
 
 
+@pytest.mark.quick(25)
 @pytest.mark.parametrize("seed", range(200))
 def test_the_first_moment_is_bracketed_with_at_most_one_evaluation_more_than_bisection(seed: int) -> None:
     """Whatever the shape: smooth, steep, flat before the event, with jumps, or a sign alone."""

@@ -22,6 +22,7 @@ def model(rotation: float, packing: str) -> Model:
     return Model(berg, Steady(), Parameters(earth={"latlon": False, "period": 0.0}, bonds={"packing": packing}))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("rotation", [0.0, 10.0, 20.0, 45.0, 77.7])
 def test_footprints_fill_the_outline_and_are_convex(rotation: float, packing: str) -> None:

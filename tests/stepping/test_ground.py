@@ -329,6 +329,7 @@ def test_a_ramp_of_any_width_bears_what_the_plate_does(width: float, modulus: fl
     assert load == pytest.approx(of_plate(f"ramp {width:g} λ wide, {modulus / 1e9:g} GPa, rock"), rel=0.03)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("sediment", ["rock", "sand", "clay"])
 @pytest.mark.parametrize("modulus", [9e9, 1e9])

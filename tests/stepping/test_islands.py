@@ -125,6 +125,7 @@ def test_the_ledger_of_bergs_that_meet_closes() -> None:
     assert model.contacts.rows
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("dt", [900.0, 450.0])
 def test_the_load_of_a_blow_and_the_moment_of_its_break_do_not_depend_on_the_long_step(dt) -> None:
     found = []
@@ -145,6 +146,7 @@ def test_the_load_of_a_blow_and_the_moment_of_its_break_do_not_depend_on_the_lon
     assert found[1][1] == pytest.approx(found[3][1], abs=20.0)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("sea", [Steady(current=(0.2, 0.05), wind=(8.0, -3.0)), Steady(current=(0.05, -0.2))])
 def test_a_meeting_does_not_depend_on_the_order_of_the_bergs(sea: Steady) -> None:
     # What the sweeps over faces make of friction, which one of two is first, and edges of millimetres are not to show.

@@ -45,6 +45,7 @@ def test_a_force_of_ones_own_is_in_outputs_ledger_and_why(tmp_path: Path) -> Non
     assert (run["x"].values[:, -1] > Model(plane, Steady(), METRES).run(steps=6)["x"].values[:, -1] + 10.0).all()
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", ["quasi_static", "verlet", "runge_kutta", "mts"])
 def test_a_resumed_run_with_a_force_of_ones_own_has_the_same_digits(scheme, tmp_path: Path) -> None:
     """The force depends on the velocity, which is another one when the file is read."""
@@ -64,6 +65,7 @@ def test_a_resumed_run_with_a_force_of_ones_own_has_the_same_digits(scheme, tmp_
     assert np.abs(whole.applied_forces()[:, FORCES.index("own")]).max() > 0.0
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("scheme", ["quasi_static", "mts", "verlet"])
 def test_several_forces_act_as_their_sum_and_stand_under_their_names(scheme, tmp_path: Path) -> None:
     def tug(elements, time):

@@ -153,6 +153,7 @@ def test_the_mean_force_of_the_floor_over_the_sub_steps_is_that_of_its_law():
     np.testing.assert_allclose(m.applied_forces()[:, SEA_FLOOR, 0], lost, rtol=1e-11)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_quadratic_floor_slows_by_its_closed_form(scheme):
     """``u = u0 / (1 + c u0 t)``, ``c = k_g A (D - d) / m``: force by speed squared and by the draft in excess of the depth.

@@ -71,6 +71,7 @@ def test_the_root_is_that_of_the_force_balance_by_hand():
     assert 100.0 * root(20.0, waves=False, drag=published) == pytest.approx(11.28, abs=0.01)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("radius", "packing", "angle"), [
     (7500.0, "square", 0.0), (1500.0, "square", 0.0), (1500.0, "square", 45.0), (1500.0, "hexagonal", 20.0)
 ])  # fmt: skip
@@ -101,6 +102,7 @@ def measured(berg, p=None):
     return model.elements
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("angle", [0.0, 22.5, 45.0])
 @pytest.mark.parametrize("rotation", [0.0, 35.0])
@@ -176,6 +178,7 @@ def test_a_berg_across_the_date_line_is_measured_as_anywhere():
     np.testing.assert_allclose(there.berg_length, here.berg_length, rtol=1e-9)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["waves", "air", "water", "sea_ice"])
 def test_what_acts_on_sides_is_the_bergs_on_every_lattice(name):
     """The sum over elements: waves by 2 L W / (L + W), drag on sides by a quarter of the perimeter."""

@@ -54,6 +54,7 @@ def test_a_constant_force_leads_along_a_parabola(scheme: str) -> None:
     np.testing.assert_allclose(way, -0.5 * GRAVITY * slope * step**2 * counted, rtol=1e-3)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("on_substeps", [True, False])
 def test_what_happens_northwards_happens_eastwards(scheme: str, on_substeps: bool) -> None:

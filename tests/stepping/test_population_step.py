@@ -89,6 +89,7 @@ def test_lone_bergs_go_as_in_the_general_step(
         np.testing.assert_allclose(now, then[name], rtol=1e-11, atol=1e-13 * size, err_msg=name)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("earth", [{}, PLANE], ids=["sphere", "plane"])
 @pytest.mark.parametrize("options", [{}, MELT], ids=["alone", "melting"])
 def test_bergs_over_a_bed_of_sediment_go_as_in_the_general_step(

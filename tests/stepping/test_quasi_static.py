@@ -299,6 +299,7 @@ def test_a_spin_that_is_round_off_does_not_keep_the_velocities_from_settling() -
     assert relative_increment(np.array([1e-17, 0.0, 1e-22]), np.zeros(3), inertia) <= NEWTON_RTOL
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("guess", [1e-4, 1e-2, 0.3, 10.0])
 def test_newtons_method_ends_where_another_pass_would_bring_nothing(guess) -> None:
     """It ends without the pass that the last two say would change the velocities by less than 1e-11 of them."""
@@ -323,6 +324,7 @@ def test_a_large_berg_that_does_not_turn_is_stepped() -> None:
     assert np.ptp(model.elements.u) < 1e-9
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("where", ["process", "forcing"])
 def test_a_step_that_was_taken_back_is_taken_again_as_if_it_had_not_failed(where, monkeypatch) -> None:
     """It was lost: bodies and what was known of the lattice stayed those of the failed step."""
@@ -360,6 +362,7 @@ class Stretching(Steady):
         elements.uo[:] = elements.lon / 60e3
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_a_crack_runs_through_thin_ice_up_to_its_last_bond(monkeypatch) -> None:
     """Bug: ice 10 m thick ended in a RunError. On their last bond the halves turn far, and round-off with them."""

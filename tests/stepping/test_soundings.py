@@ -62,6 +62,7 @@ def node(x: float, y: float, width: float) -> Any:
     return depth
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("where", PLACES)
 @pytest.mark.parametrize("reach", [2e3, 15e3])
 def test_a_summit_within_reach_is_known_however_narrow(where: str, reach: float) -> None:
@@ -137,6 +138,7 @@ def landing_loads(monkeypatch: pytest.MonkeyPatch, sea: Any, *, every: bool) -> 
     return np.array(loads)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("width", [250.0, 900.0])
 def test_a_needle_is_touched_as_when_every_pad_is_asked_in_every_step(
     monkeypatch: pytest.MonkeyPatch, width: float

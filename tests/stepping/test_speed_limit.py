@@ -69,6 +69,7 @@ def test_a_current_that_no_sea_has_ends_the_run(scheme: str) -> None:
     assert "unstable" not in text
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if "implicit" not in name])
 @pytest.mark.parametrize(("name", "value"), [("uo", np.inf), ("slope_y", np.nan), ("ua", -np.inf)])
 def test_infinite_forcing_is_the_reason_that_is_given(scheme: str, name: str, value: float) -> None:

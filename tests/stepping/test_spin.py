@@ -63,6 +63,7 @@ def test_a_small_berg_turns_less_than_three_times_in_a_day(length: float, width:
     assert el.spin[0] == pytest.approx(1e-3 / (1.0 + k * 1e-3 * DAY), rel=0.01)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("length", "width", "thickness"), [(49.0, 49.0, 40.0), (1000.0, 700.0, 230.0), (3e3, 3e3, 200.0)]
 )

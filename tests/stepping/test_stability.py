@@ -75,6 +75,7 @@ def _scattered_thickness(packing):
     return 200.0 * np.random.default_rng(5).uniform(0.5, 1.5, count)
 
 
+@pytest.mark.quick(4)
 @pytest.mark.compiled
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("objective", [True, False])
@@ -215,6 +216,7 @@ def _loose(scheme, packing, step, spring=None, **groups):
     return model
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("spring", [None, 1e-6])
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("scheme", ["verlet", "runge_kutta"])

@@ -50,6 +50,7 @@ def way(model: Model, hours: float) -> np.ndarray:
     return np.array(places)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(("length", "thickness"), [(30.0, 25.0), (60.0, 50.0), (200.0, 100.0)])
 @pytest.mark.parametrize("time_step", [600.0, 1800.0, 7200.0])
 def test_a_small_berg_is_not_flung_past_the_water(length: float, thickness: float, time_step: float) -> None:

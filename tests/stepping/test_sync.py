@@ -32,6 +32,7 @@ def distances(run: Model, count: int) -> Any:
     return pdist(radius * np.column_stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]))
 
 
+@pytest.mark.quick(1)
 @SCHEMES
 def test_births_and_deaths_elsewhere_leave_a_berg_alone(scheme: str) -> None:
     """Each birth took the displacements by load for the shape: after ten days with 480 of them A68a was deformed by 4 km."""

@@ -349,6 +349,7 @@ LOOPS: dict[str, tuple[int, tuple[str, ...], tuple[Any, ...]]] = {
 """Loops that must be vector code: the least number of packed instructions, arrays, and other arguments."""
 
 
+@pytest.mark.quick(2)
 @pytest.mark.compiled
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads the machine code of x86-64")
 @pytest.mark.parametrize("name", LOOPS)

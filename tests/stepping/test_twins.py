@@ -98,6 +98,7 @@ def run_stages(el, partners, sizes, dt, mean_speeds, p):
     single_step.combine_stages(el, stages, dt, p)
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("mean_speeds", [False, True], ids=["mean-velocity", "mean-speeds"])
 @pytest.mark.parametrize("options", VERLET.values(), ids=VERLET.keys())
 def test_runge_kutta_step_equals_twin(options, mean_speeds):
@@ -140,6 +141,7 @@ DEM = {
 }
 
 
+@pytest.mark.quick(9)
 @pytest.mark.parametrize("substeps", [1, 3])
 @pytest.mark.parametrize("options", DEM.values(), ids=DEM.keys())
 def test_long_step_with_dem_bonds_equals_twin(options, substeps):
@@ -209,6 +211,7 @@ def test_flags_left_from_earlier_steps_enter_the_norm():
     assert len(counts) == 2
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("keep", [True, False], ids=["broken-as-contact", "search"])
 @pytest.mark.parametrize("objective", [True, False], ids=["objective", "reference-damper"])
 def test_breaking_inside_the_long_step_equals_twin(keep, objective):
@@ -262,6 +265,7 @@ SPRING = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("options", SPRING.values(), ids=SPRING.keys())
 def test_long_step_with_spring_bonds_equals_twin(options):
     """Spec 4.3 (part 3), 5.3 without DEM, 6.4: bergs act on each other in the long step, bonds in the sub-steps."""

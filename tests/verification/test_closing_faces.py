@@ -107,6 +107,7 @@ def broken_at_random(seed: int, packing: str) -> Plate:
     return plate
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 @pytest.mark.parametrize("seed", range(3))
 def test_open_faces_gape_and_closed_ones_press(seed, packing) -> None:
@@ -133,6 +134,7 @@ def test_open_faces_gape_and_closed_ones_press(seed, packing) -> None:
     assert solver.update_rank == 0
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("packing", ["square", "hexagonal"])
 def test_a_break_never_stores_energy(packing) -> None:
     """Bonds broken one by one under a load that presses some faces and opens others; downdates agree with fresh factors."""

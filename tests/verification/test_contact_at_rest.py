@@ -49,6 +49,7 @@ def depth(model: Model, size: float = 60.0) -> float:
     return float(HALF + 0.5 * size - abs(model.elements.lon[1]))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("turn", "dt", "groups"),
     [(10.0, 600.0, {}), (10.0, 1800.0, {}), (-10.0, 1800.0, {}), (25.0, 1800.0, {}), (10.0, 1800.0, {"mirrored": True}),

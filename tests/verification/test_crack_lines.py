@@ -173,6 +173,7 @@ def test_a_strength_is_the_same_on_every_lattice(packing, angle) -> None:
     assert IceStress().most_critical(plate.under(-pull), plate.strengths())[1] < 0.5 * ratio
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("packing", "angle"), QUICK)
 def test_a_plate_that_fails_parts_straight_across(packing, angle) -> None:
     """At 1.02 of the load of its first break: a line within 2 degrees of the middle line, no crumbs."""
@@ -212,6 +213,7 @@ def cracked_plate(packing: str, angle: float, inclined: float, *, rift: bool = T
     return plate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "inclined", [0.0, pytest.param(30.0, marks=pytest.mark.slow), pytest.param(45.0, marks=pytest.mark.slow)]
 )
@@ -239,6 +241,7 @@ def test_a_crack_goes_on_normal_to_the_tension(packing, angle, inclined) -> None
         assert np.degrees(np.arctan2(along[0], along[1])) == pytest.approx(0.0, abs=3.0 if inclined == 0.0 else 5.0)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("packing", "angle"), QUICK)
 def test_a_long_crack_runs_at_its_toughness(packing, angle) -> None:
     """K = s sqrt(pi a) in a wide plate, with the factor of its width: within 16 % for a crack of 8 cells in the middle."""
@@ -264,6 +267,7 @@ EDGES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("packing", "angle", "cells", "limit"), EDGES)
 def test_a_crack_from_the_edge_runs_at_the_k_of_the_handbook(packing, angle, cells, limit) -> None:
     """Width W = 3.75 a, length 3 W, free ends: mean over four advances, from 8 cells on within 4 % of K (`edge_factor`)."""

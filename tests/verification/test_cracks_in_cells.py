@@ -104,6 +104,7 @@ def released(packing: str, angle: float, cells: int, kind: str) -> float:
     return 0.5 * (after - before) / theory
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("kind", ["edge", "centre"])
 @pytest.mark.parametrize("angle", ANGLES)
 def test_four_cells(angle, kind) -> None:

@@ -80,6 +80,7 @@ def dissipated(model: Model) -> float:
     return booked
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("speed", "dt"),
     [(0.3, 60.0), (0.3, 1800.0), (0.3, 10800.0), (0.01, 600.0), (0.01, 10800.0), (1.0, 60.0), (1.0, 10800.0)],
@@ -127,6 +128,7 @@ def test_youngs_modulus_has_no_part_in_an_impact() -> None:
     np.testing.assert_allclose(soft.bonds.peak_stress, stiff.bonds.peak_stress, rtol=1e-6, atol=1.0)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.compiled
 @pytest.mark.parametrize("dt", [60.0, 600.0, 10800.0])
 @pytest.mark.parametrize(("friction", "left"), [(0.0, 0.720), (0.2, 0.701)])
@@ -367,6 +369,7 @@ def broken_in_converging_current(strength: str, dt: float, modulus: float, aside
     return int((model.bonds.status != 0).sum())
 
 
+@pytest.mark.quick(1)
 @pytest.mark.compiled
 @pytest.mark.parametrize(("dt", "modulus"), [(10800.0, 5e6), (1800.0, 9e9)])
 def test_what_breaks_in_a_converging_current_hangs_on_neither_step_nor_modulus(dt: float, modulus: float) -> None:

@@ -77,6 +77,7 @@ def integrated(speed: float) -> float:
     return math.hypot(end[0], end[1]) / 1e3
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("speed", [0.5, -0.5, 1.0, -1.0])
 @pytest.mark.compiled
 def test_a_berg_that_starts_with_the_water_stays_on_its_circle(speed: float) -> None:
@@ -84,6 +85,7 @@ def test_a_berg_that_starts_with_the_water_stays_on_its_circle(speed: float) -> 
     assert radius_after_ten_days(WithTheAir, speed, time_step=900.0) == pytest.approx(30.0, rel=0.005)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("speed", "known"), [(0.5, 30.5), (-0.5, 29.7), (1.0, 32.6), (-1.0, 28.8)])
 @pytest.mark.compiled
 def test_in_still_air_it_drifts_off_as_the_balance_of_forces_says(speed: float, known: float) -> None:

@@ -276,6 +276,7 @@ def test_a_plane_turned_and_moved(seed: int, tmp_path: Path) -> None:
     assert not differences(one, other, back)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_bergs_and_sections_in_another_order(seed: int, tmp_path: Path) -> None:
     experiment = drawn(seed, latlon=seed % 2 == 0)
@@ -301,6 +302,7 @@ def test_constant_fields_in_files(seed: int, tmp_path: Path) -> None:
     assert not differences(one, other, same)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_run_in_pieces_and_from_a_restart(seed: int, tmp_path: Path) -> None:
     """Bit for bit."""

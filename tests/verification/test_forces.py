@@ -236,6 +236,7 @@ def test_11_wind_drift_is_right_of_the_wind_in_the_north_and_left_in_the_south()
     note(11, across, north[0])
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("vorticity", [2e-4, -2e-4])
 def test_12_rotating_water_turns_the_ice_its_own_way(vorticity: float) -> None:
     ice = Iceberg.from_points([0.0], [0.0], thickness=5.0, radius=1e3, latlon=False)

@@ -65,6 +65,7 @@ def way(model: Model, towards: float = 0.0, ahead: float = 20.0, steps: int = 60
     raise AssertionError("the berg did not come to rest")
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("sediment", "bending", "modulus", "metres", "within"),
     [
@@ -174,6 +175,7 @@ def test_currents_up_to_friction_are_held() -> None:
         assert (abs(model.elements.lon.mean() - x) < 0.1) == held
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("days", [30, pytest.param(365, marks=pytest.mark.slow)])
 def test_a_berg_aground_stays_for_a_year(days: int) -> None:
     model = berg_model(floor=flat(DRAFT - 1e-3), speed=0.0, current=0.3, dt=10800.0, sediment="rock")
@@ -194,6 +196,7 @@ def test_friction_takes_what_a_sliding_berg_loses() -> None:
     assert f"friction {-ledger.rubbed:+.3g}" in ledger.lines()[1]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("when", [1, 3, 7, 20])
 def test_a_restart_goes_on_bit_for_bit(when: int, tmp_path: Path) -> None:
     """Before the touch, sliding, held, and afloat again in the tide; with what the bed has taken so far."""
@@ -259,6 +262,7 @@ def test_a_berg_that_the_bed_holds_stands_like_a_wall_when_it_is_struck(dt: floa
     assert floor == pytest.approx(given - water, rel=1e-3)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("dt", [60.0, 1800.0])
 def test_a_berg_that_is_struck_harder_than_the_bed_can_hold_slides_until_friction_stops_it(dt: float) -> None:
     """By what an impact of two free bergs leaves it; bug once: over 5 m, 1 m or not at all, by the step."""

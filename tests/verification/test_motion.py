@@ -35,6 +35,7 @@ def coriolis(latitude: float) -> float:
     return 2 * 7.292e-5 * math.sin(math.radians(latitude))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("latitude", [55.0, -55.0])
 @pytest.mark.parametrize("scheme", ["mts", "verlet"])
 def test_inertial_circle(agrees, latitude, scheme) -> None:
@@ -74,6 +75,7 @@ def balance(velocity, current, wind, sea_ice, slope, f, scale):
     return total - 9.8 * np.array(slope) + f * np.array([u[1], -u[0]])
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("what", "current", "wind", "sea_ice", "slope", "latitude"),
     [
@@ -99,6 +101,7 @@ def test_terminal_drift(agrees, what, current, wind, sea_ice, slope, latitude, s
         agrees(f"drift, {what}, {scheme}: {name} (m/s)", asked[axis], got[axis], abs=1e-6 * np.linalg.norm(asked))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("latitude", [-55.0, 70.0])
 def test_geostrophic_balance(agrees, latitude) -> None:
     """In a current balanced by its slope, with air that moves along, the berg goes with the current."""

@@ -82,6 +82,7 @@ STEPS = (400.0, 200.0, 100.0, 50.0)
 WIND = Steady(current=(0.3, 0.1), wind=(8.0, 3.0))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("what", "forcing", "latitude", "scheme", "groups", "asked"),
     [

@@ -76,6 +76,7 @@ def test_nearly_rigid_ice_heaves_and_tilts() -> None:
     assert load == pytest.approx(0.05 / compliance, rel=0.01)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("modulus", [9e9, 1e9])
 def test_ice_on_a_bank_takes_its_shape(modulus: float) -> None:
     volume = 0.5 * 10.0 * 10e3 * 30e3
@@ -113,6 +114,7 @@ def test_rest_comes_where_friction_slope_and_drag_have_used_up_the_motion(speed:
     assert still.load == pytest.approx(stiffness * run.y[0, -1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_page_holds_what_the_script_gives() -> None:
     assert table_rows(PAGE, "plate theory") == list(PLATE.theory())
     rows = table_rows(PAGE, "plate on a bed")

@@ -48,6 +48,7 @@ def order(results: list[Any]) -> float:
 # Motion
 
 
+@pytest.mark.slow
 def test_order_in_the_long_step(agrees) -> None:
     """Places and turns of the elements after two days are of second order in the step."""
     ends = []
@@ -241,6 +242,7 @@ def test_nothing_breaks_below_the_strength() -> None:
     assert model.bonds_broken == 0
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("dt", [1800.0, 900.0, 450.0])
 def test_time_of_a_break_does_not_depend_on_the_step(agrees, dt) -> None:
     """Loads of a current that rises: the break comes when the stress reaches the strength, within a step."""

@@ -35,6 +35,7 @@ def turning(packing: str, flat: bool) -> Model:
     return Model(berg, Steady(), A68A_2022.changed(**changes, compatibility={"flat_relative_velocity": flat}))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("packing", "spurious"), [("square", 300.0), ("hexagonal", 1000.0)])
 def test_a_turning_berg_does_not_load_itself(packing: str, spurious: float) -> None:
     """With velocities compared across different meridians a hexagonal berg gained 2.8 kPa a day by turning."""

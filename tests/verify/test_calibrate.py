@@ -173,6 +173,7 @@ def truth(speed: float, east: float, strength: float, error: float) -> Observati
     return Observations("truth", fixes=fixes)
 
 
+@pytest.mark.slow
 def test_a_synthetic_truth_of_real_runs_is_found_again() -> None:
     observed = truth(0.7, 0.15, 0.08, 0.3)
     found = riftberg.calibrate(
@@ -252,6 +253,7 @@ def test_the_command_writes_table_and_pictures_and_goes_on(tmp_path: Path) -> No
     )  # nothing was run again
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_one_that_was_stopped_goes_on_to_the_same_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = tmp_path / "seen.csv"

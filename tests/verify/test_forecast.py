@@ -100,6 +100,7 @@ def test_without_a_position_before_the_axes_are_east_and_north(tmp_path: Path) -
     assert list(found.baselines) == ["staying put"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("factor", "word"), [(1.0, "reliable"), (2.5, "overconfident"), (0.4, "underconfident")])
 def test_pooled_twins_are_called_what_they_are(factor: float, word: str, tmp_path: Path) -> None:
     """Truth from the ensemble's own errors, and from larger and smaller ones; twenty bergs."""
@@ -116,6 +117,7 @@ def test_pooled_twins_are_called_what_they_are(factor: float, word: str, tmp_pat
         assert all(row["energy_km"] < row["error_of_mean_km"] for row in rows)
 
 
+@pytest.mark.slow
 def test_the_error_of_observations_is_added_to_the_members(tmp_path: Path) -> None:
     found = [
         verified(
@@ -177,6 +179,7 @@ def folders(tmp_path: Path, count: int) -> list[Path]:
     return pairs
 
 
+@pytest.mark.slow
 def test_the_command_pools_forecasts_and_writes_numbers_and_a_figure(tmp_path: Path) -> None:
     pairs = folders(tmp_path, 6)
     dates = [
@@ -213,6 +216,7 @@ def test_baselines_get_the_errors_of_other_bergs(tmp_path: Path) -> None:
     assert result["baselines"]["staying put"][4]["error_of_mean_km"] > 30.0
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("words", "message"),
     [

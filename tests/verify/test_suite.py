@@ -266,6 +266,7 @@ def test_a_tagged_berg_is_as_far_off_as_measured(observed: Any) -> None:
             assert one["entrants"][name]["mean_km"] == pytest.approx(errors[k], abs=0.25), (name, lead)
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_giant_bergs_along_their_tracks_are_as_far_off_as_measured(observed: Any) -> None:
     script, data, folder = observed

@@ -163,6 +163,7 @@ def test_noise_alone_lowers_the_score_of_a_bare_forecast(tmp_path: Path) -> None
     assert all(row["energy_km"] < 0.85 * bare[row["lead_days"]] for row in scored)
 
 
+@pytest.mark.slow
 def test_the_baselines_are_those_of_the_published_tables(shared: Path) -> None:
     """Within a kilometre, with intervals from drawing bergs; computed independently from the same tables and rules."""
     cases = tracks.read_cases(shared / "data" / "tracks")
@@ -219,6 +220,7 @@ def test_a_model_of_ones_own_and_forecasts_of_other_programs(tmp_path: Path, mon
     assert "fitted" not in said(folder, "--bergs", "held-out")
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from ensembles.made import small_berg
 from riftberg import open_sweep
 from riftberg.cli.main import app
 from riftberg.diagnostics.observed import Fix, Observations
@@ -176,7 +177,7 @@ def test_members_that_fit_far_better_than_their_parents_have_weights(tmp_path: P
 def test_the_command_weights_a_forecast_and_draws_anew(tmp_path: Path) -> None:
     out, seen = tmp_path / "f", tmp_path / "seen.csv"
     seen.write_text("date,lon,lat\n2020-12-09T16:00,-39.2,-55.0\n")
-    words = ["forecast", "a68a", "--members", "4", "--days", "0.25", "-o", str(out), "--no-map", "-q"]
+    words = ["forecast", str(small_berg(tmp_path)), "--members", "4", "-o", str(out), "--no-map", "-q"]
     assert CliRunner().invoke(app, [*words, "--workers", "0"]).exit_code == 0
     said = CliRunner().invoke(app, ["update", str(out), str(seen), "--error", "5", "--no-resample"])
     assert said.exit_code == 0, said.output

@@ -109,6 +109,7 @@ def test_the_map_of_damage_shows_the_worn_bonds(run: xr.Dataset, plain: Path, tm
         draw_damage(without, tmp_path / "no.png")
 
 
+@pytest.mark.slow
 def test_plot_draws_damage_where_it_is_on(folder: Path, plain: Path, tmp_path: Path) -> None:
     for place, drawn_too in ((folder, True), (plain, False)):
         out = tmp_path / place.name
@@ -132,6 +133,7 @@ def test_the_replay_has_the_largest_damage_of_each_element_and_what_is_left(run:
     assert json.dumps(data)
 
 
+@pytest.mark.slow
 def test_the_page_offers_damage_only_where_there_is_some(run: xr.Dataset, plain: Path, tmp_path: Path) -> None:
     pages = [write_replay(run, tmp_path / "worn.html")]
     with open_run(plain) as without:

@@ -42,6 +42,7 @@ def run(path: Path) -> xr.Dataset:
     return open_run(path)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
 @pytest.mark.parametrize("observed", [False, True])
 def test_nothing_overprints(run: xr.Dataset, tmp_path: Path, count: int, observed: bool, monkeypatch: Any) -> None:
@@ -100,6 +101,7 @@ def test_a_day_alone_means_the_same_for_plot_and_score(run: xr.Dataset) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("hours", [0.04, 0.5, 2.7, 3.0, 7.0, 64.0, 24.0 * 17, 24.0 * 80, 24.0 * 980])
 @pytest.mark.parametrize("which", ["x", "y"])
 def test_an_axis_of_any_length_has_a_few_dates_and_no_warning(which: str, hours: float) -> None:

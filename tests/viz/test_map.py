@@ -165,6 +165,7 @@ def test_the_scale_of_the_current_is_that_of_the_panels(run: tuple[FakeModel, xr
     np.testing.assert_allclose(image.cmap(image.norm(speeds)), bar.cmap(bar.norm(speeds)))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("latlon", [True, False])
 def test_the_picture_needs_neither_forcing_nor_bonds_nor_many_records(tmp_path: Path, latlon: bool) -> None:
     model = FakeModel(1, 1, latlon=latlon)
@@ -202,6 +203,7 @@ def test_labels_never_overlap() -> None:
     assert sorted(text.xy for text in led) == sorted(text.xy for text in lines)
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_figure_without_pyplot(run: tuple[FakeModel, xr.Dataset]) -> None:
     """Bug: a kernel that had not imported pyplot showed ``<Figure size ...>``; IPython asks objects for a picture."""
     assert draw_map(run[1], dpi=30)._repr_png_().startswith(b"\x89PNG")

@@ -47,6 +47,7 @@ def test_colours_are_the_thickness_lost(run: xr.Dataset) -> None:
     np.testing.assert_allclose(ice.get_array(), thickness[0] - thickness[4])
 
 
+@pytest.mark.slow
 def test_the_map_of_a_single_berg_shows_what_it_has_lost(run: xr.Dataset, tmp_path: Path) -> None:
     """Bug: the map of a run with melt showed none; the colours of one fragment said nothing."""
     thickness = run["thickness"].transpose("time", "trajectory").values
@@ -67,6 +68,7 @@ def test_curves_stand_on_each_other(run: xr.Dataset) -> None:
     assert {t.get_text().split(":")[0] for t in curves.get_legend().get_texts()} == {"base", "sides", "waves"}
 
 
+@pytest.mark.slow
 def test_areas_are_those_of_the_record(run: xr.Dataset, tmp_path: Path) -> None:
     """Bug: the curves, the replay page and the score of a berg that melts had its area of the first record."""
     areas = (run["length"] * run["width"]).transpose("time", "trajectory").values

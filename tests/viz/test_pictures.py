@@ -100,6 +100,7 @@ def difference(picture: np.ndarray, good: np.ndarray) -> tuple[float, float]:
     return float(apart.mean()), float(np.quantile(apart, 0.99))
 
 
+@pytest.mark.quick(3)
 @pytest.mark.usefixtures("without_text")
 @pytest.mark.parametrize("kind", list(DRAWN))
 def test_a_picture_is_as_it_was_found_good(kind: str, run: xr.Dataset, tmp_path: Path) -> None:
@@ -113,6 +114,7 @@ def test_a_picture_is_as_it_was_found_good(kind: str, run: xr.Dataset, tmp_path:
     assert most < MOST, f"{kind}: largest difference {most:.0f} of 255"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.usefixtures("without_text")
 @pytest.mark.parametrize("kind", ["map", "timeline"])
 def test_a_wrong_picture_is_noticed(

@@ -46,6 +46,7 @@ def extent(figure: Figure) -> float:
     return float(east - west)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("lat", "polar"), [(-72.0, True), (72.0, True), (-55.0, False), (20.0, False)])
 def test_projection_is_chosen_by_latitude(tmp_path: Path, lat: float, polar: bool) -> None:
     run = finished(tmp_path, lat)
@@ -53,6 +54,7 @@ def test_projection_is_chosen_by_latitude(tmp_path: Path, lat: float, polar: boo
     assert (extent(draw_tracks(run)) > 1e3) == polar  # metres, or degrees
 
 
+@pytest.mark.slow
 def test_projection_can_be_changed(south: xr.Dataset, tmp_path: Path) -> None:
     assert extent(draw_map(south, projection="degrees")) < 10.0
     here = finished(tmp_path, -55.0)
@@ -76,14 +78,13 @@ def test_option_of_the_command_line(south: xr.Dataset, tmp_path: Path) -> None:
     call = ["plot", str(run), "-k", "map", "--dpi", "40", "-o", str(tmp_path)]
     done = CliRunner().invoke(app, [*call, "--projection", "mercator"])
     assert done.exit_code != 0
-    assert CliRunner().invoke(app, call).exit_code == 0
-    polar = (tmp_path / "map.png").read_bytes()
     assert CliRunner().invoke(app, [*call, "--projection", "polar"]).exit_code == 0
-    assert (tmp_path / "map.png").read_bytes() == polar
+    polar = (tmp_path / "map.png").read_bytes()
     assert CliRunner().invoke(app, [*call, "--projection", "degrees"]).exit_code == 0
     assert (tmp_path / "map.png").read_bytes() != polar
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("lat", [-72.0, -56.0, 56.0, 72.0])
 def test_map_around_positions_holds_them_on_any_branch_and_takes_the_pole_beyond_60_degrees(lat: float) -> None:
     lon = np.array([179.5, -179.5, np.nan, 180.2])  # across the date line
@@ -118,6 +119,7 @@ def test_tracks_have_gaps_where_a_berg_lost_a_part() -> None:
     np.testing.assert_array_equal(y, x)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("lat", [-72.0, 72.0])
 def test_elements_keep_size_and_shape(tmp_path: Path, lat: float) -> None:
     """A square of 3 km is one on the map, where a map in degrees is true at one latitude alone."""
@@ -213,11 +215,13 @@ def test_view_of_the_world_marks_the_place_and_stays_off_the_ice(south: xr.Datas
     assert frame.width < 1.1 * SIZE * figure.axes[0].get_window_extent().width
 
 
+@pytest.mark.slow
 def test_no_view_where_no_coast_is_known(tmp_path: Path) -> None:
     assert not draw_tracks(finished(tmp_path, 20.0)).axes[0].child_axes
     assert len(draw_tracks(finished(tmp_path, 60.5)).axes[0].child_axes) == 1
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("lat", "lon", "named"), [(-74.9, -60.5, {"land", "ice shelf"}), (-54.5, -38.0, {"land"}), (-58.0, -20.0, set())]
 )

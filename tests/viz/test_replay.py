@@ -197,6 +197,7 @@ def test_the_page_plays_in_a_browser(page: Path, tmp_path: Path) -> None:
     assert len(np.unique((shades * 31).astype(int), axis=0)) > 40
 
 
+@pytest.mark.slow
 def test_keys_zoom_and_settings_work_in_a_browser(page: Path) -> None:
     with opened(page, 480, 800) as browser:
 
@@ -298,6 +299,7 @@ def test_members_that_sightings_rule_out_are_not_drawn(run: xr.Dataset, forecast
     assert tracks_shown(forecast).tolist() == [0, 1, 2, 3]
 
 
+@pytest.mark.slow
 def test_a_page_with_members_works_in_a_browser(run: xr.Dataset, forecast: xr.Dataset, tmp_path: Path) -> None:
     scenarios = [(0, 0.5, "no piece breaks off"), (1, 0.5, "breaks off 30 km2")]
     page = write_replay(run, tmp_path / "replay.html", members=ForecastMembers(forecast, scenarios, "what is likely"))

@@ -149,6 +149,7 @@ def test_no_line_crosses_the_seam_of_a_channel(tmp_path: Path) -> None:
     assert np.isfinite(water.currents(scene.x[-1], scene.y[-1], 0.0)[0]).all()
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("west", [-180.0, 0.0])
 def test_runs_across_longitude_180_stay_together(tmp_path: Path, west: float) -> None:
     run = finished(DateLine(west), tmp_path)
@@ -161,6 +162,7 @@ def test_runs_across_longitude_180_stay_together(tmp_path: Path, west: float) ->
     assert np.ptp(x) < 200e3
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("seen", "made"), [(179.9, -179.95), (-179.9, 179.9), (359.9, -0.05), (181.0, -179.1)])
 def test_the_score_of_a_run_across_a_seam_is_one_map(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seen: float, made: float
@@ -198,6 +200,7 @@ def test_tracks_have_a_gap_where_the_berg_broke(run: xr.Dataset, picture: Figure
 # ---- moments ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_panels_of_a_short_run_tell_their_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bug: six panels of a run of ten seconds carried one minute."""
     run = finished(Seconds(), tmp_path, 10.0 / 86_400.0, every_hours=1.0 / 3600.0)
@@ -211,6 +214,7 @@ def test_panels_of_a_short_run_tell_their_seconds(tmp_path: Path, monkeypatch: p
     assert figures[1].axes[-1].get_xlabel() == "time since the start (s)"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("hours", "unit", "last"), [(2.0, "min", 120.0), (5.0, "h", 5.0)])
 def test_the_axis_of_a_short_run_has_a_unit_that_fits(
     hours: float, unit: str, last: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -237,6 +241,7 @@ def test_moments_differ_and_are_as_short_as_can_be() -> None:
     assert texts("h", 6, [0, 5]) == ["0 h", "5 h"]
 
 
+@pytest.mark.slow
 def test_dates_of_a_berg_that_stays_do_not_pile_up(tmp_path: Path) -> None:
     """Bug: the dates of a berg that hardly moved were written around one mark."""
     ax = draw_map(finished(Seconds(), tmp_path, 10.0 / 86_400.0, every_hours=1.0 / 3600.0)).axes[0]
@@ -272,6 +277,7 @@ def hatched(figure: Figure) -> bool:
     return any(any(getattr(drawn, "hatches", None) or ()) for ax in figure.axes for drawn in ax.collections)
 
 
+@pytest.mark.slow
 def test_a_run_without_a_sea_floor_is_not_hatched_as_shallow(tmp_path: Path, run: xr.Dataset, picture: Figure) -> None:
     """Bug: a depth of 0 and the sea level on top of it was drawn as a shoal from edge to edge."""
     model = FakeModel()
@@ -292,6 +298,7 @@ class AllShallow(FakeForcing):
         return np.full(np.shape(lon), 120.0)
 
 
+@pytest.mark.slow
 def test_a_map_that_is_shallow_from_edge_to_edge_is_hatched(run: xr.Dataset) -> None:
     """Bug: a berg aground in 150 m of water was drawn on a blue without a sign of it."""
     assert hatched(draw_map(run, forcing=AllShallow()))
@@ -334,6 +341,7 @@ def test_a_zone_that_is_declared_dry_is_no_depth(run: xr.Dataset) -> None:
     assert "depth of the sea floor (m)" not in [ax.get_xlabel() for part in figure.subfigs for ax in part.axes]
 
 
+@pytest.mark.slow
 def test_a_floor_that_does_not_act_is_not_hatched(tmp_path: Path) -> None:
     parameters = A68A_2022.changed(grounding={"law": "none"})
     quiet = finished(FakeModel(12, 5, parameters=parameters), tmp_path)
@@ -366,6 +374,7 @@ def test_panels_that_are_compared_have_one_size(tmp_path: Path) -> None:
     assert near[0] == near[1] == near[2]
 
 
+@pytest.mark.slow
 def test_maps_in_metres_name_their_axes_at_the_rim_only(tmp_path: Path) -> None:
     """Bug: the names of y lay on the ticks of the panel before."""
     figure = draw_map(finished(FakeModel(latlon=False), tmp_path))
@@ -389,6 +398,7 @@ def test_nothing_on_the_map_overprints(picture: Figure) -> None:
     assert not any(a.overlaps(b) for a, b in itertools.combinations(texts, 2))
 
 
+@pytest.mark.slow
 def test_a_long_forcing_is_wrapped_in_every_title(
     run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -478,6 +488,7 @@ def test_colours_are_told_apart_without_red_or_green(seen: str) -> None:
 # ---- formats and axes of one's own ----------------------------------------------------------------------------------
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("ending", "begin"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml"), ("PDF", b"%PDF")]
 )
@@ -532,6 +543,7 @@ def test_several_axes_at_once_are_refused(run: xr.Dataset) -> None:
 # ---- found when every picture was opened ------------------------------------------------------------------------------
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("depth", "panels"), [(0.0, 2), (0.4, 2), (100.0, 3)])
 def test_a_run_without_a_sea_floor_has_nothing_aground(
     run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, depth: float, panels: int
@@ -568,6 +580,7 @@ def test_bergs_of_one_size_are_all_seen_in_the_timeline(
     assert widths[0] > widths[1] + 1.0
 
 
+@pytest.mark.slow
 def test_the_score_shows_the_sea_floor_where_it_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     figures = figures_of(monkeypatch, score_picture)
     match = Match("a", [1], 3.0, 40.0, 45.0, 5.0, 900.0, 950.0, 0.9, -37.3, -54.9, -37.2, -55.0)
@@ -618,6 +631,7 @@ def dots(ax: Any) -> int:
     return sum(line.get_marker() == "o" and line.get_markersize() == DOT for line in ax.lines)
 
 
+@pytest.mark.slow
 def test_bergs_too_small_to_be_seen_are_dots(run: xr.Dataset) -> None:
     """Bug: a field of sixty bergs was drawn true to size, and none was seen."""
     small = draw_map(run.assign(length=run["length"] / 200.0, width=run["width"] / 200.0))
@@ -634,6 +648,7 @@ def test_one_element_does_not_fill_its_panel(tmp_path: Path) -> None:
     assert box.north - box.south >= 3.9 * side
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("pieces", [2, 6])
 def test_the_legend_of_many_pieces_keeps_off_the_title(
     run: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pieces: int
