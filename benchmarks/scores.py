@@ -1,7 +1,7 @@
 """A68a against observations: place, heading, area, overlap and pieces by day, and the berg made from the observed mask.
 
 python benchmarks/scores.py             print the tables
-python benchmarks/scores.py --write     also put them into docs/explanation/scores.md
+python benchmarks/scores.py --write     also put them into docs/evidence/scores.md
 
 Needs the data of the A68a publication and the tables made from it: a folder named in RIFTBERG_SHARED, or ../shared.
 """
@@ -37,7 +37,7 @@ from riftberg.runs.run_file import open_run
 from riftberg.state import Floats
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "explanation" / "scores.md"
+PAGE = ROOT / "docs" / "evidence" / "scores.md"
 BEGIN, END = "<!-- scores: begin -->", "<!-- scores: end -->"
 MASK = "a68_experiment_berg_2020_12_09_gridded_ll_p0625_cropped.nc"
 REFERENCE_LATITUDE, SHIFT = -55.2, (0.0, -0.1)

@@ -5,7 +5,7 @@
     python docs/build.py --site     the whole site in build/site, with the gallery run and the replay of A68a (some minutes)
     python docs/build.py --site --quick     the same without running the gallery, and with a replay of a few hours
     python docs/build.py --check    exit with 1 if a reference page is out of date; write nothing
-    python docs/build.py --trust F  put the tables of a test run into docs/explanation/trust.md; F holds the output of
+    python docs/build.py --trust F  put the tables of a test run into docs/evidence/validation.md; F holds the output of
                                     pytest -v -m "" tests/parity tests/verification
 
 Everything under ``docs/reference`` is written by this script: change the code, not the page.
@@ -361,8 +361,8 @@ def outdated() -> list[str]:
 
 
 def take_tables(report: str) -> None:
-    """Put the parity and the theory table of a test report into the page on trust."""
-    path = DOCS / "explanation" / "trust.md"
+    """Put the parity and the theory table of a test report into the page of evidence."""
+    path = DOCS / "evidence" / "validation.md"
     text = path.read_text("utf-8")
     for name, title in (("parity", "parity with the reference"), ("theory", "theory and model")):
         found = re.search(rf"^=+ {title} =+\n(.*?)(?=^=+ )", report, flags=re.MULTILINE | re.DOTALL)

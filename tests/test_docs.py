@@ -27,7 +27,7 @@ PAGES = sorted(
     [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "benchmarks").glob("*.md")], key=lambda path: path.as_posix()
 )
 NAMES = [path.relative_to(ROOT).as_posix() for path in PAGES]
-QUIRKS = DOCS / "explanation" / "differences-from-the-reference.md"
+QUIRKS = DOCS / "evidence" / "quirks.md"
 
 
 def script() -> ModuleType:
