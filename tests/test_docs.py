@@ -89,6 +89,30 @@ def test_every_page_has_a_line_on_the_first_page(folder: str) -> None:
         assert all(f"({folder}/{path.name})" in between for path in (DOCS / folder).glob("*.md"))
 
 
+@pytest.mark.parametrize(("folder", "contents"), [("howto", "howtos.md"), ("explanation", "explanations.md")])
+def test_sidebar_first_page_and_pages_have_one_order_and_one_title(folder: str, contents: str) -> None:
+    lines = re.findall(rf"^- \[(.+)\]\({folder}/(.+)\.md\)", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
+    sidebar = re.findall(rf"^{folder}/(.+)$", (DOCS / contents).read_text("utf-8"), flags=re.MULTILINE)
+    assert [name for _, name in lines] == sidebar
+    titles = [(DOCS / folder / f"{name}.md").read_text("utf-8").partition("# ")[2].partition("\n")[0] for name in sidebar]
+    assert [title for title, _ in lines] == titles
+
+
+@pytest.mark.parametrize("word", ["ensemble", "restart", "grounding", "melt", "GLORYS", "OpenDrift", "calving", "BMI"])
+def test_a_task_is_found_on_the_first_page_by_the_word_that_a_user_types(word: str) -> None:
+    lines = re.findall(r"^- \[.*$", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
+    assert any(word.lower() in line.lower() for line in lines)
+
+
+def test_the_documentation_keeps_to_its_number_of_words() -> None:
+    assert loaded("docs/words.py").over(loaded("docs/words.py").pages()) == []
+
+
+def test_words_are_counted_without_formulas_and_comments() -> None:
+    words = loaded("docs/words.py").words
+    assert words("A berg of $x = 3 y$ km,\n\n$$\na + b\n$$\n\n<!-- no word --> `run it` | 3 |") == 9
+
+
 def test_messages_on_the_page_of_troubleshooting_are_those_of_the_program() -> None:
     rows = re.findall(r"^\| ([^|]+) \|", (DOCS / "troubleshooting.md").read_text("utf-8"), flags=re.MULTILINE)
     quoted = [row.strip("` ") for row in rows if re.fullmatch(r"`[^`]+` *", row)]
