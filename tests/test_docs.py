@@ -94,7 +94,9 @@ def test_sidebar_first_page_and_pages_have_one_order_and_one_title(folder: str, 
     lines = re.findall(rf"^- \[(.+)\]\({folder}/(.+)\.md\)", (DOCS / "index.md").read_text("utf-8"), flags=re.MULTILINE)
     sidebar = re.findall(rf"^{folder}/(.+)$", (DOCS / contents).read_text("utf-8"), flags=re.MULTILINE)
     assert [name for _, name in lines] == sidebar
-    titles = [(DOCS / folder / f"{name}.md").read_text("utf-8").partition("# ")[2].partition("\n")[0] for name in sidebar]
+    titles = [
+        (DOCS / folder / f"{name}.md").read_text("utf-8").partition("# ")[2].partition("\n")[0] for name in sidebar
+    ]
     assert [title for title, _ in lines] == titles
 
 

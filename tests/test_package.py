@@ -247,10 +247,14 @@ def test_paper_has_its_sections_and_its_citations() -> None:
         ("within 2.3 × 10⁻⁶ m", "docs/evidence/validation.md", "a68_story               67024     2.3e-06"),
         (
             "a quarter to a twelfth",
-            "README.md",
+            "docs/evidence/speed.md",
             "| A68a, 472 elements, hourly forcing (`a68_story`) | 0.627 | 0.162 | 4.0 |",
         ),
-        ("a quarter to a twelfth", "README.md", "constant forcing, whole (`a68_oras5`) | 1.75 | 0.149 | 12 |"),
+        (
+            "a quarter to a twelfth",
+            "docs/evidence/speed.md",
+            "constant forcing, whole (`a68_oras5`) | 1.75 | 0.149 | 12 |",
+        ),
         ("thins by 17 m", "docs/evidence/melt.md", "(`a68a-melt`) | 69 | 60 | 9.3 | 0.02 | 16.7 |"),
         ("up to 22 m", "docs/howto/melting-a68a.md", "21.6 m in three"),
     ],
