@@ -110,6 +110,14 @@ def test_the_documentation_keeps_to_its_number_of_words() -> None:
     assert loaded("docs/words.py").over(loaded("docs/words.py").pages()) == []
 
 
+def test_the_changelog_has_short_lines_and_few_of_them() -> None:
+    releases = re.split(r"^(?=## )", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.MULTILINE)[1:]
+    for text in releases:
+        lines = text.strip().splitlines()
+        assert len(lines) <= 80, lines[0]
+        assert [line for line in lines if len(line) > 120] == []
+
+
 def test_words_are_counted_without_formulas_and_comments() -> None:
     words = loaded("docs/words.py").words
     assert words("A berg of $x = 3 y$ km,\n\n$$\na + b\n$$\n\n<!-- no word --> `run it` | 3 |") == 9
