@@ -369,20 +369,20 @@ def text_of(data: Path) -> str:
     for name, numerics in RUNS:
         runs.append(told(name, numerics, data))
         print(f"{name}, {numerics}", file=sys.stderr, flush=True)
-    parts = ["### All runs against the daily outlines", overall(runs), *(reading(run) for run in runs)]
+    parts = ["## All runs against the daily outlines", overall(runs), *(reading(run) for run in runs)]
     for run in runs:
         if "reference" not in run.title:
             parts += [
-                f"### {run.name} by day",
+                f"## {run.name} by day",
                 by_day(run),
-                f"### {run.name}: the pieces",
+                f"## {run.name}: the pieces",
                 by_piece(run),
                 pieces_told(run),
             ]
     parts += [
-        "### Positions of BYU and NIC",
+        "## Positions of BYU and NIC",
         by_track(runs),
-        "### The berg made from the mask of 9 December",
+        "## The berg made from the mask of 9 December",
         mask_table(data),
     ]
     return "\n\n".join(parts)

@@ -46,9 +46,11 @@ TRIAL: dict[str, Any] = {
 }
 
 
-def run(*words: str | Path, folder: Path) -> str:
+def run(*words: str | Path, folder: Path, **environment: str) -> str:
     """Run a command; return what it prints, and stop where it fails."""
-    done = subprocess.run([str(word) for word in words], cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [str(word) for word in words], cwd=folder, capture_output=True, text=True, check=False, env={**os.environ, **environment}
+    )  # fmt: skip
     if done.returncode:
         sys.exit(f"{' '.join(map(str, words))}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
     return done.stdout.strip()
@@ -203,10 +205,9 @@ def rehearse(folder: Path) -> None:
         wheel,
         folder=folder,
     )
-    os.environ["PYTHONPATH"] = str(site)
-    said = run(site / "bin" / "riftberg", "--version", folder=folder)
+    said = run(site / "bin" / "riftberg", "--version", folder=folder, PYTHONPATH=str(site))
     assert said == f"riftberg {version}", said
-    run(site / "bin" / "riftberg", "experiments", folder=folder)
+    run(site / "bin" / "riftberg", "experiments", folder=folder, PYTHONPATH=str(site))
     print(f"{wheel.name} and its source distribution: checked, installed, run")
 
     run(sys.executable, clone / "docs" / "build.py", "--site", "--quick", "--into", folder / "made", folder=clone)
