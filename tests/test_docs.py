@@ -309,6 +309,15 @@ def test_example_of_the_gallery_runs(name: str, tmp_path: Path, request: pytest.
     assert list(tmp_path.glob("*.png"))
 
 
+def test_notebooks_become_pages(tmp_path: Path) -> None:
+    script().write_notebook_pages(tmp_path, run=False)
+    pages = sorted(path.stem for path in tmp_path.glob("*.md"))
+    assert pages == sorted(path.stem for path in (DOCS / "notebooks").glob("*.ipynb"))
+    text = (tmp_path / "a-berg-in-an-eddy.md").read_text("utf-8")
+    assert text.startswith("# A berg in an eddy")
+    assert "```python\ndraw_map(run)\n```" in text
+
+
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     """Strictly: warnings and links that lead nowhere are errors; the examples of the gallery are not run."""
